@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Protocol, runtime_checkable
 
-from stemwatch.models.recording import Recording, Role
+from stemwatch.models.recording import PERCENT, ProcessRange, Recording, Role
 
 
 class ConnectorError(Exception):
@@ -39,6 +39,14 @@ class TagMapping:
     unit: str = ""
     low: float | None = None
     high: float | None = None
+
+    def process_range(self, unit: str = "") -> ProcessRange | None:
+        """The range in its own unit, or that which the source names; ``None`` where range or unit
+        is not known, or is percent already."""
+        named = self.unit or unit
+        if self.low is None or self.high is None or named in ("", PERCENT):
+            return None
+        return ProcessRange(low=self.low, high=self.high, unit=named)
 
 
 @dataclass(frozen=True, kw_only=True)

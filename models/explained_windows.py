@@ -70,76 +70,85 @@ def explain_windows(
     ``explain`` explains a part of it, and ``shown_by`` once more the one that is shown, where that
     may cost more.
     """
-    places = telling_windows(recording, samples, MOST)
-    if len(places) < FEWEST:
+    windows = telling_windows(recording, samples, MOST)
+    if len(windows) < FEWEST:
         return None
-    said = [explain(recording.part(place.first, place.last)) for place in places]
-    told = tuple(_evidence(recording, place, one) for place, one in zip(places, said, strict=True))
-    findings = lasting_findings(told)
+    explanations = [explain(recording.part(window.first, window.last)) for window in windows]
+    evidence = tuple(
+        _evidence(recording, window, one) for window, one in zip(windows, explanations, strict=True)
+    )
+    findings = lasting_findings(evidence)
     holding = [finding.slug for finding in findings if finding.holds]
-    seconds = sum(one.seconds for one in said)
-    suspected = _suspected(told)
+    seconds = sum(one.seconds for one in explanations)
+    suspected = _suspected(evidence)
     if suspected and not holding and len(recording) // samples <= MOST:
         whole = explain(recording)
         seconds += whole.seconds
         if whole.defects and all(set(one.members) & suspected for one in whole.defects):
-            return _as_whole(replace(whole, seconds=seconds), _began(recording), told, findings)
-    best = _shown(said, told, holding)
+            whole = replace(whole, seconds=seconds)
+            return _as_whole(whole, _began(recording), evidence, findings, suspected)
+    best = _shown(explanations, evidence, holding)
     # With nothing named, a window that is not free of something bends S and J its own way.
-    clear = bool(holding) or all(one.finding is Finding.NONE for one in said)
-    pooled = pooled_stiction(told, findings) if clear else None
-    shown, mismatch = places[best], said[best]
+    clear = bool(holding) or all(one.finding is Finding.NONE for one in explanations)
+    pooled = pooled_stiction(evidence, findings) if clear else None
+    shown_window = windows[best]
+    mismatch = explanations[best]
     if shown_by is not None:
-        mismatch = shown_by(recording.part(shown.first, shown.last))
+        mismatch = shown_by(recording.part(shown_window.first, shown_window.last))
         seconds += mismatch.seconds
     if pooled is not None and mismatch.finding is not Finding.UNKNOWN:
         mismatch = replace(mismatch, restated=pooled)
     runs = mismatch.runs
     mismatch = replace(
         mismatch,
-        runs=None if runs is None else runs.within(shown.first, len(recording)),
+        runs=None if runs is None else runs.within(shown_window.first, len(recording)),
         p_value=min((one.p_value for one in findings if one.holds), default=mismatch.p_value),
         seconds=seconds,
     )
     return ExplainedWindows(
         mismatch=mismatch,
         began=_began(recording),
-        shown=shown,
-        windows=told,
+        shown=shown_window,
+        windows=evidence,
         findings=findings,
         pooled=pooled,
     )
 
 
-def _suspected(told: Sequence[WindowEvidence]) -> set[str]:
+def _suspected(evidence: Sequence[WindowEvidence]) -> set[str]:
     """The effects that windows gain by together, or that two of them name."""
-    known = {score.slug for window in told for score in window.scores}
-    named = {slug: sum(window.names(slug) for window in told) for slug in known}
-    return {slug for slug in known if named[slug] >= AGREE or gain_together(slug, told)}
+    known = {score.slug for window in evidence for score in window.scores}
+    named = {slug: sum(window.names(slug) for window in evidence) for slug in known}
+    return {slug for slug in known if named[slug] >= AGREE or gain_together(slug, evidence)}
 
 
 def _as_whole(
     whole: Mismatch,
     began: datetime,
-    told: tuple[WindowEvidence, ...],
+    evidence: tuple[WindowEvidence, ...],
     findings: Sequence[LastingFinding],
+    suspected: set[str],
 ) -> ExplainedWindows:
-    """What the recording as a whole names, and the windows gain by."""
-    slugs = tuple(effect.slug for effect in whole.defects)
-    confirmed = tuple(_by_whole(slug, whole, told) for slug in slugs)
+    """What the recording as a whole names, and the windows gain by: that or what they cannot tell
+    from it."""
+    slugs = tuple(
+        next(slug for slug in (effect.slug, *effect.members) if slug in suspected)
+        for effect in whole.defects
+    )
+    confirmed = tuple(_by_whole(slug, whole, evidence) for slug in slugs)
     others = tuple(one for one in findings if one.slug not in slugs)
     return ExplainedWindows(
         mismatch=whole,
         began=began,
         shown=None,
-        windows=told,
+        windows=evidence,
         findings=(*confirmed, *others),
         by_whole=slugs,
     )
 
 
-def _by_whole(slug: str, whole: Mismatch, told: Sequence[WindowEvidence]) -> LastingFinding:
-    looked = [window for window in told if window.looked_for(slug)]
+def _by_whole(slug: str, whole: Mismatch, evidence: Sequence[WindowEvidence]) -> LastingFinding:
+    looked = [window for window in evidence if window.looked_for(slug)]
     return LastingFinding(
         slug=slug,
         state=FindingState.CONFIRMED,
@@ -156,24 +165,29 @@ def _began(recording: Recording) -> datetime:
     return recording.start or NO_DATE
 
 
-def _evidence(recording: Recording, place: FitWindow, said: Mismatch) -> WindowEvidence:
+def _evidence(recording: Recording, window: FitWindow, mismatch: Mismatch) -> WindowEvidence:
     start, at = (
         _began(recording) + timedelta(seconds=sample * recording.interval_s)
-        for sample in (place.first, place.last)
+        for sample in (window.first, window.last)
     )
-    return WindowEvidence.of(said, at, start=start)
+    return WindowEvidence.of(mismatch, at, start=start)
 
 
-def _shown(said: Sequence[Mismatch], told: Sequence[WindowEvidence], holding: Sequence[str]) -> int:
+def _shown(
+    mismatches: Sequence[Mismatch], evidence: Sequence[WindowEvidence], holding: Sequence[str]
+) -> int:
     """The window whose defects are most nearly those that hold, and whose finding most others of
     these share; the first of equals."""
 
     def apart(place: int) -> int:
-        missing = sum(not told[place].names(slug) for slug in holding)
-        beyond = sum(not set(members) & set(holding) for members in told[place].named)
+        missing = sum(not evidence[place].names(slug) for slug in holding)
+        beyond = sum(not set(members) & set(holding) for members in evidence[place].named)
         return missing + 2 * beyond
 
-    nearest = min(map(apart, range(len(said))))
-    alike = [place for place in range(len(said)) if apart(place) == nearest]
-    counts = [sum(said[other].finding is said[place].finding for other in alike) for place in alike]
+    nearest = min(map(apart, range(len(mismatches))))
+    alike = [index for index in range(len(mismatches)) if apart(index) == nearest]
+    counts = [
+        sum(mismatches[other].finding is mismatches[index].finding for other in alike)
+        for index in alike
+    ]
     return alike[counts.index(max(counts))]

@@ -17,7 +17,7 @@ from stemwatch.models.frozen import frozen_runs
 from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import without_impossible_values
-from stemwatch.models.recording import PERCENT, Quality, Recording, Role, Signal
+from stemwatch.models.recording import PERCENT, Quality, Recording, Role
 from stemwatch.models.screening_result import DataQuality
 from stemwatch.models.validity_checks import Obstacle as Obstacle
 from stemwatch.models.validity_checks import (
@@ -44,7 +44,6 @@ class Assessment:
     quality: DataQuality
     obstacles: tuple[Obstacle, ...]
     frozen_share: float
-    interpolated_share: float
 
 
 def _mask(recording: Recording, role: Role, runs: list[tuple[int, int]]) -> Recording:
@@ -53,7 +52,7 @@ def _mask(recording: Recording, role: Role, runs: list[tuple[int, int]]) -> Reco
     for first, last in runs:
         # The first sample of a run is the last true one.
         quality[first + 1 : last] = Quality.BAD
-    masked = Signal(signal.values, quality, signal.tag, signal.unit, signal.interval_s)
+    masked = replace(signal, quality=quality)
     return replace(recording, signals={**recording.signals, role: masked})
 
 
@@ -139,7 +138,6 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
         quality=DataQuality(grade=grade, reasons=reasons),
         obstacles=tuple(obstacles),
         frozen_share=frozen,
-        interpolated_share=drawn,
     )
 
 

@@ -45,12 +45,23 @@ class Quality(IntEnum):
 
 
 @dataclass(frozen=True)
+class ProcessRange:
+    """The engineering values at 0 % and 100 % of a signal that is kept as percent, and their
+    unit: 0 to 16 bar."""
+
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
 class Signal:
     """One role's samples.
 
     ``values`` (n,) float64, NaN where ``quality`` is not GOOD or HELD; ``quality`` (n,) uint8 of
     ``Quality``. ``unit`` is ``%`` when the values are percent of span or of travel. ``interval_s``
     is the signal's own rate of change in the source where that is slower than the clock's.
+    ``range`` is what the percent are percent of, where the plant file names it with a unit.
     """
 
     values: Floats
@@ -58,6 +69,7 @@ class Signal:
     tag: str
     unit: str = PERCENT
     interval_s: float | None = None
+    range: ProcessRange | None = None
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values, dtype=np.float64)
@@ -83,6 +95,14 @@ class Signal:
     def __getstate__(self) -> dict[str, object]:
         # Cached properties are not pickled.
         return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    def in_process_unit(self) -> Signal:
+        """The signal in bar, t/h or °C for people, where its range is known; else as it is."""
+        if self.range is None:
+            return self
+        low, high = self.range.low, self.range.high
+        values = low + self.values / 100.0 * (high - low)
+        return replace(self, values=values, unit=self.range.unit, range=None)
 
     @cached_property
     def usable(self) -> Bools:

@@ -61,10 +61,10 @@ def copied_from(recording: Recording) -> Role | None:
         if source is None:
             continue
         usable = mv.usable & source.usable
-        given, shown = source.values[usable], mv.values[usable]
-        if given.size < LEAST_COPIED or not (_is_reading(given) and _is_reading(shown)):
+        given, copy = source.values[usable], mv.values[usable]
+        if given.size < LEAST_COPIED or not (_is_reading(given) and _is_reading(copy)):
             continue
-        if _same_line(given, shown) or (role is Role.OP and _filtered(given, shown)):
+        if _same_line(given, copy) or (role is Role.OP and _filtered(given, copy)):
             return role
     return None
 
@@ -81,8 +81,8 @@ def command_is(recording: Recording) -> Role | None:
         if source is None:
             continue
         usable = recording.op.usable & source.usable
-        given, shown = source.values[usable], recording.op.values[usable]
-        if given.size >= LEAST_COPIED and swing(given) > 0.0 and np.array_equal(given, shown):
+        given, copy = source.values[usable], recording.op.values[usable]
+        if given.size >= LEAST_COPIED and swing(given) > 0.0 and np.array_equal(given, copy):
             return role
     return None
 
@@ -117,71 +117,71 @@ def moved_without_command(recording: Recording) -> float:
     return sum(travel(mv[first:last], least) for first, last in runs) / way if way else 0.0
 
 
-def _tolerance(shown: Floats) -> float:
-    return max(0.51 * quantum(shown), 1e-6 * swing(shown))
+def _tolerance(copy: Floats) -> float:
+    return max(0.51 * quantum(copy), 1e-6 * swing(copy))
 
 
-def _same_line(given: Floats, shown: Floats) -> bool:
-    """Whether ``shown`` is ``given`` times a number plus a number, at once or some samples late."""
-    delays = {*DELAYS, _agreed_delay(given, shown)}
+def _same_line(source: Floats, copy: Floats) -> bool:
+    """Whether ``copy`` is ``source`` times a number plus a number, at once or some samples late."""
+    delays = {*DELAYS, _agreed_delay(source, copy)}
     return any(
-        _on_a_line(given[: given.size - late], shown[late:])
+        _on_a_line(source[: source.size - late], copy[late:])
         for late in delays
-        if given.size - late >= LEAST_COPIED
+        if source.size - late >= LEAST_COPIED
     )
 
 
-def _agreed_delay(given: Floats, shown: Floats) -> int:
-    longest = min(LONGEST_COPY_DELAY, given.size // 3)
-    return int(np.argmax(np.abs(lagged_products(np.diff(given), np.diff(shown), longest))))
+def _agreed_delay(source: Floats, copy: Floats) -> int:
+    longest = min(LONGEST_COPY_DELAY, source.size // 3)
+    return int(np.argmax(np.abs(lagged_products(np.diff(source), np.diff(copy), longest))))
 
 
-def _on_a_line(given: Floats, shown: Floats) -> bool:
+def _on_a_line(source: Floats, copy: Floats) -> bool:
     """Whether all but a few samples lie on one line, within the rounding."""
-    tolerance, kept = _tolerance(shown), np.ones(given.size, dtype=bool)
+    tolerance, on_line = _tolerance(copy), np.ones(source.size, dtype=bool)
     for _ in range(2):
-        if kept.sum() < LEAST_COPIED or np.ptp(given[kept]) == 0.0:
+        if on_line.sum() < LEAST_COPIED or np.ptp(source[on_line]) == 0.0:
             return False
-        gain, zero = np.polyfit(given[kept], shown[kept], 1)
-        off = np.abs(shown - gain * given - zero)
-        kept = off <= max(float(np.percentile(off, 90.0)), tolerance)
+        gain, zero = np.polyfit(source[on_line], copy[on_line], 1)
+        off = np.abs(copy - gain * source - zero)
+        on_line = off <= max(float(np.percentile(off, 90.0)), tolerance)
     return bool(gain != 0.0 and np.mean(off <= tolerance) > COPIED_SHARE)
 
 
-def _filtered(given: Floats, shown: Floats) -> bool:
-    """Whether ``shown`` is ``given`` through a lag of the first order and nothing else."""
-    if not _without_noise(given, shown):
+def _filtered(source: Floats, copy: Floats) -> bool:
+    """Whether ``copy`` is ``source`` through a lag of the first order and nothing else."""
+    if not _without_noise(source, copy):
         return False
-    if quantum(shown) == 0.0:
+    if quantum(copy) == 0.0:
         return True
     from scipy.optimize import minimize_scalar  # slow to import, and rarely used
 
-    off = [_off_a_line(given, shown, lag) for lag in LAGS]
+    off = [_off_a_line(source, copy, lag) for lag in LAGS]
     best = float(LAGS[int(np.argmin(off))])
     about = minimize_scalar(
-        lambda lag: _off_a_line(given, shown, lag),
+        lambda lag: _off_a_line(source, copy, lag),
         bounds=(0.7 * best, 1.4 * best),
         method="bounded",
     )
-    settled = shown.size // 10
-    return _on_a_line(first_order_lag(given, float(about.x))[settled:], shown[settled:])
+    settled = copy.size // 10
+    return _on_a_line(first_order_lag(source, float(about.x))[settled:], copy[settled:])
 
 
-def _off_a_line(given: Floats, shown: Floats, lag: float) -> float:
-    """How far ``shown`` lies off a line over the lagged ``given``, as a sum of squares."""
-    lagged = first_order_lag(given, lag)
+def _off_a_line(source: Floats, copy: Floats, lag: float) -> float:
+    """How far ``copy`` lies off a line over the lagged ``source``, as a sum of squares."""
+    lagged = first_order_lag(source, lag)
     columns = np.column_stack((lagged, np.ones(lagged.size)))
-    off = shown - columns @ np.linalg.lstsq(columns, shown, rcond=None)[0]
+    off = copy - columns @ np.linalg.lstsq(columns, copy, rcond=None)[0]
     return float(off @ off)
 
 
-def _without_noise(given: Floats, shown: Floats) -> bool:
+def _without_noise(source: Floats, copy: Floats) -> bool:
     """Whether each sample follows from the one before and the command, by one rule."""
-    size = shown.size - 1
-    columns = np.column_stack((shown[:-1], given[1:], given[:-1], np.ones(size)))
-    weights = np.linalg.lstsq(columns, shown[1:], rcond=None)[0]
-    off = np.abs(shown[1:] - columns @ weights)
-    tolerance = max(2.0 * _tolerance(shown), WITHOUT_NOISE * swing(shown))
+    size = copy.size - 1
+    columns = np.column_stack((copy[:-1], source[1:], source[:-1], np.ones(size)))
+    weights = np.linalg.lstsq(columns, copy[1:], rcond=None)[0]
+    off = np.abs(copy[1:] - columns @ weights)
+    tolerance = max(2.0 * _tolerance(copy), WITHOUT_NOISE * swing(copy))
     return bool(np.mean(off <= tolerance) > COPIED_SHARE)
 
 

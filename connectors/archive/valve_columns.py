@@ -134,6 +134,7 @@ def local_instants(ns: Ints, ok: Bools, options: ReadOptions, notes: ReadingNote
     """
     if options.zone is None:
         return undated(ns, ok, notes)
+    notes.use("zone")
     ns, ok = to_utc(
         ns,
         ok,

@@ -21,6 +21,7 @@ from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.connectors.historian.times.time_column import Instants, read_instants
+from stemwatch.connectors.historian.unused_options import say_unused, why_not_in_text
 from stemwatch.connectors.historian.values.columns import Column, convert, own_interval_s
 from stemwatch.connectors.historian.values.decimal_mark import decide_decimal
 from stemwatch.connectors.historian.values.stored_text import StoredText, has_been_read
@@ -198,13 +199,28 @@ def _opened(source: LayoutInput, table: RawTable) -> OpenedFile:
         decimal=decimal,
         notes=notes,
     )
+    _mark_used(opened, source.options)
+    say_unused(options, notes, why_not_in_text(table, opened.instants))
     if not any(np.isfinite(opened.column(c.tag).values).any() for c in table.columns):
         _refuse_empty(opened)
     return opened
 
 
+def _mark_used(opened: OpenedFile, options: ReadOptions) -> None:
+    """The options whose use shows in what was read."""
+    table, used = opened.table, opened.notes.used
+    used.add("encoding")
+    if any(column.quality_codes is not None for column in table.columns):
+        used.add("good_quality")
+    if options.separator == table.separator:
+        used.add("separator")
+    if (options.time_column or "").strip().lower() == table.times.name.strip().lower():
+        used.add("time_column")
+
+
 def _decimal(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> str:
     if options.decimal is not None:
+        notes.use("decimal")
         return options.decimal
     if table.decimal is not None:
         return table.decimal

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import codecs
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, fields
+from typing import Any, Literal, get_args
 from zoneinfo import ZoneInfo
 
 AmbiguousHour = Literal["infer", "first", "second"]
@@ -61,6 +61,13 @@ class ReadOptions:
             _check_zone(self.zone)
         if self.encoding is not None:
             _check_encoding(self.encoding)
+
+
+def given_options(options: ReadOptions) -> dict[str, Any]:
+    """What the user said, by name: the options that are not as they are by themselves."""
+    default = ReadOptions()
+    named = {field.name: getattr(options, field.name) for field in fields(options)}
+    return {name: said for name, said in named.items() if said != getattr(default, name)}
 
 
 def _check_policy(name: str, value: object, allowed: tuple[object, ...]) -> None:

@@ -9,9 +9,10 @@ _LISTED = 20  # more problems of one file than this are counted, not listed
 
 @dataclass
 class ReadingNotes:
-    """Collects sentences while one file is read."""
+    """Collects sentences while one file is read, and which of the user's options were needed."""
 
     decisions: list[str] = field(default_factory=list)
+    used: set[str] = field(default_factory=set)
     _problems: list[str] = field(default_factory=list)
     _unlisted: int = 0
 
@@ -25,6 +26,10 @@ class ReadingNotes:
         else:
             self._unlisted += 1
 
+    def use(self, option: str) -> None:
+        """``option`` of ``ReadOptions`` was, or would have been, asked for."""
+        self.used.add(option)
+
     def take(self, others: ReadingNotes) -> None:
         """Add what was noted elsewhere."""
         for sentence in others.decisions:
@@ -32,6 +37,7 @@ class ReadingNotes:
         for sentence in others._problems:
             self.problem(sentence)
         self._unlisted += others._unlisted
+        self.used |= others.used
 
     @property
     def problems(self) -> list[str]:

@@ -197,7 +197,14 @@ def _signal(
     if own is not None:
         notes.append(f"{column.tag} itself changes only each {own:g} s.")
     values, quality, unit = _scaled(role, column, mapping, laid, notes)
-    return Signal(values=values, quality=quality, tag=column.tag, unit=unit, interval_s=own)
+    return Signal(
+        values=values,
+        quality=quality,
+        tag=column.tag,
+        unit=unit,
+        interval_s=own,
+        range=mapping.process_range(column.unit),
+    )
 
 
 def _scaled(

@@ -49,10 +49,10 @@ class Columns:
 
     def mark(self, places: Sequence[int], quality: Quality, reason: str) -> None:
         """Set ``places`` to NaN with this quality and reason."""
-        for place in places:
-            self.values[place] = np.nan
-            self.quality[place] = quality
-            self.reasons[place] = reason
+        for index in places:
+            self.values[index] = np.nan
+            self.quality[index] = quality
+            self.reasons[index] = reason
 
 
 class _Alike:
@@ -92,9 +92,9 @@ class _Alike:
         if self._is_float:
             bad.insert(2, ((raw != 0.0) & (np.abs(raw) < TINY), Quality.CODE, WRONG_ORDER))
         for where, verdict, reason in bad:
-            for place in np.flatnonzero(where & (quality == Quality.GOOD)).tolist():
-                quality[place], values[place] = verdict, np.nan
-                into.reasons[self._places[place]] = reason
+            for index in np.flatnonzero(where & (quality == Quality.GOOD)).tolist():
+                quality[index], values[index] = verdict, np.nan
+                into.reasons[self._places[index]] = reason
         into.values[self._places] = values
         into.quality[self._places] = quality
 
@@ -109,23 +109,23 @@ class BlockReader:
         self.places = [place_of[register.tag] for register in block.registers]
         groups: dict[tuple[DataType, ByteOrder], list[tuple[Register, int]]] = {}
         self._alone: list[tuple[Register, int, slice]] = []
-        for register, place in zip(block.registers, self.places, strict=True):
+        for register, index in zip(block.registers, self.places, strict=True):
             if _fits_arrays(register):
-                groups.setdefault((register.kind, register.order), []).append((register, place))
+                groups.setdefault((register.kind, register.order), []).append((register, index))
             else:
                 start = register.first - block.first
-                self._alone.append((register, place, slice(start, start + register.kind.words)))
+                self._alone.append((register, index, slice(start, start + register.kind.words)))
         self._alike = [
-            _Alike(block, [register for register, _ in group], [place for _, place in group])
+            _Alike(block, [register for register, _ in group], [index for _, index in group])
             for group in groups.values()
         ]
 
     def read(self, words: Sequence[int], into: Columns) -> None:
         """``words`` are the ``count`` words of the block."""
-        for register, place, own in self._alone:
+        for register, index, own in self._alone:
             reading = register.read(words[own])
-            into.values[place], into.quality[place] = reading.value, reading.quality
-            into.reasons[place] = reading.reason
+            into.values[index], into.quality[index] = reading.value, reading.quality
+            into.reasons[index] = reading.reason
         array = np.array(words, dtype=np.uint16)
         for alike in self._alike:
             alike.read(array, into)

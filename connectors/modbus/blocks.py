@@ -80,11 +80,11 @@ class Block:
         cut = len(halves[0].registers)
         return max(self._hole(cut), 0), -abs(cut - len(self.registers) / 2)
 
-    def _hole(self, place: int) -> int:
-        return self.registers[place].first - max(r.stop for r in self.registers[:place])
+    def _hole(self, index: int) -> int:
+        return self.registers[index].first - max(r.stop for r in self.registers[:index])
 
-    def _apart(self, place: int) -> bool:
-        return self.registers[place].first > self.registers[place - 1].first
+    def _apart(self, index: int) -> bool:
+        return self.registers[index].first > self.registers[index - 1].first
 
 
 def plan_blocks(
@@ -102,7 +102,7 @@ def plan_blocks(
     blocks: list[Block] = []
     run: list[Register] = []
     stop = 0
-    for register in sorted(registers, key=_place):
+    for register in sorted(registers, key=_reading_order):
         fits = run and _same_memory(run[0], register) and register.first - stop <= max_gap
         if not fits or max(stop, register.stop) - run[0].first > max_words:
             if run:
@@ -115,7 +115,7 @@ def plan_blocks(
     return tuple(blocks)
 
 
-def _place(register: Register) -> tuple[int, str, int, int]:
+def _reading_order(register: Register) -> tuple[int, str, int, int]:
     return register.unit_id, register.address.table.value, register.first, register.stop
 
 
@@ -155,8 +155,8 @@ class BlockPlan:
         if halves is None:
             return ()
         if block in self._blocks:
-            place = self._blocks.index(block)
-            self._blocks[place : place + 1] = halves
+            index = self._blocks.index(block)
+            self._blocks[index : index + 1] = halves
         self._split_at_s = self._now_s()
         return halves
 

@@ -14,7 +14,7 @@ DEFAULT_PORT = 502
 
 
 class LinkKind(StrEnum):
-    """What carries the requests."""
+    """How a device is reached."""
 
     TCP = "tcp"
     RTU_OVER_TCP = "rtuovertcp"  # a serial server that passes RTU frames on as they are

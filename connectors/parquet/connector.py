@@ -75,9 +75,22 @@ class ParquetSettings(ArchiveSettings):
     )
 
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
-        """Of the files."""
+        """The address of the archive's files; a relative path counts from ``folder``."""
         path = self.path if "://" in self.path else str(folder / self.path)
         return ParquetAddress(path, self.read_options(zone), before_s=self.before_s or 0.0)
+
+
+_WHY_NOT = {
+    "encoding": "Parquet says its own",
+    "separator": "Parquet has columns",
+    "decimal": "the values are numbers",
+    "good_quality": "there are no quality codes",
+    "interval_s": "each row has its time",
+    "day_first": "the times are no texts that can be read both ways",
+    "time_format": "the times are no texts",
+    "ambiguous_hour": "no local time is in the hour that autumn repeats",
+    "missing_hour": "no local time is in the hour that spring skips",
+}
 
 
 class ParquetArchive:
@@ -150,6 +163,7 @@ class ParquetArchive:
             no_samples_error,
         )
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
+        from stemwatch.connectors.historian.unused_options import say_unused
         from stemwatch.connectors.parquet.column_layout import WORDS
         from stemwatch.connectors.parquet.reading import column_of, read_pieces
 
@@ -178,6 +192,9 @@ class ParquetArchive:
             holds = ". ".join([self._holds(op), *notes.problems[:1]])
             raise no_samples_error(self.path, op, window, holds)
         layouts = {file.layout(self.options).kind for file in files if file.is_open}
+        for option in ("time_column", "tag_column", "value_column", "quality_column"):
+            notes.use(option)  # one that is not there was an error
+        say_unused(self.options, notes, _WHY_NOT | {"zone": zone.rstrip(".") or "no time is local"})
         return ValveColumns(
             source_name=self.path,
             layout="; ".join(WORDS[kind] for kind in sorted(layouts)),

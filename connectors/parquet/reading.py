@@ -212,6 +212,8 @@ def column_of(
     if not inside.all():
         instants = replace(instants, ns=instants.ns[inside], ok=instants.ok[inside])
     codes = _codes(pieces, inside, options)
+    if codes is not None:
+        notes.use("good_quality")
     if all(is_number(value.type) for value in pieces.values):
         values = _joined([as_floats(value) for value in pieces.values], inside)
         column = number_column(
@@ -233,6 +235,7 @@ def column_of(
         quality_codes=None if codes is None else [codes.words[i] for i in codes.index],
         quality_name=pieces.quality_name,
     )
+    notes.use("decimal")
     decimal, good = options.decimal or ".", options.good_quality
     column = convert(raw, instants, decimal=decimal, good=good, name=source_name, as_mode=as_mode)
     return column, instants

@@ -57,11 +57,6 @@ class DesignedTest:
         """That the right one of the rivals wins, each as likely as the others, 0 to 1."""
         return float(np.mean(np.diag(self.wins)))
 
-    @property
-    def worst_gain(self) -> float:
-        """The least gain of any ordered pair."""
-        return _worst(self.gains)
-
     def pair_probability(self, i: int, j: int) -> float:
         """That of two rivals alone the right one wins."""
         won = self.wins

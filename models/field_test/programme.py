@@ -93,7 +93,7 @@ class Move:
 
     @property
     def words(self) -> str:
-        """What it is, with its numbers."""
+        """The moves of OP in words, with their numbers."""
         return f"{self.kind.value}, {self.step:.3g} % every {self.hold_s:g} s"
 
     @property

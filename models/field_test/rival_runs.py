@@ -82,15 +82,12 @@ class BreakawayScatter(StemTerm):
         return False
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """Nothing."""
         return {}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """Nothing."""
         return ""
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """Nothing to look for at a valve."""
         return FieldTest(do="", fails="", passes="")
 
 

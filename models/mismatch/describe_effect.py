@@ -14,13 +14,11 @@ from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     EffectEvidence,
-    EffectScore,
     Finding,
     ResidualMap,
 )
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
-from stemwatch.models.mismatch.term_selection import Named
 from stemwatch.models.mismatch.uncertainty import estimate
 from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
@@ -168,24 +166,6 @@ def _note(advantage: Advantage, members: tuple[str, ...]) -> str:
         others = ", ".join(slug.replace("_", " ") for slug in members[1:])
         return f"{note}; this recording cannot tell it from {others}."
     return f"{note}; no other effect of the catalogue does as well in its place."
-
-
-def scores_of(named: Named, effects: tuple[Effect, ...]) -> tuple[EffectScore, ...]:
-    """Every term that was looked at: those that stand by their evidence, the others by what they
-    gained on top of the terms before them, where they were looked at last."""
-    counts = named.evaluator.told
-    found: dict[str, EffectScore] = {}
-    for place, stage in enumerate(named.stages):
-        for score in stage.scores:
-            mean, t = score.advantage.mean, score.advantage.t
-            far = strength(score.advantage, counts, score.slug, place)
-            found[score.slug] = EffectScore(slug=score.slug, mean=mean, t=t, strength=far)
-    for effect in effects:
-        told = effect.evidence
-        found[effect.slug] = EffectScore(
-            slug=effect.slug, mean=told.mean, t=told.t, strength=told.strength
-        )
-    return tuple(found[slug] for slug in sorted(found))
 
 
 def sentence_of(

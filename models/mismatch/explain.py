@@ -7,7 +7,7 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -41,7 +41,6 @@ from stemwatch.models.mismatch.describe_effect import (
     directions,
     effect,
     residual_map,
-    scores_of,
     sentence_of,
 )
 from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
@@ -64,18 +63,18 @@ from stemwatch.models.mismatch.nothing_left_out import doubt
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.rivals import left_open, on_site
+from stemwatch.models.mismatch.stiction import of_balance, stiction
 from stemwatch.models.mismatch.term import Look, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.mismatch.tried import what_was_tried
-from stemwatch.models.mismatch.uncertainty import draws, estimate
+from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
+from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
-from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
+from stemwatch.models.stickslip.breakaways import LATE
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
-from stemwatch.models.stickslip.interval import REPLICATES
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
@@ -86,7 +85,7 @@ WORSE = 1.15
 # development on which something was named none leaves less than 76.
 LEAST_FIT_OF_NAMED, NEAR_NOISE = 40.0, 2.0
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
-STRAIGHT_LINE = ("zero_shift", "span_error")
+STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
 BEND = "bend"  # is not in the catalogue; its limits are those of a term
 MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
@@ -95,15 +94,12 @@ LEAST_SIGMA = 1e-3  # percent
 DOOR_NOISE = 0.17  # of the archive's deviation
 # Cross-fitting needs blocks; of a short record they are shorter.
 FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
-# One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
-MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
 MUCH_NEARER = 0.7  # of the error of S and J alone
-SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two elements
 
 
 @dataclass(frozen=True)
 class _Case:
-    """One recording on its way."""
+    """One recording, and what the steps of ``explain`` have settled of it so far."""
 
     recording: Recording
     settled: RecordSettled
@@ -343,13 +339,16 @@ def _told(case: _Case) -> Mismatch:
     simple = naive_layout(plain)
     naive = conclude(plain, fit_naive(plain, np.ones(evaluator.problem.n_blocks, dtype=bool)))
     archive = _archive(case, evaluator, reached.best)
-    # With nothing left out, and every sample kept, the breakaways tell S and J best.
-    told = not effects and not reached.open_end and not reached.worse and archive is None
-    elements = (naive, reached.best) if told else ()
-    alone = _stiction(plain, lambda: draws(plain, simple, naive), naive, elements)
-    refitted = _stiction(evaluator, reached.drawn, reached.best, elements)
+    # With nothing left out that moves the levels, and every sample kept, the breakaways tell S and
+    # J best: a line through the reading moves the two directions apart and not their mean.
+    told = not reached.open_end and not reached.worse and archive is None
+    told = told and all(effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects)
+    fitted = (reached.best,) if effects else (naive, reached.best)
+    elements = fitted if told else ()
+    alone = stiction(plain, lambda: draws(plain, simple, naive), naive, () if effects else elements)
+    refitted = stiction(evaluator, reached.drawn, reached.best, elements, _delay_s(reached))
     if case.balance is not None and DRIVE in reached.layout.places:
-        refitted = _of_balance(case.balance, refitted)
+        refitted = of_balance(case.balance, refitted)
     why = reached.worse
     if not effects and not why:
         why = doubt(evaluator, reached.fitted, reached.best, shown, (alone, refitted), naive)
@@ -560,46 +559,13 @@ def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floa
     return fitted.layout, best.candidate
 
 
-def _stiction(
-    evaluator: Evaluator, drawn: Callable[[], Floats], best: Floats, elements: Sequence[Floats]
-) -> Stiction:
-    """S and J of the fit ``best``; by the breakaways instead, where they are those of one of the
-    ``elements`` that were fitted."""
-    S = float(best[base_coordinate.S_PERCENT])
-    J = S * float(best[base_coordinate.RATIO])
-    gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
-    seen = breakaways(evaluator.problem, gain, zero, S, J) if elements else None
-    if seen is not None and any(_same_element(seen, element) for element in elements):
-        S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
-        return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
-    error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
-    all_drawn = drawn()
-    S_drawn = all_drawn[:, base_coordinate.S_PERCENT]
-    return Stiction(
-        S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
-        J=_positive(
-            estimate(S_drawn * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
-        ),
-    )
-
-
-def _same_element(seen: Breakaways, element: Floats) -> bool:
-    """Whether both levels of the breakaways are near those of an ``element`` that was fitted: what
-    an operator's steps and ramps move the command by in the sample of a slip can mislead them."""
-    S, ratio = float(element[base_coordinate.S_PERCENT]), float(element[base_coordinate.RATIO])
-    level, kinetic = 0.5 * S * (1.0 + ratio), 0.5 * S * (1.0 - ratio)
-    apart = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
-    return apart <= SAME_LEVELS * level
-
-
-def _of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
-    """S by the force balance, which every moving sample tells; J as it was ``fitted``."""
-    error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
-    return replace(fitted, S=_positive(estimate(balance.S_drawn, balance.S, PERCENT, float(error))))
-
-
-def _positive(estimate: Estimate) -> Estimate:
-    return replace(estimate, low=max(estimate.low or 0.0, 0.0))
+def _delay_s(reached: _Hypothesis) -> float:
+    """The dead time that was named, less what stems usually are late by; 0 where none was."""
+    place = reached.layout.places.get(DELAY)
+    if place is None or all(effect.slug != DELAY for effect in reached.effects):
+        return 0.0
+    usual_s = LATE[0] * reached.evaluator.problem.interval_s
+    return max(float(reached.best[place][0]) - usual_s, 0.0)
 
 
 def _effects(

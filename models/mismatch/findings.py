@@ -67,7 +67,7 @@ class TriedOutcome(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tried:
+class TriedEffect:
     """One effect that was tried: its gain alone over S and J, and on top of all that was named,
     ``None`` where that was not tried."""
 
@@ -248,7 +248,7 @@ class Mismatch:
     after: ResidualMap = field(default_factory=ResidualMap)
     runs: FreeRuns | None = None
     # Every effect that was tried term by term, the largest gain first; and what is named, together.
-    tried: tuple[Tried, ...] = ()
+    tried: tuple[TriedEffect, ...] = ()
     together: Gain | None = None
     # How probable as strong an effect is on a valve with nothing hidden; None where none was named.
     p_value: float | None = None

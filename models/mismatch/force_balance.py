@@ -157,8 +157,7 @@ class _Regression:
 def _rows(problem: FitProblem, window: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
     """(m, 7) the regressors at scored samples, the sign of motion still 0, (m,) OP - MV, and the
     blocks of time (m,)."""
-    from scipy.ndimage import median_filter  # slow to import, and rarely used
-    from scipy.signal import savgol_filter
+    from scipy.ndimage import median_filter
 
     begins = np.flatnonzero(problem.start == START)
     ends = np.append(begins[1:], problem.op.size)
@@ -167,7 +166,7 @@ def _rows(problem: FitProblem, window: int) -> tuple[Floats, Floats, NDArray[np.
         if end - begin < 2 * window:
             continue
         mv = median_filter(problem.mv[begin:end], SPIKES)
-        x, v, a = (savgol_filter(mv, window, 2, deriv=order) for order in range(3))
+        x, v, a = parabolas(mv, window)
         z = np.clip(x / 50.0 - 1.0, -1.0, 1.0)
         table = np.stack((np.ones_like(x), z, z**2, z**3, np.zeros_like(x), v, a), axis=1)
         scored = problem.scored[begin:end]
@@ -175,6 +174,30 @@ def _rows(problem: FitProblem, window: int) -> tuple[Floats, Floats, NDArray[np.
         off.append((problem.op[begin:end] - x)[scored])
         block.append(problem.block[begin:end][scored])
     return np.vstack(rows), np.concatenate(off), np.concatenate(block)
+
+
+def parabolas(values: Floats, window: int) -> Floats:
+    """(3, n) value, slope and curvature a sample, by the parabola fitted to the ``window`` samples
+    around each of ``values`` (n,); ``window`` is odd. Near an end, the parabola of the first or
+    last ``window`` samples.
+
+    The filter of Savitzky and Golay (1964, doi:10.1021/ac60214a047), the same to the bit as
+    ``scipy.signal.savgol_filter``, whose package takes half a second to import.
+    """
+    from scipy.ndimage import convolve1d
+
+    half, at = window // 2, np.arange(float(window))
+    powers = (half - at) ** np.arange(3.0)[:, None]
+    enough = np.finfo(np.float64).eps * window
+    passed = np.empty((3, values.size))
+    first, last = (np.polyfit(at, ends, 2) for ends in (values[:window], values[-window:]))
+    for order, wanted in enumerate(np.diag((1.0, 1.0, 2.0))):
+        weights = np.linalg.lstsq(powers, wanted, rcond=enough)[0]
+        passed[order] = convolve1d(values, weights, mode="constant")
+        passed[order, :half] = np.polyval(first, at[:half])
+        passed[order, -half:] = np.polyval(last, at[-half:])
+        first, last = np.polyder(first), np.polyder(last)
+    return passed
 
 
 def _robust(rows: Floats, off: Floats) -> tuple[Floats, Floats, float]:

@@ -69,15 +69,15 @@ def _parts(ready: list[_Ready], most: int) -> Iterator[list[_Ready]]:
             yield alike[first : first + most]
 
 
-def device_for(valves: int, wanted: str = AUTO) -> str:
-    """Where to train the networks of so many valves: ``wanted``, or with "auto" a CUDA GPU where
-    torch sees one and there are at least ``LEAST_ON_GPU`` valves, else the CPU.
+def device_for(valves: int, asked_device: str = AUTO) -> str:
+    """Where to train the networks of so many valves: ``asked_device``, or with "auto" a CUDA GPU
+    where torch sees one and there are at least ``LEAST_ON_GPU`` valves, else the CPU.
 
     A GPU works on all networks of a batch at once and is idle most of the time with few of them. To
     keep a GPU out of it, hide it from the process (``CUDA_VISIBLE_DEVICES=``).
     """
-    if wanted != AUTO:
-        return wanted
+    if asked_device != AUTO:
+        return asked_device
     return "cuda" if valves >= LEAST_ON_GPU and torch.cuda.is_available() else "cpu"
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from stemwatch.models.forensics import repeat_share
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
+from stemwatch.models.stickslip.breakaways import SLOW_SAMPLES, Breakaways, breakaways
 from stemwatch.models.stickslip.parameters import Bounds, bounds, to_kernel
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.search import Loss, SearchResult, best_of, refine
@@ -257,6 +257,7 @@ class StickSlipFit:
     naive: Floats  # (9,) S and J alone, on the whole record
     first_heldout: int  # first sample of the held-out part
     breakaways: Breakaways | None = None
+    alone: Breakaways | None = None  # of friction alone, where a lag may stand for part of it
 
     @property
     def S(self) -> float:
@@ -396,7 +397,18 @@ def fit_stickslip(
         naive=naive.candidate,
         first_heldout=int(np.ceil(problem.op.size * train.sum() / problem.n_blocks)),
         breakaways=_breakaways(evaluator, final.candidate),
+        alone=_breakaways(evaluator, naive.candidate) if _is_late(evaluator, final) else None,
     )
+
+
+def _is_late(evaluator: StickSlipEvaluator, found: SearchResult) -> bool:
+    """Whether dead time and lag that were fitted come to a sample and more."""
+    return _late_s(found.candidate) >= SLOW_SAMPLES * evaluator.problem.interval_s
+
+
+def _late_s(candidate: Floats) -> float:
+    lag_s = 0.5 * (candidate[coordinate.LAG_UP_S] + candidate[coordinate.LAG_DOWN_S])
+    return float(candidate[coordinate.DEAD_TIME_S] + lag_s)
 
 
 def _breakaways(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways | None:
@@ -404,12 +416,10 @@ def _breakaways(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways 
     if gain == 0.0:
         return None
     S, J = S_and_J(candidate)
-    lag_s = 0.5 * (candidate[coordinate.LAG_UP_S] + candidate[coordinate.LAG_DOWN_S])
-    late_s = float(candidate[coordinate.DEAD_TIME_S] + lag_s)
     without = candidate.copy()
     without[list(coordinate.STICKING)] = 0.0
     unhindered = evaluator.simulate(without)
-    return breakaways(evaluator.problem, gain, zero, S, J, late_s, unhindered)
+    return breakaways(evaluator.problem, gain, zero, S, J, _late_s(candidate), unhindered)
 
 
 def _polish(

@@ -125,7 +125,7 @@ class Slips:
         return _middle(*self.let_go), _middle(*self.stayed_behind)
 
     def only(self, chosen: Bools) -> Slips:
-        """Some of them."""
+        """Those of the slips that are chosen."""
         names = ("side", "low", "high", "farthest", "jump", "speed")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 

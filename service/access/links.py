@@ -43,7 +43,7 @@ def make_link(
     kind: OneTimeLinkKind,
     role: UserRole,
     *,
-    by: str,
+    made_by: str,
     now: datetime,
     user: int | None = None,
     note: str = "",
@@ -52,7 +52,14 @@ def make_link(
     secret = new_secret()
     expires = now + LIFETIMES[kind]
     link = store.access_links.make(
-        digest_of(secret), kind, role, by=by, now=now, expires=expires, user=user, note=note
+        digest_of(secret),
+        kind,
+        role,
+        made_by=made_by,
+        now=now,
+        expires=expires,
+        user=user,
+        note=note,
     )
     return secret, link
 
@@ -63,7 +70,7 @@ def first_link(store: Store, base_url: str) -> str | None:
     if not store.accounts.is_empty():
         return None
     now = datetime.now(UTC)
-    secret, _ = make_link(store, OneTimeLinkKind.FIRST, UserRole.ADMIN, by="", now=now)
+    secret, _ = make_link(store, OneTimeLinkKind.FIRST, UserRole.ADMIN, made_by="", now=now)
     return address_of(secret, base_url)
 
 

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+from zoneinfo import ZoneInfo
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
@@ -45,6 +46,7 @@ def gathered(
 ) -> Iterator[ValveRecord]:
     """What is known of each of ``valves``, in their order; ``by_window`` is that of ``over_weeks``.
     Raises ``StoreError``."""
+    zone = ZoneInfo(plant.zone or "UTC")
     depth = max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3
     for first in range(0, len(valves), AT_ONCE):
         part = valves[first : first + AT_ONCE]
@@ -61,6 +63,7 @@ def gathered(
                 worked_at=recent.worked_at,
                 by_window=of_weeks,
                 stands=stands,
+                zone=zone,
             )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
+from datetime import UTC, datetime, tzinfo
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
@@ -39,7 +39,7 @@ class ValveRecord:
     ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id;
     ``worked_at`` when the valve was worked on; ``by_window`` what its windows of the last weeks say
     together of effects beside friction, and ``stands`` whether that is more than chance among all
-    valves of the run.
+    valves of the run. Days are said in ``zone``.
     """
 
     valve: StoredValve
@@ -50,6 +50,7 @@ class ValveRecord:
     worked_at: Sequence[datetime] = ()
     by_window: EvidenceOfWeeks | None = None
     stands: bool = False
+    zone: tzinfo = UTC
 
 
 def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDecision:
@@ -238,7 +239,7 @@ def _mismatch(record: ValveRecord, judged: JudgedScreening) -> str:
     """What is confirmed, in the words of the newest window where that names it too."""
     if record.by_window is None:
         return "Something beside stiction was found."
-    return record.by_window.in_short(judged.mismatch)
+    return record.by_window.in_short(judged.mismatch, record.zone)
 
 
 def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreening) -> RaisedAlert:

@@ -26,10 +26,15 @@ class Sender:
         self._store, self._notifiers = store, notifiers
 
     def send_due(self) -> int:
-        """Try each message that is due once; how many arrived."""
+        """Try what is due; how many messages arrived. Of a notifier that failed the others wait
+        for the next time: a receiver that hangs would keep back those of all others."""
         arrived = 0
-        while (delivery := self._store.deliveries.claim()) is not None:
-            arrived += self._send(delivery)
+        failed: set[str] = set()
+        while (delivery := self._store.deliveries.claim(without=failed)) is not None:
+            if self._send(delivery):
+                arrived += 1
+            else:
+                failed.add(delivery.notifier)
         return arrived
 
     def _send(self, delivery: StoredDelivery) -> bool:

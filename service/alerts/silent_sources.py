@@ -49,15 +49,15 @@ def watch_sources(
 
 
 def _close(
-    store: Store, plant: Plant, open_now: set[str], still: set[str], alive: list[str]
+    store: Store, plant: Plant, open_now: set[str], still_silent: set[str], alive: list[str]
 ) -> None:
     """Close what is over, and what another alert speaks for now."""
     by_reason: dict[str, list[str]] = {BACK: [], GONE: [], JOINED: []}
-    for cause in sorted(open_now - still):
+    for cause in sorted(open_now - still_silent):
         source = _source(cause, plant)
         if source not in plant.devices:
             by_reason[GONE].append(cause)
-        elif {_cause(source), MANY + source} & still:
+        elif {_cause(source), MANY + source} & still_silent:
             by_reason[JOINED].append(cause)
         elif source in alive:
             by_reason[BACK].append(cause)

@@ -45,6 +45,9 @@ def list_users(plant: PlantFile = None, db: Database = "") -> None:
         views.out.print(views.escape(line), highlight=False, soft_wrap=True)
     if not users:
         views.out.print("Nobody can sign in yet.", highlight=False)
+        views.say_next("`stemwatch accounts first-link` makes the link for the first admin.")
+    else:
+        views.say_next("`stemwatch accounts add` makes the link for one more.")
 
 
 @accounts_app.command("first-link")
@@ -106,6 +109,7 @@ def set_role(
         user = _user(store, name)
         store.accounts.set_role(user.id, _role(role))
         _note(store, "manage users", f"{user.name}; role {role}; before {user.role}")
+    _say_done(f"{user.name} is {role} now.")
 
 
 @accounts_app.command("disable")
@@ -115,6 +119,7 @@ def disable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
         user = _user(store, name)
         store.accounts.disable(user.id, datetime.now(UTC))
         _note(store, "manage users", f"{user.name}; disable")
+    _say_done(f"{user.name} cannot sign in any more.")
 
 
 @accounts_app.command("enable")
@@ -124,6 +129,7 @@ def enable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
         user = _user(store, name)
         store.accounts.enable(user.id)
         _note(store, "manage users", f"{user.name}; enable")
+    _say_done(f"{user.name} can sign in again.")
 
 
 @contextmanager
@@ -164,7 +170,7 @@ def _link(
     from stemwatch.service.access.links import address_of, make_link
 
     now = datetime.now(UTC)
-    secret, _ = make_link(store, kind, role, by="command line", now=now, user=user, note=note)
+    secret, _ = make_link(store, kind, role, made_by="command line", now=now, user=user, note=note)
     return address_of(secret, address)
 
 
@@ -172,6 +178,14 @@ def _show(link: str) -> None:
     from stemwatch.service.cli import views
 
     views.out.print(views.escape(link), highlight=False, soft_wrap=True)
+    views.say_next("give it to whom it is for, and to nobody else: it works once.")
+
+
+def _say_done(text: str) -> None:
+    from stemwatch.service.cli import views
+
+    views.say(text)
+    views.say_next("`stemwatch accounts list` shows all users.")
 
 
 def _note(store: Store, action: str, about: str) -> None:

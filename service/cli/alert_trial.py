@@ -67,6 +67,7 @@ def alert_trial(
     _print(played)
     if json_file is not None:
         json_file.write_text(json.dumps(_as_json(played), indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("alert-trial.md")
 
 
 def _print(played: Played) -> None:

@@ -60,6 +60,7 @@ def calibrate_mismatch(
             "scores": scores,
         }
         json_file.write_text(json.dumps(limits, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("method.md")
 
 
 def _table(rows: Sequence[TermNulls]) -> Table:

@@ -48,7 +48,7 @@ def calibrate_archives(
         views.say(f"Nulls lie beyond: {'; '.join(over)}.")
     untold = [one.name for one in found if not one.nulls]
     if untold:
-        views.say(f"Draw more valves, no null tells of: {'; '.join(untold)}.")
+        views.say(f"Draw more valves: too few without the effect for {'; '.join(untold)}.")
     if json_file is not None:
         report = {
             "seed": seed,
@@ -57,3 +57,4 @@ def calibrate_archives(
             "recordings": [asdict(one) for one in shown],
         }
         json_file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("method.md")

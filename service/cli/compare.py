@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import given_by, read_options, request_of, tags_of
+from stemwatch.service.cli.reading import (
+    given_by,
+    read_options,
+    request_of,
+    say_unused_options,
+    tags_of,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -52,6 +58,7 @@ def compare(
     o.need_file(file, "FILE")
     request = request_of([str(file)], None, tags_of(op=op, mv=mv), valve, from_, to, options)
     recording = _the_recording(request, file)
+    say_unused_options([recording.provenance])
     _report(_compared(recording, train_share, narx), out, json_file)
 
 
@@ -108,6 +115,7 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
         (out / PAGE).write_bytes(html_bytes(comparison))
         where = (out / PAGE).resolve()
         views.out.print(f"Page: {where}", highlight=False, soft_wrap=True)
+    views.say_next("`stemwatch explain FILE` says what S and J leave out of this recording.")
 
 
 def _table(comparison: Comparison) -> Table:

@@ -54,6 +54,10 @@ def version(plant: PlantFile = None, db: Url = "") -> None:
     views.say_result(
         f"{address}: schema {revision or 'none'}; this program writes {newest_revision()}"
     )
+    if revision != newest_revision():
+        views.say_next("`stemwatch db backup FILE`, then `stemwatch db upgrade`.")
+    else:
+        views.say_next("nothing has to be done; `stemwatch db check` looks it over.")
 
 
 @db_app.command()
@@ -72,6 +76,7 @@ def upgrade(plant: PlantFile = None, db: Url = "") -> None:
     with disposing(make_engine(address)) as engine:
         bring_up(engine, address)
     views.say_result(f"{address}: schema {newest_revision()}")
+    views.say_next("`stemwatch db check` looks it over.")
 
 
 @db_app.command()
@@ -97,6 +102,9 @@ def downgrade(
     with disposing(existing_engine(address)) as engine:
         take_back(engine, address, schema)
     views.say_result(f"{address}: schema {schema}")
+    views.say_next(
+        "start the older program; this one brings the schema up again when it opens the database."
+    )
 
 
 @db_app.command()
@@ -118,6 +126,7 @@ def check(plant: PlantFile = None, db: Url = "") -> None:
     if health.problems:
         raise typer.Exit(1)
     views.say_result("Nothing is wrong.")
+    views.say_next("`stemwatch db backup FILE`, if the last backup is old.")
 
 
 @db_app.command()
@@ -137,6 +146,10 @@ def backup(
     address = _address(plant, db)
     told = carry(address, file)
     views.out.print(views.told_table(f"{address} in {file}", told))
+    views.say_next(
+        f"keep {file} on another computer, and as private as the database. `stemwatch db restore` "
+        "fills an empty database from it."
+    )
 
 
 @db_app.command()
@@ -155,6 +168,9 @@ def restore(
     address = _address(plant, db)
     told = carry(o.need_file(file, "FILE"), address)
     views.out.print(views.told_table(f"{file} in {address}", told))
+    views.say_next(
+        "give this database as storage.url, or in STEMWATCH_STORAGE_URL, and start the service."
+    )
 
 
 @db_app.command()
@@ -225,6 +241,8 @@ def prune(
     views.out.print(views.pruned_table(str(address), went, done=yes))
     if not yes and went.total:
         views.say_result("Nothing was removed; --yes does it. Make a backup first.")
+    else:
+        views.say_next("`stemwatch db check` says how large it is now.")
 
 
 def _address(plant: Path | None, db: str) -> DatabaseUrl:

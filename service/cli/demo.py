@@ -82,6 +82,10 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
     views.say("2/3  Screening the export ...")
     screen_plant(written.plant_toml, out / "report", workers)
     views.say(f"3/3  Done in {time.perf_counter() - began:.0f} s. Open the report in a browser.")
+    views.say_next(
+        "`stemwatch demo --live` shows the service on a valve that wears; an export of your own "
+        "begins with `stemwatch inspect FILE`."
+    )
 
 
 def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> None:

@@ -51,6 +51,7 @@ def drift(
     if json_file is not None:
         report = {"valves": valves, "seed": seed, **as_json(followed, calibration)}
         json_file.write_text(json.dumps(report, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    views.say_read_on("networks.md")
 
 
 def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import given_by, requested
+from stemwatch.service.cli.reading import given_by, requested, say_unused_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -85,6 +85,7 @@ def _report(
         from stemwatch.service.explain.explain_json import to_json
 
         json_file.write_text(to_json(valves), encoding="utf-8")
+    say_unused_options(one.recording.provenance for one in valves if one.recording is not None)
     if not any(explained.recording is not None for explained in valves):
         reasons = dict.fromkeys(explained.mismatch.sentence.rstrip(".") for explained in valves)
         said = "; ".join([*reasons][:MOST_REASONS]) or "no source holds a recording"
@@ -97,6 +98,11 @@ def _report(
     if out is not None:
         where = str(_write(valves, request, out).resolve())
         views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
+    first = "open the page" if out is not None else "see strokes, loops and maps, with --out FOLDER"
+    views.say_next(
+        f"{first}; what to check stands under each effect. `stemwatch plan-test` plans the test "
+        "that tells what was left open."
+    )
 
 
 def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:

@@ -87,6 +87,7 @@ def judge_test(
 
 def _recorded(request: Request, valve: str) -> Recording:
     """The recording of the test, of ``valve`` where the source holds several."""
+    from stemwatch.service.cli.reading import say_unused_options
     from stemwatch.service.explain.to_explain import what_to_explain
     from stemwatch.service.run.task import recording_of
 
@@ -100,7 +101,9 @@ def _recorded(request: Request, valve: str) -> Recording:
         )
     if named[0].task is None or named[0].reason:
         raise ValueError(named[0].reason or f"{named[0].source}: there is nothing to read")
-    return recording_of(named[0].task)
+    recording = recording_of(named[0].task)
+    say_unused_options([recording.provenance])
+    return recording
 
 
 def _of_store(valve: str, request: Request, db: str, begin: datetime | None) -> OpenQuestion:

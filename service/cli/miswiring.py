@@ -42,6 +42,7 @@ def miswiring(
         answers = run_miswiring(loops, seed, kinds, choose_executor(workers), tell)
     _print(list(rows(answers)))
     views.write_answers(answers, json_file)
+    views.say_read_on("miswiring.md")
 
 
 def _print(rows: Sequence[WiringRow]) -> None:
@@ -53,7 +54,7 @@ def _print(rows: Sequence[WiringRow]) -> None:
     table.add_column("the recording has ...")
     for name in ("wrong", "undetermined", "right", "said"):
         table.add_column(name, justify="right")
-    table.add_column("what the undetermined are told")
+    table.add_column("why the undetermined have no verdict")
     for row in rows:
         table.add_row(
             row.kind,

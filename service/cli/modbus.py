@@ -56,16 +56,23 @@ def read(
     value; a value that looks misread is shown in the other byte orders too. With HOST and
     --register the words are shown in every type and byte order. Nothing is ever written.
     """
+    from stemwatch.service.cli import views
+
     if map_file is not None:
         if host:
             raise typer.BadParameter("give HOST or --map, not both: the map names its own hosts")
         _try_maps(map_file, device)
+        views.say_next("where every value is right, `stemwatch serve --plant FILE` polls them.")
         return
     if not host:
         raise typer.BadParameter("give HOST, or --map plant.toml", param_hint="HOST")
     link = _link(host, timeout_s, rtu, baudrate, parity, stopbits)
     for written in register or ["holding:0"]:
         _show_words(link, unit, written, count)
+    views.say_next(
+        "write the type and byte order whose value is right into [[devices.registers]] of the "
+        "plant file; `stemwatch modbus read --map plant.toml` then reads by it."
+    )
 
 
 def _link(
@@ -128,14 +135,14 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
     views.out.print(modbus_views.meanings_table(at, words))
 
 
-def _try_maps(file: Path, wanted: str) -> None:
+def _try_maps(file: Path, name: str) -> None:
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.connectors.modbus.commissioning import try_map
     from stemwatch.connectors.modbus.read_fault import ReadFault
     from stemwatch.service.cli import modbus_views, views
 
     failed = []
-    for device in _devices(file, wanted):
+    for device in _devices(file, name):
         try:
             tried = asyncio.run(try_map(device))
         except ReadFault as fault:
@@ -148,7 +155,7 @@ def _try_maps(file: Path, wanted: str) -> None:
         raise ConnectorError("; ".join(failed))
 
 
-def _devices(file: Path, wanted: str) -> list[Device]:
+def _devices(file: Path, name: str) -> list[Device]:
     """The devices of a plant file; what is wrong with the others is said on standard error."""
     from stemwatch.connectors.modbus.read_devices import read_devices
     from stemwatch.service.cli import options, views
@@ -160,9 +167,9 @@ def _devices(file: Path, wanted: str) -> list[Device]:
     devices = read_devices(tables, lines.of, file.name, folder=file.absolute().parent)
     for problem in devices.problems:
         views.say_error(str(problem))
-    chosen = [device for device in devices.devices if wanted in ("", device.name)]
+    chosen = [device for device in devices.devices if name in ("", device.name)]
     if not chosen:
         names = ", ".join(device.name for device in devices.devices) or "none that can be read"
-        what = f"no device {wanted!r}" if wanted else "no [[devices]] to try"
+        what = f"no device {name!r}" if name else "no [[devices]] to try"
         raise typer.BadParameter(f"{what} in {file.name}; it has {names}", param_hint="--map")
     return chosen

@@ -85,6 +85,8 @@ def plan_test(
     if Path(id_or_file).is_file():
         name, plan, loaded = _of_file(recording.request([id_or_file]), limits, op_now)
     else:
+        if db or recording.plant is not None:
+            _refuse_of_file(id_or_file, recording)
         name, plan, loaded = _of_store(id_or_file, recording.plant, db, limits, op_now)
     sheet = sheet_of(plan, name)
     views.out.print(_on_terminal(sheet), highlight=False)
@@ -95,6 +97,24 @@ def plan_test(
         _write(sheet, loaded, recording.read_options.zone or "", out)
     elif sheet.test is not None:
         views.say_next("the sheet to print, with --out FOLDER.")
+
+
+def _refuse_of_file(valve: str, given: RecordingOptions) -> None:
+    """Wrong usage where options that say what is read of a file come with a valve of the store;
+    the zone is that of the sheet's times, too."""
+    from stemwatch.connectors.historian.options import given_options
+
+    window = {"from": given.start, "to": given.stop, "valve": given.valve}
+    said = [role.value for role in given.tags]
+    said += [name for name, value in window.items() if value]
+    said += [name for name in given_options(given.read_options) if name != "zone"]
+    if said:
+        option = "--" + said[0].replace("_", "-")
+        raise typer.BadParameter(
+            f"{option} says what is read of a file, and {valve} is none; leave it out for a valve "
+            "of the store, or give the path of its export",
+            param_hint=option,
+        )
 
 
 def _of_store(
@@ -155,9 +175,12 @@ def explained_file(request: Request) -> Explained:
             f"a test is planned for one valve; the file has {len(wanted)} ({names}): give its tags "
             "with --op and --mv, or screen the file and name the valve with --db"
         )
+    from stemwatch.service.cli.reading import say_unused_options
+
     explained = explain_one(Job(to_explain=wanted[0], narx=False))
     if explained.recording is None:
         raise ValueError(explained.mismatch.sentence)
+    say_unused_options([explained.recording.provenance])
     return explained
 
 

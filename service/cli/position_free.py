@@ -76,3 +76,4 @@ def study_without_position(
     if json_file is not None:
         objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("without-position.md")

@@ -64,6 +64,7 @@ def prove(
         if keep is not None:
             (keep / TRUTH_FILE).write_text(sealed.text, encoding="utf-8", newline="\n")
     _report(marks, sealed, seed, json_file)
+    views.say_read_on("proof.md")
 
 
 @contextmanager

@@ -66,6 +66,7 @@ def prove_weeks(
     _print(followed, days, windows)
     if json_file is not None:
         _write(followed, json_file)
+    views.say_read_on("proof.md")
 
 
 def _print(followed: list[FollowedValve], days: int, windows: int) -> None:

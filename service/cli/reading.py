@@ -4,7 +4,7 @@
 # Typer needs the annotations themselves, so they are not put off here; what is slow to import is
 # named in quotes.
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -18,11 +18,12 @@ from stemwatch.service.cli import options as o
 if TYPE_CHECKING:
     from stemwatch.connectors.connector import Window
     from stemwatch.connectors.historian import ReadOptions
-    from stemwatch.models.recording import Role
+    from stemwatch.models.recording import Provenance, Role
     from stemwatch.service.config import Plant
     from stemwatch.service.run.plan import Request
 
 Command = Callable[..., Any]
+MOST_FILES_SAID = 5  # on the terminal
 
 
 def given_by(make: Callable[..., Any], *, name: str) -> Callable[[Command], Command]:
@@ -150,6 +151,7 @@ def request_of(
     in that of the plant, else in UTC."""
     from stemwatch.service.run.plan import Request
 
+    _refuse_what_nobody_asks_for(sources, plant, tags, valve, (from_, to), options)
     loaded = loaded_plant(plant, sources)
     zone = options.zone or (loaded.zone if loaded else None) or ""
     return Request(
@@ -160,6 +162,57 @@ def request_of(
         window=window_of(from_, to, zone),
         read_options=options,
     )
+
+
+def _refuse_what_nobody_asks_for(
+    sources: Sequence[str] | None,
+    plant: Path | None,
+    tags: "dict[Role, str]",
+    valve: str,
+    window: tuple[str, str],
+    options: "ReadOptions",
+) -> None:
+    """Wrong usage where an option would make no difference whatever the files hold."""
+    from stemwatch.connectors.historian.options import given_options
+
+    if plant is not None and (tags or valve):
+        option = f"--{next(iter(tags))}" if tags else "--valve"
+        raise typer.BadParameter(
+            f"{option} is for files without a plant file; {plant} says which tag is what",
+            param_hint=option,
+        )
+    if valve and not tags:
+        raise typer.BadParameter(
+            "--valve names the valve whose tags are given; give its --op as well",
+            param_hint="--valve",
+        )
+    if plant is None or sources:
+        return  # what a file then does not need is said with what was read
+    given = set(given_options(options)) - ({"zone"} if any(window) else set())
+    if given:
+        option = "--" + min(given).replace("_", "-")
+        raise typer.BadParameter(
+            f"{option} says how the files on the command line are read, and there are none; for "
+            f"the plant's own sources say it in [[sources]] of {plant}",
+            param_hint=option,
+        )
+
+
+def say_unused_options(recordings: "Iterable[Provenance]") -> None:
+    """On the terminal: the options of the command line that made no difference to a file."""
+    from stemwatch.connectors.historian.unused_options import unused_sentences
+    from stemwatch.service.cli import views
+
+    said = {
+        (Path(one.source).name, sentence): None
+        for one in recordings
+        for sentence in unused_sentences(one.decisions)
+    }
+    shown = list(said)
+    for source, sentence in shown[:MOST_FILES_SAID]:
+        views.say(f"{source}: {sentence}")
+    if len(shown) > MOST_FILES_SAID:
+        views.say(f"and so in {len(shown) - MOST_FILES_SAID} more; the report names each")
 
 
 def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> "Plant | None":

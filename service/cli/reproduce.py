@@ -56,6 +56,7 @@ def reproduce(
     if json_file is not None:
         text = json.dumps(as_json(results, seeds), indent=1, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
+    views.say_read_on("paper.md")
 
 
 def as_json(results: Sequence[CaseResult], seeds: int) -> dict[str, Any]:

@@ -42,6 +42,7 @@ def robustness(
         answers = run_robustness(valves, seed, ways, choose_executor(workers), tell)
     _print(list(rows(answers)))
     views.write_answers(answers, json_file)
+    views.say_read_on("robustness.md")
 
 
 def _print(rows: Sequence[Row]) -> None:

@@ -1,4 +1,4 @@
-"""``stemwatch screen``: the main job."""
+"""``stemwatch screen``: a verdict on every valve of an export or a plant file, and the report."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import typer
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import given_by, requested
+from stemwatch.service.cli.reading import given_by, requested, say_unused_options
 
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
@@ -119,6 +119,7 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         views.out.print(line, highlight=False)
     for place, reason in (*result.not_read, *result.not_saved):
         views.say(f"left out: {place}: {reason}")
+    say_unused_options(screening.provenance for screening in result.brief)
     if json_file is not None:
         json_file.write_bytes(result.report.json.read_bytes() + b"\n")
     for what, path in (

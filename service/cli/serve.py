@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -74,10 +73,12 @@ def run_now(
     """Screen now, without waiting for a schedule.
 
     Where a service runs on the same database it does the work; otherwise this command does, with
-    alerts and report as on a schedule.
+    alerts and report as on a schedule. Asked to stop (SIGTERM, Ctrl-C), it leaves the run to the
+    service, or to the next one that starts.
     """
     from stemwatch.service import __version__
     from stemwatch.service.cli import views
+    from stemwatch.service.process_lifecycle import asked_to_stop
     from stemwatch.service.run.queue_worker import QueueWorker
     from stemwatch.service.serve.periodic_tasks import LEASE
     from stemwatch.service.store.runs.queue import RunToQueue
@@ -86,7 +87,8 @@ def run_now(
     loaded = _load(plant)
     if unknown := [name for name in valve or () if name not in loaded.valves]:
         raise typer.BadParameter(f"no valve {unknown[0]} in {plant}", param_hint="VALVE")
-    with open_store(loaded.storage) as store:
+    stop = threading.Event()
+    with asked_to_stop(stop.set, last=True), open_store(loaded.storage) as store:
         wanted = RunToQueue(valves=tuple(valve or ()), who=who or "command line")
         number = store.queue.put(wanted, software_version=__version__)
         served = store.leases.holder(LEASE) is not None
@@ -94,20 +96,21 @@ def run_now(
             raise typer.Exit(1)
         by = "the service works on it" if served else "no service runs here; this command does it"
         views.out.print(f"Run {number} is queued; {by}.", highlight=False)
-        stop = threading.Event()
         working = None
         if not served:
-            working = threading.Thread(
-                target=_work, args=(QueueWorker(store, loaded), stop, number)
-            )
+            worker = QueueWorker(store, loaded)
+            working = threading.Thread(target=_work, args=(worker, stop, number))
             working.start()
         try:
             if wait or working is not None:
-                _show(_follow(store, number, working))
+                _follow(store, number, working, stop)
         finally:
+            asked = stop.is_set()
             stop.set()
             if working is not None:
                 working.join()
+        if wait or working is not None:
+            _show(store.run(number), left=asked)
 
 
 def _load(plant: Path) -> Plant:
@@ -133,8 +136,10 @@ def _work(worker, stop: threading.Event, number: int) -> None:  # type: ignore[n
         views.say_error(str(error))
 
 
-def _follow(store: Store, number: int, working: threading.Thread | None) -> StoredRun:
-    """The run when it is over, with its progress shown until then."""
+def _follow(
+    store: Store, number: int, working: threading.Thread | None, stop: threading.Event
+) -> None:
+    """Wait until the run is over, or until ``stop``, with its progress shown."""
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
     from stemwatch.service.cli import views
@@ -142,17 +147,24 @@ def _follow(store: Store, number: int, working: threading.Thread | None) -> Stor
     columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=views.err, transient=True) as progress:
         bar = progress.add_task("run", total=None)
-        while True:
+        while not stop.wait(_LOOK_S):
             run = store.run(number)
             progress.update(bar, completed=run.done, total=run.total or None)
             if run.finished is not None or (working is not None and not working.is_alive()):
-                return store.run(number)
-            time.sleep(_LOOK_S)
+                return
 
 
-def _show(run: StoredRun) -> None:
+def _show(run: StoredRun, *, left: bool) -> None:
     from stemwatch.service.cli import views
 
+    if left and run.finished is None:
+        so_far = f" after {run.done} of {run.total} valves" if run.total else ""
+        views.out.print(
+            f"Run {run.id} is left{so_far}: the service goes on with it, or the next one that "
+            "starts, or the next run-now.",
+            highlight=False,
+        )
+        raise typer.Exit(1)
     counts = ", ".join(f"{count} {verdict.value}" for verdict, count in run.counts.items())
     said = f"Run {run.id}: {run.state.value}, {run.done} of {run.total} valves ({counts or 'none'})"
     if run.set_aside:
@@ -162,3 +174,7 @@ def _show(run: StoredRun) -> None:
         views.out.print(f"Report: {views.escape(run.report)}", highlight=False, soft_wrap=True)
     if run.finished is None or run.state.value in ("failed", "cancelled"):
         raise typer.Exit(1)
+    views.say_next(
+        "open the report; the work orders lie beside it, and alerts, if any, stand on the pages of "
+        "`stemwatch serve`."
+    )

@@ -48,6 +48,7 @@ def trial(
     _print(marked)
     if json_file is not None:
         _write(marked, json_file)
+    views.say_read_on("trial.md")
 
 
 def _print(marked: Sequence[Marked]) -> None:

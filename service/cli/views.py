@@ -104,6 +104,14 @@ def say_next(text: str) -> None:
     err.print(f"[bold]Next:[/] {escape(text)}", highlight=False, soft_wrap=True)
 
 
+def say_read_on(page: str) -> None:
+    """Print where the counts of a study are explained, and what to do with valves of one's own."""
+    say_next(
+        f"docs/{page} says what was simulated and how to read these figures; valves of your own: "
+        "`stemwatch screen FILE`."
+    )
+
+
 def say_result(text: str) -> None:
     """Print a line of the result to standard output."""
     out.print(escape(text), highlight=False)
@@ -130,11 +138,13 @@ def verdict_line(screening: Screening) -> str:
 
 
 @contextmanager
-def progress(what: str, total: int, *, transient: bool = False) -> Iterator[Callable[[int], None]]:
+def progress(
+    description: str, total: int, *, transient: bool = False
+) -> Iterator[Callable[[int], None]]:
     """A progress bar; gives what is told how many of ``total`` are done. A transient one leaves no
     line."""
     with Progress(console=err, transient=transient) as shown:
-        bar = shown.add_task(what, total=total)
+        bar = shown.add_task(description, total=total)
         yield lambda done: shown.update(bar, completed=done)
 
 

@@ -6,9 +6,11 @@ that the numbers are the same as here: one thread each, and the same version on 
 
 from __future__ import annotations
 
+import asyncio
 import importlib
 import logging
 import threading
+import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -32,6 +34,8 @@ log = logging.getLogger(__name__)
 CONNECT_S = 10.0
 WORKER_S = 60.0  # a cluster may be starting its first worker just now
 LOOK_S = 0.05  # between two looks for finished batches and at ``stop``
+ASK_S = 10.0  # between two questions to the scheduler whether it lives
+SILENT_S = 60.0  # without an answer it is given up
 AHEAD = 4  # batches handed to the cluster for each of its threads
 DEADLY = "several workers of the cluster died on it"
 
@@ -127,11 +131,13 @@ class _HandedOut:
         self._client, self._work, self._ahead = client, work, ahead
         self._waiting = enumerate(batches)
         self._out: dict[str, int] = {}  # places by the futures' keys
+        self._pulse = _Pulse(client)
 
     def answers(self, stop: threading.Event) -> Generator[Answer[Any]]:
         """The answer of each batch, until ``stop``."""
         out = distributed().as_completed(self._more(self._ahead), loop=self._client.loop)
         while not out.is_empty() and not stop.is_set():
+            self._pulse.feel()
             done = out.next_batch(block=False)
             if not done:
                 stop.wait(LOOK_S)
@@ -159,15 +165,45 @@ class _HandedOut:
             return Answer(index=place, results=future.result())
         except dask.KilledWorker:
             return Answer(index=place, failure=Failure(reason=DEADLY, lost=True))
-        except dask.CancelledError as error:
+        except (dask.CancelledError, dask.comm.CommClosedError) as error:
+            # No failure of the work, which would be a result with that reason.
             raise ClusterError(
-                f"the cluster let go of the work ({error}): its scheduler was stopped or started "
-                "anew; run the same command again, what was saved is updated in place"
+                f"the cluster let go of the work ({' '.join(str(error).split())}): its scheduler "
+                "was stopped or started anew; run the same command again, what was saved is "
+                "updated in place"
             ) from None
         except ClusterError:
             raise
         except Exception as error:
             return Answer(index=place, failure=failure_of(error))
+
+
+class _Pulse:
+    """Whether the scheduler still answers. One that hangs, or whose network is gone without a word,
+    says nothing of the work for ever."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._asked: Any = None
+        self._since_s = time.monotonic()
+
+    def feel(self) -> None:
+        """Ask now and then; raises ``ClusterError`` where no answer came for ``SILENT_S``."""
+        now_s = time.monotonic()
+        if self._asked is not None and self._asked.done():
+            # An answer of any kind; a broken connection is said by the work that waits for it.
+            self._asked, self._since_s = None, now_s
+        elif self._asked is None and now_s - self._since_s >= ASK_S:
+            self._since_s = now_s
+            question = self._client.scheduler.identity()
+            self._asked = asyncio.run_coroutine_threadsafe(question, self._client.loop.asyncio_loop)
+        elif self._asked is not None and now_s - self._since_s >= SILENT_S:
+            self._asked.cancel()
+            raise ClusterError(
+                f"the cluster's scheduler has not answered for {SILENT_S:g} s; see whether it and "
+                "the network to it work, and run the same command again, what was saved is updated "
+                "in place"
+            )
 
 
 def in_worker(

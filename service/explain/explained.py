@@ -41,7 +41,7 @@ class Explained:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """What travels to a worker."""
+    """One recording to be explained, as it is sent to a worker."""
 
     to_explain: ToExplain
     narx: bool = True  # train the network that says how much is systematic at all

@@ -101,7 +101,7 @@ def _over_time(
         traces.append(DrawnTrace("MV", mv.values[part], 1.2))
     below = None
     if mv is None and pv is not None and np.isfinite(pv.values[part]).any():
-        below = pv
+        below = pv.in_process_unit()
     unit = op.unit if mv is None or mv.unit == op.unit else f"{op.unit}, {mv.unit}"
     height = HEIGHT - TOP - FOOT - (66.0 if below is not None else 0.0)
     marks = _panel_over_time(recording, part, traces, unit, TOP, (width, height))
@@ -190,6 +190,7 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
         line = tuple(panel.at(float(x), float(y)) for x, y in curve)
         marks.append(DrawnLine(line, width=1.3, dash=OP_DASH))
         marks += _curve_legend(panel)
+    marks += _recorded_legend(panel, lines_below=(band is not None) + (curve is not None))
     picked = telling_samples([op, mv], 2 * POINTS)
     return marks + panel.lines(op[picked], mv[picked], 0.8)
 
@@ -202,6 +203,14 @@ def _alike(
     middle_x, middle_y = (x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0
     half_x, half_y = wider / 2.0, wider / width_by_height / 2.0
     return (middle_x - half_x, middle_x + half_x), (middle_y - half_y, middle_y + half_y)
+
+
+def _recorded_legend(panel: Panel, lines_below: int) -> list[Mark]:
+    x, y = panel.left + 24.0, panel.top - 7.0 - 8.0 * lines_below
+    return [
+        DrawnLine(((x, y), (x + 14.0, y)), width=0.8),
+        DrawnText((x + 18.0, y + 2.3), "recorded", 7.0),
+    ]
 
 
 def _band_legend(panel: Panel) -> list[Mark]:

@@ -137,7 +137,9 @@ def report_of_store(
     return write_maintenance(chosen, context, out_dir, background, everything=everything)
 
 
-def _p_elsewhere(every: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
+def _p_elsewhere(restored: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
     """The p values of the valves that were tested and are not in the report."""
-    others = [screening.mismatch for screening in every if valves and screening.valve not in valves]
+    others = [
+        screening.mismatch for screening in restored if valves and screening.valve not in valves
+    ]
     return tuple(other.p_value for other in others if tested(other))

@@ -16,6 +16,13 @@ from stemwatch.service.report.write_report import put_all
 
 HTML, PDF = "maintenance.html", "maintenance.pdf"
 ORDERS_XLSX, ORDERS_CSV = "work-orders.xlsx", "work-orders.csv"
+# What they are, as the report beside them and the terminal name them.
+WORK_FILES = {
+    PDF: "Pages for maintenance, to print (PDF)",
+    HTML: "the same on screen",
+    ORDERS_XLSX: "Work orders (XLSX)",
+    ORDERS_CSV: "work orders for import (CSV)",
+}
 
 
 @dataclass(frozen=True, kw_only=True)

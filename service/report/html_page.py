@@ -136,16 +136,24 @@ def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
     else:
         nothing = "There is nothing to plot: no samples could be read."
         why = nothing if evidence.chart is None else ""
-    mismatch = _view(valve, evidence.overlay, remark if valve.stands is False else "")
+    mismatch = _view(valve, evidence, remark if valve.stands is False else "")
     return PlottedValve(valve=valve, chart=evidence.chart, why_not=why, mismatch=mismatch)
 
 
-def _view(valve: RankedValve, overlay: Chart | None, held_back: str) -> MismatchView | None:
+def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchView | None:
     mismatch, tag = valve.screening.mismatch, valve.screening.valve
     if mismatch is None:
         return None
-    counts = valve.screening.S, valve.screening.J
-    return mismatch_view(mismatch, None, valve.anchor, tag, held_back, overlay, counts)
+    return mismatch_view(
+        mismatch,
+        None,
+        valve.anchor,
+        tag,
+        held_back,
+        overlay=evidence.overlay,
+        counts=(valve.screening.S, valve.screening.J),
+        pictures=evidence.pictures.effects,
+    )
 
 
 class _Compiled(BytecodeCache):

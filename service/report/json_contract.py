@@ -8,7 +8,7 @@ NaN and infinities never appear: they become null.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime, tzinfo
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
@@ -21,7 +21,7 @@ from stemwatch.models.mismatch.findings import (
     Mismatch,
     RecordEffect,
     Stiction,
-    Tried,
+    TriedEffect,
 )
 from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
@@ -70,7 +70,7 @@ def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[s
             "before": _hot(mismatch.before.hot),
             "after": _hot(mismatch.after.hot),
         },
-        "tried": [_tried(one) for one in mismatch.tried],
+        "tried": [_tried(tried_effect) for tried_effect in mismatch.tried],
         "together": _gain(mismatch.together),
         "p_value": finite(mismatch.p_value),
         "stands": stands,
@@ -141,12 +141,12 @@ def _gain(gain: Gain | None) -> dict[str, float | None] | None:
     return None if gain is None else {"mean": finite(gain.mean), "t": finite(gain.t)}
 
 
-def _tried(one: Tried) -> dict[str, Any]:
+def _tried(tried: TriedEffect) -> dict[str, Any]:
     return {
-        "slug": printable(one.slug),
-        "alone": _gain(one.alone),
-        "beside": _gain(one.beside),
-        "outcome": one.outcome.value,
+        "slug": printable(tried.slug),
+        "alone": _gain(tried.alone),
+        "beside": _gain(tried.beside),
+        "outcome": tried.outcome.value,
     }
 
 
@@ -202,11 +202,12 @@ def to_contract(
     *,
     stands: bool | None = None,
     by_window: EvidenceOfWeeks | None = None,
+    zone: tzinfo = UTC,
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together.
+    windows of the last weeks say together. Days in sentences are those of ``zone``, as in a report.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
@@ -238,7 +239,7 @@ def to_contract(
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
         "over_weeks": []
         if by_window is None
-        else [_lasting(finding) for finding in by_window.findings],
+        else [_lasting(finding, zone) for finding in by_window.findings],
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
@@ -304,11 +305,11 @@ def _direction(step: StepFigures, figures: ResponseFigures) -> str:
     return "rising" if step.rising else "falling"
 
 
-def _lasting(finding: LastingFinding) -> dict[str, Any]:
+def _lasting(finding: LastingFinding, zone: tzinfo) -> dict[str, Any]:
     return {
         "slug": printable(finding.slug),
         "state": finding.state.value,
-        "sentence": printable(finding_sentence(finding)),
+        "sentence": printable(finding_sentence(finding, zone)),
         "first_seen": _instant(finding.first_seen),
         "confirmed": _instant(finding.confirmed),
         "last_seen": _instant(finding.last_seen),

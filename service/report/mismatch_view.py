@@ -72,8 +72,10 @@ def mismatch_view(
     held_back: str = "",
     overlay: Chart | None = None,
     counts: tuple[Estimate, Estimate] | None = None,
+    pictures: tuple[Picture, ...] = (),
 ) -> MismatchView:
-    """The view of ``mismatch``; without ``recording`` with the ``overlay`` given, if any.
+    """The view of ``mismatch``; without ``recording`` with the ``overlay`` and the ``pictures``
+    given, if any.
 
     ``counts`` are the valve's S and J where a screening says them; else the mismatch does.
     """
@@ -88,7 +90,7 @@ def mismatch_view(
         top=top,
         facets=tuple(facet_bars(mismatch)),
         overlay=overlay_of(recording, mismatch.runs) or overlay,
-        pictures=effect_pictures(recording, mismatch),
+        pictures=effect_pictures(recording, mismatch) or pictures,
         S=S,
         J=J,
         alternative=_alternative(mismatch, S, J),

@@ -54,8 +54,11 @@ class ReportContext:
 
     ``valves`` is keyed by ``Screening.valve``. A report of a part of a run has in ``p_elsewhere``
     the ``Mismatch.p_value`` of every other valve that was tested (``None`` where nothing was
-    named), so that what stands is decided over the whole run. Raises ``ValueError`` on a naive
-    ``started`` or a zone that the time zone database does not have.
+    named), so that what stands is decided over the whole run. ``work_files`` are the names of the
+    files for maintenance that lie beside the report, with what each is.
+
+    Raises ``ValueError`` on a naive ``started`` or a zone that the time zone database does not
+    have.
     """
 
     started: datetime
@@ -68,6 +71,7 @@ class ReportContext:
     valves: Mapping[str, ValveFacts] = field(default_factory=dict)
     sources_not_read: tuple[SourceNotRead, ...] = ()
     p_elsewhere: tuple[float | None, ...] = ()
+    work_files: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:
@@ -80,6 +84,7 @@ class ReportContext:
                 "expected an IANA name such as 'UTC' or 'Europe/Berlin'"
             ) from error
         object.__setattr__(self, "valves", MappingProxyType(dict(self.valves)))
+        object.__setattr__(self, "work_files", MappingProxyType(dict(self.work_files)))
 
     @property
     def tz(self) -> tzinfo:

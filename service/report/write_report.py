@@ -94,7 +94,10 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
     between = "[\n "
     for valve in ranked:
         contract = to_contract(
-            valve.screening, stands=valve.stands, by_window=valve.facts.by_window
+            valve.screening,
+            stands=valve.stands,
+            by_window=valve.facts.by_window,
+            zone=context.tz,
         )
         text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
         file.write((between + text.replace("\n", "\n ")).encode())

@@ -16,6 +16,7 @@ from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
+from stemwatch.service.report.charts.window_pictures import pack_pictures
 from stemwatch.service.report.html_page import MOST_PLOTTED
 from stemwatch.service.run.saving import (
     PlacedScreening,
@@ -193,4 +194,9 @@ def _put(
     else:
         screening, evidence = outcome.result
     results.add(place, screening, evidence)
-    return PlacedScreening(task_index=place, screening=screening, given_up=outcome.reason)
+    return PlacedScreening(
+        task_index=place,
+        screening=screening,
+        given_up=outcome.reason,
+        packed_pictures=pack_pictures(evidence.pictures),
+    )

@@ -17,6 +17,7 @@ from stemwatch.service.config import Plant
 from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
+from stemwatch.service.maintenance.write_maintenance import WORK_FILES
 from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
@@ -87,17 +88,22 @@ def _write(
     run: Run, executed: Executed, not_read: NotRead, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
     context = _context(run, executed, not_read)
+    failed: Exception | None = None
+    try:
+        _write_work_list(run, executed, context)
+    except Exception as error:  # alerts and the report itself matter more
+        failed = error
+        if run.queued:
+            text = "run %d: the maintenance report could not be written"
+            log.exception(text, run.number, extra={"run": run.number})
+    else:
+        context = replace(context, work_files=WORK_FILES)
     if run.shown is None:
         files = write_report(executed.results, context, run.out, executed.results.evidence)
     else:
         files = _write_worst(run, executed.results.worst(run.shown), context, tested)
-    try:
-        _write_work_list(run, executed, context)
-    except Exception:  # alerts and the report itself matter more
-        if not run.queued:
-            raise
-        text = "run %d: the maintenance report could not be written"
-        log.exception(text, run.number, extra={"run": run.number})
+    if failed is not None and not run.queued:
+        raise failed
     return files
 
 

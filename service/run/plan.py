@@ -6,7 +6,7 @@ import os
 import re
 import threading
 from collections.abc import Callable, Sequence, Set
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.historian import ReadOptions, find_sources, propose_valves
+from stemwatch.connectors.historian.options import given_options
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
@@ -272,13 +273,7 @@ def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
     base = (
         ReadOptions(**plant.read_options(sources[0])) if sources else ReadOptions(zone=plant.zone)
     )
-    default = ReadOptions()
-    overrides = {
-        field.name: getattr(given, field.name)
-        for field in fields(given)
-        if getattr(given, field.name) != getattr(default, field.name)
-    }
-    return replace(base, **overrides)
+    return replace(base, **given_options(given))
 
 
 def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:
@@ -299,9 +294,9 @@ def _not_readable(path: str, valve: str, reason: str) -> Task:
     return Task(path=path, tags=tags, reason=reason)
 
 
-def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
+def header_tags(path: str, tags_wanted: Set[str]) -> set[str] | None:
     """The names in the header of the text file ``path``; ``None`` where no line near its top names
-    two of the ``wanted`` tags, so that the whole file has to be parsed.
+    two of the ``tags_wanted`` tags, so that the whole file has to be parsed.
 
     Each name is given as written and without a trailing unit in brackets.
     """
@@ -315,6 +310,6 @@ def header_tags(path: str, wanted: Set[str]) -> set[str] | None:
     for line in head.decode("utf-8-sig", "replace").splitlines()[:HEADER_LINES]:
         cells = {cell.strip().strip("\"'").strip() for cell in _SEPARATORS.split(line)}
         named = cells | {_UNIT.sub("", cell) for cell in cells}
-        if len(named & wanted) >= FEWEST_TAGS:
+        if len(named & tags_wanted) >= FEWEST_TAGS:
             return named
     return None

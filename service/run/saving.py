@@ -45,11 +45,15 @@ def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedScreening:
-    """A screening and its place among the tasks; ``given_up`` says why it could not be done."""
+    """A screening and its place among the tasks; ``given_up`` says why it could not be done.
+
+    ``packed_pictures`` are kept in the store with it.
+    """
 
     task_index: int
     screening: Screening
     given_up: str = ""
+    packed_pictures: bytes = b""
 
 
 class Saving:
@@ -104,13 +108,16 @@ class Saving:
 
     def _save(self, arrived: Sequence[PlacedScreening]) -> None:
         many = [result.screening for result in arrived]
-        report = self._store.save_many(many, self._number, self._compared)
+        pictures = [result.packed_pictures for result in arrived]
+        report = self._store.save_many(many, self._number, self._compared, pictures)
         reasons = {failure.valve: failure.reason for failure in report.failures}
         for result in arrived:
             reason = reasons.get(result.screening.valve, "")
             if reason and self._must_save:
                 self._store.run(self._number)  # raises while the database is not available
-                again = self._store.save_many([result.screening], self._number, self._compared)
+                again = self._store.save_many(
+                    [result.screening], self._number, self._compared, [result.packed_pictures]
+                )
                 reason = "".join(failure.reason for failure in again.failures)
             if reason:
                 self._unsaved.add(result.task_index)

@@ -43,9 +43,9 @@ class Service:
     """The service for one plant, as ``stemwatch serve`` runs it."""
 
     def __init__(
-        self, plant: Plant, where: ListenAddress | None = None, *, logs_as_json: bool = False
+        self, plant: Plant, address: ListenAddress | None = None, *, logs_as_json: bool = False
     ):
-        self._plant, self._where = plant, where or ListenAddress()
+        self._plant, self._where = plant, address or ListenAddress()
         self._json = logs_as_json
         self._threads: list[threading.Thread] = []
 

@@ -47,6 +47,7 @@ from stemwatch.service.store.screenings import (
     false_discoveries,
     feedback,
     history,
+    pictures,
     ranking,
     recent,
     restored,
@@ -55,6 +56,7 @@ from stemwatch.service.store.screenings import (
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 from stemwatch.service.store.screenings.feedback import Feedback, Judgement
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
+from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.previous import read_previous
 from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
 from stemwatch.service.store.screenings.records import (
@@ -206,35 +208,48 @@ class Store:
         with self.transactions.reading() as session:
             return stored_run(self._run(session, run_id))
 
-    def save(self, screening: Screening, run_id: int, baseline_id: int | None = None) -> int:
+    def save(
+        self,
+        screening: Screening,
+        run_id: int,
+        baseline_id: int | None = None,
+        packed_pictures: bytes = b"",
+    ) -> int:
         """Save one screening and return its number; raises where ``save_many``, which runs use,
         reports. A screening of the same valve and window is replaced, by the last writer.
         ``baseline_id`` is the baseline that the screening was compared with."""
         with self.transactions.writing(f"saving {screening.valve}") as session:
-            return screenings.write_screening(session, screening, run_id, baseline_id)
+            number = screenings.write_screening(session, screening, run_id, baseline_id)
+            pictures.write_pictures(session, number, packed_pictures)
+            return number
 
     def save_many(
         self,
         many: Iterable[Screening],
         run_id: int,
         baselines_of: Mapping[str, int] = MappingProxyType({}),
+        packed_pictures: Sequence[bytes] = (),
     ) -> SaveReport:
         """Save each screening in a transaction of its own, so that one failure costs only itself.
 
-        ``baselines_of`` gives the number of the baseline that each valve was compared with. After
+        ``baselines_of`` gives the number of the baseline that each valve was compared with,
+        ``packed_pictures`` what is kept of each screening for pictures, in the same order. After
         three saves in a row without an answer from the database the rest is not tried.
         """
         saved, unanswered = 0, 0
         failures: list[SaveFailure] = []
+        kept = iter(packed_pictures)
         for screening in many:
+            packed = next(kept, b"")
             if unanswered >= _GIVE_UP_AFTER:
                 failures.append(SaveFailure(valve=screening.valve, reason="not tried: no answer"))
                 continue
             try:
                 with Session(self.transactions.writers) as session, session.begin():
-                    screenings.write_screening(
+                    number = screenings.write_screening(
                         session, screening, run_id, baselines_of.get(screening.valve)
                     )
+                    pictures.write_pictures(session, number, packed)
                 saved, unanswered = saved + 1, 0
             except Exception as error:  # whatever is wrong with one valve must not cost another
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
@@ -256,6 +271,16 @@ class Store:
         """The valve's last screenings, newest first."""
         with self.transactions.reading() as session:
             return screenings.read_last(session, valve, limit)
+
+    def packed_pictures(self, screening: int) -> bytes:
+        """What is kept of a screening for its pictures; empty where nothing is."""
+        with self.transactions.reading() as session:
+            return pictures.read_pictures(session, screening)
+
+    def around_work(self, valve: str) -> AroundWork | None:
+        """The last work on the valve with what is kept of the windows before and after it."""
+        with self.transactions.reading() as session:
+            return pictures.read_around_work(session, valve)
 
     def earlier_curves(self, valve: str, limit: int = 3) -> list[EarlierCurve]:
         """The curves from OP to stroke that were found in the valve's last fitted windows, newest

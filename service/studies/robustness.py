@@ -210,7 +210,7 @@ def draw_valves(each: int, seed: int) -> list[StudiedValve]:
     return [*sticking, *healthy]
 
 
-def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> StudiedValve:
+def _with(case: HiddenCase, S: float, J: float, index: int, sticking: bool) -> StudiedValve:
     """The case with this S and J; two packings of four give a little before they let go.
 
     Bristles let go the earlier the quicker the force grows, so a LuGre packing has the S and J that
@@ -218,7 +218,7 @@ def _with(case: HiddenCase, S: float, J: float, place: int, sticking: bool) -> S
     """
     valve = replace(case.loop.valve, S=S, J=J, packing=PackingDefects())
     stiff = replace(case.loop, valve=valve)
-    if place % 4 < 2:
+    if index % 4 < 2:
         return StudiedValve(replace(case, loop=stiff), sticking, S, J)
     packing = PackingDefects(presliding_percent=0.002)
     soft = replace(case.loop, valve=replace(valve, packing=packing))

@@ -113,13 +113,13 @@ def write_archive(
             simulated = [replace(pieces[0], places=(number,)) for number in range(plan.loops)]
             for _ in map_items(executor, store_loop, simulated):
                 pass
-        for place, truth in map_items(executor, write_piece, pieces):
-            truths[place] = truth
+        for index, truth in map_items(executor, write_piece, pieces):
+            truths[index] = truth
             done += len(truth)
             on_progress(done, plan.valves)
     plant = folder / "plant.toml"
     plant.write_text("\n".join(_plant_toml(plan)) + "\n", encoding="utf-8", newline="\n")
-    ordered = [truth for place in sorted(truths) for truth in truths[place]]
+    ordered = [truth for index in sorted(truths) for truth in truths[index]]
     truth_of_plant = {
         "start": plan.start.isoformat(),
         "interval_s": plan.interval_s,
@@ -164,18 +164,18 @@ def write_piece(piece: Piece) -> list[dict[str, object]]:
     """
     written: list[tuple[str, dict[Role, Floats]]] = []
     truths: list[dict[str, object]] = []
-    for place in piece.places:
-        number, tag = place % piece.plan.loops, tag_of(place)
+    for index in piece.places:
+        number, tag = index % piece.plan.loops, tag_of(index)
         loop = _stored_loop(piece.loops, number) or _simulated(piece.plan, number)
-        written.append((tag, _columns(piece.plan, loop, place)))
-        truths.append(loop.truth | {"tag": tag, "distinct": place == number})
+        written.append((tag, _columns(piece.plan, loop, index)))
+        truths.append(loop.truth | {"tag": tag, "distinct": index == number})
     (write_parquet if piece.plan.format == "parquet" else _write_csv)(piece, written)
     return truths
 
 
-def tag_of(place: int) -> str:
+def tag_of(index: int) -> str:
     """The name of the valve of this number."""
-    return f"FV-{place + 1:05d}"
+    return f"FV-{index + 1:05d}"
 
 
 def _simulated(plan: ArchivePlan, number: int) -> _Loop:
@@ -202,12 +202,12 @@ def _loop(plan: ArchivePlan, number: int) -> PlantLoop:
     return draw(number % stories + 1, plan.seed + 1000 * number)[-1]
 
 
-def _columns(plan: ArchivePlan, loop: _Loop, place: int) -> dict[Role, Floats]:
+def _columns(plan: ArchivePlan, loop: _Loop, index: int) -> dict[Role, Floats]:
     """The signals in percent, OP and MV always, rounded as an archive rounds."""
     signals = loop.signals
-    again = place // plan.loops
+    again = index // plan.loops
     if again:
-        rng = np.random.default_rng([plan.seed, place])
+        rng = np.random.default_rng([plan.seed, index])
         shift = int(rng.integers(signals[Role.OP].size))
         signals = {role: np.roll(values, shift) for role, values in signals.items()}
         noise = rng.standard_normal(signals[Role.OP].size)
@@ -289,8 +289,8 @@ def _plant_toml(plan: ArchivePlan) -> Iterator[str]:
     yield '[[sources]]\nname = "archive"'
     parquet = plan.format == "parquet"
     yield 'kind = "parquet"\npath = "parquet"' if parquet else 'path = "csv/*.csv"\nzone = "UTC"'
-    for place in range(plan.valves):
-        tag = tag_of(place)
-        yield f'\n[[valves]]\nid = "{tag}"\narea = "Area {place % AREAS + 1}"\nsource = "archive"'
+    for index in range(plan.valves):
+        tag = tag_of(index)
+        yield f'\n[[valves]]\nid = "{tag}"\narea = "Area {index % AREAS + 1}"\nsource = "archive"'
         for role in ROLES:
             yield f'tags.{role.value} = {{ tag = "{tag}.{role.value}", unit = "%" }}'

@@ -253,8 +253,8 @@ class WatchedFolder:
             written.write_text(note + "\n", encoding="utf-8", errors="replace")
         os.replace(path, target)
 
-    def _store_state(self, fault: str, taken: list[TakenFile]) -> None:
-        for file in taken:
+    def _store_state(self, fault: str, files: list[TakenFile]) -> None:
+        for file in files:
             self._counts["taken" if file.accepted else "rejected"] += 1
             self._counts["samples"] += file.samples
             if file.accepted:

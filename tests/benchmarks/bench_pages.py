@@ -155,7 +155,7 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
     """Milliseconds of ``TIMES`` requests for each path, after one that is not counted."""
     transport = httpx.ASGITransport(create_app(site))
     milliseconds: dict[str, list[float]] = {}
-    user = site.store.accounts.add("bench", UserRole.ADMIN, "no hash", by="bench", now=NOW)
+    user = site.store.accounts.add("bench", UserRole.ADMIN, "no hash", added_by="bench", now=NOW)
     cookies = {NAME: begin_session(site.store, user.id, now=NOW)}
     async with httpx.AsyncClient(
         transport=transport, base_url="http://localhost", cookies=cookies

@@ -39,7 +39,14 @@ def commands():
     }
 
 
-@pytest.mark.parametrize("model", EVERY, ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "model",
+    [
+        CANONICAL,
+        *(pytest.param(one, marks=pytest.mark.long) for one in EVERY if one is not CANONICAL),
+    ],
+    ids=lambda m: m.name,
+)
 def test_time_beside_the_canonical_kernel(model, commands):
     """Microseconds for 3,600 samples, and the ratio to the canonical kernel on the same command."""
     repeats = REPEATS if model in DATA_DRIVEN else 3

@@ -106,9 +106,29 @@ def opcua_url() -> Iterator[str]:
         yield url
 
 
+@pytest.fixture(scope="module")
+def opcua_table(opcua_url: str) -> Table:
+    """Of that server."""
+    return {"url": opcua_url}
+
+
+@pytest.fixture(scope="module")
+def pi_table() -> Iterator[Table]:
+    """Of a PI Web API with the same samples."""
+    from tests.connectors.pi.served import ARCHIVE, Served, serving, system_state, value
+
+    points: dict[str, list[dict[str, Any]]] = {"FIC1.OP": [], "FIC1.PV": []}
+    for tag, time, number, quality in samples():
+        written = f"{time:%Y-%m-%dT%H:%M:%S}Z"
+        good = value(written, number) if quality == "Good" else system_state(written, "Bad Input")
+        points[tag].append(good)
+    with serving(Served(points=points)) as served:
+        yield {"url": served.url, "server": ARCHIVE, "sign_in": "anonymous"}
+
+
 PREPARED = {"csv": csv, "parquet": parquet, "sql": sql}
-SERVED = ("opcua",)
-UNCOUNTED = ("opcua",)  # counting would mean reading everything
+SERVED = ("opcua", "pi")
+UNCOUNTED = ("opcua", "pi")  # counting would mean reading everything
 PREFIXES = {"opcua": "ns=2;s="}
 INSTALLED = sorted(installed_connectors())
 
@@ -118,7 +138,7 @@ def named(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[str, Connecto
     """Each connector with its name, opened as its table in a plant file says."""
     kind = request.param
     if kind in SERVED:
-        table: Table = {"url": request.getfixturevalue("opcua_url")}
+        table: Table = request.getfixturevalue(f"{kind}_table")
     elif kind in PREPARED:
         table = PREPARED[kind](tmp_path)
     else:

@@ -24,10 +24,11 @@ PATIENCE_S = 60.0
 
 @dataclass
 class Cluster:
-    """The cluster's address, and its worker processes."""
+    """The cluster's address, and the processes of its scheduler and its workers."""
 
     address: str
     scheduler_file: Path
+    scheduler: subprocess.Popen[bytes]
     workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     @property
@@ -83,7 +84,7 @@ def dask_cluster(folder: Path, workers: int) -> Iterator[Cluster]:
     file = folder / "scheduler.json"
     arguments = ("--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(file))
     scheduler = _dask("scheduler", *arguments, "--no-dashboard")
-    cluster = Cluster(address="", scheduler_file=file)
+    cluster = Cluster(address="", scheduler_file=file, scheduler=scheduler)
     try:
         cluster.address = f"dask://{_address(file, scheduler)}"
         cluster.have(workers)

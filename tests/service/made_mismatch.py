@@ -20,7 +20,7 @@ from stemwatch.models.mismatch.findings import (
     RecordEffect,
     ResidualMap,
     Stiction,
-    Tried,
+    TriedEffect,
     TriedOutcome,
     Untestable,
 )
@@ -126,10 +126,12 @@ def second_effect() -> Effect:
     )
 
 
-def tried(slug: str, alone: float, beside: float | None, outcome: TriedOutcome) -> Tried:
+def tried(slug: str, alone: float, beside: float | None, outcome: TriedOutcome) -> TriedEffect:
     """One effect that was tried, with gains of these sizes."""
     on_top = None if beside is None else Gain(mean=beside, t=20.0 * beside)
-    return Tried(slug=slug, alone=Gain(mean=alone, t=20.0 * alone), beside=on_top, outcome=outcome)
+    return TriedEffect(
+        slug=slug, alone=Gain(mean=alone, t=20.0 * alone), beside=on_top, outcome=outcome
+    )
 
 
 def named(recording: Recording | None = None) -> Mismatch:

@@ -15,4 +15,4 @@ def make_user(store: Store, name: str, password: str, role: str | UserRole) -> N
     name = check_name(name)
     check_password(password, name)
     now = datetime.now(UTC)
-    store.accounts.add(name, UserRole(role), hash_password(password), by="set-up", now=now)
+    store.accounts.add(name, UserRole(role), hash_password(password), added_by="set-up", now=now)

@@ -114,6 +114,22 @@ def opcua(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
         yield f'kind = "opcua"\nurl = "{url}"', "ns=2;s="
 
 
+@contextmanager
+def pi(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
+    """Two points of a PI Web API on loopback, which wants a password."""
+    from tests.connectors.pi.served import ARCHIVE, Served, serving, system_state, value
+
+    points: dict[str, list[dict[str, Any]]] = {}
+    for tag, time, number, quality in rows:
+        at = f"{time:%Y-%m-%dT%H:%M:%S}Z"
+        good = number is not None
+        points.setdefault(tag, []).append(value(at, number) if good else system_state(at, quality))
+    (folder / "pi-password").write_text("open sesame\n")
+    with serving(Served(points=points, user="reader:open sesame")) as served:
+        sign_in = 'sign_in = "basic"\nuser = "reader"\nsecret_file = "pi-password"'
+        yield f'kind = "pi"\nurl = "{served.url}"\nserver = "{ARCHIVE}"\n{sign_in}', ""
+
+
 def test_each_kind_is_screened_as_the_export_is(
     stemwatch: Callable[..., Any], one_valve: Path, rows: list[Row], tmp_path: Path
 ) -> None:
@@ -132,7 +148,7 @@ def test_each_kind_is_screened_as_the_export_is(
     expected = screened("csv", f"path = '{one_valve}'", "")
     assert expected["verdict"] == "sticky"
     kinds: dict[str, Callable[..., AbstractContextManager[tuple[str, str]]]]
-    kinds = {"parquet": parquet, "sql": sql, "opcua": opcua}
+    kinds = {"parquet": parquet, "sql": sql, "opcua": opcua, "pi": pi}
     for name, kind in kinds.items():
         with kind(rows, tmp_path) as (source, prefix):
             assert screened(name, source, prefix) == expected

@@ -30,6 +30,11 @@ def square_slowly(item: tuple[int, str]) -> int:
     return number * number
 
 
+def squares_slowly(items: Sequence[tuple[int, str]]) -> list[int]:
+    """``square_slowly`` of a batch."""
+    return [square_slowly(item) for item in items]
+
+
 def reciprocal(number: int) -> float:
     """One divided by a number."""
     return 1 / number

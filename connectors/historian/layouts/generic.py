@@ -86,6 +86,8 @@ def narrow_columns(
         tag, value = _by_content(rows, structure) if tag is None and value is None else (tag, value)
     if tag is None or value is None or tag == value:
         return None
+    for option in ("tag_column", "value_column", "quality_column"):
+        source.notes.use(option)
     return NarrowColumns(
         tag=tag,
         time=structure.time,

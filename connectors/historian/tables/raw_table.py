@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ class RawTable:
     numbers: Sequence[int]  # line number of each row
     separator: str
     interval_s: float | None = None  # said by the file itself
+    interval_name: str = ""  # the header of the column that says it
     narrow: bool = False  # each tag has its own times
     decimal: str | None = None  # where the format fixes it
     mv_is_output: bool = False  # the layout's own convention: MV is the manipulated variable
-    header_lines: tuple[int, ...] = field(default=())

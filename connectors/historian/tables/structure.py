@@ -113,11 +113,11 @@ def _time_named(headers: Sequence[list[str]], options: ReadOptions, name: str) -
     return (column,)
 
 
-def find_header(headers: Sequence[list[str]], wanted: str) -> int | None:
-    """Column whose header is ``wanted``, letters' case aside."""
+def find_header(headers: Sequence[list[str]], header: str) -> int | None:
+    """Column whose header is ``header``, letters' case aside."""
     for row in headers:
         for column, cell in enumerate(row):
-            if cell.strip().lower() == wanted.strip().lower():
+            if cell.strip().lower() == header.strip().lower():
                 return column
     return None
 

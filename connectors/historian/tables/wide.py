@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,10 +14,17 @@ from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable,
 from stemwatch.connectors.historian.tables.structure import Names, Structure, column_names
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.quality_codes import looks_like_codes
-from stemwatch.connectors.historian.values.stored_text import joined
+from stemwatch.connectors.historian.values.stored_text import StoredText, joined
 from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
 _ROW_NUMBER = frozenset(("", "index", "row", "no", "no.", "nr", "nr.", "#", "unnamed: 0", "record"))
+_INTERVAL_NAME = re.compile(
+    r"(?:ts|dt|t_?s(?:ample)?|interval|sampl(?:e|ing)[ _]?(?:time|interval|period))"
+    r"(?:_(?:s|ms|min)|\s*[\[(](?:s|sec|ms|min)[\])])?$",
+    re.I,
+)
+_INTERVAL_UNIT_S = {"ms": 1e-3, "min": 60.0}
+_LOOKED_AT = 20_000  # rows of a large file that show whether a column says the same in each
 _STATUS = ("status", "quality", "qualität", "qualitaet", "qual", "qstatus", "opcquality", "state")
 
 
@@ -26,7 +34,7 @@ def wide_table(
     """The table of a file whose rows of data are ``body``."""
     names = column_names(structure)
     times, used = _times(body, structure, names, source)
-    interval_s, skipped = _interval_column(body, names, used)
+    interval_s, interval_name, skipped = _interval_column(body, names, used)
     used |= skipped | _row_numbers(body, names, used, source.notes)
     columns = _columns(body, names, used)
     return RawTable(
@@ -36,6 +44,7 @@ def wide_table(
         numbers=body.numbers,
         separator=separator,
         interval_s=interval_s,
+        interval_name=interval_name,
     )
 
 
@@ -60,15 +69,30 @@ def _times(
     return RawTimes(texts=texts, name=header, milliseconds=milliseconds), used
 
 
-def _interval_column(body: Body, names: Names, used: set[int]) -> tuple[float | None, set[int]]:
-    """A column ``Ts`` with one number in its first row tells the interval."""
+def _interval_column(
+    body: Body, names: Names, used: set[int]
+) -> tuple[float | None, str, set[int]]:
+    """A column such as ``Ts`` with one number in its first row, or the same in every row, tells
+    the interval: seconds, header, column."""
     for column, tag in enumerate(names.tags):
-        if tag.lower() in ("ts", "dt", "interval", "interval_s") and column not in used:
-            filled = [cell for cell in body.columns[column] if cell.strip()]
-            values = parse_numbers(filled, ".")
-            if len(filled) == 1 and np.isfinite(values).all() and values[0] > 0:
-                return float(values[0]), {column}
-    return None, set()
+        if column in used or not _INTERVAL_NAME.match(tag.strip()):
+            continue
+        cells = body.columns[column]
+        shown = cells.first(_LOOKED_AT) if isinstance(cells, StoredText) else cells
+        filled = [cell for cell in shown if cell.strip()]
+        values = parse_numbers(filled, "," if any("," in cell for cell in filled) else ".")
+        if not values.size or not np.isfinite(values).all() or not values[0] > 0:
+            continue
+        if values.size == 1 or (values.size == len(shown) and bool((values == values[0]).all())):
+            scale = _INTERVAL_UNIT_S.get(_interval_unit(tag, names.units[column]), 1.0)
+            return float(values[0]) * scale, tag, {column}
+    return None, "", set()
+
+
+def _interval_unit(tag: str, unit: str) -> str:
+    """``ms`` of ``Ts [ms]``, ``ts_ms`` or a row of units; empty where none is said."""
+    found = re.search(r"(?:_|\[|\(|\s)(ms|min)\s*[\])]?$", tag.strip(), re.I)
+    return found[1].lower() if found else unit.strip().strip("[]()").lower()
 
 
 def _row_numbers(body: Body, names: Names, used: set[int], notes: ReadingNotes) -> set[int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,8 +14,13 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.raw_table import RawTable
-from stemwatch.connectors.historian.times.cut_stamps import evenly_within_stamps
 from stemwatch.connectors.historian.times.day_month_order import local_ns
+from stemwatch.connectors.historian.times.row_spacing import (
+    Spread,
+    at_interval,
+    counts_rows,
+    evenly_within_stamps,
+)
 from stemwatch.connectors.historian.times.time_fields import (
     NO_OFFSET,
     Ints,
@@ -38,6 +43,8 @@ _EPOCH_SPAN_S = (315_532_800.0, 4_102_444_800.0)
 _EXCEL_DAYS = (25_569.0, 73_050.0)
 _UNIT_NS = {"ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "min": 60e9, "h": 3600e9, "d": 86400e9}
 _UNIT = re.compile(r"(?:_|\(|\[|\s)(ms|us|µs|ns|min|h|d)\s*[\])]?$")
+_SECONDS = re.compile(r"(?:^|[_(\[\s])(?:s|sec|secs|seconds?|sekunden)\s*[\])]?$", re.I)
+_OR_ROWS = " If it only counts rows, say interval_s."
 _UTC_NAME = re.compile(r"(?:^|[^A-Za-z])(?:utc|gmt)(?:$|[^A-Za-z])", re.I)
 _DATE_NAME = re.compile(r"date|datum|stamp|zeit", re.I)
 
@@ -51,6 +58,11 @@ class Instants:
     in_utc: bool
     zone: str  # one sentence
 
+    @property
+    def shared(self) -> bool:
+        """Whether most rows have the time of the row before."""
+        return bool(self.ok.all() and self.ns.size > 1 and (np.diff(self.ns) == 0).mean() >= 0.4)
+
 
 def read_instants(
     table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
@@ -63,17 +75,22 @@ def read_instants(
     if times.texts is None:
         return _counted(table, options, name, notes)
     instants = _written(table, options, name, notes)
-    return instants if table.narrow else _with_cut_stamps(instants, table, options, notes)
+    if table.narrow:
+        return _with_cut_stamps_of_tags(instants, table, notes)
+    return _with_cut_stamps(instants, table, options, notes)
 
 
 def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
     """The instants that the time column holds."""
     told = table.times.texts or ()
     texts = told if isinstance(told, StoredText) else [text.strip() for text in told]
-    instants = _numeric(texts, table, notes)
+    instants = None
     if options.time_format is not None:
+        notes.use("time_format")
         instants = _by_format(texts, options.time_format, table, options, notes)
-    elif instants is None:
+    else:
+        instants = _numeric(texts, table, options, notes)
+    if instants is None:
         instants = _dated(texts, table, options, name, notes)
     if not instants.ok.any():
         raise UnreadableSource(
@@ -88,34 +105,82 @@ def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
 def _with_cut_stamps(
     instants: Instants, table: RawTable, options: ReadOptions, notes: ReadingNotes
 ) -> Instants:
-    """What the user or equal numbers of rows for each stamp say of the rows between two stamps."""
-    column, given = table.times.name, options.interval_s
-    if given is not None and not instants.in_utc and not instants.zone:
+    """The rows between two equal stamps, spaced as the user, the file or their numbers say."""
+    column = table.times.name
+    shared = instants.shared and not _repeated_rows(table)
+    for given, said in ((options.interval_s, "as given"), (table.interval_s, "as the file says")):
+        laid = None if given is None or not shared else at_interval(instants.ns, instants.ok, given)
+        if laid is None:
+            continue
+        if said == "as given":
+            notes.use("interval_s")
         notes.decide(
-            f"The rows are {given:g} s apart, as given; column {column!r} only counts them."
+            f"The rows are {given:g} s apart, {said}; column {column!r} gives the same time to "
+            "several of them, as a spreadsheet does that cuts times."
         )
-        ns = np.round(np.arange(instants.ns.size) * given * 1e9).astype(np.int64)
-        return Instants(ns=ns, ok=np.ones_like(instants.ok), in_utc=False, zone="")
-    if given is not None:
-        notes.decide(f"interval_s = {given:g} is not used: column {column!r} dates each row.")
-    spread = evenly_within_stamps(instants.ns, instants.ok)
-    if spread is None or _repeated_rows(table):
-        return instants
-    ns, each = spread
-    interval_s = float(np.median(np.diff(ns))) / 1e9
-    notes.decide(
-        f"Column {column!r} gives the same time to {each} rows in a row, as a spreadsheet does "
-        f"that cuts times; the rows are taken as {interval_s:g} s apart."
+        return replace(instants, ns=laid)
+    spread = evenly_within_stamps(instants.ns, instants.ok) if shared else None
+    if spread is not None:
+        notes.decide(_cut_sentence(column, spread))
+        instants = replace(instants, ns=spread.ns)
+    elif shared:
+        notes.problem(
+            f"column {column!r} gives most rows the time of the row before, and not evenly; of "
+            "these only the last is kept. Export with seconds, or say interval_s"
+        )
+    _compare_with_file(instants, table, notes)
+    return instants
+
+
+def _with_cut_stamps_of_tags(instants: Instants, table: RawTable, notes: ReadingNotes) -> Instants:
+    """The same for a row per sample, where each tag has stamps of its own."""
+    ns, repeated = instants.ns, None
+    for column in table.columns:
+        rows = slice(None) if column.rows is None else column.rows
+        spread = evenly_within_stamps(instants.ns[rows], instants.ok[rows])
+        if spread is None:
+            continue
+        if repeated is None:  # of one tag: a look at each would read a large file for each
+            repeated = _repeated([_some_cells(column.cells)])
+        if repeated:
+            break
+        notes.decide(_cut_sentence(table.times.name, spread))
+        ns = ns.copy() if ns is instants.ns else ns
+        ns[rows] = spread.ns
+    return replace(instants, ns=ns)
+
+
+def _cut_sentence(column: str, spread: Spread) -> str:
+    return (
+        f"Column {column!r} gives the same time to {spread.each} rows in a row, as a spreadsheet "
+        f"does that cuts times; the rows are taken as {spread.interval_s:g} s apart."
     )
-    return Instants(ns=ns, ok=instants.ok, in_utc=instants.in_utc, zone=instants.zone)
+
+
+def _compare_with_file(instants: Instants, table: RawTable, notes: ReadingNotes) -> None:
+    """Say where a column of the sampling interval contradicts the times that were taken."""
+    steps = np.diff(instants.ns[instants.ok])
+    if table.interval_s is None or not steps.size:
+        return
+    step_s = float(np.median(steps)) / 1e9
+    if abs(step_s - table.interval_s) > 0.05 * table.interval_s:
+        notes.problem(
+            f"column {table.interval_name!r} says {table.interval_s:g} s between rows, column "
+            f"{table.times.name!r} {step_s:g} s; the times were taken. If it is the other, say "
+            "interval_s"
+        )
 
 
 def _repeated_rows(table: RawTable) -> bool:
     """Whether rows mostly say what the row before says: the file has each row several times."""
-    columns = [
-        cells.first(_LOOKED_AT) if isinstance(cells := column.cells, StoredText) else cells
-        for column in table.columns
-    ]
+    return _repeated([_some_cells(column.cells) for column in table.columns])
+
+
+def _some_cells(cells: Sequence[str]) -> Sequence[str]:
+    return cells.first(_LOOKED_AT) if isinstance(cells, StoredText) else cells
+
+
+def _repeated(columns: Sequence[Sequence[str]]) -> bool:
     rows = list(zip(*columns, strict=True))
     same = sum(row == before for before, row in pairwise(rows))
     return same > 0.3 * len(rows)
@@ -123,6 +188,7 @@ def _repeated_rows(table: RawTable) -> bool:
 
 def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
     interval_s = options.interval_s or table.interval_s
+    notes.use("interval_s")
     if interval_s is None:
         raise UnreadableSource(
             f"{name}: there is no time column and nothing tells the interval of the rows; say "
@@ -134,7 +200,9 @@ def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
     return Instants(ns=ns, ok=np.ones(n, dtype=bool), in_utc=False, zone="")
 
 
-def _numeric(texts: Sequence[str], table: RawTable, notes: ReadingNotes) -> Instants | None:
+def _numeric(
+    texts: Sequence[str], table: RawTable, options: ReadOptions, notes: ReadingNotes
+) -> Instants | None:
     """Epoch times, Excel day numbers or seconds since the start; ``None`` where texts are dates."""
     probe = [text for text in texts[:200] if text]
     if not probe or np.isfinite(parse_numbers(probe, ".")).mean() < 0.8:
@@ -153,7 +221,7 @@ def _numeric(texts: Sequence[str], table: RawTable, notes: ReadingNotes) -> Inst
         if low <= middle <= high:
             notes.decide(f"The times are Unix {unit}, in UTC.")
             return _epoch(texts, numbers, ok & (numbers >= low) & (numbers <= high), ns_each)
-    return _relative(numbers, ok, table.times.name, notes)
+    return _relative(numbers, ok, table, options, notes)
 
 
 def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> Instants:
@@ -171,21 +239,78 @@ def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> 
     return Instants(ns=ns, ok=ok, in_utc=True, zone="The times are Unix times, in UTC.")
 
 
-def _relative(numbers: Floats, ok: Bools, header: str, notes: ReadingNotes) -> Instants:
+def _relative(
+    numbers: Floats, ok: Bools, table: RawTable, options: ReadOptions, notes: ReadingNotes
+) -> Instants:
+    header = table.times.name
     if _are_excel_days(numbers[ok], header):
-        notes.decide(f"The numbers of column {header!r} are Excel days; their zone is not known.")
-        ns = np.round((np.where(ok, numbers, 0.0) - _EXCEL_DAYS[0]) * 86_400e3).astype(np.int64)
-        zone = "The times are Excel days without a zone."
-        return Instants(ns=ns * 1_000_000, ok=ok, in_utc=False, zone=zone)
+        return _excel_days(numbers, ok, table, options, notes)
     unit = _UNIT.search(header)
     scale = _UNIT_NS[unit[1]] if unit else 1e9
     ok = ok & (np.abs(numbers) < _MAX_SECONDS * 1e9 / scale)
+    instead = _spaced(numbers, ok, scale, table, options, notes)
+    if instead is not None:
+        return instead
+    named = unit[1] if unit else "seconds"
+    unsure = "" if unit or _SECONDS.search(header) or not counts_rows(numbers[ok]) else _OR_ROWS
     notes.decide(
-        f"The numbers of column {header!r} are {unit[1] if unit else 'seconds'} since a start "
-        "that the file does not date."
+        f"The numbers of column {header!r} are {named} since a start that the file does not date."
+        f"{unsure}"
     )
     ns = np.round(np.where(ok, numbers, 0.0) * scale).astype(np.int64)
     return Instants(ns=ns, ok=ok, in_utc=False, zone="")
+
+
+def _spaced(
+    numbers: Floats,
+    ok: Bools,
+    scale: float,
+    table: RawTable,
+    options: ReadOptions,
+    notes: ReadingNotes,
+) -> Instants | None:
+    """Rows as far apart as the user or a column of the file says, where ``numbers`` only count
+    them or are not what the user says they are; ``None`` where the numbers are times."""
+    if table.narrow:
+        return None
+    header, given = table.times.name, options.interval_s
+    counted = counts_rows(numbers[ok])
+    if given is not None:
+        steps = np.diff(numbers[ok])
+        notes.use("interval_s")
+        if steps.size and abs(float(np.median(steps)) * scale - given * 1e9) < 1e-6 * given * 1e9:
+            return None  # the numbers say the same, and where rows are missing
+        why = "only counts them" if counted else "is not used as time"
+        notes.decide(f"The rows are {given:g} s apart, as given; column {header!r} {why}.")
+        return _rows_apart(numbers, ok, given, counted)
+    if table.interval_s is None or not counted or _SECONDS.search(header):
+        return None
+    notes.decide(
+        f"The rows are {table.interval_s:g} s apart, as column {table.interval_name!r} says; "
+        f"column {header!r} only counts them."
+    )
+    return _rows_apart(numbers, ok, table.interval_s, counted)
+
+
+def _rows_apart(numbers: Floats, ok: Bools, interval_s: float, counted: bool) -> Instants:
+    """Rows at their number where they are counted, so that missing rows stay missing."""
+    place = np.where(ok, numbers - numbers[ok][0], 0.0) if counted else np.arange(numbers.size)
+    ns = np.round(place * (interval_s * 1e9)).astype(np.int64)
+    return Instants(ns=ns, ok=ok if counted else np.ones_like(ok), in_utc=False, zone="")
+
+
+def _excel_days(
+    numbers: Floats, ok: Bools, table: RawTable, options: ReadOptions, notes: ReadingNotes
+) -> Instants:
+    ns = np.round((np.where(ok, numbers, 0.0) - _EXCEL_DAYS[0]) * 86_400e3).astype(np.int64)
+    ns *= 1_000_000
+    if options.zone is not None:
+        notes.decide(f"The numbers of column {table.times.name!r} are Excel days.")
+        return _placed(ns, ok, np.full(ns.size, NO_OFFSET, dtype=np.int64), table, options, notes)
+    notes.decide(
+        f"The numbers of column {table.times.name!r} are Excel days; their zone is not known."
+    )
+    return Instants(ns=ns, ok=ok, in_utc=False, zone="The times are Excel days without a zone.")
 
 
 def _are_excel_days(numbers: Floats, header: str) -> bool:
@@ -227,6 +352,8 @@ def _dated(
             return _placed(*in_pieces, table, options, notes)
         texts = list(texts)
     fields = take_apart(texts)
+    if (fields.order == Order.NUMERIC).any():
+        notes.use("day_first")
     readable = np.flatnonzero(fields.order != Order.UNREADABLE)
     example = texts[int(readable[0])] if readable.size else ""
     day_first = table.times.day_first if options.day_first is None else options.day_first
@@ -276,6 +403,7 @@ def _placed(
         notes.decide("The times are UTC by the name of their column or the format's definition.")
         return Instants(ns=utc, ok=ok, in_utc=True, zone="The times are written in UTC.")
     if options.zone is not None:
+        notes.use("zone")
         return _localised(ns, utc, naive, aware, options.zone, table, options, notes)
     if aware.any():
         n = int(naive.sum())

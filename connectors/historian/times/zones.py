@@ -43,11 +43,13 @@ def to_utc(
     utc = early_ns.copy()
     placed = ok & ~missing
     if repeated.any():
+        notes.use("ambiguous_hour")
         summer, told = _told_apart(local, repeated, ok, ambiguous_hour, groups)
         utc = np.where(repeated & ~summer, late_ns, utc)
         placed &= told | ~repeated
         _report_repeated(repeated, told, ambiguous_hour, zone, notes)
     if missing.any():
+        notes.use("missing_hour")
         utc, placed = _shift(local, missing, utc, placed, zone, missing_hour, notes)
     return np.where(placed, utc, 0), placed
 

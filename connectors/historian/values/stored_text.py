@@ -131,7 +131,7 @@ class StoredText(Sequence[str]):
         return self.text
 
     def forget(self) -> None:
-        """Keep nothing any more."""
+        """Release the text and the numbers that were read."""
         self.text = self.numbers = None
 
     def plain_numbers(self, decimal: str) -> Floats | None:

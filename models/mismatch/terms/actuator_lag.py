@@ -98,14 +98,12 @@ class ActuatorLag(CommandTerm):
         return {"tau": (float(values[0]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             f"The actuator follows its command with a lag of {parameters['tau']} both ways: "
             f"{self.words.plain}."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         tau = parameters["tau"]
         return FieldTest(
             do=(

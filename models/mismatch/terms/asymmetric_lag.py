@@ -115,7 +115,6 @@ class AsymmetricLag(CommandTerm):
         return {"tau_rising": (float(values[0]), "s"), "tau_falling": (float(values[1]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         up, down = parameters["tau_rising"], parameters["tau_falling"]
         if number(up) > number(down):
             slow, fast, slowly, quickly = up, down, rising, falling
@@ -127,7 +126,6 @@ class AsymmetricLag(CommandTerm):
         return f"The actuator lags by {slow} when {slowly} but {other}: {self.words.plain}."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         up, down = about(parameters["tau_rising"]), about(parameters["tau_falling"])
         return FieldTest(
             do=(

@@ -127,7 +127,6 @@ class AsymmetricRateLimit(CommandTerm):
         return {"rate_rising": (up, "%/s"), "rate_falling": (down, "%/s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         up, down = parameters["rate_rising"], parameters["rate_falling"]
         slow, slowly, fast, quickly = down, falling, up, rising
         if number(up) < number(down):
@@ -142,7 +141,6 @@ class AsymmetricRateLimit(CommandTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         up, down = (
             about(inverse(parameters[name], STEP_PERCENT))
             for name in ("rate_rising", "rate_falling")

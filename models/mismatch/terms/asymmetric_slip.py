@@ -87,14 +87,13 @@ class AsymmetricSlip(StemTerm):
         return {"ratio": ((1.0 + a) / (1.0 - a), "")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads; the ratio is said as a number above 1."""
+        """With the ratio as a number above 1."""
         ratio, larger, smaller = parameters["ratio"], rising, falling
         if number(ratio) < 1.0:
             ratio, larger, smaller = _inverse(ratio), falling, rising
         return f"The jumps when {larger} are {ratio} times those when {smaller}."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual: step OP by 0.2 % one way until the stem jumps, five times each "

@@ -94,14 +94,12 @@ class DeadTime(CommandTerm):
         return {"theta": (float(values[0]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             f"The valve answers {parameters['theta']} after its command, by the same delay every "
             "time: a delay on the way of the command, or clocks of OP and MV that differ."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual, a watch at the valve: let the operator step OP by 5 % on a "

@@ -110,14 +110,12 @@ class DwellDependentBreakaway(StemTerm):
         return {"b": (float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             "The longer the stem has rested, the harder it is to start: the breakaway rises by "
             f"{parameters['b']} of span each time the rest is 2.7 times longer."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         tenfold = log(10.0)
         return FieldTest(
             do=(

@@ -90,7 +90,6 @@ class FlowForce(StemTerm):
         return {"U": (float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         towards = rising if number(parameters["U"]) < 0.0 else falling
         return (
             "The process fluid pushes on the plug, differently at different openings: by "
@@ -99,7 +98,6 @@ class FlowForce(StemTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual, flow through the valve: go to both ends of its usual travel and "

@@ -79,7 +79,6 @@ class GrowingStiction(StemTerm):
         return {"growth": (100.0 * float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         verb = "shrank" if number(parameters["growth"]) < 0.0 else "grew"
         return (
             f"The friction {verb} by {size(parameters['growth'])} over the record; S and J are "
@@ -87,7 +86,6 @@ class GrowingStiction(StemTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual: count steps of OP of 0.2 % from one move of the stem to the "

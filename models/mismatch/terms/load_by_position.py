@@ -103,7 +103,6 @@ class LoadByPosition(StemTerm):
         }
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         rise = parameters["rise"]
         towards = falling if number(rise) > 0.0 else rising
         return (
@@ -112,7 +111,6 @@ class LoadByPosition(StemTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual: go to 25 % and to 75 % from below, and read OP less position at "

@@ -86,14 +86,12 @@ class LostMotion(StemTerm):
         return {"b": (float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             f"Between the stem and its position reading there is a play of {parameters['b']} of "
             "travel, in the linkage or the feedback arm."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual, a dial gauge at the stem: step OP by 0.2 % one way until the "

@@ -81,14 +81,12 @@ class LowSpeedRestick(ReadingTerm):
         return {"v_c": (float(values[0]), "%/s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             f"Below {parameters['v_c']} the stem does not slide but sticks again and again: it "
             "follows a slow command in small steps."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         half, twice = about(parameters["v_c"], 0.5), about(parameters["v_c"], 2.0)
         return FieldTest(
             do=f"Loop in manual: ramp OP over 5 % at {half}, then at {twice}, and watch the stem.",

@@ -100,14 +100,12 @@ class MotorDrive(StemTerm):
         return {"tau": (float(values[0]), "s"), "run_up": (float(values[1]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             "A motor of finite gain moves the stem: it follows with a time constant of "
             f"{parameters['tau']} and runs up in {parameters['run_up']}."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do="Step the command by 5 % and time the drive to 63 % of it.",
             fails=f"about {about(parameters['tau'])} behind the command",

@@ -102,7 +102,7 @@ class PositionDependentFriction(StemTerm):
         }
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads; the band is where the bump is over a third."""
+        """With the band in which the bump is over a third of its height."""
         place, width = number(parameters["place"]), number(parameters["width"])
         return (
             f"Between {place - width:.0f} and {place + width:.0f} % of travel the stem drags: "
@@ -110,7 +110,6 @@ class PositionDependentFriction(StemTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         place, both = parameters["place"], 2.0
         return FieldTest(
             do=(

@@ -118,14 +118,12 @@ class RateLimit(CommandTerm):
         return {"rate": (1.0 / max(float(values[0]), 1.0 / FREE), "%/s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             f"The valve moves at no more than {parameters['rate']}, {rising} and {falling} alike: "
             "large fast commands are followed at that speed and no faster."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         took = about(inverse(parameters["rate"], STEP_PERCENT))
         return FieldTest(
             do=(

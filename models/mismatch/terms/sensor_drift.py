@@ -92,7 +92,6 @@ class SensorDrift(StemTerm):
         return {"D": (float(values[0]), "%"), "range": (float(np.ptp(_course(values))), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         if abs(number(parameters["D"])) < STRAIGHT * number(parameters["range"]):
             return (
                 f"The position reading wanders over {parameters['range']} of travel during the "
@@ -105,7 +104,6 @@ class SensorDrift(StemTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual: mark the stem, note its reading, and bring it back to the mark "

@@ -79,7 +79,6 @@ class SpanError(ReadingTerm):
         return {"gain": (1.0 + float(values[0]), "")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         way = "compressed" if number(parameters["gain"]) < 1.0 else "stretched"
         return (
             f"The position reading is {way} over the stroke: it moves by {parameters['gain']} % "
@@ -87,7 +86,6 @@ class SpanError(ReadingTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual: go to 20 % and to 80 % on the scale at the stem, and take the "

@@ -80,7 +80,6 @@ class StemCreep(StemTerm):
         return {"creep": (float(values[0]), "%/s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         direction = falling if number(parameters["creep"]) < 0.0 else rising
         return (
             f"The stem creeps at {size(parameters['creep'])}, {direction}, while it should rest: "
@@ -88,7 +87,6 @@ class StemCreep(StemTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         held_s = 240.0
         crept = about(size(replace(parameters["creep"], unit="%")), held_s)
         return FieldTest(

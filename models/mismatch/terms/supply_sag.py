@@ -112,7 +112,6 @@ class SupplySag(CommandTerm):
         return {"sag": (100.0 * float(values[0]), "%"), "recovery": (float(values[1]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         direction = falling if number(parameters["sag"]) < 0.0 else rising
         return (
             f"On large moves the valve falls short by {size(parameters['sag'])} of the move when "
@@ -121,7 +120,6 @@ class SupplySag(CommandTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         step = 20.0
         return FieldTest(
             do=(

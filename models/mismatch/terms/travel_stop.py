@@ -104,7 +104,6 @@ class TravelStop(StemTerm):
         }
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         low, high = parameters["stop_low"], parameters["stop_high"]
         said = []
         if number(low) > SOME:
@@ -115,7 +114,6 @@ class TravelStop(StemTerm):
         return f"The stem {places} while the command goes on."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         low, high = about(parameters["stop_low"]), about(parameters["stop_high"])
         return FieldTest(
             do="Where the process allows it, loop in manual: take OP to 0 % and to 100 %.",

@@ -137,7 +137,7 @@ class UnderdampedPositioner(CommandTerm):
         return {"wn": (float(values[0]), "rad/s"), "zeta": (float(values[1]), "")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads; the period is that of the damped ringing."""
+        """With the period of the damped ringing."""
         wn, zeta = parameters["wn"], parameters["zeta"]
         rings = "The positioner rings after each move"
         damping = number(zeta)
@@ -151,7 +151,6 @@ class UnderdampedPositioner(CommandTerm):
         return f"{rings} (natural frequency {wn}, damping ratio {zeta})."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         zeta = number(parameters["zeta"])
         over = 100.0 * overshoot(zeta) if 0.0 <= zeta < 1.0 else 0.0
         return FieldTest(

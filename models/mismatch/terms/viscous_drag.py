@@ -86,14 +86,12 @@ class ViscousDrag(StemTerm):
         return {"tau_v": (float(values[0]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         return (
             "The stem starts on time but slides to its place with a time constant of "
             f"{parameters['tau_v']}, as through thick grease."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do=(
                 "Loop in manual: step OP by 10 %, and time the stem from its first movement to "

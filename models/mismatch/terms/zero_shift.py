@@ -77,7 +77,6 @@ class ZeroShift(ReadingTerm):
         return {"zero": (float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        """What a maintenance engineer reads."""
         way = "low" if number(parameters["zero"]) < 0.0 else "high"
         return (
             f"The position reads {way} by {size(parameters['zero'])} of travel at mid-travel: "
@@ -85,7 +84,6 @@ class ZeroShift(ReadingTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        """A test by hand with what to expect from this effect's own numbers."""
         return FieldTest(
             do="Loop in manual: go to 50 % on the scale at the stem, and read the position.",
             fails=f"it reads about {about(size(parameters['zero']))} off",

@@ -51,17 +51,17 @@ class DrawnLoop:
         return self.S > 0.0
 
 
-def draw_loop(seed: int, place: int, story: str = "") -> DrawnLoop:
-    """Loop number ``place`` of ``seed``; even places stick (S 1 to 8 %), odd ones do not.
+def draw_loop(seed: int, index: int, story: str = "") -> DrawnLoop:
+    """Loop number ``index`` of ``seed``; even places stick (S 1 to 8 %), odd ones do not.
 
     ``story`` is one of ``STORIES``, or drawn.
     """
-    rng = np.random.default_rng([seed, place])
+    rng = np.random.default_rng([seed, index])
     for _ in range(_TRIES):
-        loop, slips = _drawn(rng, story, place % 2 == 0)
+        loop, slips = _drawn(rng, story, index % 2 == 0)
         if slips >= FEWEST_SLIPS or not loop.sticky:
             return loop
-    raise RuntimeError(f"no loop of seed {seed}, place {place} moved its stem {FEWEST_SLIPS} times")
+    raise RuntimeError(f"no loop of seed {seed}, place {index} moved its stem {FEWEST_SLIPS} times")
 
 
 def _drawn(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, int]:

@@ -22,9 +22,9 @@ class LoopExample:
     log_S: float
 
 
-def example(seed: int, place: int) -> LoopExample | None:
+def example(seed: int, index: int) -> LoopExample | None:
     """The example of a drawn loop; ``None`` where it holds nothing that can be compared."""
-    loop = draw_loop(seed, place)
+    loop = draw_loop(seed, index)
     try:
         shown = evidence(loop.op, loop.pv, loop.sp)
     except ValueError:

@@ -107,7 +107,7 @@ def _held(answer: float, limit: float) -> float:
 
 @njit(cache=True)
 def _squash(code: int, total: float) -> float:
-    """A transfer function."""
+    """The transfer function ``code`` of a neuron: linear, tanh, or logistic."""
     if code == LINEAR:
         return total
     if code == TANGENT_SIGMOID:

@@ -46,7 +46,7 @@ def draw_healthy(n: int, seed: int) -> list[PlantLoop]:
     S lies between 0.1 and 0.6 % without and between 0.2 and 0.4 % with positioner; J up to 0.3 S
     without. The first k loops of a draw do not depend on ``n``.
     """
-    return [_healthy(place, np.random.default_rng([seed, place, 0])) for place in range(n)]
+    return [_healthy(index, np.random.default_rng([seed, index, 0])) for index in range(n)]
 
 
 def draw_sticky(n: int, seed: int) -> list[PlantLoop]:
@@ -56,11 +56,11 @@ def draw_sticky(n: int, seed: int) -> list[PlantLoop]:
     Overshoot comes half from a positioner that drives past and half from a negative kinetic level
     (see ``SimulatedValve``).
     """
-    return [_sticky(place, np.random.default_rng([seed, place, 1])) for place in range(n)]
+    return [_sticky(index, np.random.default_rng([seed, index, 1])) for index in range(n)]
 
 
-def _healthy(place: int, rng: np.random.Generator) -> PlantLoop:
-    story = HEALTHY_STORIES[place % len(HEALTHY_STORIES)]
+def _healthy(index: int, rng: np.random.Generator) -> PlantLoop:
+    story = HEALTHY_STORIES[index % len(HEALTHY_STORIES)]
     kind = _KINDS[int(rng.integers(len(_KINDS)))]
     process = draw_process(kind, rng)
     valve = _healthy_valve(rng)
@@ -68,7 +68,7 @@ def _healthy(place: int, rng: np.random.Generator) -> PlantLoop:
     controller = draw_controller(process, valve, rng, margin)
     noisy = story == "noisy"
     loop = PlantLoop(
-        tag=f"{LETTER[kind]}-{100 + place}",
+        tag=f"{LETTER[kind]}-{100 + index}",
         story=f"healthy, {story}",
         valve=valve,
         process=process,
@@ -125,8 +125,8 @@ def _moved(loop: PlantLoop, story: str, rng: np.random.Generator) -> PlantLoop:
     return replace(loop, setpoints=steps)
 
 
-def _sticky(place: int, rng: np.random.Generator) -> PlantLoop:
-    shape = tuple(Shape)[place % len(Shape)]
+def _sticky(index: int, rng: np.random.Generator) -> PlantLoop:
+    shape = tuple(Shape)[index % len(Shape)]
     valve = _sticky_valve(shape, rng)
     story = STICKY_STORIES[int(rng.integers(len(STICKY_STORIES)))]
     kind = _sticky_kind(shape, story, rng)
@@ -134,7 +134,7 @@ def _sticky(place: int, rng: np.random.Generator) -> PlantLoop:
     controller = draw_controller(process, valve, rng)
     strong = (0.5, 2.0) if story == "load" else (0.02, 0.15)
     loop = PlantLoop(
-        tag=f"{LETTER[kind]}-{500 + place}",
+        tag=f"{LETTER[kind]}-{500 + index}",
         story=f"sticky, {shape.value}, {story}",
         valve=valve,
         process=process,

@@ -91,7 +91,8 @@ class ValveNumbers(NamedTuple):
 
 
 class ProcessNumbers(NamedTuple):
-    """See ``Process``; ``balance`` is the travel at which PV stands still."""
+    """``Process`` as the kernel takes it; ``balance_percent`` is the travel at which PV stands
+    still."""
 
     gain: float
     lag_s: float
@@ -102,7 +103,7 @@ class ProcessNumbers(NamedTuple):
 
 
 class ControllerNumbers(NamedTuple):
-    """See ``Controller``."""
+    """``Controller`` as the kernel takes it; ``low``, ``high`` and ``output`` in percent of OP."""
 
     gain: float
     reset_s: float

@@ -2,21 +2,54 @@
 
 from __future__ import annotations
 
+import contextlib
 import smtplib
+import socket
 import ssl
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from email.message import EmailMessage
 from email.utils import formatdate
 from pathlib import Path
 from typing import Any, Self
 
 from stemwatch.connectors.secret import Secret
-from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
+from stemwatch.service.alerts.notifiers.notifier import NotSent, cut_off_after, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 20.0  # for each answer
+MESSAGE_S = 28.0  # for all of a message
 _PORTS = {"starttls": 587, "tls": 465, "none": 25}
+
+
+class _Server(smtplib.SMTP):
+    """A conversation that can be cut from the first moment on, through ``link``: a second handle of
+    its connection, which encrypting leaves as it is."""
+
+    def __init__(self, *, encrypted: bool) -> None:
+        super().__init__(timeout=TIMEOUT_S)
+        self.link: socket.socket | None = None
+        self._encrypted = encrypted
+
+    def call(self, host: str, port: int) -> None:
+        """Connect; raises ``SMTPConnectError`` where the server does not want to talk."""
+        self._host = host  # whose name the certificate must have
+        code, said = self.connect(host, port)
+        if code != 220:
+            raise smtplib.SMTPConnectError(code, said)
+
+    def _get_socket(self, host: str, port: int, timeout: float) -> socket.socket:
+        plain = socket.create_connection((host, port), timeout)
+        self.link = plain.dup()
+        if not self._encrypted:
+            return plain
+        return ssl.create_default_context().wrap_socket(plain, server_hostname=host)
+
+    def close(self) -> None:
+        """End the conversation without a word."""
+        super().close()
+        if self.link is not None:
+            self.link.close()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +57,8 @@ class MailNotifier:
     """Sends one mail for each message. ``security`` is ``starttls``, ``tls`` or ``none``.
 
     Certificates are checked against those that the system trusts (``SSL_CERT_FILE`` names others).
-    A password never goes over a connection that is not encrypted.
+    A password never goes over a connection that is not encrypted. Where the server refuses some of
+    the receivers, only these are tried again.
     """
 
     host: str
@@ -34,6 +68,7 @@ class MailNotifier:
     secret: Secret
     sender: str
     to: tuple[str, ...]
+    _taken: dict[str, set[str]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def from_table(cls, table: NotifierTable, secret: Secret, folder: Path) -> Self:
@@ -54,31 +89,37 @@ class MailNotifier:
         if password is not None and self.security == "none":
             raise NotSent("a password is not sent without encryption; use starttls or tls")
         mail = self._mail(key, message)
+        taken = self._taken.setdefault(key, set())
+        left = [receiver for receiver in self.to if receiver not in taken]
+        server = _Server(encrypted=self.security == "tls")
         try:
-            with self._connect() as server:
-                if self.user is not None and password is not None:
-                    server.login(self.user, password)
-                refused = server.send_message(mail)
+            with cut_off_after(MESSAGE_S, lambda: server.link):
+                refused = self._say_to(server, password, mail, left)
         except smtplib.SMTPAuthenticationError:
             raise NotSent(f"{self.host} refused the login of {self.user}") from None
         except (smtplib.SMTPException, OSError) as error:
             raise NotSent(f"{self.host}: {type(error).__name__}: {error}") from None
         if refused:
+            taken.update(set(left) - refused.keys())
             raise NotSent(f"{self.host} took no mail for {', '.join(sorted(refused))}")
+        del self._taken[key]
 
-    def _connect(self) -> smtplib.SMTP:
-        port = self.port or _PORTS[self.security]
-        if self.security == "tls":
-            context = ssl.create_default_context()
-            return smtplib.SMTP_SSL(self.host, port, timeout=TIMEOUT_S, context=context)
-        server = smtplib.SMTP(self.host, port, timeout=TIMEOUT_S)
-        if self.security == "starttls":
-            try:
+    def _say_to(
+        self, server: _Server, password: str | None, mail: EmailMessage, to: Sequence[str]
+    ) -> Mapping[str, object]:
+        """Connect, log in, and hand the mail over; the receivers that the server refused."""
+        try:
+            server.call(self.host, self.port or _PORTS[self.security])
+            if self.security == "starttls":
                 server.starttls(context=ssl.create_default_context())
-            except BaseException:
-                server.close()
-                raise
-        return server
+            if self.user is not None and password is not None:
+                server.login(self.user, password)
+            refused: Mapping[str, object] = server.send_message(mail, to_addrs=to)
+            with contextlib.suppress(smtplib.SMTPException, OSError):
+                server.quit()  # the mail is taken, whatever is said to this
+            return refused
+        finally:
+            server.close()
 
     def _mail(self, key: str, message: Mapping[str, Any]) -> EmailMessage:
         mail = EmailMessage()

@@ -6,14 +6,12 @@ a name that answers differently the second time gains nothing.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import hmac
 import http.client
 import json
 import socket
 import ssl
-import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +21,7 @@ from typing import Any, Self
 from urllib.parse import SplitResult, urlsplit
 
 from stemwatch.connectors.secret import Secret
-from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
+from stemwatch.service.alerts.notifiers.notifier import NotSent, cut_off_after, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
 # IPv6 addresses that lead to an IPv4 one: translators (RFC 6052), 6to4 (RFC 3056) and the old
@@ -125,23 +123,20 @@ class WebhookNotifier:
         host, secure = parts.hostname or "", parts.scheme == "https"
         port = parts.port or (443 if secure else 80)
         link = self._connect(host, port)
-        # A receiver that sends a byte now and then would hold the line for hours.
-        ending = threading.Timer(TIMEOUT_S, lambda: _shut(link))
-        ending.start()
         try:
-            if secure:
-                context = ssl.create_default_context()
-                link = context.wrap_socket(
-                    link, server_hostname=host, do_handshake_on_connect=False
-                )
-                link.do_handshake()
-            connection = http.client.HTTPConnection(host, port, timeout=TIMEOUT_S)
-            connection.sock = link
-            path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
-            connection.request("POST", path, body, headers)
-            return connection.getresponse().status
+            with cut_off_after(TIMEOUT_S, lambda: link):
+                if secure:
+                    context = ssl.create_default_context()
+                    link = context.wrap_socket(
+                        link, server_hostname=host, do_handshake_on_connect=False
+                    )
+                    link.do_handshake()
+                connection = http.client.HTTPConnection(host, port, timeout=TIMEOUT_S)
+                connection.sock = link
+                path = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
+                connection.request("POST", path, body, headers)
+                return connection.getresponse().status
         finally:
-            ending.cancel()
             link.close()
 
     def _connect(self, host: str, port: int) -> socket.socket:
@@ -157,10 +152,3 @@ class WebhookNotifier:
             except OSError as error:
                 failed = error
         raise failed
-
-
-def _shut(link: socket.socket) -> None:
-    """End what is said on ``link``, whoever waits for it."""
-    with contextlib.suppress(OSError):
-        # Not the method of an encrypted socket, which takes its state away under a reader.
-        socket.socket.shutdown(link, socket.SHUT_RDWR)

@@ -6,6 +6,7 @@ numbers that the page says beside them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -24,7 +25,9 @@ from stemwatch.service.report.charts.small_plot import Drawn, Note, SmallPlot
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 
 STROKES = 3
-LEAST_STROKE = 0.25  # of OP's swing
+LEAST_BEHIND, LEAST_STROKE = 0.05, 0.25  # of OP's swing: how far the stem is behind, and a move
+SMALLEST_STROKE_PERCENT = 0.3
+NEAR_AGAIN = 0.2  # of the farthest
 MOST_POINTS = 350  # of a cloud
 BINS, FEWEST_IN_BIN = 14, 5
 TURNS_WITHIN = 3  # samples after the command, and the dead time, in which the stem turns
@@ -37,8 +40,13 @@ class Picture:
     """One picture with its heading and what to see in it."""
 
     title: str
-    svg: Markup
+    plot: SmallPlot
     says: str = ""
+
+    @property
+    def svg(self) -> Markup:
+        """The picture as it stands in a page."""
+        return self.plot.svg()
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,7 @@ def _value(effect: Effect, name: str) -> float:
 
 @dataclass(frozen=True)
 class _Slope:
-    """A fitted limit: percent a second, with its sign, and how it is said."""
+    """A fitted limit, percent a second; infinite where it was never reached."""
 
     rising: float
     falling: float
@@ -109,59 +117,101 @@ def _limit(effects: Sequence[Effect]) -> _Slope | None:
     """The speed limit that was named; ``None`` where none was."""
     for effect in effects:
         if effect.slug == "rate_limit":
-            rate = _value(effect, "rate")
+            rate = _value(effect, "rate") or math.inf
             return _Slope(rate, rate)
         if effect.slug == "asymmetric_rate_limit":
-            return _Slope(_value(effect, "rate_rising"), _value(effect, "rate_falling"))
+            rising, falling = _value(effect, "rate_rising"), _value(effect, "rate_falling")
+            return _Slope(rising or math.inf, falling or math.inf)
     return None
 
 
+@dataclass(frozen=True)
+class _Stroke:
+    """Samples ``first`` to ``last`` of a move of the command; ``way`` 1 rising, -1 falling."""
+
+    first: int
+    last: int
+    way: int
+
+
 def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
-    """Three of the largest moves of the command in the part that was not fitted; of a valve that is
-    slower one way, moves that way."""
+    """Three moves of the command on which the stem stayed farthest behind, in the part that was not
+    fitted if it has three; of a valve that is slower one way, moves that way. Where the stem is
+    nowhere far behind, the largest moves."""
     limit = _limit(effects)
     way = 0
     if limit is not None and limit.rising != limit.falling:
         way = 1 if limit.rising < limit.falling else -1
-    named = {1: "rises", -1: "falls", 0: "moves"}[way]
-    chosen = _largest(seen, way, seen.runs.heldout_from)
-    part = " in the part that neither model was fitted to"
-    if len(chosen) < STROKES:
-        chosen, part = _largest(seen, way, 0), ""
-    for number, (first, last) in enumerate(chosen, start=1):
-        yield Picture(
-            title=f"Stroke {number}",
-            svg=_stroke(seen, first, last, limit),
-            says=f"One of the {len(chosen)} largest {named} of the command{part}.",
-        )
+    command = {1: "a rising command", -1: "a falling command", 0: "the command"}[way]
+    heldout = seen.runs.heldout_from
+    unseen = ", in the part that neither model was fitted to"
+    behind, largest = (
+        f"on which the stem stayed farthest behind {command}",
+        "with the largest moves",
+    )
+    found = [
+        (moves(seen, way, begin), f"{said}{part}.")
+        for moves, said in ((_farthest_behind, behind), (_largest, f"{largest} of {command}"))
+        for begin, part in ((heldout, unseen), (0, ""))
+    ]
+    most = max(len(strokes) for strokes, _ in found)
+    strokes, said = next(one for one in found if len(one[0]) == most)
+    for number, stroke in enumerate(strokes, start=1):
+        plot = _stroke(seen, stroke, limit)
+        one = "The only stroke" if most == 1 else f"One of {most} strokes"
+        yield Picture(title=f"Stroke {number}", plot=plot, says=f"{one} {said}")
 
 
-def _largest(seen: _Seen, way: int, begin: int) -> list[tuple[int, int]]:
-    """(first, last) samples of the largest moves of OP from one turn to the next, after ``begin``,
-    in the order of time; ``way`` 1 rising, -1 falling, 0 either."""
+def _largest(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
+    """The largest moves of OP after ``begin`` from one turn to the next, in the order of time."""
     known = np.isfinite(seen.op) & np.isfinite(seen.mv)
     op = np.where(np.isfinite(seen.op), seen.op, np.nanmedian(seen.op))
-    turns = reversals(op, max(LEAST_STROKE * swing(seen.op), 0.5))
+    turns = reversals(op, max(LEAST_STROKE * swing(seen.op), SMALLEST_STROKE_PERCENT))
     turns = turns[turns >= begin]
     sizes = np.diff(op[turns])
-    order = np.argsort(-np.abs(sizes), kind="stable")
-    taken: list[tuple[int, int]] = []
-    for k in order.tolist():
-        first, last = int(turns[k]), int(turns[k + 1])
-        if way * sizes[k] < 0.0 or not known[first : last + 1].all():
-            continue
-        if any(first <= other_last and last >= other for other, other_last in taken):
-            continue
-        taken.append((first, last))
-        if len(taken) == STROKES:
+    moves = [
+        _Stroke(int(turns[k]), int(turns[k + 1]), 1 if sizes[k] > 0.0 else -1)
+        for k in np.argsort(-np.abs(sizes), kind="stable").tolist()
+    ]
+    fit = [one for one in moves if way * one.way >= 0 and known[one.first : one.last + 1].all()][
+        :STROKES
+    ]
+    return sorted(fit, key=lambda stroke: stroke.first)
+
+
+def _farthest_behind(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
+    """The moves of OP after ``begin`` on which MV stayed farthest behind, in the order of time.
+
+    ``way`` is 1 for rising ones, -1 for falling ones, 0 for either. A move lasts from where MV
+    leaves OP by a fifth of the farthest to where it is as near again.
+    """
+    behind = seen.op - seen.mv
+    behind = behind - np.nanmedian(behind)
+    far = np.abs(behind) if way == 0 else way * behind
+    least = max(LEAST_BEHIND * swing(seen.op), SMALLEST_STROKE_PERCENT)
+    far = np.where(np.isfinite(far), far, np.inf)  # a gap ends a move, and is in none
+    free = np.isfinite(far)
+    free[:begin] = False
+    taken: list[_Stroke] = []
+    while len(taken) < STROKES:
+        peak = int(np.argmax(np.where(free, far, -np.inf)))
+        if not free[peak] or far[peak] < least:
             break
-    return sorted(taken)
+        near = far <= NEAR_AGAIN * far[peak]
+        before, after = np.flatnonzero(near[:peak]), np.flatnonzero(near[peak:])
+        first = int(before[-1]) if before.size else 0
+        last = peak + int(after[0]) if after.size else far.size - 1
+        if free[first + 1 : last].all() and before.size and after.size:
+            taken.append(_Stroke(first, last, 1 if behind[peak] > 0.0 else -1))
+        free[first : last + 1] = False
+    return sorted(taken, key=lambda stroke: stroke.first)
 
 
-def _stroke(seen: _Seen, first: int, last: int, limit: _Slope | None) -> Markup:
+def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
+    first, last, way = stroke.first, stroke.last, stroke.way
     length = max(last - first, 4)
     begin = max(first - length // 2 - 2, 0)
-    end = min(last + 2 * length + 3, seen.op.size)
+    end = min(last + length + 3, seen.op.size)
     at = np.arange(begin, end)
     time = _since(at, first, seen.interval_s)
     drawn = [
@@ -171,12 +221,11 @@ def _stroke(seen: _Seen, first: int, last: int, limit: _Slope | None) -> Markup:
         Drawn("mv", "MV, recorded", time, seen.mv[at]),
     ]
     notes = []
-    way = 1 if seen.op[last] > seen.op[first] else -1
     if seen.late_s:
         drawn.insert(
             1, Drawn("op", "OP, later by the dead time", time, seen.command[at], dashed=True)
         )
-    if limit is not None and limit.of(way):
+    if limit is not None and math.isfinite(limit.of(way)):
         slope = limit.of(way)
         # From where the stem itself turns, to where the command ends.
         after = first + np.arange(round(seen.late_s / seen.interval_s) + TURNS_WITHIN)
@@ -188,7 +237,7 @@ def _stroke(seen: _Seen, first: int, last: int, limit: _Slope | None) -> Markup:
         middle = float(line.mean())
         said = f"{figure(abs(slope))} %/s"
         notes.append(Note(middle, start + slope * (middle - begun), f"\N{NO-BREAK SPACE} {said}"))
-    plot = SmallPlot(
+    return SmallPlot(
         x_label="time from the turn of OP, s",
         y_label="percent",
         spoken=(
@@ -198,7 +247,6 @@ def _stroke(seen: _Seen, first: int, last: int, limit: _Slope | None) -> Markup:
         drawn=drawn,
         notes=notes,
     )
-    return plot.svg()
 
 
 # OP later by the dead time, over MV
@@ -223,7 +271,7 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
     )
     yield Picture(
         title="OP, later by the dead time, over MV",
-        svg=plot.svg(),
+        plot=plot,
         says="Where the delay is right, MV turns where the shifted OP turns.",
     )
 
@@ -264,7 +312,7 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
         )
         yield Picture(
             title=f"MV against OP: {name}",
-            svg=plot.svg(),
+            plot=plot,
             says="A typical stretch; one percent is as long along both axes.",
         )
 
@@ -313,7 +361,7 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
     )
     yield Picture(
         title=f"What shows it: {effect_name(effect.slug)}",
-        svg=plot.svg(),
+        plot=plot,
         says=f"{recorded.says} Points are recorded; lines through the models are medians."
         if not recorded.joined
         else recorded.says,

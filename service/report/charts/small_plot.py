@@ -16,7 +16,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.service.presenter.wording import figure, printable
 
 WIDTH, HEIGHT = 360, 250
-LEFT, RIGHT, TOP, BOTTOM = 46, 10, 10, 38
+LEFT, RIGHT, TOP, BOTTOM = 52, 10, 10, 38
 TICKS = 5
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 

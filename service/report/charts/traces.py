@@ -40,6 +40,12 @@ def packed(values: Floats) -> dict[str, Any]:
     return {"per": 10**places, "steps": steps}
 
 
+def unpacked(trace: dict[str, Any]) -> Floats:
+    """(n,) what ``packed`` kept; NaN at gaps."""
+    steps = np.array([np.nan if step is None else step for step in trace["steps"]], np.float64)
+    return np.asarray(np.where(np.isnan(steps), np.nan, np.nancumsum(steps) / trace["per"]))
+
+
 def packed_indices(indices: NDArray[np.intp]) -> dict[str, Any]:
     """Sample numbers, exact, in the form of ``packed``."""
     return {"per": 1, "steps": _steps(indices.astype(np.int64))}

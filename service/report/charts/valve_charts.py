@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from stemwatch.models.mismatch.findings import FreeRuns
-from stemwatch.models.recording import Recording, Role
+from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.charts.loop_shapes import LoopShapes, loop_shapes
@@ -66,12 +66,18 @@ def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Ch
 
 
 def _process(recording: Recording, frame: ChartFrame) -> Chart | None:
-    pv, sp = recording.get(Role.PV), recording.get(Role.SP)
+    pv = _in_process_unit(recording, Role.PV)
+    sp = _in_process_unit(recording, Role.SP)
     shown = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
     if pv is None:
         return None
     traces = [series(role, role.upper(), signal.values, frame) for role, signal in shown]
     return panel("process", "Process", pv.unit, traces)
+
+
+def _in_process_unit(recording: Recording, role: Role) -> Signal | None:
+    signal = recording.get(role)
+    return None if signal is None else signal.in_process_unit()
 
 
 def _residuals(screening: Screening, recording: Recording, frame: ChartFrame) -> Chart | None:
@@ -96,7 +102,7 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
     """The recorded points and the simulated path against OP; PV stands in where MV is absent."""
     vertical, name = recording.mv, "MV"
     if vertical is None:
-        vertical, name = recording.get(Role.PV), "PV"
+        vertical, name = _in_process_unit(recording, Role.PV), "PV"
     if vertical is None:
         return None
     op, simulated = recording.op.values, screening.traces.stiction

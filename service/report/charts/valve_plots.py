@@ -6,7 +6,7 @@ that read the samples, and only they travel, with a short excerpt where the valv
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.typical_stretch import typical_stretch
 from stemwatch.service.report.charts.valve_charts import chart_of, overlay_of
+from stemwatch.service.report.charts.window_pictures import WindowPictures, window_pictures
 
 EXCERPT_SAMPLES = 3600  # an hour at 1 s: 0.3 MB
 
@@ -24,11 +25,13 @@ EXCERPT_SAMPLES = 3600  # an hour at 1 s: 0.3 MB
 class ValvePlots:
     """The plots of a valve; ``None`` for one that has nothing to draw.
 
-    ``overlay`` is drawn where something was left out; else the chart says it all.
+    ``overlay`` is drawn where something was left out; else the chart says it all. ``pictures`` are
+    what the store keeps as well.
     """
 
     chart: Chart | None
     overlay: Chart | None
+    pictures: WindowPictures = field(default_factory=WindowPictures)
 
 
 def plots_of(screening: Screening) -> ValvePlots:
@@ -38,6 +41,7 @@ def plots_of(screening: Screening) -> ValvePlots:
     return ValvePlots(
         chart=chart_of(screening),
         overlay=overlay_of(screening.recording, mismatch.runs) if mismatch and left_out else None,
+        pictures=window_pictures(screening),
     )
 
 

@@ -1,4 +1,4 @@
-// Runs before the first paint: the reader's theme, and that scripts run at all.
+// Runs before the first paint: the reader's theme, that scripts run at all, what is open.
 (function () {
   "use strict";
   var root = document.documentElement;
@@ -25,11 +25,18 @@
 
   function system() { return dark.matches ? "dark" : "light"; }
 
+  // What only a desk or a sheet of paper has room for is folded on a phone, and opens when asked.
+  function fold(open) {
+    document.querySelectorAll("details[data-wide]").forEach(function (part) { part.open = open; });
+  }
+
   root.classList.add("js");
   root.dataset.theme = chosen() || system();
   dark.addEventListener("change", function () { if (!chosen()) show(system()); });
+  window.addEventListener("beforeprint", function () { fold(true); });
   document.addEventListener("DOMContentLoaded", function () {
     show(root.dataset.theme);
+    if (window.matchMedia("(max-width: 760px)").matches) fold(false);
     document.getElementById("theme-toggle").addEventListener("click", function () {
       var next = root.dataset.theme === "dark" ? "light" : "dark";
       keep(next);

@@ -64,10 +64,12 @@ class Accounts:
             row = _by_name(session, name)
             return None if row is None else (user_of(row), row.password)
 
-    def add(self, name: str, role: UserRole, password: str, *, by: str, now: datetime) -> User:
+    def add(
+        self, name: str, role: UserRole, password: str, *, added_by: str, now: datetime
+    ) -> User:
         """Add a user; ``password`` is a hash. Raises ``NameTaken``."""
         with self._transactions.writing("adding a user") as session:
-            return _add(session, name, role, password, by, now)
+            return _add(session, name, role, password, added_by, now)
 
     def add_by_link(self, digest: str, name: str, password: str, now: datetime) -> User | None:
         """Add a user and mark the one-time link as used, in one transaction; ``None`` where the
@@ -157,7 +159,7 @@ def _locked_user(session: Session, user: int) -> UserRow:
 
 
 def _add(
-    session: Session, name: str, role: UserRole, password: str, by: str, now: datetime
+    session: Session, name: str, role: UserRole, password: str, added_by: str, now: datetime
 ) -> User:
     values = {
         "name": " ".join(name.split()),
@@ -165,7 +167,7 @@ def _add(
         "role": role.value,
         "password": password,
         "created": now,
-        "created_by": by,
+        "created_by": added_by,
         "password_changed": now,
     }
     statement = upsert(

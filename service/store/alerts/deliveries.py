@@ -7,7 +7,7 @@ same key, by which the receiver can recognise it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -88,9 +88,10 @@ class Deliveries:
                 )
         return True
 
-    def claim(self) -> StoredDelivery | None:
-        """Reserve the next due message for a few minutes; ``None`` where none is due. One whose
-        time lies further ahead than any wait is due: the clock was set back since."""
+    def claim(self, *, without: Collection[str] = ()) -> StoredDelivery | None:
+        """Reserve the next due message for a few minutes; ``None`` where none is due but those of
+        the notifiers ``without``. One whose time lies further ahead than any wait is due: the clock
+        was set back since."""
         with self._transactions.writing("taking a message") as session:
             now = database_now(session)
             next_try, claimed = DeliveryRow.next_try, DeliveryRow.claimed_until
@@ -99,6 +100,7 @@ class Deliveries:
                 .where(
                     DeliveryRow.sent.is_(None),
                     DeliveryRow.given_up.is_(False),
+                    DeliveryRow.notifier.not_in(without),
                     or_(next_try <= now, next_try > now + LONGEST_WAIT + CLAIM),
                     or_(claimed.is_(None), claimed < now, claimed > now + 2 * CLAIM),
                 )

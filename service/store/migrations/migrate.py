@@ -57,7 +57,9 @@ def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
         downgrade(engine, revision)
 
 
-def is_compared(thing: Any, name: str | None, kind: str, reflected: bool, _other: Any) -> bool:
+def is_compared(
+    schema_item: Any, name: str | None, kind: str, reflected: bool, _other: Any
+) -> bool:
     """Whether Alembic should compare this object with the tables in code (its ``include_object``).
 
     Not the partitions of samples, which are created at run time, nor the foreign keys of samples,
@@ -65,7 +67,7 @@ def is_compared(thing: Any, name: str | None, kind: str, reflected: bool, _other
     """
     if kind == "table":
         return not (reflected and is_partition(name or ""))
-    return not (kind == "foreign_key_constraint" and thing.table.name == "samples")
+    return not (kind == "foreign_key_constraint" and schema_item.table.name == "samples")
 
 
 def current_revision(connection: Connection) -> str | None:

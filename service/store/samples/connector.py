@@ -128,4 +128,10 @@ def _signal(
     elif not unit and role in (Role.OP, Role.MV):
         notes.append(f"{column.tag}: no unit is known; the values were taken as percent.")
         unit = PERCENT
-    return Signal(values=values, quality=laid.quality, tag=column.tag, unit=unit)
+    return Signal(
+        values=values,
+        quality=laid.quality,
+        tag=column.tag,
+        unit=unit,
+        range=mapping.process_range(column.unit),
+    )

@@ -14,6 +14,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.false_discoveries import remark_of
+from stemwatch.service.store.screenings.named_effects import KEY, defects_of
 from stemwatch.service.store.screenings.tables import FeedbackRow, ScreeningRow
 
 MOST_SHOWN = 500
@@ -60,6 +61,7 @@ def write_feedback(
     if row is None:
         raise StoreError(f"there is no screening {screening}")
     effects = [] if remark_of(row.mismatch) else list(row.mismatch_slugs or ())
+    defects = effects and defects_of(effects, (row.mismatch or {}).get(KEY))
     session.add(
         FeedbackRow(
             valve=row.valve,
@@ -71,7 +73,7 @@ def write_feedback(
             window_start=row.window_start,
             window_end=row.window_end,
             source=row.source,
-            verdict=overall_verdict(Verdict(row.verdict), named=bool(effects)).value,
+            verdict=overall_verdict(Verdict(row.verdict), named=bool(defects)).value,
             effects=effects,
             s_percent=row.s_percent,
             j_percent=row.j_percent,

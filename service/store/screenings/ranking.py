@@ -284,20 +284,20 @@ def read_work_states(session: Session, until: datetime) -> dict[WorkState, int]:
 
 
 def _lines(
-    session: Session, shown: Sequence[tuple[str, int | None, float]], place: int
+    session: Session, chosen: Sequence[tuple[str, int | None, float]], rank: int
 ) -> tuple[RankingLine, ...]:
-    """The lines of these valves and screenings, in this order, counted from ``place``."""
-    screenings = [number for _, number, _ in shown if number is not None]
+    """The lines of these valves and screenings, in this order, counted from ``rank``."""
+    screenings = [number for _, number, _ in chosen if number is not None]
     of_valve = and_(ScreeningRow.valve == ValveRow.id, ScreeningRow.id.in_(screenings))
     statement = select(*_COLUMNS).select_from(ValveRow).outerjoin(ScreeningRow, of_valve)
-    valves = [valve for valve, _, _ in shown]
+    valves = [valve for valve, _, _ in chosen]
     rows: dict[str, Any] = {
         row.id: row for row in session.execute(statement.where(ValveRow.id.in_(valves)))
     }
     before = read_previous_of(session, screenings)
     return tuple(
-        _line(rows[valve], place + k, severity, None if number is None else before.get(number))
-        for k, (valve, number, severity) in enumerate(shown)
+        _line(rows[valve], rank + k, severity, None if number is None else before.get(number))
+        for k, (valve, number, severity) in enumerate(chosen)
     )
 
 
@@ -313,11 +313,11 @@ def read_valves_in(session: Session, area: str) -> list[str]:
     return list(session.scalars(wanted))
 
 
-def _line(row: Any, place: int, severity: float, previous: PreviousFinding | None) -> RankingLine:
+def _line(row: Any, rank: int, severity: float, previous: PreviousFinding | None) -> RankingLine:
     stem = None if row.verdict is None else Verdict(row.verdict)
     named = bool(defects_of(row.mismatch_slugs, row.defects)) and not row.held_back
     return RankingLine(
-        place=place,
+        place=rank,
         valve=row.id,
         description=row.description,
         area=row.area,

@@ -136,6 +136,17 @@ class IndicatorRow(TableBase):
     unit: Mapped[str]
 
 
+class PictureRow(TableBase):
+    """What is kept of a window for pictures that are drawn when its samples are gone, some KB."""
+
+    __tablename__ = "pictures"
+
+    screening_id: Mapped[int] = mapped_column(
+        ForeignKey("screenings.id", ondelete="CASCADE"), primary_key=True
+    )
+    packed: Mapped[bytes]
+
+
 class NetworkRow(TableBase):
     """A valve's NARX network. At most one of each kind is active; older baselines are kept."""
 

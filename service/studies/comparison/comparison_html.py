@@ -68,9 +68,9 @@ def _data(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def _trace(row: ModelRow, grid: ThinningGrid, shown: bool) -> dict[str, Any]:
+def _trace(row: ModelRow, grid: ThinningGrid, is_visible: bool) -> dict[str, Any]:
     assert row.simulated is not None
-    return {"label": row.model, "values": _points(row.simulated, grid), "shown": shown}
+    return {"label": row.model, "values": _points(row.simulated, grid), "shown": is_visible}
 
 
 def _points(values: Floats, grid: ThinningGrid) -> list[float | None]:

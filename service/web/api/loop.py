@@ -74,7 +74,8 @@ def loop_of(
     recording, says = read_recording(site, window)
     if recording is None:
         return _empty(window, says)
-    vertical = recording.mv or recording.get(Role.PV)
+    pv = recording.get(Role.PV)
+    vertical = recording.mv or (None if pv is None else pv.in_process_unit())
     if vertical is None:
         return _empty(window, "Neither MV nor PV is recorded for this valve.")
     curve = None if screening is None else screening.stroke_curve

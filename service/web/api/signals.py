@@ -104,6 +104,7 @@ def _from_source(site: Site, window: SignalWindow) -> SignalsAnswer:
     for role in DRAWN_ROLES:
         signal = recording.get(role)
         if signal is not None:
+            signal = signal if role in IN_PERCENT else signal.in_process_unit()
             points = PlotPoints(at_s=at, values=lowest_and_highest(signal.values, grid))
             traces.append(_trace(role, signal.tag, signal.unit, points))
     bucket_s = 0.0 if grid.bucket == 1 else grid.bucket * recording.interval_s

@@ -110,7 +110,7 @@ class ProxySignIn:
         self, store: Store, name: str, role: UserRole, peer: str, now: datetime
     ) -> User | None:
         try:
-            user = store.accounts.add(name, role, NO_PASSWORD, by=HOW, now=now)
+            user = store.accounts.add(name, role, NO_PASSWORD, added_by=HOW, now=now)
         except NameTaken:  # by a request beside this one
             return store.accounts.find(name)
         store.audit.add(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fastapi import APIRouter, HTTPException, Request
-from fastapi.responses import FileResponse
+from fastapi.responses import FileResponse, Response
 
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.dependencies import Dependencies, Deps
@@ -25,7 +25,7 @@ TYPES = {
 # The report carries its own policy with the digests of its scripts. Here it runs without an origin:
 # whatever stands in it can neither ask this service nor see its cookies.
 POLICY = (
-    "sandbox allow-scripts allow-modals allow-popups; default-src 'none'; "
+    "sandbox allow-scripts allow-modals allow-popups allow-downloads; default-src 'none'; "
     "script-src 'unsafe-inline'; style-src 'unsafe-inline'; frame-ancestors 'none'"
 )
 
@@ -33,7 +33,7 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get("/run/report")
-def report(request: Request, deps: Deps) -> FileResponse:
+def report(request: Request, deps: Deps) -> Response:
     """One file of a run's report; ``id`` is the run, ``file`` one of ``TYPES``."""
     given = request.query_params.get("id", "")
     number = int(given) if given.isascii() and given.isdigit() and len(given) < 12 else 0
@@ -45,8 +45,17 @@ def report(request: Request, deps: Deps) -> FileResponse:
         raise HTTPException(404, f"The report of run {given!r} is not kept, or was never written.")
     if name in PAGES:
         headers = {"content-security-policy": POLICY}
-        return FileResponse(folder / name, media_type=TYPES[name], headers=headers)
+        page = _led_here((folder / name).read_bytes(), number)
+        return Response(page, media_type=TYPES[name], headers=headers)
     return FileResponse(folder / name, media_type=TYPES[name], filename=f"run-{number}-{name}")
+
+
+def _led_here(page: bytes, number: int) -> bytes:
+    """A page whose links to the files beside it, which are right on a disk, lead to this route."""
+    for name in TYPES:
+        here = f'href="report?id={number}&amp;file={name}"'
+        page = page.replace(f'href="{name}"'.encode(), here.encode())
+    return page
 
 
 def report_folder(deps: Dependencies, number: int) -> Path | None:

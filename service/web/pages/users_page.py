@@ -32,7 +32,7 @@ def invite(request: Request, deps: Deps, current_user: SignedIn, form: SentForm)
     role, now = _role(form), deps.now
     note_about(request, f"invite {note}" if note else "invite")
     secret, link = make_link(
-        deps.store, OneTimeLinkKind.INVITATION, role, by=current_user.name, now=now, note=note
+        deps.store, OneTimeLinkKind.INVITATION, role, made_by=current_user.name, now=now, note=note
     )
     return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
 
@@ -49,7 +49,7 @@ def new_password(
         deps.store,
         OneTimeLinkKind.PASSWORD,
         user.role,
-        by=current_user.name,
+        made_by=current_user.name,
         now=deps.now,
         user=user.id,
         note=user.name,

@@ -59,14 +59,7 @@
     setInterval(look, REFRESH_MS);
   }
 
-  // What a desk has room for is open there; on a phone, and without scripts, it opens when asked.
-  function openWide() {
-    if (!window.matchMedia("(min-width: 761px)").matches) return;
-    document.querySelectorAll("details[data-wide]").forEach(function (part) { part.open = true; });
-  }
-
   document.addEventListener("DOMContentLoaded", function () {
-    openWide();
     document.querySelectorAll(".live-filters").forEach(filter);
     var going = Array.from(document.querySelectorAll("[data-refresh]"));
     var followed = Array.from(document.querySelectorAll("[data-follow]"));

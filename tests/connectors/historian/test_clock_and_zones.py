@@ -314,3 +314,114 @@ def test_an_interval_that_is_given_is_used_or_said_not_to_be(open_text) -> None:
     recording = open_text(wide(dated), options=given).read(OP)
     assert recording.interval_s == 60.0
     assert "interval_s = 20 is not used: column 'Time' dates each row" in said(recording)
+
+
+@pytest.mark.parametrize("seconds", [1.003, 7.0, 0.9, 13.0])
+def test_stamps_cut_to_the_minute_at_an_interval_that_does_not_divide_it(
+    open_text, seconds: float
+) -> None:
+    """Minutes with now one row more and now one fewer still tell the spacing."""
+    start = datetime(2026, 3, 2, 6, tzinfo=UTC)
+    rows = round(1800 / seconds)
+    times = [
+        (start + timedelta(seconds=17.0 + row * seconds)).strftime("%d.%m.%Y %H:%M")
+        for row in range(rows)
+    ]
+    recording = open_text(wide(times), options=ReadOptions(zone="UTC")).read(OP)
+    assert recording.interval_s == pytest.approx(seconds, rel=2e-3)
+    assert recording.op.values.size == rows
+    assert "in a row, as a spreadsheet does that cuts times" in said(recording)
+
+
+def test_a_minute_of_sixty_rows_is_a_second(open_text) -> None:
+    """What a plant sees most: one second exported, opened in a spreadsheet, saved again."""
+    times = [f"2026-03-02 06:{row // 60:02d}" for row in range(1200)]
+    recording = open_text(wide(times)).read(OP)
+    assert recording.interval_s == 1.0
+    assert "gives the same time to 60 rows in a row" in said(recording)
+    assert "the rows are taken as 1 s apart" in said(recording)
+
+
+def test_cut_stamps_of_a_row_per_sample(open_text) -> None:
+    """In a narrow export each tag has stamps of its own."""
+    rows = [f"2026-03-02 06:{row // 12:02d};{tag};{row + 0.5}"
+            for row in range(240) for tag in ("FIC1.OP", "FIC1.PV")]  # fmt: skip
+    text = "Timestamp;Tag;Value\n" + "\n".join(rows) + "\n"
+    tags = ValveTags(valve="FIC1", tags={Role.OP: TagMapping(tag="FIC1.OP")})
+    recording = open_text(text, options=ReadOptions(zone="UTC")).read(tags)
+    assert recording.interval_s == 5.0
+    assert recording.op.values.tolist() == [row + 0.5 for row in range(240)]
+    assert "the same time to 12 rows in a row" in said(recording)
+
+
+def test_a_given_interval_settles_cut_stamps_or_is_said_not_to(open_text) -> None:
+    """The user's interval is used where no stamp contradicts it."""
+    times = [f"2026-03-02 06:{row // 60:02d}" for row in range(90)]
+    recording = open_text(wide(times), options=ReadOptions(zone="UTC", interval_s=1.0)).read(OP)
+    assert recording.interval_s == 1.0
+    assert "The rows are 1 s apart, as given; column 'Time' gives the same time" in said(recording)
+    times = [f"2026-03-02 06:{row // 60:02d}" for row in range(600)]
+    recording = open_text(wide(times), options=ReadOptions(zone="UTC", interval_s=5.0)).read(OP)
+    assert recording.interval_s == 1.0
+    assert "interval_s = 5 is not used: column 'Time' dates each row" in said(recording)
+
+
+def test_stamps_that_repeat_unevenly_are_said(open_text) -> None:
+    """Where the numbers of rows do not tell the spacing, the loss is a problem with its cure."""
+    counts = [60, 3, 17, 60, 2, 41, 60, 9]
+    times = [f"2026-03-02 06:{m:02d}" for m, count in enumerate(counts) for _ in range(count)]
+    problems = open_text(wide(times)).inspect().problems
+    assert any("the time of the row before, and not evenly" in problem for problem in problems)
+
+
+@pytest.mark.parametrize(
+    ("header", "cell", "interval_s"),
+    [("ts", "20", 20.0), ("Ts [ms]", "500", 0.5), ("sampling_interval_s", "12", 12.0),
+     ("dt", "0,2", 0.2)],
+)  # fmt: skip
+def test_a_row_counter_beside_a_sampling_column(
+    open_text, header: str, cell: str, interval_s: float
+) -> None:
+    """``Time`` that rises by one beside ``ts`` is no time in seconds; missing rows stay missing."""
+    counted = [row for row in range(60) if row not in (30, 31)]
+    rows = "".join(f"{row};{cell};{row + 0.25}\n".replace(".", ",") for row in counted)
+    source = open_text(f"Time;{header};OP\n" + rows)
+    recording = source.read(OP)
+    assert recording.interval_s == interval_s
+    assert np.isnan(recording.op.values).sum() == 2
+    assert f"The rows are {interval_s:g} s apart, as column {header!r} says" in said(recording)
+    assert "since a start" not in said(recording)
+    assert [tag.tag for tag in source.inspect().tags] == ["OP"]
+
+
+def test_a_sampling_column_that_contradicts_the_dates_is_said(open_text) -> None:
+    """Dates are times; what a column says otherwise is a problem to look at."""
+    rows = "".join(f"2026-03-02 06:{m:02d};20;{m + 0.5}\n" for m in range(50))
+    source = open_text("Time;ts;OP\n" + rows)
+    assert source.read(OP).interval_s == 60.0
+    assert any("'ts' says 20 s between rows, column 'Time' 60 s" in problem
+               for problem in source.inspect().problems)  # fmt: skip
+
+
+def test_seconds_stay_seconds_beside_a_sampling_column(open_text) -> None:
+    """Times in steps of the sampling column's interval agree with it, gaps and all."""
+    seconds = [20 * row for row in range(60) if row not in (30, 31)]
+    rows = "".join(f"{time};20;{time + 0.5}\n" for time in seconds)
+    recording = open_text("Time;ts;OP\n" + rows, options=ReadOptions(interval_s=20.0)).read(OP)
+    assert recording.interval_s == 20.0
+    assert np.isnan(recording.op.values).sum() == 2
+
+
+def test_a_counter_that_nobody_explains_asks(open_text) -> None:
+    """Seconds are assumed, and said with what to do if they are not."""
+    recording = open_text(wide([str(row) for row in range(50)])).read(OP)
+    assert recording.interval_s == 1.0
+    assert "If it only counts rows, say interval_s" in said(recording)
+
+
+def test_excel_days_in_a_given_zone_are_dates(open_text) -> None:
+    """The zone is used for day numbers as for any other local time."""
+    days = [f"{46083 + row / 1440:.8f}" for row in range(50)]
+    text = "Date;OP\n" + "".join(f"{day};{row}\n" for row, day in enumerate(days))
+    recording = open_text(text, options=ReadOptions(zone="Europe/Berlin")).read(OP)
+    assert recording.start == datetime(2026, 3, 1, 23, tzinfo=UTC)

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from stemwatch.models.mismatch.explain import problem_of
-from stemwatch.models.mismatch.force_balance import force_balance
+from stemwatch.models.mismatch.force_balance import force_balance, parabolas
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Role
@@ -20,6 +21,18 @@ def balanced(recording):
     """The balance of a recording as ``explain`` takes it, and seconds in the unit of its times."""
     own = on_own_clock(recording)
     return force_balance(problem_of(own, settle(own))), own.unit_s
+
+
+@pytest.mark.parametrize("window", [7, 15, 45, 241])
+def test_the_low_pass_is_that_of_savitzky_and_golay(window):
+    """To the bit, ends included: value, slope and curvature as scipy gives them."""
+    rng = np.random.default_rng(4)
+    for values in (
+        50.0 + np.cumsum(rng.normal(0.0, 0.3, 1000)),
+        np.round(50.0 + np.cumsum(rng.normal(0.0, 0.3, 2 * window)), 1),
+    ):
+        wanted = [savgol_filter(values, window, 2, deriv=order) for order in range(3)]
+        np.testing.assert_array_equal(parabolas(values, window), wanted)
 
 
 @pytest.mark.parametrize(

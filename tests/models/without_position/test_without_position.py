@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -29,20 +30,18 @@ from stemwatch.models.without_position.suspicion import (
 from stemwatch.models.without_position.windows import LENGTH, windows
 
 
+@cache
 def few_trained() -> Judge:
-    """Networks of a few loops: good for little, but they answer."""
+    """Networks of a few loops: good for little, but they answer. Trained once, when first asked."""
     shown = [example(5151, place) for place in range(40)]
     limits = SuspicionLimits(suspected_from=0.8, no_sign_below=0.3, shows_from=0.5)
     network: LoopNetwork = train([one for one in shown if one is not None], seed=1, epochs=10)
     return Judge(network=network, limits=limits)
 
 
-JUDGE = few_trained()
-
-
 def suspect(recording: Recording) -> WithoutPosition:
     """What is said of a recording."""
-    return JUDGE.says(look(recording))
+    return few_trained().says(look(recording))
 
 
 def loop_of(op: np.ndarray, pv: np.ndarray | None, unit: str = "%") -> Recording:
@@ -189,7 +188,7 @@ def test_numpy_and_torch_give_the_same_logits() -> None:
     """What torch trains is what runs without torch."""
     import torch
 
-    network = JUDGE.network
+    network = few_trained().network
     arrays = network.arrays
     cut = np.random.default_rng(2).standard_normal((3, 2, LENGTH))
     signal = torch.tensor(cut)

@@ -29,4 +29,4 @@ def hashed() -> str:
 @pytest.fixture
 def ann(store: Store, hashed: str) -> User:
     """An engineer whose password is ``PASSWORD``."""
-    return store.accounts.add("Ann Berg", UserRole.ENGINEER, hashed, by="test", now=NOW)
+    return store.accounts.add("Ann Berg", UserRole.ENGINEER, hashed, added_by="test", now=NOW)

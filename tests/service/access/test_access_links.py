@@ -77,7 +77,9 @@ def test_of_many_who_open_one_link_one_gets_in(store: Store) -> None:
 @pytest.mark.parametrize("after", [timedelta(days=3), timedelta(days=300)])
 def test_an_invitation_runs_out(store: Store, ann: User, after: timedelta) -> None:
     """It holds for three days and gives the role that it was made with."""
-    secret, _ = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
+    secret, _ = make_link(
+        store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
+    )
     with pytest.raises(LinkIsOver, match="Ask an admin"):
         use_link(store, secret, "Bob", PASSWORD, NOW + after)
     user = use_link(store, secret, "Bob", PASSWORD, NOW + timedelta(days=2))
@@ -86,7 +88,9 @@ def test_an_invitation_runs_out(store: Store, ann: User, after: timedelta) -> No
 
 def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
     """Once; the second time there is nothing to withdraw."""
-    secret, link = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
+    secret, link = make_link(
+        store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
+    )
     assert [one.id for one in store.access_links.open(NOW)] == [link.id]
     assert store.access_links.revoke(link.id, NOW)
     assert not store.access_links.revoke(link.id, NOW)
@@ -97,7 +101,9 @@ def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
 @pytest.mark.parametrize("name", ["ann berg", " ANN  BERG ", "Ann Berg"])
 def test_a_name_is_taken_whatever_its_capitals(store: Store, ann: User, name: str) -> None:
     """And the link is as good as before, for another name."""
-    secret, _ = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
+    secret, _ = make_link(
+        store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
+    )
     with pytest.raises(NameTaken, match="choose another name"):
         use_link(store, secret, name, PASSWORD, NOW)
     assert use_link(store, secret, "Bob", PASSWORD, NOW).name == "Bob"
@@ -114,7 +120,9 @@ def test_a_name_is_taken_whatever_its_capitals(store: Store, ann: User, name: st
 )
 def test_what_is_not_taken_costs_no_link(store: Store, ann: User, name, password, error) -> None:
     """A sentence, and another try."""
-    secret, _ = make_link(store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="Ann", now=NOW)
+    secret, _ = make_link(
+        store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
+    )
     with pytest.raises(error):
         use_link(store, secret, name, password, NOW)
     assert find_link(store, secret, NOW).is_open(NOW)
@@ -124,7 +132,9 @@ def test_a_link_for_a_password_changes_that_and_nothing_else(store: Store, ann: 
     """The role stays, whatever name is sent; every session ends, and only the last link works."""
     cookie = begin_session(store, ann.id, now=NOW)
     made = [
-        make_link(store, OneTimeLinkKind.PASSWORD, UserRole.ADMIN, by="A", now=NOW, user=ann.id)[0]
+        make_link(
+            store, OneTimeLinkKind.PASSWORD, UserRole.ADMIN, made_by="A", now=NOW, user=ann.id
+        )[0]
         for _ in range(2)
     ]
     with pytest.raises(LinkIsOver):
@@ -145,7 +155,7 @@ def test_a_link_that_was_never_made_is_over(store: Store, ann: User, secret: str
 
 def test_there_is_always_an_admin(store: Store, ann: User) -> None:
     """The last one can be neither disabled nor made less."""
-    first = store.accounts.add("Karl", UserRole.ADMIN, "hash", by="test", now=NOW)
+    first = store.accounts.add("Karl", UserRole.ADMIN, "hash", added_by="test", now=NOW)
     for change in (
         lambda: store.accounts.disable(first.id, NOW),
         lambda: store.accounts.set_role(first.id, UserRole.VIEWER),

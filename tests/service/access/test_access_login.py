@@ -41,7 +41,7 @@ def test_name_and_password_open_a_session(store: Store, ann: User) -> None:
 
 def test_every_refusal_says_the_same(store: Store, ann: User) -> None:
     """A wrong password, a name that nobody has, a user who is disabled: one sentence."""
-    store.accounts.add("Off", UserRole.VIEWER, "no hash", by="test", now=NOW)
+    store.accounts.add("Off", UserRole.VIEWER, "no hash", added_by="test", now=NOW)
     store.accounts.disable(store.accounts.find("Off").id, NOW)
     said = set()
     for name, password in (("Ann Berg", "x"), ("nobody", PASSWORD), ("Off", "x"), ("", "")):
@@ -148,7 +148,7 @@ def test_good_and_bad_logins_are_in_the_audit_log(store: Store, ann: User) -> No
 def test_a_dated_hash_is_renewed_by_a_login(store: Store, real_passwords: None) -> None:
     """Parameters can be raised without anybody choosing a new password."""
     weak = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1).hash(PASSWORD)
-    store.accounts.add("Old", UserRole.VIEWER, weak, by="test", now=NOW)
+    store.accounts.add("Old", UserRole.VIEWER, weak, added_by="test", now=NOW)
     sign_in(store, "Old", PASSWORD, now=NOW, address=HERE)
     assert store.accounts.password_of("Old")[1].startswith("$argon2id$v=19$m=65536,t=3,p=4$")
     assert sign_in(store, "Old", PASSWORD, now=NOW, address=HERE)

@@ -85,7 +85,7 @@ def test_a_new_password_and_a_disabled_user_end_every_session(store: Store, ann:
 
 def test_other_sessions_can_be_ended_and_one_kept(store: Store, ann: User) -> None:
     """Those of other users stay as well."""
-    bob = store.accounts.add("Bob", UserRole.VIEWER, "hash", by="test", now=NOW)
+    bob = store.accounts.add("Bob", UserRole.VIEWER, "hash", added_by="test", now=NOW)
     kept, gone, his = (begin_session(store, who.id, now=NOW) for who in (ann, ann, bob))
     store.web_sessions.end_others(ann.id, user_of_cookie(store, kept, NOW).session)
     assert user_of_cookie(store, kept, NOW)

@@ -122,7 +122,7 @@ def test_many_valves_are_gathered_as_one_by_one(either_store: Store, plant: Plan
     """What the rules see of each valve is what the store says of it alone: the last screenings
     newest first, S at the baseline, the ratios, and the words of the newest finding."""
     store = either_store
-    for hour in range(12):
+    for hour in range(10):
         number = run(store, plant, hour, {"V01": named(0.001), "V07": named(0.9)})
         hold_back(store, number)
     window = store.screenings("V03")[5].window

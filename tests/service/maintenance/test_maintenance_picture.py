@@ -40,7 +40,8 @@ def words(picture) -> list[str]:
 def test_both_views_are_there_and_told_apart_by_their_lines():
     """OP dashed, MV solid and thick, the model dotted; the stick band hatched."""
     picture, note = drawn(screening("FV-1"))
-    assert {"OP", "MV", "model", "stick band of S and J", "OP, %", "MV, %"} <= set(words(picture))
+    named = {"OP", "MV", "model", "recorded", "stick band of S and J", "OP, %", "MV, %"}
+    assert named <= set(words(picture))
     styles = {(mark.width, mark.dash) for mark in picture.marks if isinstance(mark, DrawnLine)}
     assert len({style for style in styles if style[0] >= 0.7}) >= 4
     assert any(isinstance(mark, DrawnArea) and mark.hatch for mark in picture.marks)

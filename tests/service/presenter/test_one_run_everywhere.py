@@ -4,33 +4,46 @@ from __future__ import annotations
 
 import csv
 import html
+import io
 import json
 import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import httpx
+import openpyxl
 import pytest
 
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening import failed
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.alerts.evaluate import gathered
+from stemwatch.service.alerts.rules import apply_rules
 from stemwatch.service.cli import views
+from stemwatch.service.config import load_plant
+from stemwatch.service.maintenance.labels import labels_csv
+from stemwatch.service.maintenance.maintenance_html import book_html
 from stemwatch.service.maintenance.stored import report_of_store
-from stemwatch.service.report import write_report
+from stemwatch.service.presenter.finding import belong_to_machine
+from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
 from stemwatch.service.run.finish import hold_back
+from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
 from tests.service.maintenance.made_book import context, frozen, with_effects
 from tests.service.report.conftest import screening
 from tests.service.web import made_plant
 from tests.service.web.signed_in import cookie_of
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
 
 NO_POSITION = (
     "Cannot tell: there is no valve position in this recording, and OP and PV alone cannot tell a "
@@ -170,19 +183,155 @@ def _lines(pages: httpx.Client) -> list[dict[str, Any]]:
 def test_order_severity_S_and_J_are_the_same(
     ranking: Ranking, files: Path, pages: httpx.Client
 ) -> None:
-    """Report, tables, API and terminal rank alike, and the numbers agree to the last digit."""
+    """Report, tables, workbook, API, pages and terminal rank alike, and the numbers agree to the
+    last digit that each shows."""
     order = [valve.screening.valve for valve in ranking]
     objects = json.loads((files / "valves.json").read_text("utf-8"))
     lines = _lines(pages)
+    rows = _rows(files / "valves.csv")
+    cells = _workbook(files / "valves.xlsx")
     table = views.summary([in_brief(one) for one in every_kind()])
-    assert [one["valve"] for one in objects] == order
-    assert [one["valve"] for one in lines] == order
+    for many in (objects, lines, rows, cells):
+        assert [one["valve"] for one in many] == order
     assert list(table.columns[1].cells) == order
-    for one, line in zip(objects, lines, strict=True):
-        assert line["severity"] == pytest.approx(one["severity"])
-        assert line["confidence"] == one["confidence"]
-        for name in ("S", "J"):
-            assert line[name]["value"] == one["stiction"][name]["value"]
+    assert [int(one["rank"]) for one in rows] == list(range(1, len(order) + 1))
+    report = (files / "report.html").read_text("utf-8")
+    assert re.findall(r'<tr role="row" data-anchor="valve-([^"]+)"', report) == order
+    page = pages.get("/").text
+    assert [one for one in re.findall(r'<a href="/valve\?id=([^"#]+)"', page)] == order
+    shown = zip(ranking, objects, lines, rows, cells, strict=True)
+    for place, (valve, one, line, row, cell) in enumerate(shown):
+        for severity in (one, line):
+            assert severity["severity"] == pytest.approx(valve.decision.severity)
+        for severity in (row, cell):
+            assert float(severity["severity (0 to 100)"]) == pytest.approx(valve.decision.severity)
+        assert line["confidence"] == one["confidence"] == valve.decision.confidence
+        for name, column in (("S", 3), ("J", 4)):
+            value = one["stiction"][name]["value"]
+            assert line[name]["value"] == value
+            written = "" if value is None else pytest.approx(value)
+            for table_row in (row, cell):
+                text = table_row[f"{name} (%)"]
+                assert (float(text) if text not in ("", None) else "") == written
+            on_terminal = str(list(table.columns[column].cells)[place])
+            assert on_terminal.startswith("-" if value is None else f"{value:.1f}")
+
+
+def _rows(file: Path) -> list[dict[str, str]]:
+    with file.open(encoding="utf-8-sig", newline="") as table:
+        return list(csv.DictReader(table))
+
+
+def _workbook(file: Path) -> list[dict[str, Any]]:
+    """The rows of the sheet Ranking."""
+    header, *rows = openpyxl.load_workbook(file)["Ranking"].iter_rows(values_only=True)
+    return [dict(zip(map(str, header), row, strict=True)) for row in rows]
+
+
+def test_what_belongs_to_the_machine_is_a_defect_nowhere(
+    ranking: Ranking, files: Path, pages: httpx.Client, stored: tuple[Store, int], tmp_path: Path
+) -> None:
+    """Named as such in JSON, and said in the same words in the tables, the report and on the page;
+    no work order, no defect in the API, and nothing in the list for maintenance."""
+    (valve,) = [one for one in ranking if one.screening.valve == "FIC-9"]
+    says = belong_to_machine(valve.decision.inherent)
+    assert "no defects" in says
+    assert says in valve.finding.reason
+    (one,) = [one for one in _objects(files) if one["valve"] == "FIC-9"]
+    assert [effect["inherent"] for effect in one["mismatch"]["effects"]] == [True, True]
+    assert says in one["reason"]
+    for rows in (_rows(files / "valves.csv"), _workbook(files / "valves.xlsx")):
+        (row,) = [row for row in rows if row["valve"] == "FIC-9"]
+        assert says in row["reason"]
+        assert (row["verdict"], row["maintenance"]) == ("healthy", "no work")
+    report = text_of((files / "report.html").read_text("utf-8"))
+    assert says in report
+    assert says in text_of(pages.get("/valve", params={"id": "FIC-9"}).text)
+    (line,) = [line for line in _lines(pages) if line["valve"] == "FIC-9"]
+    assert line["verdict"] == "healthy"
+    book = report_of_store(stored[0], tmp_path, run=stored[1]).book
+    assert "FIC-9" not in {sheet.screening.valve for sheet in book.to_work_on}
+
+
+def _objects(files: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((files / "valves.json").read_text("utf-8"))
+    return found
+
+
+def test_a_label_is_of_what_was_said(
+    verdicts: dict[str, str], stored: tuple[Store, int], pages: httpx.Client
+) -> None:
+    """Verdict, effects, S and J of a label are those of ranking and page; the page that counts has
+    it under that verdict, and so has the exported table."""
+    store = stored[0]
+    for valve in ("FIC-4", "FIC-8", "FIC-9"):
+        (last,) = store.screenings(valve, 1)
+        store.add_feedback(last.id, made_plant.NOW, Judgement.PARTLY, f"seen at {valve}")
+    lines = {line["valve"]: line for line in _lines(pages)}
+    labels = {label.valve: label for label in store.feedback()}
+    assert set(labels) == {"FIC-4", "FIC-8", "FIC-9"}
+    for valve, label in labels.items():
+        assert label.verdict.value == verdicts[valve] == lines[valve]["verdict"]
+        assert (label.S, label.J) == (lines[valve]["S"]["value"], lines[valve]["J"]["value"])
+    assert labels["FIC-8"].effects == ()  # chance may have named it, so it was not said
+    exported = {
+        row["valve"]: row for row in csv.DictReader(io.StringIO(labels_csv([*labels.values()])))
+    }
+    assert {valve: row["verdict"] for valve, row in exported.items()} == {
+        valve: verdicts[valve] for valve in labels
+    }
+    counted = text_of(pages.get("/feedback").text)
+    for valve in labels:
+        assert f"seen at {valve}" in counted
+
+
+def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -> None:
+    """JSON, report, valve page, work sheet as HTML and order, and mail, also where a window ends
+    late in the evening in UTC, which is the next day in the plant."""
+    tz = ZoneInfo("Asia/Singapore")
+    valve = "FIC-5"
+    windows = [_late_on(day, valve) for day in range(4)]
+    (tmp_path / "plant.toml").write_text('[plant]\nname = "Tuas"\nzone = "Asia/Singapore"\n')
+    plant = load_plant(tmp_path / "plant.toml")
+    with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
+        run = store.begin_run(software_version="1")
+        for one in windows:
+            store.save(one.without_samples(), run)
+        store.finish_run(run)
+        by_window = store.evidence([valve])[valve]
+        said = by_window.sentences(tz)
+        assert "first seen on 2026-03-03" in said[0]  # in UTC it is the second
+        facts = {valve: ValveFacts(by_window=by_window)}
+        made = ReportContext(started=made_plant.NOW, zone="Asia/Singapore", valves=facts)
+        files = write_report(windows[-1:], made, tmp_path / "report")
+        (one,) = json.loads(files.json.read_text("utf-8"))
+        assert [effect["sentence"] for effect in one["over_weeks"]] == list(
+            said[: len(one["over_weeks"])]
+        )
+        book = report_of_store(store, tmp_path / "book", plant=plant, run=run).book
+        (record,) = gathered(store, plant, [valve], {valve: (by_window, True)})
+        (alert,) = [
+            one for one in apply_rules(record, plant.alerts)[0] if "MISMATCH" in one.kind.name
+        ]
+        site = Site(store=store, plant=plant, clock=lambda: made_plant.NOW)
+        with made_plant.serving(site) as base:
+            page = httpx.get(
+                f"{base}/valve", params={"id": valve}, cookies=cookie_of(site), trust_env=False,
+                verify=False, timeout=30.0,
+            ).text  # fmt: skip
+    html_texts = (files.html.read_text("utf-8"), page, book_html(book).decode())
+    for sentence in said:
+        for text in html_texts:
+            assert sentence in text_of(text).replace("\N{NO-BREAK SPACE}", " ")
+    assert said[0] in alert.text
+
+
+def _late_on(day: int, valve: str) -> Screening:
+    """A window that ends at half past four in the afternoon in UTC, past midnight in Singapore."""
+    found = with_effects(valve, Verdict.WATCH)
+    assert found.recording is not None
+    start = datetime(2026, 3, 2 + day, 15, 30, tzinfo=UTC)
+    return replace(found, recording=replace(found.recording, start=start))
 
 
 def test_headline_and_counts_are_the_same(
@@ -195,6 +344,14 @@ def test_headline_and_counts_are_the_same(
     assert (counts.watch, counts.not_judged, counts.no_work) == (1, 4, 3)
     assert headline in text_of((files / "report.html").read_text("utf-8"))
     assert headline in text_of(pages.get("/").text)
+    assert headline in text_of(pages.get("/overview").text)
+    overview = re.findall(r"<b>(\d+)</b>", pages.get("/overview").text)
+    assert [int(one) for one in overview[:4]] == [
+        counts.needs_work,
+        counts.watch,
+        counts.not_judged,
+        counts.no_work,
+    ]
     assert headline in str(views.summary([in_brief(one) for one in every_kind()]).title)
     book = report_of_store(store, tmp_path, run=run)
     assert headline in book.book.counts

@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.benchmarks.bench_servo_ladder import CLEAR_LOAD, NO_LOAD, Row, row
+from stemwatch.service.explain.explained import explain_recording
+from stemwatch.service.report.charts.effect_pictures import effect_pictures
+from tests.benchmarks.bench_servo_ladder import CLEAR_LOAD, NO_LOAD, Row, read, row
 
 pytestmark = [pytest.mark.recordings, pytest.mark.long]
 
@@ -52,3 +54,21 @@ def test_s_is_near_the_law_and_the_fit_gains_on_unseen_samples(rows: list[Row]) 
     assert 0.0 < min(left)
     assert max(left) < 1.0
     assert float(np.median(left)) < 0.6
+
+
+def test_the_page_of_a_servo_has_its_pictures(recordings: Path) -> None:
+    """Three strokes, both loops, and what shows each effect, of a drive sampled every 10 ms: times
+    in the pictures are those of its clock."""
+    file = recordings / "servo_ladder" / "kp08_m1.168_l0.15_r1.csv.gz"
+    if not file.is_file():
+        pytest.skip(f"THE SERVO LADDER IS NOT TESTED: no {file.name}")
+    explained = explain_recording(read(file), file.name, narx=False)
+    pictures = effect_pictures(explained.recording, explained.mismatch)
+    titles = [picture.title for picture in pictures]
+    assert titles[:3] == ["Stroke 1", "Stroke 2", "Stroke 3"]
+    assert sum(title.startswith("MV against OP") for title in titles) == 2
+    shown = {title for title in titles if title.startswith("What shows it")}
+    assert len(shown) == len(explained.mismatch.effects)
+    for stroke in pictures[:3]:
+        times = np.concatenate([line.x for line in stroke.plot.drawn])
+        assert float(np.ptp(times)) < 5.0  # the drive needs tenths of a second

@@ -88,7 +88,8 @@ def test_the_page_shows_it_where_there_is_one(written):
     assert "The actuator closes at no more than" in section
     assert "<h4>asymmetric rate limit</h4>" in section
     assert "actuator lag" in section
-    assert section.count("<svg") == 2
+    assert section.count('<svg class="map') == 2
+    assert section.count('<svg class="small-plot"') >= 4
     assert "11.8 %" in section
     assert "69.4 %" in section
     assert 'id="valve-FV-9-mismatch"' not in page

@@ -99,6 +99,28 @@ def test_run_now_works_without_a_service(csv_site: Site) -> None:
         assert (Path(run.report) / "report.html").is_file()
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
+def test_run_now_that_is_asked_to_stop_leaves_its_run_to_the_next(
+    csv_site: Site, number: signal.Signals
+) -> None:
+    """It ends by itself, says what becomes of the run, and the next one finishes it and its own."""
+    cut = csv_site.start("run-now")
+    with csv_site.store() as store:
+        until(
+            lambda: [one.state for one in store.queue.recent()] == [RunState.RUNNING], site=csv_site
+        )
+        cut.send_signal(number)
+        cut.send_signal(number)
+        said, _ = cut.communicate(timeout=120)
+        assert cut.returncode == 1, csv_site.log()
+        assert "Run 1 is left" in said
+        assert "Traceback" not in csv_site.log()
+        done = csv_site.start("run-now")
+        assert "3 of 3 valves" in done.communicate(timeout=600)[0]
+        assert [one.state for one in store.queue.recent()] == [RunState.DONE, RunState.DONE]
+
+
 def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
     """Samples reach the store; after SIGKILL the next start goes on, finishes the run that was
     begun, and no sample is there twice or out of its place."""

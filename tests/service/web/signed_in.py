@@ -18,7 +18,7 @@ def user_of(site: Site, role: UserRole = UserRole.ADMIN) -> User:
     found = site.store.accounts.find(NAMES[role])
     if found is not None:
         return found
-    return site.store.accounts.add(NAMES[role], role, "no hash", by="test", now=site.clock())
+    return site.store.accounts.add(NAMES[role], role, "no hash", added_by="test", now=site.clock())
 
 
 def cookie_of(site: Site, role: UserRole = UserRole.ADMIN) -> dict[str, str]:

@@ -32,15 +32,15 @@ def draw_hidden(n: int, seed: int) -> list[HiddenCase]:
     """``n`` mixed cases: a fifth nulls (half of them with 12 % scatter), eleven in twenty with one
     effect (all of the catalogue in turn), three in twenty with a pair, a tenth outside the
     catalogue; concealments in turn. The first k cases do not depend on ``n``."""
-    return [_mixed(place, np.random.default_rng([seed, place, 3])) for place in range(n)]
+    return [_mixed(index, np.random.default_rng([seed, index, 3])) for index in range(n)]
 
 
 def draw_nulls(n: int, seed: int, concealment: str | None = None) -> list[HiddenCase]:
     """``n`` cases with nothing hidden, every second one with 12 % scatter; ``concealment`` for all
     of them, or all in turn."""
     return [
-        _null(place, concealment or _in_turn(place), np.random.default_rng([seed, place, 4]))
-        for place in range(n)
+        _null(index, concealment or _in_turn(index), np.random.default_rng([seed, index, 4]))
+        for index in range(n)
     ]
 
 
@@ -52,8 +52,8 @@ def draw_effect(slug: str, n: int, seed: int, concealment: str = "routine") -> l
     effect_named(slug)
     key = zlib.crc32(slug.encode())
     return [
-        _case((slug,), concealment, str(place), np.random.default_rng([seed, place, 5, key]))
-        for place in range(n)
+        _case((slug,), concealment, str(index), np.random.default_rng([seed, index, 5, key]))
+        for index in range(n)
     ]
 
 
@@ -62,25 +62,25 @@ def draw_unknown(n: int, seed: int, concealment: str = "routine") -> list[Hidden
     names = tuple(UNKNOWN)
     return [
         _case(
-            (names[place % len(names)],),
+            (names[index % len(names)],),
             concealment,
-            str(place),
-            np.random.default_rng([seed, place, 6]),
+            str(index),
+            np.random.default_rng([seed, index, 6]),
         )
-        for place in range(n)
+        for index in range(n)
     ]
 
 
-def _in_turn(place: int) -> str:
+def _in_turn(index: int) -> str:
     """The concealment of a place; shifted at each round, or every effect would meet the same."""
-    return CONCEALMENTS[(place + place // len(EFFECTS)) % len(CONCEALMENTS)]
+    return CONCEALMENTS[(index + index // len(EFFECTS)) % len(CONCEALMENTS)]
 
 
-def _mixed(place: int, rng: np.random.Generator) -> HiddenCase:
-    kind = _PATTERN[place % len(_PATTERN)]
-    before = _PATTERN[: place % len(_PATTERN)].count(kind)
-    rank = place // len(_PATTERN) * _PATTERN.count(kind) + before
-    concealment, tag = _in_turn(rank), str(place)
+def _mixed(index: int, rng: np.random.Generator) -> HiddenCase:
+    kind = _PATTERN[index % len(_PATTERN)]
+    before = _PATTERN[: index % len(_PATTERN)].count(kind)
+    rank = index // len(_PATTERN) * _PATTERN.count(kind) + before
+    concealment, tag = _in_turn(rank), str(index)
     if kind == "N":
         return _null(rank, concealment, rng, tag)
     if kind == "S":
@@ -95,10 +95,10 @@ def _mixed(place: int, rng: np.random.Generator) -> HiddenCase:
 
 
 def _null(
-    place: int, concealment: str, rng: np.random.Generator, tag: str | None = None
+    index: int, concealment: str, rng: np.random.Generator, tag: str | None = None
 ) -> HiddenCase:
-    scatter = HIGH_SCATTER if place % 2 else None
-    return _case((), concealment, tag or str(place), rng, scatter)
+    scatter = HIGH_SCATTER if index % 2 else None
+    return _case((), concealment, tag or str(index), rng, scatter)
 
 
 def _case(

@@ -15,11 +15,13 @@ def windows_of(case: HiddenCase, n: int) -> list[HiddenCase]:
     """``n`` windows of one valve, each as long as the case and ``case`` itself the first: the same
     nameplate, controller and hidden effects, with movements and chance of their own. The first k
     do not depend on ``n``."""
-    return [case if place == 0 else _later(case, place) for place in range(n)]
+    return [
+        case if window_number == 0 else _later(case, window_number) for window_number in range(n)
+    ]
 
 
-def _later(case: HiddenCase, place: int) -> HiddenCase:
-    rng = np.random.default_rng([case.seed, place, 7])
+def _later(case: HiddenCase, window_number: int) -> HiddenCase:
+    rng = np.random.default_rng([case.seed, window_number, 7])
     plain = moved_anew(case.plain, rng)
     loop = plain
     for name in case.hidden:

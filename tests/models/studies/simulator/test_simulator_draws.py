@@ -1,6 +1,7 @@
 """The drawn populations hold what their descriptions promise."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import demo_plant, draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.draws import HEALTHY_STORIES
 from stemwatch.models.studies.simulator.loop import PlantLoop, ProcessKind
+from stemwatch.models.studies.simulator.simulate import SimulatedLoop
 from stemwatch.models.verdict import Shape
 
 
@@ -74,19 +76,24 @@ def test_the_demo_plant_is_complete() -> None:
 
 def test_the_demo_recordings_show_their_trouble() -> None:
     """What the story of a demonstration valve says is in its recording."""
-    runs = {loop.story: simulate_loop(loop, seed=1) for loop in demo_plant(seed=1)}
-    quiet = runs["healthy, too few movements"]
+    loops = {loop.story: loop for loop in demo_plant(seed=1)}
+
+    @cache
+    def run_of(story: str) -> SimulatedLoop:
+        return simulate_loop(loops[story], seed=1)
+
+    quiet = run_of("healthy, too few movements")
     assert np.ptp(quiet.stem) < 1.0
-    blind = runs["sticky, undershoot, no position transmitter"]
+    blind = run_of("sticky, undershoot, no position transmitter")
     assert blind.recording.mv is None
-    manual = runs["healthy, manual mode"]
+    manual = run_of("healthy, manual mode")
     assert 0.0 == manual.recording.signals[Role.MODE].values.max()
-    bad = runs["healthy, bad data"]
+    bad = run_of("healthy, bad data")
     assert 0.8 < bad.recording.usable.mean() < 0.99
-    frozen = runs["healthy, position transmitter frozen"].recording.mv
+    frozen = run_of("healthy, position transmitter frozen").recording.mv
     assert frozen is not None
     assert 0.0 == np.ptp(frozen.values[1300:])
-    assert 90.0 < (runs["healthy, oscillating disturbance"].truth.period_s or 0.0) < 100.0
+    assert 90.0 < (run_of("healthy, oscillating disturbance").truth.period_s or 0.0) < 100.0
     for story in ("sticky, undershoot", "sticky, no offset", "sticky, overshoot"):
-        moved = np.abs(np.diff(runs[story].stem)).sum()
-        assert moved > 20.0 * runs[story].truth.J, story
+        moved = np.abs(np.diff(run_of(story).stem)).sum()
+        assert moved > 20.0 * run_of(story).truth.J, story

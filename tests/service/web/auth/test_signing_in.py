@@ -293,7 +293,12 @@ def test_what_cannot_be_done_with_users_is_refused(admin: Browser, path, fields,
 def test_a_link_can_be_withdrawn_from_the_page(admin: Browser, live: Site) -> None:
     """It stands in the list until then, without its secret."""
     secret, link = make_link(
-        live.store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, by="A", now=NOW, note="for Bob"
+        live.store,
+        OneTimeLinkKind.INVITATION,
+        UserRole.VIEWER,
+        made_by="A",
+        now=NOW,
+        note="for Bob",
     )
     page = admin.client.get("/users").text
     assert "for Bob" in page

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import html
+import re
 from datetime import timedelta
 
 import pytest
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
+from stemwatch.service.maintenance.write_maintenance import WORK_FILES
 from stemwatch.service.report import ReportContext, write_report
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
@@ -58,6 +61,22 @@ def test_a_valve_leads_to_its_page_for_maintenance(live, client, reported):
     place = page.partition(address)[2].partition('"')[0]
     assert f'id="{place}"' in client.get(f"/run/report?id={reported}&file=maintenance.html").text
     assert address not in client.get("/valve", params={"id": HEALTHY}).text
+
+
+def test_links_of_the_report_to_the_files_beside_it_lead_to_them(live, client):
+    """On a disk they are names of files in its folder; here the same page leads to this route."""
+    folder = live.plant.beside(live.plant.service.reports) / "run-000098"
+    context = ReportContext(started=NOW, work_files=WORK_FILES)
+    write_report([screening(STICKY)], context, folder)
+    write_maintenance([screening(STICKY)], context, folder)
+    on_disk = re.findall(r'href="([^#"]+)"', (folder / "report.html").read_text("utf-8"))
+    assert set(on_disk) == {*WORK_FILES, "valves.xlsx", "valves.csv", "valves.json"}
+    assert all((folder / name).is_file() for name in on_disk)
+    page = client.get(f"/run/report?id={finished(live, folder)}")
+    links = re.findall(r'href="([^#"]+)"', page.text)
+    assert len(links) == len(on_disk)
+    for link in links:
+        assert client.get(str(page.url.join(html.unescape(link)))).status_code == 200, link
 
 
 def test_the_report_is_caged(client, reported):

@@ -1,20 +1,31 @@
-"""Every effect that was tried, with its scores and what became of it, and why."""
+"""What the rounds of the search say of each effect that was tried.
+
+For the page: its gain alone and beside what is named, and why it is not named (``TriedEffect``).
+For other windows of the valve: its gain where it was looked at last (``EffectScore``), which is
+there for a drive too, and small enough to be kept for months.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.acceptance_limits import convincing, strength
 from stemwatch.models.mismatch.crossfit import gain
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
-from stemwatch.models.mismatch.findings import Effect, Gain, Tried, TriedOutcome
+from stemwatch.models.mismatch.findings import (
+    Effect,
+    EffectScore,
+    Gain,
+    TriedEffect,
+    TriedOutcome,
+)
 from stemwatch.models.mismatch.term_selection import Named, SelectionStage, TermScore
 from stemwatch.models.stickslip.fit import Advantage
 
 
 def what_was_tried(
     named: Named, effects: Iterable[Effect]
-) -> tuple[tuple[Tried, ...], Gain | None]:
+) -> tuple[tuple[TriedEffect, ...], Gain | None]:
     """All that was tried term by term over S and J alone, the largest gain first, and the gain of
     all that is named together; nothing of a drive, whose motor and load are one model."""
     slugs = {effect.slug for effect in effects}
@@ -33,7 +44,7 @@ def what_was_tried(
             else _rejected(named, score, beside)
         )
         tried.append(
-            Tried(
+            TriedEffect(
                 slug=score.slug,
                 alone=_gain(score.advantage),
                 beside=None if beside is None else _gain(beside.advantage),
@@ -42,7 +53,7 @@ def what_was_tried(
         )
     # The reading's own errors are free in every hypothesis, so that what all gain together over a
     # reading without them was never tried.
-    of_terms = bool(slugs) and slugs <= {one.slug for one in tried}
+    of_terms = bool(slugs) and slugs <= {effect_tried.slug for effect_tried in tried}
     together = gain(named.evaluator, named.base, named.fitted) if of_terms else None
     return tuple(tried), None if together is None else _gain(together)
 
@@ -78,3 +89,23 @@ def _rejected(named: Named, score: TermScore, beside: TermScore | None) -> Tried
         if beside.term.material(beside.values, look)
         else TriedOutcome.TOO_SMALL
     )
+
+
+def scores_of(named: Named, effects: tuple[Effect, ...]) -> tuple[EffectScore, ...]:
+    """Every term that was looked at: those that stand by their evidence, the others by what they
+    gained on top of the terms before them, where they were looked at last."""
+    counts = named.evaluator.told
+    score_of: dict[str, EffectScore] = {}
+    for round_number, stage in enumerate(named.stages):
+        for score in stage.scores:
+            mean, t = score.advantage.mean, score.advantage.t
+            beyond_limits = strength(score.advantage, counts, score.slug, round_number)
+            score_of[score.slug] = EffectScore(
+                slug=score.slug, mean=mean, t=t, strength=beyond_limits
+            )
+    for effect in effects:
+        evidence = effect.evidence
+        score_of[effect.slug] = EffectScore(
+            slug=effect.slug, mean=evidence.mean, t=evidence.t, strength=evidence.strength
+        )
+    return tuple(score_of[slug] for slug in sorted(score_of))

@@ -1,0 +1,57 @@
+"""What was said about a source and made no difference: each such option becomes a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from stemwatch.connectors.historian.options import ReadOptions, given_options
+from stemwatch.connectors.historian.reading_notes import ReadingNotes
+from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.times.time_column import Instants
+
+_IS_NOT_USED = " is not used: "
+
+
+def say_unused(options: ReadOptions, notes: ReadingNotes, why: Mapping[str, str]) -> None:
+    """A sentence for each option that the user gave and that nobody marked as used.
+
+    ``why`` has the reason by option; one without a reason is said all the same, so that an option
+    added later cannot be silent.
+    """
+    for name, said in given_options(options).items():
+        if name not in notes.used:
+            shown = f"{said:g}" if isinstance(said, float) else f"{said!r}"
+            notes.decide(f"{name} = {shown}{_IS_NOT_USED}{why.get(name, 'nothing asks for it')}.")
+
+
+def unused_sentences(decisions: tuple[str, ...]) -> list[str]:
+    """Those of a recording's decisions that say that an option was not used."""
+    return [sentence for sentence in decisions if _IS_NOT_USED in sentence]
+
+
+def why_not_in_text(table: RawTable, instants: Instants) -> dict[str, str]:
+    """Why an option may have nothing to do in a text export that was read."""
+    column = f"column {table.times.name!r}"
+    untimed = "there is no time column"
+    layout = f"the file was read as {table.layout}"
+    if table.times.texts is None:
+        times = dates = untimed
+    else:
+        dated = instants.in_utc or bool(instants.zone)
+        times = f"{column} dates each row" if dated else f"{column} says when each row was"
+        dates = instants.zone.rstrip(".") if dated else f"{column} has numbers, no dates"
+    return {
+        "zone": dates,
+        "interval_s": times,
+        "day_first": "no date of the file can be read both ways" if dates != untimed else untimed,
+        "time_format": untimed,
+        "separator": layout,
+        "decimal": layout,
+        "time_column": layout,
+        "tag_column": layout,
+        "value_column": layout,
+        "quality_column": layout,
+        "good_quality": "the file has no quality codes",
+        "ambiguous_hour": "no row without an offset is in the hour that autumn repeats",
+        "missing_hour": "no row without an offset is in the hour that spring skips",
+    }

@@ -1,0 +1,253 @@
+"""``PiArchive``: a PI Data Archive behind its PI Web API as a source of recordings."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Self
+from urllib.parse import urlsplit
+
+from pydantic import Field, model_validator
+
+from stemwatch.connectors.archive.settings import ArchiveSettings
+from stemwatch.connectors.connector import (
+    WHOLE,
+    ArchiveAddress,
+    TagInfo,
+    UnknownTag,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.pi.web_api import LOOPBACK, WEB_ID, PiServer, SignIn
+from stemwatch.connectors.secret import Secret
+from stemwatch.connectors.settings import Name, Positive, Text, contradiction
+from stemwatch.models.recording import Recording, Role
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.pi.web_api import PiPoint, PiWebApi
+
+LAYOUT = "PI Web API, recorded values of a point for each tag"
+_FIRST = datetime(1970, 1, 2, tzinfo=UTC)
+_ALWAYS = (Role.OP, Role.MV)
+_URL = "the address of a PI Web API such as https://host/piwebapi"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiAddress(PiServer):
+    """A server, as it is sent to the worker that reads it; an ``ArchiveAddress``.
+
+    ``before_s`` seconds before each window are read too, because PI keeps values when they change.
+    ``pattern`` limits which points are listed; ``good`` are the marks that are taken as good.
+    """
+
+    before_s: float = 3600.0
+    pattern: str = "*"
+    good: tuple[str, ...] = ()
+
+    def open(self) -> PiArchive:
+        """The archive; no connection is made yet."""
+        return PiArchive(self)
+
+
+class PiSettings(ArchiveSettings):
+    """``kind = "pi"``: points of a PI Data Archive, through the PI Web API."""
+
+    url: Name = Field(description=_URL)
+    server: Name = Field(description="the name of the PI Data Archive whose points the tags are")
+    sign_in: SignIn = Field(description='"kerberos", "basic", "bearer" or "anonymous"')
+    user: Text | None = Field(default=None, description="the name to sign in with, as text")
+    secret_variable: Name | None = Field(
+        default=None,
+        description="the name of the environment variable that holds the password or token",
+    )
+    secret_file: Name | None = Field(
+        default=None, description="the name of a file that holds nothing but the password or token"
+    )
+    authority: Name | None = Field(
+        default=None,
+        description="a file with the certificates of the site's own authority, relative to the "
+        "plant file",
+    )
+    timeout_s: Positive = Field(default=60.0, description="seconds, above 0")
+    page: Annotated[int, Field(ge=100, le=1_000_000)] = Field(
+        default=10_000, description="values of a tag asked for at a time, 100 to 1000000"
+    )
+    pattern: Name = Field(
+        default="*", description="names of the points that are listed, such as FIC*"
+    )
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        parts = urlsplit(self.url)
+        if parts.scheme not in ("http", "https") or not parts.hostname or "@" in parts.netloc:
+            raise contradiction(("url",), "something else", f"{_URL}, without a password in it")
+        secrets = sum(one is not None for one in (self.secret_variable, self.secret_file))
+        if self.sign_in in ("basic", "bearer"):
+            if secrets != 1:
+                found = f'sign_in = "{self.sign_in}" without one place for the secret'
+                raise contradiction(("sign_in",), found, "secret_variable or secret_file as well")
+            if parts.scheme == "http" and parts.hostname not in LOOPBACK:
+                found = "an address that sends the secret unencrypted"
+                raise contradiction(("url",), found, "an address with https://")
+        elif secrets or self.user:
+            found = f'sign_in = "{self.sign_in}" with a user or a secret'
+            raise contradiction(("sign_in",), found, '"basic" or "bearer", or no user and secret')
+        if self.sign_in == "basic" and not self.user:
+            raise contradiction(("user",), "nothing", 'a name, for sign_in = "basic"')
+        return self
+
+    def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
+        """Of the server; files count from ``folder``. Times are UTC, so that no zone is needed."""
+
+        def beside(name: str | None) -> str:
+            return "" if name is None else str(folder / name)
+
+        return PiAddress(
+            url=self.url,
+            server=self.server,
+            sign_in=self.sign_in,
+            user=self.user or "",
+            secret=Secret(variable=self.secret_variable or "", file=beside(self.secret_file)),
+            authority=beside(self.authority),
+            timeout_s=self.timeout_s,
+            page=self.page,
+            before_s=3600.0 if self.before_s is None else self.before_s,
+            pattern=self.pattern,
+            good=tuple(self.good_quality or ()),
+        )
+
+
+class PiArchive:
+    """A PI Data Archive; implements ``stemwatch.connectors.connector.Connector``.
+
+    A tag is the name of a point, or ``webid:`` and a WebId. Nothing but GET is ever sent.
+    """
+
+    settings = PiSettings
+
+    def __init__(self, address: PiAddress) -> None:
+        self.address = address
+
+    def tags(self) -> Sequence[TagInfo]:
+        """Every point that fits the address's pattern, with role and valve proposed from its name;
+        samples are not counted."""
+        from stemwatch.connectors.historian.tags.roles import propose_roles
+        from stemwatch.connectors.pi.web_api import connected
+
+        with connected(self.address) as api:
+            found = [
+                (p.name, p.unit, p.description, None) for p in api.points(self.address.pattern)
+            ]
+        return [
+            TagInfo(
+                tag=proposed.tag,
+                unit=proposed.unit,
+                description=proposed.description,
+                proposed_role=proposed.role,
+                proposed_valve=proposed.valve,
+                remark=proposed.remark,
+            )
+            for proposed in propose_roles(found, stem="", mv_is_output=False)
+        ]
+
+    def present(self, valve: ValveTags) -> ValveTags:
+        """``valve`` without the roles beside OP and MV whose point the archive does not have."""
+        from stemwatch.connectors.pi.web_api import connected
+
+        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
+        if not optional:
+            return valve
+        with connected(self.address) as api:
+            existing = {tag for tag in optional if _exists(api, tag)}
+        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
+        return replace(valve, tags=tags)
+
+    def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
+        """The recording of one valve, from recorded values: all its tags in one request.
+
+        Raises ``UnknownTag`` for a point that is not there, and ``ConnectorError`` for a window
+        without values of OP, and a server that does not answer.
+        """
+        from stemwatch.connectors.archive.valve_columns import (
+            ValveColumns,
+            need_op,
+            no_samples_error,
+        )
+        from stemwatch.connectors.historian.recordings import assemble
+        from stemwatch.connectors.pi.values import ZONE
+        from stemwatch.connectors.pi.web_api import connected
+
+        where = str(self.address)
+        need_op(where, valve)
+        with connected(self.address) as api:
+            points = {mapping.tag: self._point(api, mapping.tag) for mapping in valve.tags.values()}
+            web_ids = sorted({point.web_id for point in points.values()})
+            values = api.recorded(web_ids, *self._bounds(window))
+        columns = {
+            mapping.tag: self._column(
+                mapping.tag, role, points[mapping.tag], values[points[mapping.tag].web_id], window
+            )
+            for role, mapping in valve.tags.items()
+        }
+        op = valve.tags[Role.OP].tag
+        if not columns[op].file_ns.size:
+            holds = "the archive has nothing there. Ask for another window"
+            raise no_samples_error(where, op, window, holds)
+        loaded = ValveColumns(
+            source_name=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
+        )
+        return assemble(loaded, valve, window)
+
+    def _bounds(self, window: Window) -> tuple[str, str]:
+        """The window as the server reads times; it also gives what lies at the end itself."""
+        start = _FIRST
+        if window.start is not None:
+            start = window.start - timedelta(seconds=self.address.before_s)
+        return _written(start), "*" if window.stop is None else _written(window.stop)
+
+    def _column(
+        self, tag: str, role: Role, point: PiPoint, values: list[dict[str, object]], window: Window
+    ) -> Column:
+        from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
+        from stemwatch.connectors.pi.values import column_of
+
+        if not values:
+            return empty_column(tag)
+        column = column_of(
+            tag,
+            values,
+            unit=point.unit,
+            source_name=str(self.address),
+            good=self.address.good,
+            as_mode=role is Role.MODE,
+        )
+        return inside(column, bounds_of(window, self.address.before_s))
+
+    def _point(self, api: PiWebApi, tag: str) -> PiPoint:
+        """The point of ``tag``. Raises ``UnknownTag`` with the names that come nearest."""
+        try:
+            return api.point(tag)
+        except UnknownTag as error:
+            if tag.startswith(WEB_ID):
+                raise
+            alike = f"{tag[: max(len(tag) // 2, 1)]}*"
+            names = [point.name for point in api.points(alike)]
+            nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
+            listed = ", ".join(map(repr, nearest)) or f"none: no point is called {alike}"
+            raise UnknownTag(f"{error}; the nearest are {listed}") from None
+
+
+def _exists(api: PiWebApi, tag: str) -> bool:
+    try:
+        api.point(tag)
+    except UnknownTag:
+        return False
+    return True
+
+
+def _written(instant: datetime) -> str:
+    return instant.astimezone(UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")

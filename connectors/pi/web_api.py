@@ -1,0 +1,349 @@
+"""``PiWebApi``: requests to a PI Web API, one at a time, GET and nothing else.
+
+Addresses, parameters and shapes are those of AVEVA's PI Web API reference (controllers Point,
+DataServer, StreamSet and Stream).
+"""
+
+from __future__ import annotations
+
+import json
+import ssl
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+from urllib.parse import urlsplit
+
+from stemwatch.connectors.connector import ConnectorError, UnknownTag
+from stemwatch.connectors.secret import Secret, masked
+
+if TYPE_CHECKING:
+    import httpx
+
+Parameter = tuple[str, str | int | float | bool | None]
+SignIn = Literal["basic", "bearer", "kerberos", "anonymous"]
+
+ATTEMPTS = 4  # of a request that the server could not answer now
+FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 30.0
+LEAST_PAGE = 100
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+WEB_ID = "webid:"  # before a tag that is a WebId and no name
+_BUSY = (429, 502, 503, 504)
+_MISSING = (
+    "reading PI needs the package httpx, which is not installed; expected the extra: "
+    "pip install 'stemwatch[pi]'"
+)
+_NO_KERBEROS = (
+    "signing in with Kerberos needs the package httpx-gssapi (Linux) or httpx-negotiate-sspi "
+    "(Windows), and neither is installed; install it, or let the administrator give a user "
+    'for sign_in = "basic"'
+)
+_POINT = "WebId;Name;Path;Descriptor;EngineeringUnits;PointType"
+_VALUES = "Timestamp;Value;Good;Questionable;Substituted;UnitsAbbreviation;Errors"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiServer:
+    """A PI Web API at ``url``, how to sign in, and the data archive ``server`` whose points tags
+    are names of. ``page`` is how many values of a tag are asked for at a time."""
+
+    url: str
+    server: str
+    sign_in: SignIn = "anonymous"
+    user: str = ""
+    secret: Secret = field(default_factory=Secret)
+    authority: str = ""  # file with the certificates of the site's own authority
+    timeout_s: float = 60.0
+    page: int = 10_000
+
+    def __str__(self) -> str:
+        return f"PI {masked(self.url)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PiPoint:
+    """A point of the data archive: what a tag names."""
+
+    web_id: str
+    name: str
+    description: str = ""
+    unit: str = ""
+
+
+class PiWebApi:
+    """An open connection to ``server``."""
+
+    def __init__(self, server: PiServer, client: httpx.Client) -> None:
+        self.server = server
+        self._client = client
+        self._page = server.page
+
+    def point(self, tag: str) -> PiPoint:
+        """The point that ``tag`` names, or whose WebId it is.
+
+        Raises ``UnknownTag`` with the points whose names begin alike.
+        """
+        if tag.startswith(WEB_ID):
+            web_id = tag.removeprefix(WEB_ID)
+            answer = self._get(f"points/{web_id}", {"selectedFields": _POINT}, missing=tag)
+        else:
+            path = rf"\\{self.server.server}\{tag}"
+            answer = self._get("points", {"path": path, "selectedFields": _POINT}, missing=tag)
+        return _point(answer)
+
+    def points(self, pattern: str) -> Iterator[PiPoint]:
+        """The points whose name fits ``pattern`` (with ``*`` and ``?``), page by page."""
+        where = {"name": self.server.server, "selectedFields": "WebId"}
+        archive = self._get("dataservers", where, missing=f"data server {self.server.server}")
+        first = 0
+        while True:
+            asked = {
+                "nameFilter": pattern,
+                "startIndex": str(first),
+                "maxCount": "1000",
+                "selectedFields": ";".join(f"Items.{name}" for name in _POINT.split(";")),
+            }
+            items = self._items(self._get(f"dataservers/{archive['WebId']}/points", asked))
+            yield from map(_point, items)
+            first += len(items)
+            if len(items) < 1000:
+                return
+
+    def recorded(self, web_ids: Sequence[str], start: str, end: str) -> dict[str, list[Any]]:
+        """The recorded values of each stream from ``start`` to ``end``, both included.
+
+        All streams are asked for together; those with more than a page are read on by themselves.
+        """
+        found: dict[str, list[Any]] = {web_id: [] for web_id in web_ids}
+        while True:
+            try:
+                answer = self._get(
+                    "streamsets/recorded", self._asked(start, end, web_ids, "Items.")
+                )
+                break
+            except _PageTooLarge:
+                self._smaller_page()
+        for stream in self._items(answer):
+            self._check(stream)
+            if (web_id := stream.get("WebId")) in found:
+                found[web_id] = list(self._items(stream))
+        for web_id, values in found.items():
+            if len(values) >= self._page:
+                self._read_on(web_id, values, end)
+        return found
+
+    def _read_on(self, web_id: str, values: list[Any], end: str) -> None:
+        """Add what follows a full page; values at the instant where it ended come again."""
+        while True:
+            last = values[-1]["Timestamp"]
+            known = sum(value["Timestamp"] == last for value in values)
+            try:
+                asked = self._asked(last, end, (), "")
+                page = self._items(self._get(f"streams/{web_id}/recorded", asked))
+            except _PageTooLarge:
+                self._smaller_page()
+                continue
+            again = sum(value["Timestamp"] == last for value in page)
+            new = page[min(known, again) :]
+            if not new and len(page) >= self._page:
+                raise ConnectorError(
+                    f"{self.server}: more than {self._page} values stand at {last}, so that the "
+                    "page never ends; set a larger page for this source"
+                )
+            values += new
+            if len(page) < self._page:
+                return
+
+    def _asked(self, start: str, end: str, web_ids: Sequence[str], prefix: str) -> list[Parameter]:
+        fields = [f"{prefix}Items.{name}" for name in _VALUES.split(";")]
+        if prefix:
+            fields += [f"{prefix}WebId", f"{prefix}Errors"]
+        return [
+            *(("webId", web_id) for web_id in web_ids),
+            ("startTime", start),
+            ("endTime", end),
+            ("boundaryType", "Inside"),
+            ("maxCount", str(self._page)),
+            ("selectedFields", ";".join([*fields, "Errors"])),
+        ]
+
+    def _smaller_page(self) -> None:
+        if self._page <= LEAST_PAGE:
+            raise ConnectorError(
+                f"{self.server}: the server refuses even {self._page} values at a time; ask its "
+                "administrator for a larger MaxReturnedItemsPerCall"
+            )
+        self._page = max(self._page // 2, LEAST_PAGE)
+
+    def _get(
+        self,
+        path: str,
+        parameters: Mapping[str, str] | list[Parameter],
+        missing: str = "",
+    ) -> dict[str, Any]:
+        """The JSON object at ``path``; ``missing`` is what a 404 says is not there."""
+        import httpx
+
+        wait = FIRST_WAIT_S
+        for attempt in range(1, ATTEMPTS + 1):
+            last = attempt == ATTEMPTS
+            try:
+                answer = self._client.get(path, params=parameters)
+            except httpx.HTTPError as error:
+                if last:
+                    raise self._unreached(error) from None
+            else:
+                if answer.status_code not in _BUSY or last:
+                    return self._object(answer, missing)
+                wait = max(wait, _seconds(answer.headers.get("Retry-After")))
+            time.sleep(min(wait, LONGEST_WAIT_S))
+            wait *= 2.0
+        raise AssertionError("the last attempt returns or raises")
+
+    def _object(self, answer: httpx.Response, missing: str) -> dict[str, Any]:
+        status = answer.status_code
+        try:
+            body = answer.json()
+        except (json.JSONDecodeError, UnicodeDecodeError):
+            body = None
+        said = _errors(body)
+        if status == 404 and missing:
+            raise UnknownTag(f"{self.server}: there is no {missing!r}{_in_words(said)}")
+        if status == 400 and "maxcount" in said.lower().replace(" ", ""):
+            raise _PageTooLarge
+        if status in (401, 403):
+            raise ConnectorError(
+                f"{self.server}: the server refuses this account ({status}{_in_words(said)}); "
+                "check sign_in, the user and the secret, and that the account may read these points"
+            )
+        if answer.is_redirect:
+            raise ConnectorError(
+                f"{self.server}: the server sends on to another address; expected the PI Web API "
+                f"itself. Set url to where it is, {masked(answer.headers.get('Location', ''))}"
+            )
+        if status != 200:
+            raise ConnectorError(f"{self.server}: the server answered {status}{_in_words(said)}")
+        if not isinstance(body, dict):
+            raise ConnectorError(
+                f"{self.server}: the answer is no JSON object; expected a PI Web API. Check url, "
+                "which ends in /piwebapi as a rule"
+            )
+        self._check(body)
+        return body
+
+    def _check(self, body: Mapping[str, Any]) -> None:
+        """Raise ``ConnectorError`` for errors inside an answer that is called a success."""
+        if said := _errors(body):
+            raise ConnectorError(f"{self.server}: the server answered with an error: {said}")
+
+    def _items(self, body: Mapping[str, Any]) -> list[Any]:
+        items = body.get("Items", [])
+        if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
+            raise ConnectorError(f"{self.server}: Items is no list of objects in the answer")
+        return items
+
+    def _unreached(self, error: Exception) -> ConnectorError:
+        text = masked(str(error).splitlines()[0]) if str(error) else type(error).__name__
+        hint = "check the address, and that the network lets it through"
+        if "CERTIFICATE" in text.upper():
+            hint = "set authority to a file with the certificates of the site's own authority"
+        return ConnectorError(
+            f"{self.server}: the server could not be asked ({type(error).__name__}: {text}); {hint}"
+        )
+
+
+class _PageTooLarge(Exception):
+    """The server gives fewer values at a time than were asked for."""
+
+
+@contextmanager
+def connected(server: PiServer) -> Iterator[PiWebApi]:
+    """A connection to ``server``; redirects are not followed, since they would carry the secret.
+
+    Raises ``ConnectorError`` where a package, the secret or the authority's file is missing.
+    """
+    try:
+        import httpx
+    except ImportError:
+        raise ConnectorError(f"{server}: {_MISSING}") from None
+    base = server.url.rstrip("/") + "/"
+    with httpx.Client(
+        base_url=base,
+        auth=_auth(server),
+        headers=_headers(server),
+        timeout=server.timeout_s,
+        verify=_verified(server),
+        follow_redirects=False,
+        trust_env=False,
+    ) as client:
+        yield PiWebApi(server, client)
+
+
+def _auth(server: PiServer) -> Any:
+    import httpx
+
+    if server.sign_in == "basic":
+        return httpx.BasicAuth(server.user, server.secret.reveal())
+    if server.sign_in != "kerberos":
+        return None
+    try:
+        from httpx_gssapi import HTTPSPNEGOAuth
+
+        return HTTPSPNEGOAuth()
+    except ImportError:
+        pass
+    try:
+        from httpx_negotiate_sspi import HttpSspiAuth
+
+        return HttpSspiAuth()
+    except ImportError:
+        raise ConnectorError(f"{server}: {_NO_KERBEROS}") from None
+
+
+def _headers(server: PiServer) -> dict[str, str]:
+    headers = {"Accept": "application/json", "X-Requested-With": "stemwatch"}
+    if server.sign_in == "bearer":
+        headers["Authorization"] = f"Bearer {server.secret.reveal()}"
+    return headers
+
+
+def _verified(server: PiServer) -> ssl.SSLContext | bool:
+    if urlsplit(server.url).scheme != "https":
+        return True
+    try:
+        return ssl.create_default_context(cafile=server.authority or None)
+    except (OSError, ssl.SSLError) as error:
+        raise ConnectorError(
+            f"{server}: the file {server.authority} cannot be used ({type(error).__name__}); "
+            "expected certificates in PEM form"
+        ) from None
+
+
+def _point(found: Mapping[str, Any]) -> PiPoint:
+    return PiPoint(
+        web_id=str(found.get("WebId", "")),
+        name=str(found.get("Name", "")),
+        description=str(found.get("Descriptor") or ""),
+        unit=str(found.get("EngineeringUnits") or ""),
+    )
+
+
+def _errors(body: Any) -> str:
+    """What an answer says went wrong, on one line; empty where nothing did."""
+    if not isinstance(body, dict):
+        return ""
+    said = body.get("Errors") or body.get("Message") or ""
+    words = said if isinstance(said, list) else [said]
+    return "; ".join(masked(str(word)) for word in words if word)[:300]
+
+
+def _in_words(said: str) -> str:
+    return f": {said}" if said else ""
+
+
+def _seconds(header: str | None) -> float:
+    try:
+        return max(float(header or 0.0), 0.0)
+    except ValueError:
+        return 0.0

@@ -1,0 +1,85 @@
+"""S and J of a hypothesis, with their intervals: by its fit, by the breakaways, or by the force
+balance of a drive.
+
+A run with one level reads S and J too small where breakaways scatter
+(``stickslip.breakaways``), so the breakaways are taken where they are those of the element that was
+fitted. A fit's own interval is that of the draws and of the element: no stem is exactly it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.delay import delayed
+from stemwatch.models.mismatch.evaluator import Evaluator
+from stemwatch.models.mismatch.findings import Stiction
+from stemwatch.models.mismatch.force_balance import ForceBalance
+from stemwatch.models.mismatch.uncertainty import estimate
+from stemwatch.models.recording import PERCENT, Floats
+from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
+from stemwatch.models.stickslip.interval import REPLICATES
+from stemwatch.models.stickslip.problem import FitProblem
+
+# One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
+MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
+SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two elements
+
+
+def stiction(
+    evaluator: Evaluator,
+    drawn: Callable[[], Floats],
+    best: Floats,
+    elements: Sequence[Floats],
+    delay_s: float = 0.0,
+) -> Stiction:
+    """S and J of the fit ``best``; by the breakaways instead, where they are those of one of the
+    ``elements`` that were fitted. ``delay_s``: by which the command reaches the stem late."""
+    S = float(best[base_coordinate.S_PERCENT])
+    J = S * float(best[base_coordinate.RATIO])
+    gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
+    seen = breakaways(_later(evaluator.problem, delay_s), gain, zero, S, J) if elements else None
+    if seen is not None and any(_same_element(seen, element) for element in elements):
+        S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
+        return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
+    error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
+    all_drawn = drawn()
+    S_drawn = all_drawn[:, base_coordinate.S_PERCENT]
+    return Stiction(
+        S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
+        J=_positive(
+            estimate(S_drawn * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
+        ),
+    )
+
+
+def _later(problem: FitProblem, delay_s: float) -> FitProblem:
+    """The problem with its command later by so much."""
+    if delay_s == 0.0:
+        return problem
+    command = np.empty_like(problem.op)
+    delayed(problem.op, problem.start, delay_s / problem.interval_s, command)
+    return replace(problem, op=command)
+
+
+def _same_element(seen: Breakaways, element: Floats) -> bool:
+    """Whether both levels of the breakaways are near those of an ``element`` that was fitted: what
+    an operator's steps and ramps move the command by in the sample of a slip can mislead them."""
+    S, ratio = float(element[base_coordinate.S_PERCENT]), float(element[base_coordinate.RATIO])
+    level, kinetic = 0.5 * S * (1.0 + ratio), 0.5 * S * (1.0 - ratio)
+    apart = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
+    return apart <= SAME_LEVELS * level
+
+
+def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
+    """S by the force balance, which every moving sample tells; J as it was ``fitted``."""
+    error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
+    return replace(fitted, S=_positive(estimate(balance.S_drawn, balance.S, PERCENT, float(error))))
+
+
+def _positive(estimate: Estimate) -> Estimate:
+    return replace(estimate, low=max(estimate.low or 0.0, 0.0))

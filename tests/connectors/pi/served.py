@@ -1,0 +1,197 @@
+"""A PI Web API on loopback, in the shapes of its reference, with faults on demand."""
+
+from __future__ import annotations
+
+import base64
+import fnmatch
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+ARCHIVE = "PISRV1"
+Value = dict[str, Any]
+
+
+def value(timestamp: str, number: Any, **marks: Any) -> Value:
+    """A recorded value as the server writes it."""
+    plain = {"Good": True, "Questionable": False, "Substituted": False, "UnitsAbbreviation": ""}
+    return {"Timestamp": timestamp, "Value": number, **plain, **marks}
+
+
+def system_state(timestamp: str, name: str) -> Value:
+    """What stands where a collector could not read: a digital state in place of a number."""
+    state = {"Name": name, "Value": 246, "IsSystem": True}
+    return value(timestamp, state, Good=False)
+
+
+@dataclass
+class Served:
+    """What the server has, what it does wrong, and what it was asked."""
+
+    points: dict[str, list[Value]]
+    units: dict[str, str] = field(default_factory=dict)
+    most: int = 150_000  # values for one stream at a time
+    user: str = ""  # and password, where the server wants them: name:password
+    token: str = ""
+    # Of the next requests, in turn: (status, headers, body); None answers as always.
+    faults: list[tuple[int, dict[str, str], Any] | None] = field(default_factory=list)
+    errors_of: dict[str, list[str]] = field(default_factory=dict)  # inside a success, by tag
+    asked: list[str] = field(default_factory=list)
+    methods: set[str] = field(default_factory=set)
+    url: str = ""
+
+
+def web_id(tag: str) -> str:
+    """The WebId of a point: opaque, as the real ones are."""
+    return "F1Dp" + base64.urlsafe_b64encode(tag.encode()).decode().rstrip("=")
+
+
+class Refused(Exception):
+    """An answer other than 200."""
+
+    def __init__(self, status: int, *errors: str) -> None:
+        self.status, self.body = status, {"Errors": list(errors)}
+
+
+class Handler(BaseHTTPRequestHandler):
+    """Points, dataservers, streams and streamsets; everything else is refused and remembered."""
+
+    served: Served
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:
+        """The only method that a reader may use."""
+        served = self.served
+        served.methods.add("GET")
+        served.asked.append(self.path)
+        if served.faults and (fault := served.faults.pop(0)) is not None:
+            status, headers, body = fault
+            self._send(status, body, headers)
+            return
+        try:
+            self._send(200, self._answer())
+        except Refused as refused:
+            self._send(refused.status, refused.body)
+
+    def do_POST(self) -> None:
+        """Anything that writes."""
+        self.served.methods.add(self.command)
+        self._send(405, {"Errors": ["not allowed"]})
+
+    do_PUT = do_PATCH = do_DELETE = do_POST
+
+    def _answer(self) -> Any:
+        self._check_sign_in()
+        parts = urlsplit(self.path)
+        asked = parse_qs(parts.query)
+        steps = parts.path.removeprefix("/piwebapi/").split("/")
+        match steps:
+            case ["points"]:
+                return self._point(asked["path"][0].removeprefix(rf"\\{ARCHIVE}" + "\\"))
+            case ["points", one]:
+                return self._point(self._tag(one))
+            case ["dataservers"]:
+                if asked["name"][0] != ARCHIVE:
+                    raise Refused(404, "The specified data server was not found.")
+                return {"WebId": "F1DS"}
+            case ["dataservers", "F1DS", "points"]:
+                return self._points(asked)
+            case ["streams", one, "recorded"]:
+                return {"Links": {}, **self._recorded(self._tag(one), asked)}
+            case ["streamsets", "recorded"]:
+                tags = [self._tag(one) for one in asked["webId"]]
+                streams = [
+                    {"WebId": web_id(tag), "Name": tag, **self._recorded(tag, asked)}
+                    for tag in tags
+                ]
+                return {"Links": {}, "Items": streams}
+        raise Refused(404, "No HTTP resource was found.")
+
+    def _check_sign_in(self) -> None:
+        given, served = self.headers.get("Authorization", ""), self.served
+        if served.user:
+            expected = "Basic " + base64.b64encode(served.user.encode()).decode()
+        elif served.token:
+            expected = f"Bearer {served.token}"
+        else:
+            return
+        if given != expected:
+            raise Refused(401, "Authorization has been denied for this request.")
+
+    def _tag(self, wanted: str) -> str:
+        for tag in self.served.points:
+            if web_id(tag) == wanted:
+                return tag
+        raise Refused(404, "The specified stream was not found.")
+
+    def _point(self, tag: str) -> Value:
+        known = {name.lower(): name for name in self.served.points}  # PI compares without case
+        if tag.lower() not in known:
+            raise Refused(404, f"PI Point not found '\\\\{ARCHIVE}\\{tag}'.")
+        name = known[tag.lower()]
+        return {
+            "WebId": web_id(name),
+            "Name": name,
+            "Descriptor": "",
+            "EngineeringUnits": self.served.units.get(name, ""),
+            "PointType": "Float32",
+        }
+
+    def _points(self, asked: dict[str, list[str]]) -> Value:
+        names = sorted(fnmatch.filter(self.served.points, asked["nameFilter"][0]))
+        first, most = int(asked["startIndex"][0]), int(asked["maxCount"][0])
+        return {"Items": [self._point(name) for name in names[first : first + most]]}
+
+    def _recorded(self, tag: str, asked: dict[str, list[str]]) -> Value:
+        assert asked["boundaryType"] == ["Inside"]
+        most = int(asked["maxCount"][0])
+        if most > self.served.most:
+            raise Refused(400, f"Parameter 'maxCount' is larger than {self.served.most}.")
+        if errors := self.served.errors_of.get(tag):
+            return {"Errors": errors, "Items": []}
+        start, end = asked["startTime"][0], asked["endTime"][0]
+        inside = [
+            one
+            for one in self.served.points[tag]
+            if _key(one["Timestamp"]) >= _key(start)
+            and (end == "*" or _key(one["Timestamp"]) <= _key(end))
+        ]
+        return {"Items": inside[:most]}
+
+    def _send(self, status: int, body: Any, headers: dict[str, str] | None = None) -> None:
+        data = body if isinstance(body, bytes) else json.dumps(body).encode()
+        self.send_response(status)
+        for name, content in (headers or {}).items():
+            self.send_header(name, content)
+        self.send_header("Content-Type", "application/json; charset=utf-8")
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the tests read ``Served.asked``."""
+
+
+def _key(timestamp: str) -> str:
+    """A time as it compares: seconds, then seven decimals."""
+    seconds, _, decimals = timestamp.removesuffix("Z").partition(".")
+    return f"{seconds}.{decimals:0<7}"
+
+
+@contextmanager
+def serving(served: Served) -> Iterator[Served]:
+    """The server on a free port, until the block ends."""
+    handler = type("OneServer", (Handler,), {"served": served})
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        server.daemon_threads = True
+        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
+        served.url = f"http://127.0.0.1:{server.server_address[1]}/piwebapi"
+        try:
+            yield served
+        finally:
+            server.shutdown()

@@ -1,0 +1,77 @@
+"""Which strokes are drawn of a recording, and the fitted limit in them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
+from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
+from tests.service.made_mismatch import named
+
+FALLS_AT = 2.9  # %/s, as ``named`` has it
+
+
+def limited(op: Floats) -> Floats:
+    """A stem that follows at once but falls at ``FALLS_AT`` and no faster."""
+    mv = op.copy()
+    for k in range(1, op.size):
+        mv[k] = max(op[k], mv[k - 1] - FALLS_AT)
+    return mv
+
+
+def pictures(op: Floats, mv: Floats) -> list[Picture]:
+    """The strokes of a recording with a limit when falling."""
+    made = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
+    recording = Recording(valve="FV-1", signals=made, interval_s=1.0)
+    mismatch: Mismatch = named()
+    runs = FreeRuns(naive=op, extended=mv, heldout_from=op.size // 2)
+    effects = mismatch.effects[:1]
+    found = effect_pictures(recording, replace(mismatch, runs=runs, effects=effects))
+    return [one for one in found if one.title.startswith("Stroke")]
+
+
+def test_strokes_are_those_on_which_the_stem_stays_behind() -> None:
+    """Of a staircase of an hour downwards the steps are drawn, where the limit lies along the stem,
+    and not the hour from turn to turn. Only falls: rises are quick."""
+    op = np.full(4000, 80.0)
+    for at, to in ((2300, 60.0), (2900, 45.0), (3500, 20.0), (3700, 70.0)):
+        op[at:] = to
+    op[100:160] = 60.0
+    mv = limited(op)
+    found = pictures(op, mv)
+    assert [one.title for one in found] == ["Stroke 1", "Stroke 2", "Stroke 3"]
+    for picture, size in zip(found, (20.0, 15.0, 25.0), strict=True):
+        (law,) = [line for line in picture.plot.drawn if line.kind == "law"]
+        (stem,) = [line for line in picture.plot.drawn if line.label.startswith("MV")]
+        took = law.x[1] - law.x[0]
+        assert abs(took - size / FALLS_AT) < 1.5
+        assert np.abs(np.interp(law.x, stem.x, stem.y) - law.y).max() < 1.5 * FALLS_AT
+        assert stem.x.size < 60
+        assert "2.9" in picture.plot.notes[0].text
+        assert "a falling command, in the part that neither" in picture.says
+
+
+def test_a_stem_that_is_nowhere_behind_shows_the_largest_moves() -> None:
+    """Strokes are shown all the same, and said to be the largest."""
+    op = 50.0 + 8.0 * np.sin(np.arange(900) / 40.0)
+    found = pictures(op, op.copy())
+    assert len(found) == 3
+    assert all("largest moves" in one.says for one in found)
+
+
+def test_a_gap_is_in_no_stroke() -> None:
+    """A move with samples missing is left out; fewer strokes are better than half ones."""
+    op = np.full(1200, 80.0)
+    for at, to in ((700, 60.0), (900, 40.0)):
+        op[at:] = to
+    mv = limited(op)
+    mv[702] = np.nan
+    found = pictures(op, mv)
+    assert len(found) == 1
+    drawn = found[0].plot.drawn[0]
+    assert re.match("The only stroke on which ", found[0].says)
+    assert drawn.y.max() <= 60.0

@@ -1,0 +1,75 @@
+"""A valve's page draws from the store what explain draws from the samples, and work beside it."""
+
+from __future__ import annotations
+
+import re
+from datetime import timedelta
+
+import pytest
+
+from stemwatch.service.report.charts.window_pictures import pack_pictures, window_pictures
+from tests.service.maintenance.made_book import with_effects
+from tests.service.report.conftest import screening as with_samples
+from tests.service.web.made_plant import NOW, STICKY, screening, serving
+from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened
+from tests.service.web.signed_in import cookie_of
+
+
+def test_the_page_has_the_pictures_of_its_screening(live, client) -> None:
+    """Every picture under its title, drawn as SVG, without the samples."""
+    found = with_effects(STICKY)
+    pictures = window_pictures(found)
+    run = live.store.begin_run(software_version="1")
+    stored = screening(STICKY, at=NOW + timedelta(hours=1), mismatch=found.mismatch)
+    live.store.save(stored.without_samples(), run, packed_pictures=pack_pictures(pictures))
+    page = client.get("/valve", params={"id": STICKY}).text
+    for picture in pictures.effects:
+        assert f"<figcaption>{picture.title}</figcaption>" in page
+    assert page.count('class="small-plot"') == len(pictures.effects)
+
+
+def test_the_page_lays_the_loops_before_and_after_work_over_each_other(live, client) -> None:
+    """With what was done, S and J of both windows, and dates; without work nothing."""
+    assert "Before and after the last work" not in client.get("/valve", params={"id": STICKY}).text
+    run = live.store.begin_run(software_version="1")
+    for days, S, J in ((3, 6.25, 2.0), (1, 0.31, 0.0)):
+        loop = window_pictures(with_samples(STICKY, S=S, J=J))
+        at = NOW - timedelta(days=days)
+        live.store.save(
+            screening(STICKY, S=S, J=J, at=at), run, packed_pictures=pack_pictures(loop)
+        )
+    live.store.record_maintenance(STICKY, NOW - timedelta(days=2), "seat lapped", "K. Berg")
+    page = client.get("/valve", params={"id": STICKY}).text
+    part = page[page.index('id="work"') :]
+    part = part[: part.index("</section>")]
+    text = " ".join(re.sub(r"<[^>]+>", " ", part).split())
+    assert "seat lapped" in text
+    assert "S 6.25 → 0.31 %" in text
+    assert "J 2.00 → 0.00 %" in text
+    assert part.count('class="small-plot"') == 1
+    assert 'href="#work"' in page
+
+
+@pytest.mark.browser
+def test_on_a_phone_the_pictures_unfold_when_asked(browser, live) -> None:
+    """At a desk they are open, on a phone folded, without scripts open; nothing runs out of the
+    window once they are."""
+    found = with_effects(STICKY)
+    run = live.store.begin_run(software_version="1")
+    stored = screening(STICKY, at=NOW + timedelta(hours=1), mismatch=found.mismatch)
+    packed = pack_pictures(window_pictures(found))
+    live.store.save(stored.without_samples(), run, packed_pictures=packed)
+    with serving(live) as base:
+        opened = Opened(browser, base, cookie_of(live))
+        path = f"/valve?id={STICKY}"
+        assert opened.page(path, viewport=DESK).locator(".small-plot").first.is_visible()
+        bare = opened.page(path, viewport=PHONE, java_script_enabled=False)
+        assert bare.locator(".small-plot").first.is_visible()
+        page = opened.page(path, viewport=PHONE)
+        assert not page.locator(".small-plot").first.is_visible()
+        page.get_by_text("What the recording itself shows").focus()
+        page.keyboard.press("Enter")
+        assert page.locator(".small-plot").first.is_visible()
+        assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+        assert (opened.errors, opened.foreign) == ([], [])
+        opened.close()
