@@ -58,7 +58,7 @@ define step
 	else echo 'failed:'; cat $(LOG); exit 1; fi
 endef
 
-.PHONY: demo test test-all explore faults check live bench lock supply-chain clean help
+.PHONY: demo test test-all explore faults check live bench lock supply-chain docs clean help
 .DEFAULT_GOAL := help
 
 demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write its report into demo/
@@ -99,6 +99,10 @@ lock: $(VENV)/tools/made ## Write the lock files anew: the versions of constrain
 supply-chain: $(VENV)/can-test $(VENV)/tools/made ## Vulnerabilities, licences, and the bill of materials into dist/
 	@$(BIN)/python -m tests.supply_chain --tools $(VENV)/tools/bin --out dist
 
+docs: $(VENV)/site/made ## The docs as a site in build/docs that needs no network; broken links end it
+	$(call step,Building the docs,$(VENV)/site/bin/mkdocs build --quiet)
+	@echo 'Open build/docs/index.html in a browser.'
+
 clean: ## Remove the environment, caches and build folders
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -119,6 +123,12 @@ $(VENV)/tools/made: $(VENV)/made pyproject.toml constraints.txt
 	$(call step,Making an environment for the tools of the supply chain,$(BIN)/python -m venv $(VENV)/tools && \
 	$(VENV)/tools/bin/python -m pip install --quiet --no-compile --constraint constraints.txt pip && \
 	$(VENV)/tools/bin/python -m pip install --quiet --no-compile --constraint constraints.txt --group supply-chain)
+	@touch $@
+
+$(VENV)/site/made: $(VENV)/made pyproject.toml
+	$(call step,Making an environment for the docs,$(BIN)/python -m venv $(VENV)/site && \
+	$(VENV)/site/bin/python -m pip install --quiet --no-compile --constraint constraints.txt pip && \
+	$(VENV)/site/bin/python -m pip install --quiet --no-compile --constraint constraints.txt --group docs-site)
 	@touch $@
 
 $(VENV)/can-run: $(VENV)/made $(INPUTS)

@@ -1,6 +1,9 @@
 """Where the position reading was frozen: exact repeats that neither noise nor friction can make.
 
-There are two tests, at different times.
+There are three tests, at different times.
+
+``mostly_one_value`` looks at one tag alone, whatever it is, as an inspection does before anybody
+has said which tag is the position.
 
 ``frozen_runs`` comes before any fit: can this recording be judged, and which samples must be
 masked? How far friction can hold the stem is not known yet, so a run of a coarse reading is
@@ -20,6 +23,8 @@ from stemwatch.models.excitation import ranges
 from stemwatch.models.forensics import repeat_share, turns_like_noise
 from stemwatch.models.recording import Bools, Floats, Recording
 
+# One value for this share of a tag's samples, and so many at least, after it has moved.
+SHARE_OF_A_TAG, SAMPLES_OF_A_TAG = 0.25, 60
 # A noisy transmitter does not repeat itself to the last bit for this long.
 FROZEN_S, FROZEN_SAMPLES = 30.0, 20
 # Before a fit.
@@ -32,6 +37,11 @@ LEAST_TURNS_EXPLAINED = 60
 LONGER = 5.0  # times the usual long repeat of the reading that a frozen one lasts
 LASTING = (10.0, 90.0)  # percentiles of OP within a run
 BAND_MARGIN, BAND_EXTRA = 1.5, 1.0  # times the stem's band, plus percent, that OP must move
+
+
+def mostly_one_value(longest_repeat: int, samples: int) -> bool:
+    """Whether a tag's longest exact repeat, of so many samples in all, is too long for a signal."""
+    return longest_repeat >= max(SAMPLES_OF_A_TAG, SHARE_OF_A_TAG * samples)
 
 
 def repeated(values: Floats) -> NDArray[np.int64]:

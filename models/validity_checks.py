@@ -24,6 +24,7 @@ from stemwatch.models.signal_pairing import (
     tells_two_places,
 )
 from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pairing, paired
+from stemwatch.models.stickslip.clock_shift import BehindController, behind_controller
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.fit import FirstLook
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
@@ -51,6 +52,11 @@ SURELY_SWAPPED, SWAPPED_FROM, STICKS_PERCENT = 0.5, 0.2, 1.5
 SWAPPED_AND_LATE = 0.9
 # Where OP rests as a stem does (``rests``), the other way round need not even be the simpler one.
 SWAPPED_BY_RESTS = 1.5
+# By the controller's law OP and PV are what they are called where it leaves so many times less of
+# OP's moves than of those of the position that answered PV, or of OP's that answered the position.
+# Where OP and position, or position and PV, are exchanged it is the other way round; nothing of the
+# kind is asked where the position follows OP so badly that it may be another valve's.
+OP_PLAINLY, PV_PLAINLY, FOLLOWS = 3.0, 10.0, 0.5
 # Share of the position's way; 80 simulated valves (seed 8181) make 0.06 of it at most.
 MOVED_WITHOUT_OP = 0.15
 LEAST_SWING_PERCENT = 0.5
@@ -235,7 +241,10 @@ def wiring_obstacles(
     near = min(at_most, own.explained(AFTER), key=lambda one: one.left)
     if near.left < SWAPPED_FROM:
         return []
-    exchanged = _exchanged(own, near, as_stored or recording, as_stored is not None)
+    controller = behind_controller(recording)
+    exchanged = np.inf
+    if not controller.rather_than(behind_controller(recording, output=Role.MV), OP_PLAINLY):
+        exchanged = _exchanged(own, near, as_stored or recording, as_stored is not None)
     mixed_up = [(Role.OP, Role.MV, exchanged)]
     far = UNEXPLAINED
     if near.left >= DOUBTED:
@@ -243,6 +252,7 @@ def wiring_obstacles(
         mixed_up += [
             (role, instead, _explained(recording, command, position).left / BY_ANOTHER)
             for role, instead, command, position in OTHERS
+            if not (role is Role.MV and near.left <= FOLLOWS and _is_pv(recording, controller))
         ]
     role, instead, other = min(mixed_up, key=lambda one: one[2])
     if min(far.left, other) >= at_most.left and near.left <= UNRELATED_LEFT:
@@ -254,6 +264,12 @@ def wiring_obstacles(
     if other < before:
         return [_swapped(role, instead)]
     return [_unrelated(before)] if min(near.left, before) > UNRELATED_LEFT else []
+
+
+def _is_pv(recording: Recording, controller: BehindController) -> bool:
+    """Whether PV is what the controller answers, and the position is not: that PV goes with OP is
+    then the controller's doing."""
+    return controller.rather_than(behind_controller(recording, answered=Role.MV), PV_PLAINLY)
 
 
 def _exchanged(own: Pairing, near: BestShift, recording: Recording, late: bool) -> float:

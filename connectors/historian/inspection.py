@@ -14,6 +14,7 @@ import numpy as np
 from stemwatch.connectors.historian.times.source_clock import clock_facts
 from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models import forensics
+from stemwatch.models.frozen import mostly_one_value
 from stemwatch.models.recording import PERCENT, ClockFacts, Quality, Role
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.tags.roles import Candidate
 
 NO_CURVES: Mapping[str, str] = MappingProxyType({})
-# A signal that repeats one value for this share of the record, after having moved, is frozen.
-_FROZEN_SHARE = 0.25
-_FROZEN_SAMPLES = 60
 _LINES_SHARE = 0.2  # more interior points on straight lines than this: a compressed archive
 
 
@@ -154,7 +152,7 @@ def _inspect(column: Column, candidate: Candidate) -> TagInspection:
         longest_repeat_s=longest * (interval_s or 0.0) if longest > 1 else 0.0,
         line_share=lines,
         compressed=lines > _LINES_SHARE or column.times.by_exception,
-        frozen=_frozen(longest, finite.size),
+        frozen=mostly_one_value(longest, finite.size),
         reasons=dict(column.reasons),
     )
 
@@ -163,10 +161,6 @@ def _bad_share(column: Column) -> float:
     rows = column.file_ns.size
     usable = int((column.quality == Quality.GOOD).sum())
     return 1.0 - usable / rows if rows else 1.0
-
-
-def _frozen(longest: int, samples: int) -> bool:
-    return longest >= _FROZEN_SAMPLES and longest >= _FROZEN_SHARE * samples
 
 
 _ORDER = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)

@@ -88,10 +88,9 @@ class ArchiveFile:
     def fragment(self) -> Any:
         """The file as a fragment of a dataset. Raises ``UnreadableSource``."""
         import pyarrow as pa
-        import pyarrow.dataset as ds
 
         try:
-            fragment = ds.ParquetFileFormat().make_fragment(self.path, self._filesystem)
+            fragment = _format().make_fragment(self.path, self._filesystem)
             fragment.ensure_complete_metadata()
         except (pa.ArrowException, OSError) as error:
             raise UnreadableSource(
@@ -139,12 +138,11 @@ class ArchiveFile:
 
     def _keyed(self, key: str) -> Any:
         """The fragment that reads ``key`` as a dictionary: thousands of rows bear one name."""
-        import pyarrow.dataset as ds
-
         cached = self.__dict__.setdefault("_by_key", {})
         if key not in cached:
-            how = ds.ParquetFileFormat(dictionary_columns={key})
-            cached[key] = how.make_fragment(self.path, self._filesystem)
+            cached[key] = _format(dictionary_columns={key}).make_fragment(
+                self.path, self._filesystem
+            )
         return cached[key]
 
     @property
@@ -194,6 +192,15 @@ class ArchiveFile:
         return (
             statistics.null_count if statistics is not None and statistics.has_null_count else None
         )
+
+
+def _format(**reading: Any) -> Any:
+    """How files are read: a page whose checksum is wrong is an error, where the file has checksums.
+    Without them a flipped bit is another number."""
+    import pyarrow.dataset as ds
+
+    checked = ds.ParquetFragmentScanOptions(page_checksum_verification=True)
+    return ds.ParquetFileFormat(default_fragment_scan_options=checked, **reading)
 
 
 def _places(metadata: Any) -> dict[str, int]:

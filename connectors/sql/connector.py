@@ -27,7 +27,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.secret import Secret
-from stemwatch.connectors.settings import Name, NotEmpty, contradiction
+from stemwatch.connectors.settings import Name, NotEmpty, Positive, contradiction
 from stemwatch.connectors.sql.query_rows import mistake_in
 from stemwatch.models.recording import Recording, Role
 
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.sql.query_rows import Samples
 
 CHUNK = 20_000
+TIMEOUT_S = 120.0
 _SQLITE = "sqlite:///"
 
 
@@ -62,6 +63,7 @@ class SqlAddress:
     before_s: float = 0.0
     bounds_format: str = ""
     chunk: int = CHUNK
+    timeout_s: float = TIMEOUT_S
 
     def open(self) -> SqlArchive:
         """The archive; no connection is made yet."""
@@ -112,6 +114,8 @@ class SqlSettings(ArchiveSettings):
         default=None, description='"shift" (forward by an hour) or "leave_out"'
     )
 
+    timeout_s: Positive = Field(default=TIMEOUT_S, description="seconds, above 0")
+
     @model_validator(mode="after")
     def _one_url(self) -> Self:
         if (self.url is None) == (self.url_variable is None):
@@ -141,6 +145,7 @@ class SqlSettings(ArchiveSettings):
             bounds_format=self.bounds_format or "",
             options=self.read_options(zone),
             before_s=0.0 if self.before_s is None else self.before_s,
+            timeout_s=self.timeout_s,
         )
 
 
@@ -165,7 +170,7 @@ class SqlArchive:
     def _database(self) -> Database:
         from stemwatch.connectors.sql.database import Database
 
-        return Database(self.address.url, str(self.address))
+        return Database(self.address.url, str(self.address), self.address.timeout_s)
 
     def tags(self) -> Sequence[TagInfo]:
         """What the query of tags lists, with unit and samples where it gives them; nothing where

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import os
+import socket
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
+from stemwatch.connectors.cut_off import cut_off_after
 from stemwatch.connectors.secret import Secret, masked
 
 if TYPE_CHECKING:
@@ -20,17 +24,20 @@ _READ_ONLY = {
     "mariadb": "SET SESSION TRANSACTION READ ONLY",
     "oracle": "SET TRANSACTION READ ONLY",
 }
+_TIMEOUT_S = "stemwatch_timeout_s"
 
 
 class Database:
     """A database that is only read.
 
     Each reading has a connection and a transaction of its own, read only where the engine can,
-    which ends in a rollback.
+    which ends in a rollback. PostgreSQL that says nothing for ``timeout_s`` is given up; other
+    engines have the time-outs that their drivers take from the URL.
     """
 
-    def __init__(self, url: Secret, name: str) -> None:
+    def __init__(self, url: Secret, name: str, timeout_s: float) -> None:
         self._url = url
+        self._timeout_s = timeout_s
         self.name = name
 
     @contextmanager
@@ -43,8 +50,11 @@ class Database:
             with engine.connect() as connection:
                 if engine.dialect.name == "postgresql":
                     connection = connection.execution_options(postgresql_readonly=True)
+                connection.info[_TIMEOUT_S] = self._timeout_s
                 yield connection
                 connection.rollback()
+        except TimeoutError as error:
+            raise ConnectorError(f"{self.name}: {error}") from None
         except SQLAlchemyError as error:
             raise self._explained(error) from None
         finally:
@@ -70,7 +80,14 @@ class Database:
             if url.drivername == "postgresql":
                 url = url.set(drivername="postgresql+psycopg")
             _check_file(url.get_backend_name(), url.database, self.name)
-            engine = create_engine(url, poolclass=NullPool, hide_parameters=True)
+            wait = {"connect_timeout": max(2, math.ceil(self._timeout_s))}
+            is_postgres = url.drivername == "postgresql+psycopg"
+            engine = create_engine(
+                url,
+                poolclass=NullPool,
+                hide_parameters=True,
+                connect_args=wait if is_postgres else {},
+            )
         except (SQLAlchemyError, ImportError) as error:
             raise UnreadableSource(
                 f"{self.name}: the database URL cannot be used "
@@ -93,12 +110,50 @@ class Database:
 def run_query(
     connection: Connection, query: str, parameters: Mapping[str, Any], chunk: int
 ) -> tuple[Sequence[str], Iterator[Sequence[Sequence[Any]]]]:
-    """Names of the columns, and the rows in parts of at most ``chunk``, as they come in."""
+    """Names of the columns, and the rows in parts of at most ``chunk``, as they come in. Raises
+    ``TimeoutError`` where the database falls silent."""
     from sqlalchemy import text
 
     streamed = connection.execution_options(stream_results=True, yield_per=chunk)
-    result = streamed.execute(text(query), dict(parameters))
-    return list(result.keys()), result.partitions()
+    with _not_silent(connection):
+        result = streamed.execute(text(query), dict(parameters))
+    return list(result.keys()), _parts(connection, result.partitions())
+
+
+def _parts(
+    connection: Connection, parts: Iterator[Sequence[Sequence[Any]]]
+) -> Iterator[Sequence[Sequence[Any]]]:
+    while True:
+        with _not_silent(connection):
+            part = next(parts, None)
+        if part is None:
+            return
+        yield part
+
+
+@contextmanager
+def _not_silent(connection: Connection) -> Iterator[None]:
+    """Cut the connection where the block takes longer than the time for an answer."""
+    from sqlalchemy.exc import SQLAlchemyError
+
+    timeout_s = connection.info[_TIMEOUT_S]
+    if connection.dialect.driver != "psycopg":
+        yield
+        return
+    handle: Any = connection.connection.driver_connection
+    with (
+        socket.socket(fileno=os.dup(handle.fileno())) as link,
+        cut_off_after(timeout_s, lambda: link) as was_cut,
+    ):
+        try:
+            yield
+        except SQLAlchemyError:
+            if not was_cut.is_set():
+                raise
+            raise TimeoutError(
+                f"the database has said nothing for {timeout_s:g} s; check that it and the network "
+                "to it work, and whether the query needs an index; timeout_s may be longer"
+            ) from None
 
 
 def _execute(raw: Any, statement: str) -> None:

@@ -153,16 +153,27 @@ class BehindController:
     of_at_once: float = np.nan
 
     @property
+    def at_once(self) -> float:
+        """Share of OP's moves that is left without a delay."""
+        return self.left / self.of_at_once
+
+    @property
     def agrees(self) -> bool:
         """Whether OP answers at once and at no other time: it has PV's clock."""
-        at_once = self.left / self.of_at_once
-        return at_once <= MOST_LEFT and self.of_at_once >= 1.0 / LEFT_AT_ONCE
+        return self.at_once <= MOST_LEFT and self.of_at_once >= 1.0 / LEFT_AT_ONCE
+
+    def rather_than(self, other: BehindController, times: float) -> bool:
+        """Whether this pair is a controller's, ``times`` as plainly as another pair of signals."""
+        return self.agrees and self.at_once * times <= other.at_once
 
 
-def behind_controller(recording: Recording) -> BehindController:
-    """How late OP is by the controller's law."""
-    pv, sp = recording.get(Role.PV), recording.get(Role.SP)
-    if pv is None:
+def behind_controller(
+    recording: Recording, output: Role = Role.OP, answered: Role = Role.PV
+) -> BehindController:
+    """How late the ``output`` is against what it ``answered``, by the controller's law: OP and PV,
+    or two others that may be exchanged for them."""
+    own, pv, sp = recording.get(output), recording.get(answered), recording.get(Role.SP)
+    if own is None or pv is None:
         return BehindController()
     watched = [pv, *([sp] if sp is not None and sp.usable.any() else [])]
     followed = [_centred(one.values, one.usable) for one in watched]
@@ -178,11 +189,10 @@ def behind_controller(recording: Recording) -> BehindController:
         moves[over:, 2 * place] = values[over:] - values[:-over]
         total = np.concatenate(([0.0], np.cumsum(values)))
         moves[over:, 2 * place + 1] = total[over + 1 :] - total[1:-over]
-    op = _centred(recording.op.values, recording.op.usable)
-    known = _whole(recording.op.usable, over)[at]
-    own = np.where(known, op[at] - op[at - over], 0.0)
+    op, known = _centred(own.values, own.usable), _whole(own.usable, over)[at]
+    moved = np.where(known, op[at] - op[at - over], 0.0)
     told = np.all([_whole(one.usable, over) for one in watched], axis=0)
-    left = np.array([_left(moves, told, own, known, at - by) for by in range(EARLIEST, LATEST)])
+    left = np.array([_left(moves, told, moved, known, at - by) for by in range(EARLIEST, LATEST)])
     if not np.isfinite(left).all():
         return BehindController()
     at_once, first = float(left[-EARLIEST : 2 - EARLIEST].min()), 2 - EARLIEST

@@ -236,7 +236,9 @@ def write_parquet(piece: Piece, valves: Iterable[tuple[str, dict[Role, Floats]]]
                 folder = piece.folder / "parquet" / f"date={date}"
                 folder.mkdir(parents=True, exist_ok=True)
                 path = folder / f"part-{piece.number:05d}.parquet"
-                files[date] = parquet.ParquetWriter(path, schema, compression="zstd")
+                files[date] = parquet.ParquetWriter(
+                    path, schema, compression="zstd", write_page_checksum=True
+                )
             name = pa.DictionaryArray.from_arrays(np.zeros(times.size, np.int32), [tag])
             data = [_values(columns.get(role), part, times.size) for role in ROLES]
             table = pa.Table.from_arrays(

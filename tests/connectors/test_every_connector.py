@@ -97,7 +97,7 @@ def sql(folder: Path) -> Table:
 def opcua_url() -> Iterator[str]:
     """The address of a server with the same samples."""
     pytest.importorskip("asyncua", reason="asyncua is missing: OPC UA IS NOT TESTED")
-    from tests.connectors.opcua.served import serving
+    from tests.connectors.opcua.loopback_server import serving
 
     nodes: dict[str, list[tuple[datetime, float | None, int]]] = {"FIC1.OP": [], "FIC1.PV": []}
     for tag, time, value, quality in samples():
@@ -115,7 +115,7 @@ def opcua_table(opcua_url: str) -> Table:
 @pytest.fixture(scope="module")
 def pi_table() -> Iterator[Table]:
     """Of a PI Web API with the same samples."""
-    from tests.connectors.pi.served import ARCHIVE, Served, serving, system_state, value
+    from tests.connectors.pi.loopback_server import ARCHIVE, Served, serving, system_state, value
 
     points: dict[str, list[dict[str, Any]]] = {"FIC1.OP": [], "FIC1.PV": []}
     for tag, time, number, quality in samples():

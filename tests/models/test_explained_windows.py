@@ -12,7 +12,7 @@ import pytest
 from stemwatch.models.explained_windows import FEWEST, MOST, explain_windows
 from stemwatch.models.mismatch.findings import EffectScore, Finding, FreeRuns, Mismatch
 from stemwatch.models.recording import Recording, Role, Signal
-from tests.service.made_mismatch import of_every_kind
+from tests.service.example_mismatches import of_every_kind
 
 SAMPLES = 400
 PLAY = "lost_motion"

@@ -57,6 +57,19 @@ def test_a_valve_that_is_wired_up_rightly_is_not_doubted(recording):
     assert not samples_exchanged(recording)
 
 
+def test_a_limit_cycle_whose_pv_goes_with_op_better_than_its_stem_is_not_doubted():
+    """An overshoot in quick cycles: that PV goes with OP is the controller's doing. Another's PV,
+    which no controller of this loop answers, leaves the doubt."""
+    loop = draw_sticky(20, 6161)[19]
+    cycling = simulate_loop(loop, 6161519).recording
+    pairing = Pairing.of(cycling)
+    assert pairing is not None
+    assert pairing.explained(BEFORE).left > 0.3
+    assert told(cycling) == []
+    filtered = np.convolve(values(cycling, Role.OP), np.full(4, 0.25))[: len(cycling)]
+    assert "tags_swapped" in told(wired(cycling, pv=filtered))
+
+
 @pytest.mark.parametrize(("late", "how"), [(120, "after OP"), (-120, "before OP")])
 def test_clocks_that_are_minutes_apart_are_told_and_by_how_much(recording, late, how):
     """A position two minutes late or early is found, or does not go with OP at all."""

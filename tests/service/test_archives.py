@@ -105,7 +105,7 @@ def sql(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
 def opcua(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
     """Two nodes of a server on loopback."""
     pytest.importorskip("asyncua", reason="asyncua is missing: OPC UA IS NOT TESTED")
-    from tests.connectors.opcua.served import serving
+    from tests.connectors.opcua.loopback_server import serving
 
     nodes: dict[str, list[tuple[datetime, float | None, int]]] = {}
     for tag, time, value, quality in rows:
@@ -117,7 +117,7 @@ def opcua(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
 @contextmanager
 def pi(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
     """Two points of a PI Web API on loopback, which wants a password."""
-    from tests.connectors.pi.served import ARCHIVE, Served, serving, system_state, value
+    from tests.connectors.pi.loopback_server import ARCHIVE, Served, serving, system_state, value
 
     points: dict[str, list[dict[str, Any]]] = {}
     for tag, time, number, quality in rows:

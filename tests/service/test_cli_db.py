@@ -13,7 +13,7 @@ from stemwatch.service.store.database.engine import make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.migrations.migrate import downgrade, newest_revision
 from stemwatch.service.store.store import open_store
-from tests.service.web.made_plant import NOW, fill, plant_of, write_samples
+from tests.service.web.example_plant import NOW, fill, plant_of, write_samples
 
 SECRET = "s3cr3t-pa55"
 NOWHERE = f"postgresql://anna:{SECRET}@127.0.0.1:1/stemwatch"

@@ -18,9 +18,9 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.service.cli import app
 from stemwatch.service.store.store import open_store
-from tests.models.field_test.played import BEGAN, played
+from tests.models.field_test.simulated_test import BEGAN, simulated_test
+from tests.service.example_mismatches import of_every_kind
 from tests.service.field_test.planned_tests import QUESTION
-from tests.service.made_mismatch import of_every_kind
 
 MINUTES = 5.0
 
@@ -93,7 +93,7 @@ def test_plan_played_on_a_concealed_valve_names_what_it_hides(
     database, programme, tmp_path, hidden, slug, name
 ):
     """Text, JSON and page agree on the winner; the rivals are those from before the test."""
-    test = exported(played(programme, 47.0, **hidden), tmp_path / "test.csv")
+    test = exported(simulated_test(programme, 47.0, **hidden), tmp_path / "test.csv")
     file, folder = tmp_path / "result.json", tmp_path / "out"
     done = run(
         *("judge-test", "FIC-1", test, "--db", database, "--from", BEGAN.isoformat()),
@@ -113,7 +113,7 @@ def test_plan_played_on_a_concealed_valve_names_what_it_hides(
 
 def test_file_that_asked_for_a_bump_test_is_sent_to_screen(tmp_path, programme):
     """A first recording without movement has no rivals: the verdict is what its test gives."""
-    still = played(programme, 47.0)
+    still = simulated_test(programme, 47.0)
     values = {role: Signal.good(np.full(400, 47.0), role.value) for role in (Role.OP, Role.MV)}
     before = exported(replace(still, signals=values), tmp_path / "before.csv")
     test = exported(still, tmp_path / "test.csv")
@@ -128,7 +128,7 @@ def test_what_cannot_be_judged_is_said_with_what_to_do(database, programme, tmp_
     missing = run("judge-test", "FIC-1", "--db", database)
     assert missing.exit_code == 2
     assert "--plant with --from and --to" in missing.output
-    test = exported(played(programme, 47.0), tmp_path / "test.csv")
+    test = exported(simulated_test(programme, 47.0), tmp_path / "test.csv")
     nothing = run("judge-test", "FIC-2", test, "--db", database, *tags)
     assert nothing.exit_code != 0
     assert "no effects were left to be told apart" in str(nothing.exception)
@@ -144,7 +144,7 @@ def test_what_cannot_be_judged_is_said_with_what_to_do(database, programme, tmp_
 
 def test_test_of_a_plant_is_read_where_the_plant_keeps_it(database, programme, tmp_path):
     """With the plant file and the window no export is needed."""
-    exported(played(programme, 47.0, dead_time_s=4.0), tmp_path / "samples.csv")
+    exported(simulated_test(programme, 47.0, dead_time_s=4.0), tmp_path / "samples.csv")
     plant = tmp_path / "plant.toml"
     plant.write_text(
         f"""[storage]

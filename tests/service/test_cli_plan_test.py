@@ -16,8 +16,8 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.service.cli import app
 from stemwatch.service.store.store import open_store
+from tests.service.example_mismatches import of_every_kind
 from tests.service.field_test.planned_tests import QUESTION
-from tests.service.made_mismatch import of_every_kind
 
 QUICK = ("--minutes", "2")
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.process_lifecycle import Terminated, asked_to_stop, ending_on_sigterm
-from tests.service.live_demo.started import DEMO, Started
+from tests.service.live_demo.running_demo import DEMO, Started
 
 SIMULATE = ("simulate", "--modbus", "--what", "healthy", "--count", "1", "--port", "0")
 ENDING = [signal.SIGTERM, signal.SIGINT]

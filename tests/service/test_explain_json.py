@@ -16,7 +16,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import HeldOutFit
 from stemwatch.service.explain.explain_json import to_json, to_object
 from stemwatch.service.explain.explained import Explained, not_testable
-from tests.service.made_mismatch import effect, named, of_every_kind
+from tests.service.example_mismatches import effect, named, of_every_kind
 
 SCHEMA = json.loads(
     files("stemwatch.service.explain").joinpath("explain.schema.json").read_text("utf-8")

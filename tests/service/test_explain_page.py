@@ -18,7 +18,7 @@ from stemwatch.service.cli.explanation import explanation
 from stemwatch.service.explain.explained import Explained, not_testable
 from stemwatch.service.explain.write_explanation import MOST_PLOTTED, entries, write_pages
 from stemwatch.service.report import ReportContext
-from tests.service.made_mismatch import named, of_every_kind
+from tests.service.example_mismatches import named, of_every_kind
 
 HOSTILE = "</script><img src=x onerror=alert(1)>../[bold]\x07"
 CONTEXT = ReportContext(

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.service.cli import views
 from stemwatch.service.cli.modbus import modbus_app
-from tests.connectors.modbus.served import Behaviour, serving, sim_device
+from tests.connectors.modbus.loopback_servers import Behaviour, serving, sim_device
 
 HOLDING = {0: 0x8000, 1: 0xC216, 9: 250}
 MAP = """

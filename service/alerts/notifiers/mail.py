@@ -13,8 +13,9 @@ from email.utils import formatdate
 from pathlib import Path
 from typing import Any, Self
 
+from stemwatch.connectors.cut_off import cut_off_after
 from stemwatch.connectors.secret import Secret
-from stemwatch.service.alerts.notifiers.notifier import NotSent, cut_off_after, revealed
+from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
 TIMEOUT_S = 20.0  # for each answer

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import socket
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -58,22 +55,3 @@ def revealed(secret: Secret) -> str | None:
         return secret.reveal() if secret else None
     except ConnectorError as error:
         raise NotSent(str(error)) from None
-
-
-@contextmanager
-def cut_off_after(seconds: float, link: Callable[[], socket.socket | None]) -> Iterator[None]:
-    """End what is said on ``link()`` when the block takes longer: a receiver that sends a byte now
-    and then would hold the line for hours, whatever the time-out of each read is."""
-
-    def cut() -> None:
-        with suppress(OSError):
-            if (open_link := link()) is not None:
-                # Not the method of an encrypted socket, which takes its state away under a reader.
-                socket.socket.shutdown(open_link, socket.SHUT_RDWR)
-
-    ending = threading.Timer(seconds, cut)
-    ending.start()
-    try:
-        yield
-    finally:
-        ending.cancel()

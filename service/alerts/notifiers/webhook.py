@@ -20,8 +20,9 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import SplitResult, urlsplit
 
+from stemwatch.connectors.cut_off import cut_off_after
 from stemwatch.connectors.secret import Secret
-from stemwatch.service.alerts.notifiers.notifier import NotSent, cut_off_after, revealed
+from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
 # IPv6 addresses that lead to an IPv4 one: translators (RFC 6052), 6to4 (RFC 3056) and the old

@@ -18,7 +18,7 @@ from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.connectors.historian.connector import propose_valves
 from stemwatch.connectors.historian.opened_file import open_file
 from stemwatch.connectors.historian.tables import large_file, text_pieces
-from tests.connectors.historian.made_exports import LAYOUTS, Kind, written
+from tests.connectors.historian.example_exports import LAYOUTS, Kind, written
 
 ZONE = ReadOptions(zone="Europe/Berlin")
 

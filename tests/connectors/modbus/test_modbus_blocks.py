@@ -11,7 +11,7 @@ from stemwatch.connectors.modbus.block_reader import BlockReader, Columns
 from stemwatch.connectors.modbus.blocks import Block, plan_blocks
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.register_address import Table
-from tests.connectors.modbus.served import register
+from tests.connectors.modbus.loopback_servers import register
 
 MAPS = st.lists(
     st.tuples(

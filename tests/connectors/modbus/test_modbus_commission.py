@@ -17,7 +17,14 @@ from stemwatch.connectors.modbus.commissioning import (
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType
 from stemwatch.connectors.modbus.read_fault import ReadFault
 from stemwatch.connectors.modbus.register_address import RegisterAddress, Table
-from tests.connectors.modbus.served import Behaviour, device, register, serving, sim_device, tcp
+from tests.connectors.modbus.loopback_servers import (
+    Behaviour,
+    device,
+    register,
+    serving,
+    sim_device,
+    tcp,
+)
 
 
 def test_every_type_and_order_is_shown_and_the_right_one_looks_likely() -> None:

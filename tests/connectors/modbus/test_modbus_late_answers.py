@@ -25,7 +25,7 @@ from stemwatch.connectors.modbus.poller import DevicePoller
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
 from stemwatch.connectors.modbus.register_address import Table
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
-from tests.connectors.modbus.served import answering, device, register, tcp
+from tests.connectors.modbus.loopback_servers import answering, device, register, tcp
 
 POLLS_TOLD_APART = 64
 # Three blocks of one unit, alike in length and too far apart to be asked for together.

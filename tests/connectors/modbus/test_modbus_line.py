@@ -13,7 +13,7 @@ from stemwatch.connectors.modbus.connection import Connection
 from stemwatch.connectors.modbus.device import Link, LinkKind
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
 from stemwatch.connectors.modbus.register_address import Table
-from tests.connectors.modbus.served import Behaviour, answering, serving, sim_device, tcp
+from tests.connectors.modbus.loopback_servers import Behaviour, answering, serving, sim_device, tcp
 
 
 async def fault_of(line: Connection, unit_id: int = 1, count: int = 2) -> ReadFault:

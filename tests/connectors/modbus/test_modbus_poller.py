@@ -16,7 +16,7 @@ from stemwatch.connectors.modbus.device import Device
 from stemwatch.connectors.modbus.poller import NOT_POLLED, DevicePoller
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
-from tests.connectors.modbus.served import (
+from tests.connectors.modbus.loopback_servers import (
     Behaviour,
     device,
     register,

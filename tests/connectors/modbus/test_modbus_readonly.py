@@ -19,7 +19,14 @@ from stemwatch.connectors.modbus.device import LinkKind
 from stemwatch.connectors.modbus.poller import DevicePoller
 from stemwatch.connectors.modbus.read_fault import ReadFault
 from stemwatch.connectors.modbus.register_address import Table
-from tests.connectors.modbus.served import Behaviour, device, register, serving, sim_device, tcp
+from tests.connectors.modbus.loopback_servers import (
+    Behaviour,
+    device,
+    register,
+    serving,
+    sim_device,
+    tcp,
+)
 
 PACKAGE = Path(inspect.getfile(Connection)).parent
 REPOSITORY = Path(__file__).parents[3]

@@ -9,7 +9,7 @@ import pytest
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, encode
 from stemwatch.connectors.modbus.register import NOT_A_NUMBER, WRONG_ORDER
 from stemwatch.models.recording import Quality
-from tests.connectors.modbus.served import register
+from tests.connectors.modbus.loopback_servers import register
 
 FLOAT = DataType.FLOAT32
 

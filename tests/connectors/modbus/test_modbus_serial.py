@@ -13,7 +13,7 @@ from stemwatch.connectors.modbus.poller import DevicePoller
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
 from stemwatch.connectors.modbus.register_address import Table
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
-from tests.connectors.modbus.served import Behaviour, device, register, sim_device
+from tests.connectors.modbus.loopback_servers import Behaviour, device, register, sim_device
 
 
 def serial(port: str) -> Link:

@@ -32,8 +32,8 @@ from stemwatch.connectors.opcua import OpcUaAddress, Security
 from stemwatch.connectors.opcua.connector import is_bad
 from stemwatch.connectors.secret import Secret
 from stemwatch.models.recording import Quality, Role
-from tests.connectors import made_archives as made
-from tests.connectors.opcua.served import Conforming, Sample, even, serving
+from tests.connectors import example_archives as made
+from tests.connectors.opcua.loopback_server import Conforming, Sample, even, serving
 
 PREFIX = "ns=2;s=FIC1."
 BAD = int(StatusCodes.BadSensorFailure)

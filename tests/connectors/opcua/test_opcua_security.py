@@ -18,8 +18,8 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.opcua import OpcUaAddress, Security
 from stemwatch.connectors.secret import Secret
-from tests.connectors import made_archives as made
-from tests.connectors.opcua.served import Secured, serving
+from tests.connectors import example_archives as made
+from tests.connectors.opcua.loopback_server import Secured, serving
 from tests.connectors.opcua.test_opcua_archive import PREFIX, history
 
 VARIABLE = "STEMWATCH_TEST_OPCUA"

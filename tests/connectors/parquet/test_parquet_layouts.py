@@ -15,7 +15,7 @@ from stemwatch.connectors.connector import ConnectorError, TagMapping, Unreadabl
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.connectors.parquet import ParquetArchive
 from stemwatch.models.recording import Quality, Recording, Role
-from tests.connectors import made_archives as made
+from tests.connectors import example_archives as made
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import pytest
 from stemwatch.connectors.connector import ConnectorError, TagMapping, ValveTags, Window
 from stemwatch.connectors.parquet import ParquetArchive
 from stemwatch.models.recording import Role
-from tests.connectors import made_archives as made
+from tests.connectors import example_archives as made
 
 VALVES = [f"FIC{number}" for number in range(6)]
 WINDOW = Window(start=made.START, stop=made.START + timedelta(seconds=300))

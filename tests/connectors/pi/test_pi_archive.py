@@ -21,7 +21,14 @@ from stemwatch.connectors.connector import (
 from stemwatch.connectors.pi import PiArchive, web_api
 from stemwatch.connectors.pi.connector import PiSettings
 from stemwatch.models.recording import Quality, Role
-from tests.connectors.pi.served import ARCHIVE, Served, serving, system_state, value, web_id
+from tests.connectors.pi.loopback_server import (
+    ARCHIVE,
+    Served,
+    serving,
+    system_state,
+    value,
+    web_id,
+)
 
 START = datetime(2026, 1, 5, 6, tzinfo=UTC)
 VALVE = ValveTags(

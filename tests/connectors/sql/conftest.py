@@ -12,7 +12,7 @@ from sqlalchemy import create_engine, make_url, text
 
 from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.sql import SqlAddress
-from tests.connectors import made_archives as made
+from tests.connectors import example_archives as made
 from tests.service.store.conftest import _administer
 from tests.service.store.conftest import postgres_server as postgres_server
 

@@ -22,7 +22,7 @@ from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.sql.database import Database
 from stemwatch.connectors.sql.query_rows import mistake_in
 from stemwatch.models.recording import Role
-from tests.connectors import made_archives as made
+from tests.connectors import example_archives as made
 from tests.connectors.sql.conftest import QUERY, address
 
 HOUR = Window(start=made.START, stop=made.START + timedelta(hours=1))
@@ -75,7 +75,7 @@ def test_optional_tags_that_are_not_archived_are_left_out(history_url: str) -> N
 )
 def test_the_engine_itself_refuses_to_write(history_url: str, statement: str) -> None:
     """Even a statement that got past the template changes nothing."""
-    database = Database(Secret(text=history_url), "historian")
+    database = Database(Secret(text=history_url), "historian", 60.0)
     assert database.only_reads
     with (
         pytest.raises(ConnectorError, match=r"read-only|readonly"),

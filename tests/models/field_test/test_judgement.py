@@ -15,7 +15,7 @@ from stemwatch.models.field_test.judgement import (
 from stemwatch.models.field_test.plan import plan_test
 from stemwatch.models.field_test.programme import TestLimits
 from stemwatch.models.recording import Quality, Recording, Role, Signal
-from tests.models.field_test.played import played
+from tests.models.field_test.simulated_test import simulated_test
 from tests.models.field_test.test_plan import ALONE, DELAY, LAG, model, question
 
 LIMITS = TestLimits(duration_s=300.0)
@@ -33,7 +33,7 @@ def test_of_delays():
 )
 def test_concealed_delay_is_told_by_its_test(test_of_delays, hidden, slug):
     """Whichever of the two the valve has, its test names it and rules the other out."""
-    judgement = judge_test(question(LAG, DELAY), played(test_of_delays, 47.0, **hidden))
+    judgement = judge_test(question(LAG, DELAY), simulated_test(test_of_delays, 47.0, **hidden))
     assert judgement.outcome is TestOutcome.FOLLOWS
     assert judgement.winner == slug
     assert judgement.left == (slug,)
@@ -43,7 +43,7 @@ def test_concealed_delay_is_told_by_its_test(test_of_delays, hidden, slug):
 
 def test_same_recording_gives_the_same_judgement(test_of_delays):
     """All draws are seeded."""
-    recording = played(test_of_delays, 47.0, lag_s=4.0)
+    recording = simulated_test(test_of_delays, 47.0, lag_s=4.0)
     first, second = (judge_test(question(LAG, DELAY), recording) for _ in range(2))
     assert first.as_far == second.as_far
     assert first.leaves == second.leaves
@@ -53,7 +53,7 @@ def test_rivals_that_the_test_did_not_move_apart_stay_open():
     """A growth of half a percent in a day is nothing in five minutes: neither is ruled out."""
     growth = model("growing_stiction", growing_stiction=(0.5,))
     slow = question(ALONE, growth, duration=86400.0)
-    judgement = judge_test(slow, played(plan_test(slow, LIMITS).test.programme, 47.0))
+    judgement = judge_test(slow, simulated_test(plan_test(slow, LIMITS).test.programme, 47.0))
     assert judgement.outcome is TestOutcome.CANNOT_TELL
     assert judgement.winner is None
     assert set(judgement.left) == {"", "growing_stiction"}
@@ -61,7 +61,7 @@ def test_rivals_that_the_test_did_not_move_apart_stay_open():
 
 def test_valve_that_follows_no_rival_is_given_no_name(test_of_delays):
     """A stem that sticks four times as much as either rival has it follows neither."""
-    recording = played(test_of_delays, 47.0, S=8.0, J=4.0)
+    recording = simulated_test(test_of_delays, 47.0, S=8.0, J=4.0)
     judgement = judge_test(question(LAG, DELAY), recording)
     assert judgement.outcome is TestOutcome.NONE_FOLLOWS
     assert judgement.winner is None
@@ -70,7 +70,7 @@ def test_valve_that_follows_no_rival_is_given_no_name(test_of_delays):
 
 def test_few_bad_samples_and_a_long_recording_change_nothing(test_of_delays):
     """Samples that cannot be used are bridged, and of many thousand some are taken."""
-    plain = played(test_of_delays, 47.0, dead_time_s=4.0)
+    plain = simulated_test(test_of_delays, 47.0, dead_time_s=4.0)
     quality = np.array(plain.mv.quality)
     quality[40:52] = Quality.BAD
     values = np.array(plain.mv.values)
@@ -98,7 +98,7 @@ def test_few_bad_samples_and_a_long_recording_change_nothing(test_of_delays):
 )
 def test_what_is_no_recording_of_a_test_is_said(test_of_delays, change, words):
     """Nothing is raised; the reason says what was found and what was expected."""
-    plain = played(test_of_delays, 47.0, lag_s=4.0)
+    plain = simulated_test(test_of_delays, 47.0, lag_s=4.0)
     assert isinstance(plain, Recording)
     signals = dict(plain.signals)
     if change == "no MV":

@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.kernel import LANES
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.terms import catalogue
-from tests.models.mismatch.chain import bench_of, hypothesis, played
+from tests.models.mismatch.fitted_chain import evaluator_of, hypothesis, simulated_by_chain
 
 # One of each kind of table, one without, and two that shape the command.
 KINDS = (
@@ -36,7 +36,7 @@ KINDS = (
 @cache
 def evaluator():
     """A quarter of an hour of a valve whose command comes 2.6 s late, on its evaluator."""
-    return bench_of(played(samples=900, dead_time=[2.6]))
+    return evaluator_of(simulated_by_chain(samples=900, dead_time=[2.6]))
 
 
 def anywhere(layout, count, rng):

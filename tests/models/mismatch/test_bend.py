@@ -9,12 +9,18 @@ from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import curvature, scored
-from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played, rescaled
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    rescaled,
+    simulated_by_chain,
+)
 
 
 def fitted(recording, **base):
     """The evaluator of a recording and the true S and J on both folds, ``base`` coordinates set."""
-    evaluator = bench_of(recording)
+    evaluator = evaluator_of(recording)
     layout = evaluator.layout(hypothesis())
     row = candidate(
         layout, base={getattr(base_coordinate, name): value for name, value in base.items()}
@@ -25,7 +31,7 @@ def fitted(recording, **base):
 @pytest.mark.parametrize("bow", [1.0, -1.5])
 def test_a_bowed_reading_is_bent(bow):
     """An S over the stroke is left over by S, J, zero and span, and a cubic finds it."""
-    plain = played()
+    plain = simulated_by_chain()
     mv = plain.mv.values
     evaluator, found = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
     assert convincing(curvature(evaluator, found), evaluator.told, "bend")
@@ -34,12 +40,12 @@ def test_a_bowed_reading_is_bent(bow):
 @pytest.mark.parametrize(("gain", "zero"), [(0.0, 0.0), (0.06, -1.0), (-0.08, 0.5)])
 def test_a_stretched_reading_is_not(gain, zero):
     """Where zero and span are in the model, nothing of the residual follows the travel."""
-    recording = played(base={base_coordinate.GAIN: gain, base_coordinate.ZERO: zero})
+    recording = simulated_by_chain(base={base_coordinate.GAIN: gain, base_coordinate.ZERO: zero})
     evaluator, found = fitted(recording, GAIN=gain, ZERO=zero)
     assert not convincing(curvature(evaluator, found), evaluator.told, "bend")
 
 
 def test_a_stem_that_never_moves_tells_nothing():
     """Too few samples on a fold: no bend, and no crash."""
-    evaluator, found = fitted(played(samples=120))
+    evaluator, found = fitted(simulated_by_chain(samples=120))
     assert curvature(evaluator, found).mean < 0.04

@@ -17,7 +17,7 @@ from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
 from stemwatch.models.studies.simulator.historian import swinging_door
-from tests.models.mismatch.chain import candidate, hypothesis, played, rescaled
+from tests.models.mismatch.fitted_chain import candidate, hypothesis, rescaled, simulated_by_chain
 
 DEVIATION = 0.4  # percent
 
@@ -49,7 +49,7 @@ def bench_with_slack(recording):
 @settings(max_examples=15, deadline=None)
 def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
     """The slack is as wide as the archive's door where that can be told, and never absurd."""
-    true = played(noise=noise, seed=seed)
+    true = simulated_by_chain(noise=noise, seed=seed)
     recording, stored = archived(true, deviation)
     found = door(recording.mv.values, stored)
     assert NARROWEST_DOOR <= found <= WIDEST_DOOR
@@ -59,7 +59,7 @@ def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
 
 def test_slack_stands_at_drawn_values_only():
     """Stored points are measured, the others are bounded, and a frozen stretch is neither."""
-    recording, stored = archived(played())
+    recording, stored = archived(simulated_by_chain())
     settled = settle(recording)
     assert np.array_equal(settled.real, settled.slack == 0.0)
     assert np.mean(settled.real == stored) > 0.97
@@ -71,12 +71,12 @@ def test_slack_stands_at_drawn_values_only():
 
 def test_a_record_without_lines_has_no_slack():
     """A measured position is scored sample by sample, as ever."""
-    assert not settle(played()).slack.any()
+    assert not settle(simulated_by_chain()).slack.any()
 
 
 def test_the_residual_is_nothing_inside_the_corridor_and_counts_from_its_edge():
     """A run is charged by how far it leaves the corridor, at a stored point by all of it."""
-    evaluator = bench_with_slack(archived(played())[0])
+    evaluator = bench_with_slack(archived(simulated_by_chain())[0])
     mv, slack = evaluator.problem.mv, evaluator.slack
     assert not evaluator.residual(mv + 0.99 * slack).any()
     assert evaluator.residual(mv - 2.0 * slack) == pytest.approx(slack)
@@ -87,7 +87,7 @@ def test_the_residual_is_nothing_inside_the_corridor_and_counts_from_its_edge():
 
 def test_the_truth_costs_less_than_a_stem_that_jumps_otherwise():
     """The corridors alone tell the true J from another one, stored points left aside."""
-    evaluator = bench_with_slack(archived(played(S=4.0, J=1.6))[0])
+    evaluator = bench_with_slack(archived(simulated_by_chain(S=4.0, J=1.6))[0])
     layout = evaluator.layout(hypothesis())
     inside = evaluator.problem.scored & ~evaluator.measured
 
@@ -100,7 +100,7 @@ def test_the_truth_costs_less_than_a_stem_that_jumps_otherwise():
 
 def test_a_resting_stem_is_put_where_it_was_measured():
     """No block of time begins on a value that the archive drew."""
-    evaluator = bench_with_slack(archived(played())[0])
+    evaluator = bench_with_slack(archived(simulated_by_chain())[0])
     begins = np.flatnonzero(evaluator.marks == kernel.RESYNC)
     assert begins.size > 5
     assert not evaluator.slack[begins - 1].any()
@@ -108,7 +108,7 @@ def test_a_resting_stem_is_put_where_it_was_measured():
 
 def test_a_lag_is_named_through_a_door():
     """Where one sample in ten is stored, three seconds of lag are still seen, and as long."""
-    found = explain(archived(played(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
+    found = explain(archived(simulated_by_chain(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
     assert any("actuator_lag" in one.members for one in found.effects)
     assert found.restated.S.value == pytest.approx(4.0, abs=0.6)
 
@@ -116,7 +116,7 @@ def test_a_lag_is_named_through_a_door():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_door_alone_is_no_physics(seed):
     """Lines instead of samples make no term convincing."""
-    recording, stored = archived(played(seed=seed))
+    recording, stored = archived(simulated_by_chain(seed=seed))
     assert not explain(recording).effects
     counts = np.bincount(np.flatnonzero(stored) * 20 // stored.size, minlength=20).astype(float)
     assert scores(recording)

@@ -26,13 +26,18 @@ from stemwatch.models.mismatch.crossfit import (
 )
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.terms import catalogue
-from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
 
 
 @cache
 def prepared():
     """A quarter of an hour of a valve whose command comes 2.6 s late, and its evaluator."""
-    evaluator = bench_of(played(samples=900, dead_time=[2.6]))
+    evaluator = evaluator_of(simulated_by_chain(samples=900, dead_time=[2.6]))
     return evaluator, evaluator.layout(hypothesis("dead_time"))
 
 

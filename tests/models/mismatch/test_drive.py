@@ -9,7 +9,7 @@ import pytest
 
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from tests.models.mismatch.driven import drive
+from tests.models.mismatch.simulated_drive import drive
 
 
 @cache

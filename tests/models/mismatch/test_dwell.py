@@ -18,7 +18,12 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
-from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
 
 DWELL = "dwell_dependent_breakaway"
 PLACE = 12  # of a valve whose packing is made of bristles
@@ -26,7 +31,7 @@ PLACE = 12  # of a valve whose packing is made of bristles
 
 def base_of(recording, S=4.0, J=1.2):
     """The evaluator of a recording, and S and J alone on both folds."""
-    evaluator = bench_of(recording)
+    evaluator = evaluator_of(recording)
     layout = evaluator.layout(hypothesis())
     row = candidate(layout, S, J)
     return evaluator, conclude(evaluator, scored(layout, np.vstack((row, row))))
@@ -45,7 +50,9 @@ def test_the_rise_of_the_breakaways_is_seen(rise):
 
     Between two samples of a quick ramp the force is not known, which flattens the slope.
     """
-    evaluator, found = base_of(played(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6)
+    evaluator, found = base_of(
+        simulated_by_chain(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6
+    )
     seen = dwelling(evaluator, found)
     assert seen is not None
     assert seen.z >= LEAST_Z
@@ -54,7 +61,7 @@ def test_the_rise_of_the_breakaways_is_seen(rise):
 
 def test_without_dwell_there_is_none():
     """Breakaways at one level have no slope."""
-    seen = dwelling(*base_of(played(samples=7200)))
+    seen = dwelling(*base_of(simulated_by_chain(samples=7200)))
     assert seen is None or not seen.convincing
 
 
@@ -73,12 +80,14 @@ def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
 
 def test_too_few_breakaways_tell_nothing():
     """Fewer than ten events are no regression."""
-    assert dwelling(*base_of(played(samples=120))) is None
+    assert dwelling(*base_of(simulated_by_chain(samples=120))) is None
 
 
 def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     """What the breakaways showed stays in the model; S and J shrink by what was the rise's."""
-    evaluator, found = base_of(played(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0)
+    evaluator, found = base_of(
+        simulated_by_chain(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0
+    )
     seen = dwelling(evaluator, found)
     assert seen is not None
     plain = conclude(evaluator, neutral(evaluator, found, hypothesis().plus(catalogue()[DWELL])))

@@ -21,7 +21,7 @@ from stemwatch.models.mismatch.term import Way
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
-from tests.models.mismatch.chain import command, played, recorded, rescaled
+from tests.models.mismatch.fitted_chain import command, recorded, rescaled, simulated_by_chain
 
 # Slug, seed of the draw, parameter, its true size as the draw tells it, and how near it must be.
 CASES = [
@@ -252,7 +252,7 @@ def test_a_reading_that_never_changes_is_not_testable():
 
 def test_the_network_s_free_run_is_the_ceiling():
     """It is passed through to what is shown, and changes nothing else."""
-    recording = played(samples=900)
+    recording = simulated_by_chain(samples=900)
     plain, under = explain(recording), explain(recording, ceiling=recording.mv.values + 0.1)
     assert None is plain.heldout.rmse_ceiling
     assert 0.1 == pytest.approx(under.heldout.rmse_ceiling)
@@ -312,7 +312,9 @@ def test_whatever_a_recording_holds_something_sound_is_said(
     """No recording raises or warns; what is said has numbers with intervals, or reasons."""
     rng = np.random.default_rng(seed)
     op = ODD_COMMANDS[of_op](command()[:samples], rng)
-    mv = ODD_POSITIONS[of_mv](played().mv.values[:samples], np.nan_to_num(op, nan=50.0), rng)
+    mv = ODD_POSITIONS[of_mv](
+        simulated_by_chain().mv.values[:samples], np.nan_to_num(op, nan=50.0), rng
+    )
     found = explain(recorded(op, mv, interval_s=interval_s))
     sound(found, samples)
     if samples < 50 or "constant" in (of_op, of_mv) or of_mv == "none good":
@@ -321,7 +323,7 @@ def test_whatever_a_recording_holds_something_sound_is_said(
 
 def test_a_reversed_position_is_not_called_a_sticking_valve():
     """A position that falls as OP rises has the S of one that rises, and a sentence says so."""
-    recording = played()
+    recording = simulated_by_chain()
     plain, found = explain(recording), explain(rescaled(recording, 100.0 - recording.mv.values))
     sound(found, len(recording))
     assert found.finding is plain.finding

@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
-from tests.models.mismatch.driven import drive
+from tests.models.mismatch.simulated_drive import drive
 
 
 def balanced(recording):

@@ -13,20 +13,25 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.least_squares import descend
-from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
 
 
 @cache
 def dead_time():
     """A quarter of an hour of a valve of S 4, J 1.2 whose command comes 2.6 s late."""
-    evaluator = bench_of(played(samples=900, dead_time=[2.6]))
+    evaluator = evaluator_of(simulated_by_chain(samples=900, dead_time=[2.6]))
     return evaluator, evaluator.layout(hypothesis("dead_time"))
 
 
 @cache
 def clean():
     """The same without noise, half an hour."""
-    evaluator = bench_of(played(noise=0.0, dead_time=[2.6]), delta=0.05)
+    evaluator = evaluator_of(simulated_by_chain(noise=0.0, dead_time=[2.6]), delta=0.05)
     return evaluator, evaluator.layout(hypothesis("dead_time"))
 
 

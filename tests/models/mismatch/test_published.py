@@ -13,7 +13,7 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls, simulate_hidden
-from tests.models.mismatch.chain import played, rescaled
+from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain
 
 LOOK = Look(
     interval_s=1.0,
@@ -39,7 +39,7 @@ def test_no_term_is_published_that_predicts_unseen_data_worse(slug):
     """Every term of the catalogue, hidden in a short noisy recording: whatever is then named, the
     free run over the part that was not fitted is at least as near as with S and J alone."""
     starts = catalogue()[slug].starts(LOOK)
-    recording = played(samples=1200, **{slug: starts[starts.shape[0] // 2]})
+    recording = simulated_by_chain(samples=1200, **{slug: starts[starts.shape[0] // 2]})
     found = explain(noisy(recording, 0.2, 5))
     if found.effects:
         assert found.heldout.fit_extended >= found.heldout.fit_naive
@@ -54,7 +54,7 @@ def test_no_term_is_published_that_predicts_unseen_data_worse(slug):
 )
 def test_a_position_that_has_nothing_to_do_with_op_is_never_nothing_left_out(seed):
     """A wandering position: either no verdict or unknown, S and J not restated."""
-    recording = played(samples=900)
+    recording = simulated_by_chain(samples=900)
     steps = np.random.default_rng(seed).standard_normal(900)
     found = explain(rescaled(recording, 50.0 + 0.5 * np.cumsum(steps)))
     assert found.finding in (Finding.UNKNOWN, Finding.NOT_TESTABLE)

@@ -12,14 +12,19 @@ from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import LOOK, crossfit
 from stemwatch.models.mismatch.reading import COORDINATES, findings, pinned, values_of
 from stemwatch.models.mismatch.terms import catalogue
-from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
 
 
 @cache
 def found_in(base=(), slugs=(), values=()):
     """What is off in a recording with ``base`` coordinates and terms, and the fit before, after."""
     terms = dict(zip(slugs, values, strict=True))
-    evaluator = bench_of(played(base=dict(base), **terms))
+    evaluator = evaluator_of(simulated_by_chain(base=dict(base), **terms))
     layout = evaluator.layout(hypothesis(*slugs))
     # From near the truth: how it is reached is the business of the search.
     start = candidate(layout, 3.8, 1.0, dict(base), **terms)
@@ -91,7 +96,7 @@ def test_a_zero_that_a_drift_does_not_explain_is_found_beside_it():
 
 def test_what_the_recording_could_not_show_is_not_looked_for():
     """A reading's error that the audit refused is no finding, however far off."""
-    evaluator = bench_of(played(base={base_coordinate.ZERO: 1.5}))
+    evaluator = evaluator_of(simulated_by_chain(base={base_coordinate.ZERO: 1.5}))
     layout = evaluator.layout(hypothesis())
     start = candidate(layout, 3.8, 1.0, {base_coordinate.ZERO: 1.4})
     fitted = conclude(evaluator, crossfit(evaluator, layout, start[None], LOOK))
@@ -101,7 +106,7 @@ def test_what_the_recording_could_not_show_is_not_looked_for():
 
 def test_a_held_coordinate_is_neutral_or_below_what_is_nothing_to_speak_of():
     """Pinning changes one coordinate's limits and no other, and leaves the layout it came from."""
-    evaluator = bench_of(played())
+    evaluator = evaluator_of(simulated_by_chain())
     layout = evaluator.layout(hypothesis("dead_time"))
     held = pinned(layout, base_coordinate.RESTICK, 0.12)
     assert (0.0, 0.12) == (

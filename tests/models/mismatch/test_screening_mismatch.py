@@ -14,7 +14,7 @@ from stemwatch.models.recording import Role
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
 from stemwatch.models.verdict import Verdict
-from tests.models.mismatch.chain import played, rescaled
+from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain
 
 QUICK = Options(narx=False)
 BLIND = Options(narx=False, mismatch=False)
@@ -57,7 +57,7 @@ def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed)
 )
 def test_the_restated_numbers_drive_the_verdict(S, J, terms):
     """A valve with little friction is not to be watched for what the hidden physics does."""
-    recording = played(S, J, samples=1200, **terms)
+    recording = simulated_by_chain(S, J, samples=1200, **terms)
     (found,), (blind,) = (screen([Case(recording=recording)], how) for how in (QUICK, BLIND))
     assert [*terms] == [one.slug for one in found.mismatch.effects]
     assert Verdict.WATCH is blind.verdict
@@ -101,7 +101,7 @@ def test_the_screening_explains_the_recording_as_it_was_read():
 
 def test_what_cannot_be_fitted_has_no_mismatch_and_a_reason():
     """No position, and a position that never moves: undetermined, each with its own sentence."""
-    recording = played(samples=900)
+    recording = simulated_by_chain(samples=900)
     blind = replace(
         recording,
         signals={role: one for role, one in recording.signals.items() if role is not Role.MV},

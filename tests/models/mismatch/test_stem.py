@@ -12,7 +12,7 @@ from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow
 from stemwatch.models.mismatch.stem import Stem, Stems, places
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import ONLY_WHEN_TURNING
-from tests.models.mismatch.chain import followed
+from tests.models.mismatch.fitted_chain import followed
 
 GRID = 64.0  # all in 64ths of a percent: sums are exact, and ties are ties in every order
 numbers = st.integers(-6 * 64, 6 * 64)

@@ -33,7 +33,12 @@ from stemwatch.models.mismatch.term_selection import (
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Recording
 from stemwatch.models.stickslip.fit import Advantage
-from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
 
 NAMES = [slug for slug, term in catalogue().items() if term.way is not Way.READING]
 
@@ -49,7 +54,7 @@ def begun(recording: Recording):
 def named(**terms):
     """What is named in a recording that the chain made with ``terms`` (slug to a value)."""
     values = {slug: np.atleast_1d(value) for slug, value in terms.items()}
-    return name(*begun(played(**values)))
+    return name(*begun(simulated_by_chain(**values)))
 
 
 @pytest.mark.parametrize(
@@ -185,7 +190,7 @@ def score_of(slug, found, mean, t, values=None):
 
 def test_what_is_too_small_to_matter_is_not_named_however_certain():
     """A dead time of 0.2 s is certain and no work order; 3 s are; 3 s by chance are not."""
-    evaluator, found = bench_of(played()), named()
+    evaluator, found = evaluator_of(simulated_by_chain()), named()
     assert not passes(score_of("dead_time", found, 1.0, 20.0, 0.2), evaluator, 0)
     assert passes(score_of("dead_time", found, 1.0, 20.0, 3.0), evaluator, 0)
     assert not passes(score_of("dead_time", found, 0.5, 0.8, 3.0), evaluator, 0)

@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import Look, Way
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats
-from tests.models.mismatch.chain import followed
+from tests.models.mismatch.fitted_chain import followed
 
 CATALOGUE = catalogue()
 COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.way is Way.COMMAND)

@@ -16,7 +16,12 @@ from stemwatch.models.mismatch.reading import pinned
 from stemwatch.models.mismatch.stiction import MODEL_ERROR
 from stemwatch.models.mismatch.uncertainty import REPLICATES, draws, estimate
 from stemwatch.models.recording import PERCENT
-from tests.models.mismatch.chain import bench_of, candidate, hypothesis, played
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    simulated_by_chain,
+)
 
 TRUTH = {"S": 4.0, "J": 1.2, "theta": 2.6}
 
@@ -24,7 +29,9 @@ TRUTH = {"S": 4.0, "J": 1.2, "theta": 2.6}
 @cache
 def drawn(noise=0.05, samples=1800, seed=1):
     """Draws of S, J and dead time of a valve whose command comes 2.6 s late."""
-    evaluator = bench_of(played(noise=noise, samples=samples, seed=seed, dead_time=[2.6]))
+    evaluator = evaluator_of(
+        simulated_by_chain(noise=noise, samples=samples, seed=seed, dead_time=[2.6])
+    )
     layout = evaluator.layout(hypothesis("dead_time"))
     everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
     start = candidate(layout, 3.8, 1.0, dead_time=[2.4])

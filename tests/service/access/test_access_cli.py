@@ -14,7 +14,7 @@ from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.store import open_store
 from tests.service.access.conftest import PASSWORD
 from tests.service.conftest import stemwatch as stemwatch
-from tests.service.made_user import make_user
+from tests.service.example_user import make_user
 
 
 @pytest.fixture

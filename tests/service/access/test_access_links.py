@@ -23,7 +23,7 @@ from stemwatch.service.store.accounts.records import OneTimeLinkKind, User, User
 from stemwatch.service.store.accounts.users import LastAdmin, NameTaken
 from stemwatch.service.store.store import Store
 from tests.service.access.conftest import NOW, PASSWORD
-from tests.service.made_user import make_user
+from tests.service.example_user import make_user
 
 PAGES = "http://127.0.0.1:8300/"
 

@@ -17,7 +17,7 @@ import pytest
 
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.collector.spool import backlog
-from tests.service.collector.collecting import (
+from tests.service.collector.running_collector import (
     EVERY_S,
     RealTable,
     collecting,
@@ -183,7 +183,7 @@ def test_a_killed_collector_loses_at_most_the_poll_it_was_in(tmp_path: Path) -> 
                 process = await asyncio.create_subprocess_exec(
                     sys.executable,
                     "-m",
-                    "tests.service.collector.collecting",
+                    "tests.service.collector.running_collector",
                     str(tmp_path / "spool"),
                     str(database),
                     str(port),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.service.live_demo.started import Started
+from tests.service.live_demo.running_demo import Started
 from tests.service.web.conftest import browser as browser
 
 

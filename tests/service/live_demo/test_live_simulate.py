@@ -17,7 +17,7 @@ from stemwatch.service.cli.simulate_modbus import map_table, wear_of
 from stemwatch.service.modbus_plant import Wear
 from stemwatch.service.modbus_plant.register_layout import registers
 from stemwatch.service.store.store import open_store
-from tests.service.live_demo.started import Started
+from tests.service.live_demo.running_demo import Started
 
 
 def test_it_serves_what_its_plant_file_says_until_ctrl_c(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from stemwatch.service.live_demo.loops import WEARING, live_loops
-from tests.service.live_demo.started import Started
+from tests.service.live_demo.running_demo import Started
 
 pytestmark = [pytest.mark.browser, pytest.mark.long]
 

@@ -17,7 +17,7 @@ from stemwatch.service.maintenance.stored import (
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
-from tests.service.made_mismatch import named
+from tests.service.example_mismatches import named
 from tests.service.report.conftest import START, screening
 
 WEEK = timedelta(days=7)

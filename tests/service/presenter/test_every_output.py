@@ -31,7 +31,7 @@ from stemwatch.service.report import ReportContext, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
-from tests.service.maintenance.made_book import context, frozen, mixed, with_effects
+from tests.service.maintenance.example_book import context, frozen, mixed, with_effects
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
 

@@ -38,9 +38,9 @@ from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
-from tests.service.maintenance.made_book import context, frozen, with_effects
+from tests.service.maintenance.example_book import context, frozen, with_effects
 from tests.service.report.conftest import screening
-from tests.service.web import made_plant
+from tests.service.web import example_plant
 from tests.service.web.signed_in import cookie_of
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
@@ -131,8 +131,8 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def pages(stored: tuple[Store, int]) -> Iterator[httpx.Client]:
     """Pages and API on the stored run."""
-    site = Site(store=stored[0], clock=lambda: made_plant.NOW)
-    with made_plant.serving(site) as base:
+    site = Site(store=stored[0], clock=lambda: example_plant.NOW)
+    with example_plant.serving(site) as base:
         cookies = cookie_of(site)
         with httpx.Client(
             base_url=base, trust_env=False, verify=False, timeout=30.0, cookies=cookies
@@ -266,7 +266,7 @@ def test_a_label_is_of_what_was_said(
     store = stored[0]
     for valve in ("FIC-4", "FIC-8", "FIC-9"):
         (last,) = store.screenings(valve, 1)
-        store.add_feedback(last.id, made_plant.NOW, Judgement.PARTLY, f"seen at {valve}")
+        store.add_feedback(last.id, example_plant.NOW, Judgement.PARTLY, f"seen at {valve}")
     lines = {line["valve"]: line for line in _lines(pages)}
     labels = {label.valve: label for label in store.feedback()}
     assert set(labels) == {"FIC-4", "FIC-8", "FIC-9"}
@@ -302,7 +302,7 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
         said = by_window.sentences(tz)
         assert "first seen on 2026-03-03" in said[0]  # in UTC it is the second
         facts = {valve: ValveFacts(by_window=by_window)}
-        made = ReportContext(started=made_plant.NOW, zone="Asia/Singapore", valves=facts)
+        made = ReportContext(started=example_plant.NOW, zone="Asia/Singapore", valves=facts)
         files = write_report(windows[-1:], made, tmp_path / "report")
         (one,) = json.loads(files.json.read_text("utf-8"))
         assert [effect["sentence"] for effect in one["over_weeks"]] == list(
@@ -313,8 +313,8 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
         (alert,) = [
             one for one in apply_rules(record, plant.alerts)[0] if "MISMATCH" in one.kind.name
         ]
-        site = Site(store=store, plant=plant, clock=lambda: made_plant.NOW)
-        with made_plant.serving(site) as base:
+        site = Site(store=store, plant=plant, clock=lambda: example_plant.NOW)
+        with example_plant.serving(site) as base:
             page = httpx.get(
                 f"{base}/valve", params={"id": valve}, cookies=cookie_of(site), trust_env=False,
                 verify=False, timeout=30.0,

@@ -16,7 +16,7 @@ from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter import work_decision as k
 from stemwatch.service.presenter.finding import present
-from tests.service.made_mismatch import named
+from tests.service.example_mismatches import named
 from tests.service.report.conftest import screening, stick_slip
 
 RNG = np.random.default_rng(7)

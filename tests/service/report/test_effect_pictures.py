@@ -10,7 +10,7 @@ import numpy as np
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
-from tests.service.made_mismatch import named
+from tests.service.example_mismatches import named
 
 FALLS_AT = 2.9  # %/s, as ``named`` has it
 

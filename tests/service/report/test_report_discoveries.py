@@ -17,7 +17,7 @@ from stemwatch.service.explain.explain_json import to_json
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.report import to_contracts, write_report
-from tests.service.made_mismatch import named, of_every_kind
+from tests.service.example_mismatches import named, of_every_kind
 
 SCHEMA = json.loads(
     files("stemwatch.service.report").joinpath("contract.schema.json").read_text("utf-8")

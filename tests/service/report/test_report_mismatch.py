@@ -24,7 +24,7 @@ from stemwatch.service.report import write_report
 from stemwatch.service.report.charts.valve_charts import overlay_of
 from stemwatch.service.report.heatmap import heat_map, largest
 from stemwatch.service.report.mismatch_view import facet_bars
-from tests.service.made_mismatch import effect, named, of_every_kind, residual_map
+from tests.service.example_mismatches import effect, named, of_every_kind, residual_map
 
 SCHEMA = json.loads(
     files("stemwatch.service.report").joinpath("contract.schema.json").read_text("utf-8")

@@ -25,7 +25,7 @@ from stemwatch.service.serve.page_server import CannotListen, listen
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
-from tests.service.made_user import make_user
+from tests.service.example_user import make_user
 from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
 

@@ -17,7 +17,7 @@ from stemwatch.service.web.site import Site
 from tests.service.store.conftest import database_like
 from tests.service.store.conftest import postgres_server as postgres_server
 from tests.service.store.conftest import sqlite_template as sqlite_template
-from tests.service.web import made_plant
+from tests.service.web import example_plant
 from tests.service.web.signed_in import cookie_of
 
 CHROMIUM = shutil.which("chromium")
@@ -37,8 +37,8 @@ def store(sqlite_template: Path, tmp_path: Path) -> Iterator[Store]:
 def _made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("made") / "store.db"
     with open_store(f"sqlite:///{path}") as made:
-        made_plant.fill(made)
-        made_plant.write_samples(made)
+        example_plant.fill(made)
+        example_plant.write_samples(made)
     return path
 
 
@@ -55,9 +55,9 @@ def live(filled: Store, tmp_path: Path) -> Site:
     """The small plant with its plant file and a way to its samples."""
     return Site(
         store=filled,
-        plant=made_plant.plant_of(tmp_path, filled),
-        read=made_plant.reader_of(filled),
-        clock=lambda: made_plant.NOW,
+        plant=example_plant.plant_of(tmp_path, filled),
+        read=example_plant.reader_of(filled),
+        clock=lambda: example_plant.NOW,
     )
 
 
@@ -69,7 +69,7 @@ def client_of() -> Iterator[Callable[[Site], httpx.Client]]:
     def start(
         site: Site, role: UserRole | None = UserRole.ADMIN, **options: object
     ) -> httpx.Client:
-        around = made_plant.serving(site)
+        around = example_plant.serving(site)
         if role is not None:
             options = {"cookies": cookie_of(site, role), **options}
         base = around.__enter__()

@@ -11,7 +11,7 @@ from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.auth.forms import COOKIE
 from tests.service.open_alerts import open_alerts
-from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
+from tests.service.web.example_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 from tests.service.web.signed_in import NAMES, cookie_of
 
 ME = NAMES[UserRole.ADMIN]  # whoever is signed in signs; no form asks for a name

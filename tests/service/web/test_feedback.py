@@ -22,8 +22,8 @@ from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.feedback import Judgement, count_effects
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.site import Site
-from tests.service.made_mismatch import named
-from tests.service.web.made_plant import HEALTHY, NOW, STICKY, screening
+from tests.service.example_mismatches import named
+from tests.service.web.example_plant import HEALTHY, NOW, STICKY, screening
 
 FOUND = "=packing was glazed <b>hard</b>"
 

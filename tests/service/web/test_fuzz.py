@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.site import Site
-from tests.service.web.made_plant import HOSTILE, NOW, STICKY, fill
+from tests.service.web.example_plant import HOSTILE, NOW, STICKY, fill
 from tests.service.web.signed_in import cookie_of
 
 PAGES = (

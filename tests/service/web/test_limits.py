@@ -23,7 +23,7 @@ from stemwatch.service.serve import http_server
 from stemwatch.service.serve.http_server import connection_limit
 from stemwatch.service.web.middleware import LARGEST_BODY, SecurityMiddleware
 from stemwatch.service.web.site import Site
-from tests.service.web.made_plant import serving, serving_app
+from tests.service.web.example_plant import serving, serving_app
 
 PATIENCE_S = 30.0
 FORM = "Host: 127.0.0.1\r\nContent-Type: application/x-www-form-urlencoded\r\n"

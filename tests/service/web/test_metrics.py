@@ -23,7 +23,7 @@ from stemwatch.service.store.screenings.records import RunState, ValveState
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.metrics import metrics_text
 from stemwatch.service.web.site import Check, Site
-from tests.service.web.made_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
+from tests.service.web.example_plant import HEALTHY, HOSTILE, NOW, STICKY, WATCH
 
 ROOT = Path(__file__).parents[3]
 RULES = ROOT / "deploy" / "prometheus" / "stemwatch.rules.yml"

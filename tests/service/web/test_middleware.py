@@ -12,7 +12,7 @@ import pytest
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.web.pages.settings_page import shown
 from stemwatch.service.web.site import Check, Site
-from tests.service.web.made_plant import HOSTILE, STICKY
+from tests.service.web.example_plant import HOSTILE, STICKY
 
 PAGES = ("/", "/alerts", "/runs", "/sources", "/settings", "/api/docs", "/nowhere", "/run?id=77")
 TOKEN = "a-long-and-secret-token"
@@ -175,7 +175,7 @@ def test_a_body_that_is_too_long_is_not_read(client):
 def test_settings_show_no_secret(store, client_of, tmp_path):
     """The database's password and secrets of sources are masked."""
     from stemwatch.service.store.database_url import DatabaseUrl
-    from tests.service.web.made_plant import plant_of
+    from tests.service.web.example_plant import plant_of
 
     plant = plant_of(tmp_path, store)
     store.address = DatabaseUrl("postgresql://plant:geheim@db/stemwatch")

@@ -19,7 +19,7 @@ from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import HEALTHY, STICKY, write_small_plant
 from tests.service.store.administration.test_store_transfer import rows_of
-from tests.service.store.made_rows import database_at
+from tests.service.store.older_databases import database_at
 
 NewDatabase = Callable[[str], str]
 pytestmark = pytest.mark.postgres

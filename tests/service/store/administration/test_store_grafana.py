@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import Connection, create_engine, make_url, text
 
 from stemwatch.service.store.store import open_store
-from tests.service.web.made_plant import NOW, SOURCE, STICKY, WATCH, fill, write_samples
+from tests.service.web.example_plant import NOW, SOURCE, STICKY, WATCH, fill, write_samples
 
 GRAFANA = Path(__file__).parents[4] / "deploy" / "grafana"
 DASHBOARD = json.loads((GRAFANA / "dashboards" / "stemwatch.json").read_text("utf-8"))

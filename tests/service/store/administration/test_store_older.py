@@ -16,7 +16,7 @@ from stemwatch.service.store.migrations.migrate import (
     upgrade,
 )
 from stemwatch.service.store.store import open_store
-from tests.service.store.made_rows import AT_US, REVISIONS, contents, database_at
+from tests.service.store.older_databases import AT_US, REVISIONS, contents, database_at
 
 NEWEST = newest_revision()
 

@@ -33,7 +33,7 @@ from stemwatch.service.store.database.engine import make_engine
 from stemwatch.service.store.database_url import DatabaseUrl
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.store import open_store
-from tests.service.store.made_rows import REVISIONS, database_at
+from tests.service.store.older_databases import REVISIONS, database_at
 
 NewDatabase = Callable[[str], str]
 ENGINES = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]

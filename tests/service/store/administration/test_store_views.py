@@ -11,8 +11,8 @@ from sqlalchemy import inspect, text
 
 from stemwatch.service.store.migrations.views_v1 import NAMES
 from stemwatch.service.store.store import Store
-from tests.service.store.made_rows import AT_US, database_at
-from tests.service.web.made_plant import STICKY, fill, write_samples
+from tests.service.store.older_databases import AT_US, database_at
+from tests.service.web.example_plant import STICKY, fill, write_samples
 
 STORAGE = Path(__file__).parents[4] / "docs" / "storage.md"
 COLUMNS = {

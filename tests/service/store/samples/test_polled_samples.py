@@ -14,7 +14,14 @@ from stemwatch.models.recording import Quality, Recording, Role
 from stemwatch.service.store.samples.connector import StoredSamples
 from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.store import Store
-from tests.connectors.modbus.served import Behaviour, device, register, serving, sim_device, tcp
+from tests.connectors.modbus.loopback_servers import (
+    Behaviour,
+    device,
+    register,
+    serving,
+    sim_device,
+    tcp,
+)
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 EVERY = timedelta(seconds=0.1)

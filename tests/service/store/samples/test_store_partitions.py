@@ -17,7 +17,7 @@ from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.partitions import DAY_US, DAYS_AHEAD, SampleLayout
 from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.store import Store, open_store
-from tests.service.store.made_rows import database_at
+from tests.service.store.older_databases import database_at
 
 NOW = datetime.now(UTC).replace(hour=12, minute=0, second=0, microsecond=0)
 DAY = timedelta(days=1)

@@ -15,7 +15,7 @@ from sqlalchemy import text
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.partitions import SampleLayout
 from stemwatch.service.store.store import open_store
-from tests.service.store.made_rows import database_at
+from tests.service.store.older_databases import database_at
 from tests.service.store.samples.test_store_partitions import NOW, batch
 
 DAY = timedelta(days=1)

@@ -13,7 +13,7 @@ from stemwatch.models.mismatch.findings import EffectScore, Finding, Mismatch
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.store import Store
-from tests.service.made_mismatch import named, of_every_kind
+from tests.service.example_mismatches import named, of_every_kind
 from tests.service.report.conftest import screening
 
 BEGAN = datetime(2026, 1, 5, 6, 0, tzinfo=UTC)

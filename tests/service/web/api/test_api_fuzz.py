@@ -22,7 +22,7 @@ from stemwatch.service.store.store import open_store
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.route_permissions import ROUTE_OPERATIONS
 from stemwatch.service.web.site import Site
-from tests.service.web.made_plant import NOW, fill
+from tests.service.web.example_plant import NOW, fill
 from tests.service.web.signed_in import bearer_of
 
 CHECKS = [

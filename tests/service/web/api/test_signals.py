@@ -25,7 +25,7 @@ from stemwatch.service.web.api.loop import fitted_run, loop_of
 from stemwatch.service.web.api.signals import SignalWindow, signals_of
 from stemwatch.service.web.pages.valve_page import indicator_of
 from stemwatch.service.web.site import Site
-from tests.service.web.made_plant import J_MADE, NOW, S_MADE, SOURCE, STICKY, reader_of
+from tests.service.web.example_plant import J_MADE, NOW, S_MADE, SOURCE, STICKY, reader_of
 
 START = datetime(2026, 3, 1, tzinfo=UTC)
 

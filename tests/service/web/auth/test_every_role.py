@@ -18,7 +18,7 @@ from stemwatch.service.store.accounts.audit import AuditFilter
 from stemwatch.service.store.accounts.records import Scope, UserRole
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.route_permissions import ROUTE_OPERATIONS
-from tests.service.web.made_plant import STICKY
+from tests.service.web.example_plant import STICKY
 from tests.service.web.signed_in import NAMES, bearer_of, cookie_of, user_of
 
 # What a request must hold to be answered; of forms and bodies as little as is refused kindly.

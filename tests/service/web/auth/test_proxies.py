@@ -14,7 +14,7 @@ from starlette.routing import Route
 
 from stemwatch.service.config import load_plant
 from stemwatch.service.web.site import Site
-from tests.service.web.made_plant import serving_app
+from tests.service.web.example_plant import serving_app
 
 SAID = {"x-forwarded-for": "198.51.100.7", "x-forwarded-proto": "https"}
 

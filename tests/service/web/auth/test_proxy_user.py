@@ -18,7 +18,7 @@ from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.session_cookie import NAME
 from stemwatch.service.web.site import Site
-from tests.service.web.made_plant import STICKY, serving_app
+from tests.service.web.example_plant import STICKY, serving_app
 from tests.service.web.signed_in import NAMES, cookie_of, user_of
 
 HEADER = "X-Remote-User"

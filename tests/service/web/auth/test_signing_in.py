@@ -17,8 +17,8 @@ from stemwatch.service.web.app import create_app
 from stemwatch.service.web.auth.session_cookie import BROWSER_NAME, NAME, SECURE_NAME
 from stemwatch.service.web.pages.login_page import safe_place
 from stemwatch.service.web.site import Site
-from tests.service.made_user import make_user
-from tests.service.web.made_plant import NOW, STICKY, serving
+from tests.service.example_user import make_user
+from tests.service.web.example_plant import NOW, STICKY, serving
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, user_of
 
 

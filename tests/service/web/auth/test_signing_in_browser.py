@@ -9,8 +9,8 @@ import pytest
 from stemwatch.service.access.links import first_link
 from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, Scope, UserRole
 from stemwatch.service.web.site import Site
-from tests.service.made_user import make_user
-from tests.service.web.made_plant import HOSTILE, NOW, STICKY, serving
+from tests.service.example_user import make_user
+from tests.service.web.example_plant import HOSTILE, NOW, STICKY, serving
 from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened, valve_path
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, cookie_of, user_of
 

@@ -11,8 +11,8 @@ import pytest
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.store import Store
-from tests.service.made_mismatch import named
-from tests.service.web.made_plant import HEALTHY, NOW, STICKY, WATCH, screening
+from tests.service.example_mismatches import named
+from tests.service.web.example_plant import HEALTHY, NOW, STICKY, WATCH, screening
 
 SAID = "chance alone may have named this"
 

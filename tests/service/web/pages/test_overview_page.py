@@ -19,8 +19,8 @@ from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
-from tests.service.web import made_plant
-from tests.service.web.made_plant import NOW, STICKY
+from tests.service.web import example_plant
+from tests.service.web.example_plant import NOW, STICKY
 from tests.service.web.signed_in import cookie_of
 
 
@@ -56,7 +56,7 @@ def test_a_repaired_valve_leaves_the_count_of_later_weeks_alone(live: Site) -> N
     """A screening of today changes today, and no week before it."""
     before = live.store.work_counts(NOW - timedelta(days=7))
     run = live.store.begin_run(command="test", software_version="test", settings_digest="")
-    fine = made_plant.screening(STICKY, Verdict.HEALTHY, 0.1, 0.0, at=NOW + timedelta(hours=1))
+    fine = example_plant.screening(STICKY, Verdict.HEALTHY, 0.1, 0.0, at=NOW + timedelta(hours=1))
     live.store.save(fine, run)
     assert live.store.work_counts(NOW - timedelta(days=7)) == before
     now = live.store.work_counts(NOW + timedelta(hours=2))
@@ -123,7 +123,7 @@ def test_nobody_looks_without_signing_in(
 def test_a_finished_run_appears_without_a_reload(live: Site, browser) -> None:
     """The page of somebody who only looks shows the run that has just ended, and stays where it
     is; no rule of the content policy is broken."""
-    with made_plant.serving(live) as base:
+    with example_plant.serving(live) as base:
         context = browser.new_context()
         (name, value) = next(iter(cookie_of(live).items()))
         context.add_cookies([{"name": name, "value": value, "url": base}])

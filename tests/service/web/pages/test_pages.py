@@ -12,8 +12,8 @@ from stemwatch.service.config import load_plant
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.store.samples.sources import SourceState, TakenFile
 from stemwatch.service.web.site import Site
-from tests.service.made_mismatch import named
-from tests.service.web.made_plant import BLIND, HOSTILE, NOW, SOURCE, STICKY, screening
+from tests.service.example_mismatches import named
+from tests.service.web.example_plant import BLIND, HOSTILE, NOW, SOURCE, STICKY, screening
 from tests.service.web.signed_in import cookie_of
 
 
@@ -61,7 +61,7 @@ def test_what_the_model_leaves_out_is_on_the_page(live, client):
 
 def test_a_valve_of_the_plant_file_that_no_run_met_has_a_page(store, client_of, tmp_path):
     """It says that nothing is known yet, and can be screened from there."""
-    from tests.service.web.made_plant import plant_of
+    from tests.service.web.example_plant import plant_of
 
     client = client_of(Site(store=store, plant=plant_of(tmp_path, store)))
     text = page_of(client, STICKY)

@@ -13,7 +13,7 @@ from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
 from tests.service.open_alerts import open_alerts
-from tests.service.web.made_plant import HOSTILE, NOW, STICKY, plant_of, serving
+from tests.service.web.example_plant import HOSTILE, NOW, STICKY, plant_of, serving
 from tests.service.web.signed_in import NAMES, cookie_of
 
 pytestmark = pytest.mark.browser

@@ -17,7 +17,7 @@ from stemwatch.service.store.screenings.ranking import SORTS, RankingFilter
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.pages.ranking_page import bar_top, link, wanted_of
-from tests.service.web.made_plant import (
+from tests.service.web.example_plant import (
     BLIND,
     HEALTHY,
     HOSTILE,

@@ -14,7 +14,7 @@ from stemwatch.service.maintenance.write_maintenance import WORK_FILES
 from stemwatch.service.report import ReportContext, write_report
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
-from tests.service.web.made_plant import HEALTHY, NOW, STICKY, screening, serving
+from tests.service.web.example_plant import HEALTHY, NOW, STICKY, screening, serving
 from tests.service.web.signed_in import cookie_of
 
 LATER = NOW + timedelta(hours=1)

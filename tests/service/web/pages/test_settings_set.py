@@ -21,7 +21,7 @@ from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.runs.schedules import FROM_BROWSER, FROM_FILE
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.site import Site
-from tests.service.web.made_plant import NOW, STICKY
+from tests.service.web.example_plant import NOW, STICKY
 from tests.service.web.signed_in import NAMES
 
 NIGHTLY = {"name": "nightly", "cron": "30 2 * * *", "window_hours": "24", "spread_minutes": "10"}

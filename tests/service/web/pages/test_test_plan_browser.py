@@ -12,9 +12,9 @@ import pytest
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.site import Site
+from tests.service.example_mismatches import named
 from tests.service.field_test.planned_tests import QUESTION
-from tests.service.made_mismatch import named
-from tests.service.web.made_plant import NOW, STICKY, screening, serving
+from tests.service.web.example_plant import NOW, STICKY, screening, serving
 from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened
 from tests.service.web.signed_in import cookie_of
 

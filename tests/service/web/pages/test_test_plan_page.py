@@ -10,9 +10,9 @@ import pytest
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.store.store import Store
+from tests.service.example_mismatches import named
 from tests.service.field_test.planned_tests import QUESTION
-from tests.service.made_mismatch import named
-from tests.service.web.made_plant import BLIND, HEALTHY, NOW, STICKY, screening
+from tests.service.web.example_plant import BLIND, HEALTHY, NOW, STICKY, screening
 
 QUICK = {"minutes": "2"}
 

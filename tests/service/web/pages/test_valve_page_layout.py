@@ -10,8 +10,8 @@ import pytest
 from stemwatch.models.mismatch.findings import Untestable
 from stemwatch.models.mismatch.identifiability import PHYSICS
 from stemwatch.service.web.site import Site
-from tests.service.made_mismatch import named
-from tests.service.web import made_plant
+from tests.service.example_mismatches import named
+from tests.service.web import example_plant
 from tests.service.web.signed_in import cookie_of
 
 pytestmark = pytest.mark.browser
@@ -31,8 +31,8 @@ def full(live: Site) -> Site:
         not_testable=tuple(Untestable(slug=slug, reason=WHY) for slug in PHYSICS[:12]),
     )
     run = live.store.begin_run(command="test", software_version="test", settings_digest="")
-    at = made_plant.NOW + timedelta(minutes=1)
-    live.store.save(made_plant.screening(made_plant.STICKY, at=at, mismatch=mismatch), run)
+    at = example_plant.NOW + timedelta(minutes=1)
+    live.store.save(example_plant.screening(example_plant.STICKY, at=at, mismatch=mismatch), run)
     return live
 
 
@@ -40,7 +40,7 @@ def full(live: Site) -> Site:
 def opened(full: Site, browser):
     """Opens the valve's page in a window of this width."""
     contexts = []
-    with made_plant.serving(full) as base:
+    with example_plant.serving(full) as base:
 
         def at(width: int):
             context = browser.new_context(viewport={"width": width, "height": 850})
@@ -48,7 +48,7 @@ def opened(full: Site, browser):
             (name, value) = next(iter(cookie_of(full).items()))
             context.add_cookies([{"name": name, "value": value, "url": base}])
             page = context.new_page()
-            page.goto(f"{base}/valve?id={made_plant.STICKY}")
+            page.goto(f"{base}/valve?id={example_plant.STICKY}")
             page.locator(".plot-travel canvas").first.wait_for()
             return page
 

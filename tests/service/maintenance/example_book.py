@@ -11,7 +11,7 @@ from stemwatch.service.maintenance import ValveHistory
 from stemwatch.service.presenter.advice import catalogue
 from stemwatch.service.report import ReportContext, ValveFacts
 from stemwatch.service.store.screenings.records import Remark
-from tests.service.made_mismatch import named
+from tests.service.example_mismatches import named
 from tests.service.report.conftest import context_of, plant, screening
 
 HOSTILE = '=1+1|<script>alert("x")</script>&\u202e\x00 ÄÖŁЖΩ 弁 밸브 🙂'

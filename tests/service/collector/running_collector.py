@@ -18,7 +18,7 @@ from stemwatch.connectors.modbus import Device, SampleBatch
 from stemwatch.connectors.modbus.datatypes import DataType as Kind
 from stemwatch.connectors.modbus.device import Link, LinkKind
 from stemwatch.service.collector import Collector, SinkRefused, Spool, collect
-from tests.connectors.modbus.served import register
+from tests.connectors.modbus.loopback_servers import register
 
 EVERY_S = 0.1
 _TABLE = (
@@ -107,7 +107,8 @@ async def collecting(table: RealTable, folder: Path, *devices: Device) -> AsyncI
 
 
 def main() -> None:
-    """Collect for ever: ``python -m tests.service.collector.collecting FOLDER DATABASE PORT``."""
+    """Collect for ever: ``python -m tests.service.collector.running_collector FOLDER DATABASE
+    PORT``."""
     folder, database, port = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
     collector = Collector([counter(port)], RealTable(database), Spool(folder), gather_s=0.05)
     print("collecting", flush=True)

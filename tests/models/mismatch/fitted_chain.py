@@ -53,7 +53,7 @@ def hypothesis(*slugs: str) -> TermSet:
     return made
 
 
-def bench_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
+def evaluator_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
     """The evaluator of a recording before any fit."""
     problem = problem_of(recording, settle(recording))
     look = look_of(problem)
@@ -72,10 +72,12 @@ def candidate(layout: CoordinateLayout, S=4.0, J=1.2, base=None, **terms) -> Flo
     return made
 
 
-def played(S=4.0, J=1.2, *, noise=NOISE, samples=HALF_AN_HOUR, seed=1, base=None, **terms):
+def simulated_by_chain(
+    S=4.0, J=1.2, *, noise=NOISE, samples=HALF_AN_HOUR, seed=1, base=None, **terms
+):
     """The recording of a valve of S and J with ``base`` coordinates and the values of terms."""
     op = command(samples, seed)
-    evaluator = bench_of(recorded(op, op))
+    evaluator = evaluator_of(recorded(op, op))
     layout = evaluator.layout(hypothesis(*terms))
     mv = evaluator.simulate(layout, candidate(layout, S, J, base, **terms))
     return recorded(op, mv + noise * np.random.default_rng(seed + 100).standard_normal(op.size))

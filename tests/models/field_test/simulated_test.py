@@ -14,7 +14,7 @@ from stemwatch.models.studies.simulator.valve import Actuator, SimulatedValve
 BEGAN = datetime(2026, 3, 2, 9, tzinfo=UTC)
 
 
-def played(
+def simulated_test(
     programme: Programme,
     op: float,
     *,

@@ -1,0 +1,162 @@
+"""Archives that die, fall silent, garble or vanish while they are read.
+
+An error that names them, in time, or the true recording; never a part of it as if it were all, and
+never another number.
+"""
+
+from __future__ import annotations
+
+import gc
+import random
+import time
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from sqlalchemy import URL, make_url
+
+from stemwatch.connectors.connector import Connector, ConnectorError, ValveTags
+from stemwatch.connectors.historian import HistorianFile
+from stemwatch.connectors.opcua.connector import OpcUaAddress
+from stemwatch.connectors.parquet import ParquetArchive
+from tests.connectors import example_archives as made
+from tests.connectors.faulty_line import faulty_line
+from tests.connectors.opcua.loopback_server import serving
+from tests.connectors.opcua.test_opcua_archive import PREFIX
+from tests.connectors.opcua.test_opcua_archive import history as opcua_history
+from tests.connectors.sql.conftest import address, fill
+from tests.service.store.conftest import _administer
+from tests.service.store.conftest import postgres_server as postgres_server
+
+FAULTS = [
+    ("cut", 0),
+    ("cut", 6_000),
+    ("cut", 30_000),
+    ("silent", 0),
+    ("silent", 6_000),
+    ("garbled", 6_000),
+]
+
+
+# What breaks amid a conversation the libraries leave to the collection of garbage, with a warning.
+pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+
+
+@pytest.fixture(autouse=True)
+def _collected() -> Iterator[None]:
+    """Such warnings come in the test that they belong to."""
+    yield
+    gc.collect()
+
+
+def failure(archive: Connector, valve: ValveTags) -> str:
+    """The error of a reading that cannot succeed, which came in time."""
+    began = time.monotonic()
+    with pytest.raises(ConnectorError) as failed:
+        archive.read(valve)
+    assert time.monotonic() - began < 90.0, "it has two seconds for an answer"
+    return str(failed.value)
+
+
+@pytest.fixture
+def history(postgres_server: str) -> Iterator[URL]:
+    """A PostgreSQL database with a history."""
+    url = make_url(postgres_server)
+    if "host" not in url.query:
+        pytest.skip("this server of PostgreSQL is not ours, and not reached by a socket file")
+    name = f"history_{uuid.uuid4().hex[:12]}"
+    _administer(postgres_server, f'CREATE DATABASE "{name}"')
+    url = url.set(database=name)
+    fill(url.render_as_string(hide_password=False))
+    yield url
+    _administer(postgres_server, f'DROP DATABASE "{name}" WITH (FORCE)')
+
+
+@pytest.mark.postgres
+@pytest.mark.parametrize(("fault", "most"), FAULTS)
+def test_a_sql_historian_that_fails_amid_the_rows(history: URL, fault: str, most: int) -> None:
+    """The database is named, and one that hangs is given up by ``timeout_s``."""
+    with faulty_line(f"{history.query['host']}/.s.PGSQL.5432", fault, most) as line:
+        through = history.set(host="127.0.0.1", port=line.port, query={})
+        archive = address(through.render_as_string(hide_password=False), chunk=50, timeout_s=2.0)
+        said = failure(archive.open(), made.valve())
+    assert said.startswith("database historian: the database "), said
+    assert fault != "silent" or not most or "has said nothing for 2 s" in said
+    assert "geheim" not in said
+
+
+@pytest.mark.parametrize(("fault", "most"), FAULTS)
+def test_an_opc_ua_server_that_fails_amid_its_history(fault: str, most: int) -> None:
+    """The server is named, and each answer has ``timeout_s``."""
+    with serving(opcua_history(), most=100) as (url, _):
+        port, path = url.removeprefix("opc.tcp://127.0.0.1:").split("/")
+        with faulty_line(int(port), fault, most) as line:
+            at = f"opc.tcp://127.0.0.1:{line.port}/{path}"
+            said = failure(OpcUaAddress(url=at, page=100, timeout_s=2.0).open(), made.valve(PREFIX))
+    assert said.startswith(f"{at}: the server could not be asked")
+
+
+def test_lines_without_a_fault_give_the_recording(history: URL, tmp_path: Path) -> None:
+    """What fails above is the fault and not the line."""
+    true = HistorianFile(made.write_csv(tmp_path / "export.csv")).read(made.valve())
+    with faulty_line(f"{history.query['host']}/.s.PGSQL.5432") as line:
+        through = history.set(host="127.0.0.1", port=line.port, query={})
+        at = through.render_as_string(hide_password=False)
+        made.same(true, address(at, chunk=50, timeout_s=60.0).open().read(made.valve()))
+    with serving(opcua_history(), most=100) as (url, _):
+        port, path = url.removeprefix("opc.tcp://127.0.0.1:").split("/")
+        with faulty_line(int(port)) as line:
+            at = f"opc.tcp://127.0.0.1:{line.port}/{path}"
+            made.same(true, OpcUaAddress(url=at, page=100).open().read(made.valve(PREFIX)))
+
+
+@pytest.fixture
+def checked(tmp_path: Path) -> Path:
+    """A Parquet file whose pages have checksums, and whose numbers are not packed."""
+    path = tmp_path / "archive" / "part-0.parquet"
+    how = {"compression": "none", "use_dictionary": False, "write_page_checksum": True}
+    return made.write(made.narrow_table(), path, **how)
+
+
+def test_a_flipped_bit_in_parquet_is_no_other_number(checked: Path) -> None:
+    """Anywhere in the file: an error that names it, or the true recording all the same."""
+    content = checked.read_bytes()
+    true = ParquetArchive(checked.parent).read(made.valve())
+    draw = random.Random(5)
+    errors = 0
+    for _ in range(60):
+        damaged = bytearray(content)
+        damaged[draw.randrange(4, len(content))] ^= 1 << draw.randrange(8)
+        checked.write_bytes(damaged)
+        try:
+            made.same(true, ParquetArchive(checked.parent).read(made.valve()))
+        except ConnectorError:
+            errors += 1
+    assert errors >= 30
+
+
+@pytest.mark.parametrize("part", [0.0, 0.3, 0.9, 0.999])
+def test_a_parquet_file_that_is_cut_off_is_named(checked: Path, part: float) -> None:
+    """A copy that stopped, a disk that was full."""
+    content = checked.read_bytes()
+    checked.write_bytes(content[: int(len(content) * part)])
+    said = failure(ParquetArchive(checked.parent), made.valve())
+    assert "part-0.parquet" in said
+
+
+@pytest.mark.parametrize("how", ["removed", "cut off", "of another table"])
+def test_a_parquet_file_that_changes_under_the_reader_is_named(checked: Path, how: str) -> None:
+    """After its footer was read; the next reading takes the file as it is by then."""
+    archive = ParquetArchive(checked.parent)
+    archive.tags()
+    content = checked.read_bytes()
+    if how == "removed":
+        checked.unlink()
+    elif how == "cut off":
+        checked.write_bytes(content[: len(content) // 2])
+    else:
+        checked.write_bytes(b"x" * len(content))
+    assert "part-0.parquet" in failure(archive, made.valve())
+    checked.write_bytes(content)
+    assert len(ParquetArchive(checked.parent).read(made.valve())) == made.COUNT
