@@ -66,10 +66,10 @@ def for_hours(case: HiddenCase, hours: float) -> HiddenCase:
     return replace(case, loop=loop, plain=plain, excitation={})
 
 
-def judged(case: HiddenCase, ask: Callable[[], Mismatch]) -> Judged:
-    """What ``ask`` says, beside the truth."""
+def judged(case: HiddenCase, recording: Recording, ask: Callable[[Recording], Mismatch]) -> Judged:
+    """What ``ask`` says of the recording, beside the truth."""
     began = time.process_time()
-    said = ask()
+    said = ask(recording)
     seconds = time.process_time() - began
     valve = case.loop.valve
 
@@ -105,8 +105,8 @@ def main() -> None:
         case, run = simulate_hidden(for_hours(drawn, asked.hours))
         explain(run.recording.part(0, 400))  # kernels are compiled before the clock runs
         ways = [
-            judged(case, lambda record=run.recording: explain(record)),
-            judged(case, lambda record=run.recording: as_windows(record)),
+            judged(case, run.recording, explain),
+            judged(case, run.recording, as_windows),
         ]
         rows.append((case, ways))
         said = "; ".join(
