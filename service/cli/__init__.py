@@ -34,6 +34,7 @@ from stemwatch.service.cli.robustness import robustness
 from stemwatch.service.cli.screen import screen
 from stemwatch.service.cli.serve import run_now, serve
 from stemwatch.service.cli.simulate import simulate
+from stemwatch.service.cli.study_wear_forecast import study_wear_forecast
 from stemwatch.service.cli.trial import trial
 from stemwatch.service.cli.views import say_error
 
@@ -91,6 +92,7 @@ for command in (
     miswiring,
     calibrate_mismatch,
     calibrate_archives,
+    study_wear_forecast,
     study_without_position,
     drift,
     maintenance,

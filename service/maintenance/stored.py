@@ -12,6 +12,7 @@ from stemwatch.connectors.connector import ConnectorError, Window
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
+from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
 from stemwatch.service.presenter.false_discoveries import tested
@@ -46,7 +47,8 @@ def facts_of(
     """What plant file and store say of the valves, and what was found of them before."""
     known = {valve.id: valve for valve in store.valves()}
     valves = [screening.valve for screening in screenings]
-    weeks, by_window = store.trends(valves), store.evidence(valves)
+    limits = limits_in_force(plant, store.browser_settings.limits())
+    weeks, by_window = store.trends(valves, limits), store.evidence(valves)
     return {
         screening.valve: replace(
             _facts(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit
+
+from stemwatch.models.wear_forecast import WearForecast, forecast_wear
 
 WEEKS = 12  # that are looked back
 DAYS_A_MONTH = 365.25 / 12.0
@@ -23,6 +25,7 @@ class TrendOverWeeks:
     low: float
     high: float
     days: float
+    forecast: WearForecast | None = None
 
     @property
     def is_change(self) -> bool:
@@ -34,12 +37,17 @@ class TrendOverWeeks:
     def words(self) -> str:
         """The rate for a reader."""
         text = f"S {self.per_month:+.2f} % a month ({self.low:+.2f} to {self.high:+.2f})"
-        return text.replace("-", "\N{MINUS SIGN}")
+        text = text.replace("-", "\N{MINUS SIGN}")
+        foreseen = "" if self.forecast is None else self.forecast.words
+        return f"{text}, {foreseen}" if foreseen and self.is_change else text
 
 
-def trend_over_weeks(days: Sequence[float], S: Sequence[float]) -> TrendOverWeeks | None:
+def trend_over_weeks(
+    days: Sequence[float], S: Sequence[float], limit: float | None = None
+) -> TrendOverWeeks | None:
     """The slope of ``S`` (n,), a day's mean each, over ``days`` (n,), by least squares with
-    Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing."""
+    Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing. Where S rises
+    towards ``limit``, percent, when it will reach it."""
     t, y = np.asarray(days, dtype=np.float64), np.asarray(S, dtype=np.float64)
     if t.size < FEWEST_DAYS or np.ptp(t) < SHORTEST_DAYS:
         return None
@@ -50,9 +58,12 @@ def trend_over_weeks(days: Sequence[float], S: Sequence[float]) -> TrendOverWeek
     freedom = t.size - 2
     error = float(np.sqrt(left @ left / freedom / spread))
     reach = float(stdtrit(freedom, 0.975)) * error
-    return TrendOverWeeks(
+    trend = TrendOverWeeks(
         per_month=DAYS_A_MONTH * slope,
         low=DAYS_A_MONTH * (slope - reach),
         high=DAYS_A_MONTH * (slope + reach),
         days=float(np.ptp(t)),
     )
+    if limit is None or not trend.is_change or slope <= 0.0:
+        return trend
+    return replace(trend, forecast=forecast_wear(days, S, limit))

@@ -155,7 +155,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
             for problem in plant.problems
         ]
     valves = list(executed.previous)
-    weeks, by_window = run.store.trends(valves), run.store.evidence(valves)
+    weeks, by_window = run.store.trends(valves, run.limits), run.store.evidence(valves)
     return ReportContext(
         started=run.started,
         plant=plant.name if plant else "",

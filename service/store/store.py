@@ -12,6 +12,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
+from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
@@ -81,8 +82,9 @@ from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, R
 _GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
 
 
-def open_store(url: str | DatabaseUrl) -> Store:
-    """Open the store at ``url``; its schema is created or upgraded where needed.
+def open_store(url: str | DatabaseUrl, *, synced: bool = False) -> Store:
+    """Open the store at ``url``; its schema is created or upgraded where needed. ``synced``: a
+    power cut loses nothing that was committed, in SQLite too, at the cost of waiting for the disk.
 
     Raises ``StoreError`` (passwords masked) when it cannot be reached or was written by a newer
     version of the program.
@@ -90,7 +92,7 @@ def open_store(url: str | DatabaseUrl) -> Store:
     from stemwatch.service.store.migrations.migrate import upgrade
 
     address = url if isinstance(url, DatabaseUrl) else DatabaseUrl(url)
-    engine = make_engine(address)
+    engine = make_engine(address, synced=synced)
     try:
         upgrade(engine, address)
     except BaseException:
@@ -340,10 +342,11 @@ class Store:
         with self.transactions.reading() as session:
             return recent.read_recent(session, valves, depth, indicator)
 
-    def trends(self, valves: Sequence[str]) -> dict[str, TrendOverWeeks]:
-        """How S of each of ``valves`` changes over weeks, where that is known."""
+    def trends(self, valves: Sequence[str], limits: Limits) -> dict[str, TrendOverWeeks]:
+        """How S of each of ``valves`` changes over weeks, where that is known, and when it will
+        reach the limit of sticky."""
         with self.transactions.reading() as session:
-            return daily_stiction.read_trends(session, valves)
+            return daily_stiction.read_trends(session, valves, limits.sticky_S_percent)
 
     def evidence(self, valves: Sequence[str]) -> dict[str, EvidenceOfWeeks]:
         """What the windows of the last weeks say together of those of ``valves`` on which one of

@@ -33,13 +33,19 @@ class WindowLoop:
     mv: Floats
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class WindowPictures:
     """``loop`` is ``None`` where there is no position; ``effects`` are empty where nothing was
     named."""
 
     loop: WindowLoop | None = None
     effects: tuple[Picture, ...] = ()
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the same is drawn: arrays are compared as they are stored."""
+        return isinstance(other, WindowPictures) and pack_pictures(self) == pack_pictures(other)
+
+    __hash__ = None  # type: ignore[assignment]
 
 
 def window_pictures(screening: Screening) -> WindowPictures:
@@ -79,7 +85,7 @@ def before_and_after(before: WindowLoop, after: WindowLoop) -> SmallPlot:
 
 def pack_pictures(pictures: WindowPictures) -> bytes:
     """As bytes for the store; empty where there is nothing to draw."""
-    if pictures == WindowPictures():
+    if pictures.loop is None and not pictures.effects:
         return b""
     loop = pictures.loop
     plain = {

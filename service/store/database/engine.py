@@ -27,9 +27,13 @@ _DAMAGED = (
 _OWN = 0o600  # it holds digests of passwords
 
 
-def make_engine(address: DatabaseUrl) -> Engine:
+def make_engine(address: DatabaseUrl, *, synced: bool = False) -> Engine:
     """An engine for ``address``, not connected yet. Raises ``StoreError`` for a malformed URL,
-    another kind of database, or a driver that is not installed."""
+    another kind of database, or a driver that is not installed.
+
+    ``synced``: what is committed to SQLite is on the disk when the commit returns, as it always is
+    in PostgreSQL.
+    """
     backend = _backend(address)
     try:
         engine = create_engine(_with_driver(address.reveal()), hide_parameters=True)
@@ -41,6 +45,8 @@ def make_engine(address: DatabaseUrl) -> Engine:
     if backend == "sqlite":
         event.listen(engine, "do_connect", lambda *_: _make_private(engine.url.database))
         event.listen(engine, "connect", _prepare_sqlite)
+        if synced:
+            event.listen(engine, "connect", _sync_each_commit)
         event.listen(engine, "begin", _begin_sqlite)
     return engine
 
@@ -166,6 +172,10 @@ def _prepare_sqlite(connection: Any, _record: object) -> None:
     _write_ahead(connection)
     # In WAL mode a power cut can lose the last transactions but cannot damage the file.
     connection.execute("PRAGMA synchronous = NORMAL")
+
+
+def _sync_each_commit(connection: Any, _record: object) -> None:
+    connection.execute("PRAGMA synchronous = FULL")
 
 
 def _write_ahead(connection: Any) -> None:

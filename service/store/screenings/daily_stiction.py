@@ -16,9 +16,9 @@ from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningR
 _AT_ONCE = 500
 
 
-def read_trends(session: Session, valves: Sequence[str]) -> dict[str, TrendOverWeeks]:
+def read_trends(session: Session, valves: Sequence[str], limit: float) -> dict[str, TrendOverWeeks]:
     """The trend of S of each of ``valves`` that has one: over the weeks before its latest
-    screening, and since the last work on it."""
+    screening, and since the last work on it; and when it will reach ``limit``, percent."""
     trends: dict[str, TrendOverWeeks] = {}
     for first in range(0, len(valves), _AT_ONCE):
         part = list(valves[first : first + _AT_ONCE])
@@ -26,7 +26,7 @@ def read_trends(session: Session, valves: Sequence[str]) -> dict[str, TrendOverW
             start = min(points)
             days = sorted(points)
             found = trend_over_weeks(
-                [(day - start).days for day in days], [points[day] for day in days]
+                [(day - start).days for day in days], [points[day] for day in days], limit
             )
             if found is not None:
                 trends[valve] = found

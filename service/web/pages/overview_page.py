@@ -72,7 +72,7 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
     schedules = deps.store.schedules.all()
     last = next((run for run in runs if not is_alive(run)), None)
     weeks = weeks_of(deps, 0 if last is None else last.id)
-    trends = deps.store.trends([line.valve for line in found.lines])
+    trends = deps.store.trends([line.valve for line in found.lines], deps.site.limits)
     worst = [line for line in found.lines if line.verdict is not None]
     return deps.renderer.page(
         request,

@@ -50,7 +50,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
     """The valves, worst first unless the address says otherwise."""
     wanted = wanted_of(request.query_params)
     page = deps.store.ranking(wanted)
-    weeks = deps.store.trends([line.valve for line in page.lines])
+    weeks = deps.store.trends([line.valve for line in page.lines], deps.site.limits)
     alerted = deps.store.alerts.open_by_valve(deps.now)
     open_alerts = deps.open_alerts()
     return deps.renderer.page(

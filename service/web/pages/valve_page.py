@@ -12,6 +12,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.models.indicator_meanings import meaning_of
+from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.models.verdict import Verdict
@@ -65,7 +66,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     name = deps.need_valve(request.query_params.get("id", ""))
     store = deps.store
     stored = store.valve(name) or _from_plant(deps, name)
-    shown = _shown(store, name)
+    shown = _shown(store, name, deps.site.limits)
     points = store.s_and_j(name)
     marks = read_marks(store, name)
     raised = store.alerts.in_state("all", deps.now, valve=name)
@@ -162,7 +163,7 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
     )
 
 
-def _shown(store: Store, name: str) -> ShownScreening | None:
+def _shown(store: Store, name: str, limits: Limits) -> ShownScreening | None:
     latest = store.screenings(name, 1)
     if not latest:
         return None
@@ -173,7 +174,7 @@ def _shown(store: Store, name: str) -> ShownScreening | None:
     mismatch = screening.mismatch
     stands = not stored.held_back if mismatch is not None and mismatch.effects else None
     said = present(screening, stands=stands)
-    weeks = store.trends([name]).get(name)
+    weeks = store.trends([name], limits).get(name)
     return ShownScreening(
         screening=screening,
         finding=said,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.trend_over_weeks import trend_over_weeks
@@ -41,7 +42,7 @@ def test_a_rise_over_weeks_is_worse_although_no_run_shows_it(store: Store) -> No
     last = saved(store, RISING)
     before = store.previous_finding(last)
     assert change_since_last_run(last, last.verdict, before).words == "no change"
-    trend = store.trends(["FIC-1"])["FIC-1"]
+    trend = store.trends(["FIC-1"], Limits())["FIC-1"]
     assert trend.low > 0.0
     per_week = np.polyfit(range(4), RISING, 1)[0]
     assert trend.per_month == pytest.approx(per_week / 7.0 * 365.25 / 12.0)
@@ -54,7 +55,7 @@ def test_work_begins_a_new_trend(store: Store) -> None:
     """What was before the work says nothing of the valve after it."""
     saved(store, RISING)
     store.record_maintenance("FIC-1", BEGAN + timedelta(weeks=2), "packing renewed", "")
-    assert store.trends(["FIC-1"]) == {}
+    assert store.trends(["FIC-1"], Limits()) == {}
 
 
 def test_many_runs_a_day_are_one_point(store: Store) -> None:
@@ -64,7 +65,7 @@ def test_many_runs_a_day_are_one_point(store: Store) -> None:
         assert made.recording is not None
         at = replace(made.recording, start=BEGAN + timedelta(hours=hour))
         store.save(replace(made, recording=at), store.begin_run(software_version="1"))
-    assert store.trends(["FIC-1", "FIC-2"]) == {}
+    assert store.trends(["FIC-1", "FIC-2"], Limits()) == {}
 
 
 def test_noise_alone_is_no_change() -> None:
@@ -76,3 +77,25 @@ def test_noise_alone_is_no_change() -> None:
     tiny = trend_over_weeks(days, [1.0 + 0.001 * day for day in days])
     assert tiny is not None
     assert not tiny.is_change
+
+
+def test_a_valve_that_wears_says_when_it_will_be_sticky(store: Store) -> None:
+    """S rises by 0.1 % a week from 0.2 %: 1.5 % is some weeks off, and the words say so."""
+    last = saved(store, tuple(0.2 + 0.1 * week for week in range(10)))
+    trend = store.trends(["FIC-1"], Limits())["FIC-1"]
+    assert trend.forecast is not None
+    until = trend.forecast.until
+    assert until.low is not None
+    assert until.low <= 4.0 <= (until.high or 99.0)
+    before = store.previous_finding(last)
+    change = change_since_last_run(last, last.verdict, before, trend)
+    assert "reaches 1.5 % in" in change.words
+    strict = store.trends(["FIC-1"], Limits(watch_S_percent=0.3, sticky_S_percent=0.5))["FIC-1"]
+    assert strict.forecast is not None
+    assert strict.forecast.until.reason == "S is at 0.5 % already"
+
+
+def test_a_valve_that_heals_foresees_nothing(store: Store) -> None:
+    """S that falls reaches no limit."""
+    saved(store, tuple(1.2 - 0.1 * week for week in range(10)))
+    assert store.trends(["FIC-1"], Limits())["FIC-1"].forecast is None

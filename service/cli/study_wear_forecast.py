@@ -1,0 +1,51 @@
+"""``stemwatch study-wear-forecast``: how often the forecast of wear is right."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+
+def study_wear_forecast(
+    valves: Annotated[
+        int, typer.Option(min=10, max=100_000, help="Valves of each kind of wear.")
+    ] = 400,
+    seed: o.Seed = 2053,
+) -> None:
+    """Count what is foreseen of simulated valves that wear, and of those that do not.
+
+    S over 300 days with the errors of its estimate; a forecast on a day before S reaches 1.5 %,
+    from the 12 weeks before it. A 90 % interval should hold the truth in 85 to 95 of 100, and a
+    trend be claimed on no more than 3 of 100 valves that do not wear.
+    """
+    import numpy as np
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.studies.wear import WearKind, run_wear_study
+
+    cases = list(run_wear_study(valves, seed))
+    columns = ("valves", "trend claimed", "with weeks", "interval holds", "half open", "error")
+    table = plain_table(f"Forecast of wear, seed {seed}", ("wear",), columns)
+    kinds: list[tuple[str, tuple[WearKind, ...]]] = [(wear.value, (wear,)) for wear in WearKind]
+    for name, wears in [*kinds, ("all that wear", tuple(WearKind)[1:])]:
+        chosen = [case for case in cases if case.wear in wears]
+        foreseen = [case for case in chosen if case.holds is not None]
+        errors = [
+            abs(case.forecast.until.value - case.weeks)
+            for case in foreseen
+            if case.forecast.until.value is not None and np.isfinite(case.weeks)
+        ]
+        table.add_row(
+            name,
+            str(len(chosen)),
+            str(sum(case.claimed for case in chosen)),
+            str(len(foreseen)),
+            f"{sum(bool(case.holds) for case in foreseen)} of {len(foreseen)}",
+            str(sum(case.forecast.until.high is None for case in foreseen)),
+            f"{np.median(errors):.1f} weeks" if errors else "–",
+        )
+    views.out.print(table)

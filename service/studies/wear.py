@@ -1,0 +1,118 @@
+"""How often the forecast of wear is right: simulated months of S, its truth known.
+
+S is drawn and read with the errors of an estimate; nothing is fitted to samples here, so that
+hundreds of valves take seconds. How well S itself is estimated is counted by other studies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from stemwatch.models.limits import Limits
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.wear_forecast import WEEK, WearForecast, forecast_wear
+
+DAYS = 300
+SEEN_DAYS = 84  # before the forecast, as the product looks back
+LEAST_SEEN_DAYS = 20
+# Errors of S as it is estimated: a share of it, a part of its own, and one that lasts for days
+# (how the loop is run), percent.
+SHARE, OWN, LASTING, LASTS_DAYS = 0.04, 0.06, 0.05, 10.0
+LIMIT = Limits().sticky_S_percent
+
+
+class WearKind(StrEnum):
+    """How a valve wears."""
+
+    NONE = "none"
+    STEADY = "steady"
+    ACCELERATING = "accelerating"
+    STEPWISE = "stepwise"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForecastCase:
+    """One valve on one day: what was foreseen, and the ``weeks`` until S truly reaches the limit
+    (infinite where it never does within the months that were drawn)."""
+
+    wear: WearKind
+    forecast: WearForecast
+    weeks: float
+
+    @property
+    def claimed(self) -> bool:
+        """Whether a trend was claimed at all."""
+        reason = self.forecast.until.reason or ""
+        return self.forecast.until.value is not None or reason.startswith("S rises")
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the interval holds the truth, to a day; ``None`` where none was given."""
+        until = self.forecast.until
+        if until.value is None or until.low is None:
+            return None
+        high = np.inf if until.high is None else until.high
+        return bool(until.low - 1.0 / WEEK <= self.weeks <= high + 1.0 / WEEK)
+
+
+def run_wear_study(valves: int, seed: int) -> Iterator[ForecastCase]:
+    """``valves`` of each kind of wear, one after the other."""
+    for wear in WearKind:
+        for place in range(valves):
+            rng = np.random.default_rng([seed, place, list(WearKind).index(wear)])
+            if (case := _case(wear, rng)) is not None:
+                yield case
+
+
+def _case(wear: WearKind, rng: np.random.Generator) -> ForecastCase | None:
+    S = true_S(wear, rng)
+    measured, there = estimated_S(S, rng)
+    beyond = S >= LIMIT
+    crosses = int(np.argmax(beyond)) if beyond.any() else DAYS - 1
+    if crosses <= LEAST_SEEN_DAYS:
+        return None
+    today = int(rng.integers(LEAST_SEEN_DAYS, crosses))
+    days = np.arange(max(0, today - SEEN_DAYS), today + 1)
+    days = days[there[days]]
+    if not days.size:
+        return None
+    forecast = forecast_wear(days.tolist(), measured[days].tolist(), LIMIT)
+    weeks = (crosses - days[-1]) / WEEK if beyond.any() else np.inf
+    return ForecastCase(wear=wear, forecast=forecast, weeks=float(weeks))
+
+
+def true_S(wear: WearKind, rng: np.random.Generator) -> Floats:
+    """(DAYS,) S of a valve, percent of OP span: it begins to wear, or was repaired, some time in
+    the first third."""
+    well = rng.uniform(0.1, 0.6)
+    if wear is WearKind.NONE:
+        return np.full(DAYS, rng.uniform(0.1, 1.3))
+    day = np.arange(DAYS)
+    begins, worn = rng.uniform(0.0, 0.3) * DAYS, rng.uniform(1.5, 6.0)
+    share = np.clip((day - begins) / (DAYS - begins), 0.0, None)
+    if wear is WearKind.ACCELERATING:
+        share = share ** rng.uniform(1.5, 3.0)
+    if wear is WearKind.STEPWISE:
+        at = rng.uniform(begins, DAYS, rng.integers(4, 12))
+        size = rng.exponential(size=at.size)
+        share = (size * (day[:, None] >= at)).sum(axis=1) / size.sum()
+    return np.asarray(well + (worn - well) * share)
+
+
+def estimated_S(S: Floats, rng: np.random.Generator) -> tuple[Floats, Bools]:
+    """``S`` as screenings estimate it, and the days that have one: some, and of every other valve
+    three weeks are missing."""
+    days = np.arange(S.size)
+    alike = np.exp(-np.abs(days[:, None] - days) / LASTS_DAYS) + 1e-9 * np.eye(S.size)
+    lasting = np.linalg.cholesky(alike) @ rng.standard_normal(S.size)
+    measured = S * (1.0 + SHARE * rng.standard_normal(S.size))
+    measured += OWN * rng.standard_normal(S.size) + LASTING * lasting
+    there = rng.random(S.size) < rng.uniform(0.4, 1.0)
+    if rng.random() < 0.5:
+        missing = int(rng.integers(S.size))
+        there[missing : missing + 21] = False
+    return np.maximum(measured, 0.0), there
