@@ -26,6 +26,7 @@ from stemwatch.models.mismatch.findings import (
 from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
@@ -103,6 +104,21 @@ def estimate_object(estimate: Estimate) -> dict[str, Any]:
         "high": finite(estimate.high),
         "unit": printable(estimate.unit),
         "reason": None if reason is None else printable(reason),
+    }
+
+
+def without_position_object(told: WithoutPosition | None) -> dict[str, Any] | None:
+    """What OP and PV alone say of the valve; ``None`` where they were not asked."""
+    if told is None:
+        return None
+    return {
+        "verdict": told.verdict.value,
+        "score": finite(told.score),
+        "apparent_S": estimate_object(told.apparent_S),
+        "shows_from": finite(told.shows_from),
+        "rivals": [printable(rival) for rival in told.rivals],
+        "reason": printable(told.reason),
+        "advice": printable(told.advice),
     }
 
 
@@ -237,6 +253,7 @@ def to_contract(
             for name, indicator in screening.indicators.items()
         },
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
+        "without_position": without_position_object(screening.without_position),
         "over_weeks": []
         if by_window is None
         else [_lasting(finding, zone) for finding in by_window.findings],

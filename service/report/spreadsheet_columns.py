@@ -49,6 +49,7 @@ def columns(context: ReportContext) -> list[SpreadsheetColumn]:
         *_residuals("narx", "NARX network"),
         *_residuals("baseline", "baseline"),
         *_mismatch(),
+        *_without_position(),
         *_recording(context),
     ]
 
@@ -196,6 +197,30 @@ def _left_out(valve: RankedValve) -> Cell:
 def _p_value(valve: RankedValve) -> Cell:
     mismatch = valve.screening.mismatch
     return None if mismatch is None else mismatch.p_value
+
+
+def _without_position() -> list[SpreadsheetColumn]:
+    def read(part: str) -> Callable[[RankedValve], Cell]:
+        return lambda valve: getattr(valve.screening.without_position, part, None)
+
+    def apparent_S(valve: RankedValve) -> Cell:
+        told = valve.screening.without_position
+        return None if told is None else told.apparent_S.value
+
+    return [
+        _text("OP and PV alone", "what they let suspect; no verdict", _suspicion, 14),
+        SpreadsheetColumn(
+            header="sticking score (0 to 1)", meaning="by OP and PV alone", read=read("score")
+        ),
+        SpreadsheetColumn(
+            header="apparent S", meaning="where suspected, in the unit of OP", read=apparent_S
+        ),
+    ]
+
+
+def _suspicion(valve: RankedValve) -> Cell:
+    told = valve.screening.without_position
+    return None if told is None else told.verdict.value.replace("_", " ")
 
 
 def _recording(context: ReportContext) -> list[SpreadsheetColumn]:
