@@ -248,10 +248,10 @@ def _confirms(slug: str, recent: Sequence[WindowEvidence], names: Sequence[bool]
     agree = AGREE + (slug in HARDER)
     if sum(names) >= agree:
         return True
-    return sum(names) == agree - 1 and _gain(slug, recent)
+    return sum(names) == agree - 1 and gain_together(slug, recent)
 
 
-def _gain(slug: str, windows: Sequence[WindowEvidence]) -> bool:
+def gain_together(slug: str, windows: Sequence[WindowEvidence]) -> bool:
     """Whether the windows that do not name the effect gain by it together."""
     mean, t = _together(slug, windows)
     return mean is not None and t is not None and mean >= LEAST_MEAN and t >= LEAST_T
@@ -278,7 +278,7 @@ def _is_gone(slug: str, windows: Sequence[WindowEvidence], names: Sequence[bool]
     enough = math.log(LEFT_OUT_BY_CHANCE) / math.log(max(1.0 - share, 1e-9))
     if without < min(max(math.ceil(enough), FEWEST_WITHOUT), MEMORY):
         return False
-    return not _gain(slug, windows[len(windows) - without :][-MEMORY:])
+    return not gain_together(slug, windows[len(windows) - without :][-MEMORY:])
 
 
 def pooled_stiction(

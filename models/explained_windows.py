@@ -3,9 +3,13 @@
     recording -> at most MOST windows in which OP moves most -> each explained alone
               -> what two of them agree on, or one names and the others gain by -> S, J pooled
 
-One search over eight hours costs as much and finds less than eight over one hour each (see
-``docs/explain.md``): a poor optimum spoils one window, not the record. A record of so many samples
-that it has fewer than ``FEWEST`` windows is explained in one piece.
+One search over eight hours costs as much as eight over one hour each, and a poor optimum spoils one
+window, not the record. A record of so many samples that it has fewer than ``FEWEST`` windows is
+explained in one piece.
+
+What shows in few places of each hour, as play does, eight hours tell better. Where the windows
+agree on nothing and yet gain by some effect together, the record is therefore also explained as a
+whole, if it is no longer than they are; what that names counts where they gain by it.
 """
 
 from __future__ import annotations
@@ -15,9 +19,12 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from stemwatch.models.evidence_over_windows import (
+    AGREE,
     MEMORY,
+    FindingState,
     LastingFinding,
     WindowEvidence,
+    gain_together,
     lasting_findings,
     pooled_stiction,
 )
@@ -37,22 +44,25 @@ class ExplainedWindows:
     ``mismatch`` is that of window ``shown``, the first that names just what they agree on, on the
     clock of the whole recording and with the ``pooled`` S and J, where at least two name just that.
     Its p value is the smallest of what holds. ``findings`` are those that hold first; ``windows``
-    what each said, on a clock that ``began`` with the recording.
+    what each said, on a clock that ``began`` with the recording. ``by_whole`` are the effects that
+    hold because the recording as a whole names them and the windows gain by them: ``mismatch`` is
+    then that of the whole, and ``shown`` is ``None``.
     """
 
     mismatch: Mismatch
     began: datetime
-    shown: FitWindow
+    shown: FitWindow | None
     windows: tuple[WindowEvidence, ...]
     findings: tuple[LastingFinding, ...]
-    pooled: Stiction | None
+    pooled: Stiction | None = None
+    by_whole: tuple[str, ...] = ()
+
+
+Explain = Callable[[Recording], Mismatch]
 
 
 def explain_windows(
-    recording: Recording,
-    samples: int,
-    explain: Callable[[Recording], Mismatch],
-    shown_by: Callable[[Recording], Mismatch] | None = None,
+    recording: Recording, samples: int, explain: Explain, shown_by: Explain | None = None
 ) -> ExplainedWindows | None:
     """The windows of ``recording``, of ``samples`` samples and a little more, explained and taken
     together; ``None`` where it has fewer than ``FEWEST``.
@@ -64,23 +74,28 @@ def explain_windows(
     if len(windows) < FEWEST:
         return None
     explanations = [explain(recording.part(window.first, window.last)) for window in windows]
-    evidence = [
+    evidence = tuple(
         _evidence(recording, window, one) for window, one in zip(windows, explanations, strict=True)
-    ]
+    )
     findings = lasting_findings(evidence)
     holding = [finding.slug for finding in findings if finding.holds]
+    seconds = sum(one.seconds for one in explanations)
+    suspected = _suspected(evidence)
+    if suspected and not holding and len(recording) // samples <= MOST:
+        whole = explain(recording)
+        seconds += whole.seconds
+        if whole.defects and all(set(one.members) & suspected for one in whole.defects):
+            whole = replace(whole, seconds=seconds)
+            return _as_whole(whole, _began(recording), evidence, findings, suspected)
     best = _shown(explanations, evidence, holding)
-    # What is left unexplained bends S and J in each window its own way.
-    known = [
-        one
-        for one, mismatch_of_window in zip(evidence, explanations, strict=True)
-        if mismatch_of_window.finding is not Finding.UNKNOWN
-    ]
-    pooled = pooled_stiction(known, findings)
+    # With nothing named, a window that is not free of something bends S and J its own way.
+    clear = bool(holding) or all(one.finding is Finding.NONE for one in explanations)
+    pooled = pooled_stiction(evidence, findings) if clear else None
     shown_window = windows[best]
     mismatch = explanations[best]
     if shown_by is not None:
         mismatch = shown_by(recording.part(shown_window.first, shown_window.last))
+        seconds += mismatch.seconds
     if pooled is not None and mismatch.finding is not Finding.UNKNOWN:
         mismatch = replace(mismatch, restated=pooled)
     runs = mismatch.runs
@@ -88,15 +103,61 @@ def explain_windows(
         mismatch,
         runs=None if runs is None else runs.within(shown_window.first, len(recording)),
         p_value=min((one.p_value for one in findings if one.holds), default=mismatch.p_value),
-        seconds=sum(one.seconds for one in explanations) + (mismatch.seconds if shown_by else 0.0),
+        seconds=seconds,
     )
     return ExplainedWindows(
         mismatch=mismatch,
         began=_began(recording),
         shown=shown_window,
-        windows=tuple(evidence),
+        windows=evidence,
         findings=findings,
         pooled=pooled,
+    )
+
+
+def _suspected(evidence: Sequence[WindowEvidence]) -> set[str]:
+    """The effects that windows gain by together, or that two of them name."""
+    known = {score.slug for window in evidence for score in window.scores}
+    named = {slug: sum(window.names(slug) for window in evidence) for slug in known}
+    return {slug for slug in known if named[slug] >= AGREE or gain_together(slug, evidence)}
+
+
+def _as_whole(
+    whole: Mismatch,
+    began: datetime,
+    evidence: tuple[WindowEvidence, ...],
+    findings: Sequence[LastingFinding],
+    suspected: set[str],
+) -> ExplainedWindows:
+    """What the recording as a whole names, and the windows gain by: that or what they cannot tell
+    from it."""
+    slugs = tuple(
+        next(slug for slug in (effect.slug, *effect.members) if slug in suspected)
+        for effect in whole.defects
+    )
+    confirmed = tuple(_by_whole(slug, whole, evidence) for slug in slugs)
+    others = tuple(one for one in findings if one.slug not in slugs)
+    return ExplainedWindows(
+        mismatch=whole,
+        began=began,
+        shown=None,
+        windows=evidence,
+        findings=(*confirmed, *others),
+        by_whole=slugs,
+    )
+
+
+def _by_whole(slug: str, whole: Mismatch, evidence: Sequence[WindowEvidence]) -> LastingFinding:
+    looked = [window for window in evidence if window.looked_for(slug)]
+    return LastingFinding(
+        slug=slug,
+        state=FindingState.CONFIRMED,
+        first_seen=looked[0].at,
+        last_seen=looked[-1].at,
+        confirmed=looked[-1].at,
+        named=sum(window.names(slug) for window in looked),
+        of=len(looked),
+        p_value=1.0 if whole.p_value is None else whole.p_value,
     )
 
 

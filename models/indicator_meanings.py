@@ -42,6 +42,8 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "lag_falling_s": ("Actuator lag, position falling", "up"),
     "speed_rising_percent_per_s": ("Top speed of the stem, position rising", "down"),
     "speed_falling_percent_per_s": ("Top speed of the stem, position falling", "down"),
+    "sticking_score": ("Likeness to a sticking valve by OP and PV alone, 0 to 1", "none"),
+    "apparent_S_percent": ("S that OP and PV alone suggest, where sticking is suspected", "none"),
     "baseline_ratio": ("Residual of the baseline network against its own window", "up"),
 }
 for _key, _model in _MODELS.items():

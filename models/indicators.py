@@ -19,6 +19,7 @@ from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.speed_limits import shown_speed_limits
+from stemwatch.models.without_position.suspicion import WithoutPosition
 
 
 def _one(name: str, value: float | None, unit: str) -> list[Indicator]:
@@ -77,6 +78,14 @@ def of_recording(recording: Recording) -> list[Indicator]:
         indicators += _one("loop_period_s", cycle.period_s, "s")
         indicators += _one("loop_regularity", cycle.regularity, "")
     return indicators
+
+
+def of_suspicion(told: WithoutPosition) -> list[Indicator]:
+    """The score of what OP and PV alone say, and the apparent S of a suspicion."""
+    return [
+        *_one("sticking_score", told.score, ""),
+        *_estimated("apparent_S_percent", told.apparent_S),
+    ]
 
 
 def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:

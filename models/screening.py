@@ -57,6 +57,7 @@ from stemwatch.models.stickslip.stored_range import in_percent
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
 from stemwatch.models.validity_checks import reversed_obstacles, wiring_obstacles
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.suspicion import suspect, trained_judge
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,8 +301,17 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, mismatch, options.limits
         )
+    screening = _with_suspicion(screening, fitted)
     seconds = fitted.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
+
+
+def _with_suspicion(screening: Screening, fitted: _Fitted) -> Screening:
+    """``screening`` with what OP and PV alone say of the valve: where there is no position all that
+    can be said, where there is one a cross-check that changes no verdict."""
+    told = suspect(fitted.case.recording, trained_judge())
+    numbers = {one.name: one for one in indicators.of_suspicion(told)}
+    return replace(screening, without_position=told, indicators={**screening.indicators, **numbers})
 
 
 def _screening(

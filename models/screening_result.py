@@ -14,6 +14,7 @@ from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.without_position.suspicion import WithoutPosition
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +127,7 @@ class Screening:
     kept: RecordingFacts | None = None  # facts of the whole, where samples were dropped
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
+    without_position: WithoutPosition | None = None  # what OP and PV alone say; None: not asked
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     changed: str = ""  # what is otherwise than in the window before, as a curve from OP to stroke
     seconds: float = 0.0
@@ -158,7 +160,8 @@ class Screening:
         return 0.0 if seen is None else seen.usable_share
 
     def without_samples(self) -> Screening:
-        """The same result without a single sample: no recording, no traces, no free runs.
+        """The same result without a single sample: no recording, no traces, no free runs, no
+        picture of a suspicion.
 
         A day of a valve at 1 s is some 6 MB, what was found in it some 30 KB.
         """
@@ -181,6 +184,9 @@ class Screening:
                 heldout_from=max(runs.heldout_from - first, 0),
             )
             mismatch = replace(mismatch, runs=part if last > first else None)
+        told = self.without_position
+        if told is not None and told.traces is not None:
+            told = replace(told, traces=told.traces.part(first, last) if last > first else None)
         heldout = traces.heldout_from
         return replace(
             self,
@@ -192,6 +198,7 @@ class Screening:
                 heldout_from=None if heldout is None else max(heldout - first, 0),
             ),
             mismatch=mismatch,
+            without_position=told,
         )
 
 

@@ -25,7 +25,7 @@ from stemwatch.models.recording import Floats
 FOLDS = 6
 PAST = 3  # past values of each signal in a model
 RATIOS = np.array([0.0, 0.3, 0.6, 0.9, 1.0])  # J over S
-_DELAYS = 5
+DELAYS = 5
 # Columns of the products: past x, past y, past u, 1, t, and y itself.
 _WIDE = 3 * PAST + 3
 _LINEAR, _STICKING, _BOTH = [3, 4, 5, 6, 7, 8, 9, 10], [0, 1, 2, 3, 4, 5, 9, 10], slice(0, 11)
@@ -70,14 +70,14 @@ def element(op: Floats, S: float, J: float, x: Floats) -> None:
         x[k] = at
 
 
-def _block_means(values: Floats, every: int) -> Floats:
-    """(..., n // every) means over blocks of the last axis."""
+def block_means(values: Floats, every: int) -> Floats:
+    """(..., n // every) means over blocks of ``every`` samples of the last axis."""
     count = values.shape[-1] // every
     parts = values[..., : count * every].reshape(*values.shape[:-1], count, every)
     return np.asarray(parts.mean(axis=-1))
 
 
-def _past(values: Floats, first: int, delay: int) -> Floats:
+def past_values(values: Floats, first: int, delay: int) -> Floats:
     """(..., PAST, n) the values 1 to 3 blocks before ``delay`` blocks ago, from ``first`` on."""
     n = values.shape[-1] - first
     starts = [first - 1 - delay - past for past in range(PAST)]
@@ -114,8 +114,8 @@ def _losses(u: Floats, y: Floats, stems: Floats, delays: int) -> tuple[Floats, F
     time = np.stack([np.ones(n), np.linspace(-1.0, 1.0, n), y[first:]])
     losses: tuple[list[Floats], list[Floats], list[Floats]] = ([], [], [])
     for delay in range(delays):
-        fixed = np.concatenate([_past(y, first, 0), _past(u, first, delay), time])
-        moved = _past(stems, first, delay)
+        fixed = np.concatenate([past_values(y, first, 0), past_values(u, first, delay), time])
+        moved = past_values(stems, first, delay)
         gram = np.empty((stems.shape[0], FOLDS, _WIDE, _WIDE))
         parts = zip(np.split(fixed, edges, axis=1), np.split(moved, edges, axis=2), strict=True)
         for fold, (known, stem) in enumerate(parts):
@@ -136,7 +136,7 @@ def held_out(
     every: int,
     sizes: Floats,
     ratios: Floats = RATIOS,
-    delays: int = _DELAYS,
+    delays: int = DELAYS,
 ) -> HeldOut:
     """Compare the three models on ``op`` and ``pv`` (n,), without holes, by blocks of ``every``.
 
@@ -148,9 +148,9 @@ def held_out(
     stems = np.empty((len(tried), op.size))
     for stem, (S, J) in zip(stems, tried, strict=True):
         element(command, S / scale_u, J / scale_u, stem)
-    y = _block_means((pv - np.mean(pv)) / scale_y, every)
+    y = block_means((pv - np.mean(pv)) / scale_y, every)
     linear, sticking, both = _losses(
-        _block_means(command, every), y, _block_means(stems, every), delays
+        block_means(command, every), y, block_means(stems, every), delays
     )
     base = linear[int(np.argmin(linear.sum(axis=1)))]
     sums, sums_both = sticking.sum(axis=2), both.sum(axis=2)

@@ -6,14 +6,17 @@ The first reads the numbers of ``features``; the second, convolutional, reads th
 
 from __future__ import annotations
 
+from base64 import b85decode, b85encode
 from collections.abc import Mapping
 from dataclasses import dataclass
+from zlib import compress, decompress
 
 import numpy as np
 
 from stemwatch.models.recording import Floats
 
-KERNELS = ((9, 2), (7, 2), (5, 2))  # width and stride of each convolution
+KERNELS = ((9, 2), (7, 2), (5, 2), (3, 1))  # width and stride of each convolution
+MOST_AWAY = 3.0  # standard deviations by which a number counts at most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +31,26 @@ class LoopScore:
     spread: float
 
 
+def packed(arrays: Mapping[str, Floats]) -> tuple[dict[str, tuple[int, ...]], str]:
+    """The shapes of ``arrays`` and their numbers in single precision as text."""
+    flat = np.concatenate([np.ravel(array) for array in arrays.values()]).astype("<f4")
+    return {name: np.shape(array) for name, array in arrays.items()}, b85encode(
+        compress(flat.tobytes(), 9)
+    ).decode()
+
+
+def unpacked(shapes: Mapping[str, tuple[int, ...]], text: str) -> dict[str, Floats]:
+    """The arrays that ``packed`` made ``shapes`` and ``text`` of; line breaks do not count."""
+    flat = np.frombuffer(decompress(b85decode("".join(text.split()))), dtype="<f4").astype(
+        np.float64
+    )
+    sizes = np.cumsum([int(np.prod(shape)) for shape in shapes.values()])
+    parts = np.split(flat, sizes[:-1])
+    return {
+        name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts, strict=True)
+    }
+
+
 class LoopNetwork:
     """The networks by their ``arrays``, as ``models.studies.loops.training`` makes them."""
 
@@ -35,7 +58,7 @@ class LoopNetwork:
         self.arrays = {name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()}
 
     def answer(self, values: Floats, windows: Floats) -> LoopScore:
-        """``values`` (n_features,) and ``windows`` (w, 2, LENGTH) of one loop."""
+        """``values`` (n_features,) and ``windows`` (w, 3, LENGTH) of one loop."""
         heads = self.dense(values)
         logit = heads[0] * self.arrays["weigh"][0] + self.arrays["weigh"][2]
         logit += float(self.convolved(windows).mean()) * self.arrays["weigh"][1]
@@ -48,7 +71,7 @@ class LoopNetwork:
     def dense(self, values: Floats) -> Floats:
         """(3,) logit, mean and log spread of ln(S/amplitude): the mean over the ensemble."""
         a = self.arrays
-        scaled = np.clip((values - a["mean"]) / a["scale"], -4.0, 4.0)
+        scaled = np.clip((values - a["mean"]) / a["scale"], -MOST_AWAY, MOST_AWAY)
         first = np.tanh(np.einsum("ehi,i->eh", a["dense1"], scaled) + a["bias1"])
         second = np.tanh(np.einsum("ehi,ei->eh", a["dense2"], first) + a["bias2"])
         out = np.einsum("ehi,ei->eh", a["dense3"], second) + a["bias3"]

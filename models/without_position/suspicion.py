@@ -6,30 +6,38 @@ may be said is limited by loops in which the truth is known (``SuspicionLimits``
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cache
 
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role
+from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.features import (
     FEWEST_PERIODS,
     NAMES,
+    PER_PERIOD,
     Evidence,
+    dominant_period,
     evidence,
 )
-from stemwatch.models.without_position.network import LoopNetwork, LoopScore
+from stemwatch.models.without_position.hammerstein import block_means
+from stemwatch.models.without_position.network import LoopNetwork, LoopScore, unpacked
+from stemwatch.models.without_position.picture import ElementTraces, element_traces
 from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 200
+MOST_SAMPLES = 8000  # the last ones of a long record, after means over a four hundredth of a period
+_THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
 MOST_HELD = 0.75  # of PV repeating its last value
 FEWEST_MOVES = 30  # changes of OP
 LEAST_MOVED_PERCENT = 0.3
-BEYOND = float(np.arcsinh(2.0))  # two standard deviations of the loop's own surrogates
+BEYOND = float(np.arcsinh(1.0))  # a standard deviation of the loop's own surrogates
 _ROUND = NAMES.index("triangle beside sine, OP")
 _TEST = (
     "Do a bump test: step OP by about 1 % one way until PV answers, then back, and compare what "
@@ -62,6 +70,7 @@ class WithoutPosition:
     apparent_S: Estimate
     shows_from: float | None = None
     rivals: tuple[str, ...] = ()
+    traces: ElementTraces | None = None  # of what is suspected
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +89,7 @@ class SeenLoop:
 
     unit: str  # of OP
     samples: int = 0
+    thinned_by: int = 1  # samples of the recording to one of these
     shown: Evidence | None = None
     windows: Floats | None = None
     doubt: tuple[str, str] | None = None
@@ -91,13 +101,44 @@ def look(recording: Recording) -> SeenLoop:
     doubt = _doubt(recording)
     if doubt is not None:
         return SeenLoop(unit=unit, doubt=doubt)
-    op, pv, sp = _longest(recording)
+    op, pv, sp, thinned_by = _thinned(*_longest(recording)[1:])
     try:
-        shown = evidence(op, pv, sp)
+        shown = evidence(op, pv)
     except ValueError:
         return SeenLoop(unit=unit, doubt=("OP or PV stands still where both are known", _FASTER))
-    cut = windows(op, pv, shown.period)
-    return SeenLoop(unit=unit, samples=op.size, shown=shown, windows=cut)
+    cut = windows(op, pv, sp, shown.period)
+    return SeenLoop(unit=unit, samples=op.size, thinned_by=thinned_by, shown=shown, windows=cut)
+
+
+def suspect(recording: Recording, judge: Judge) -> WithoutPosition:
+    """What OP and PV of ``recording`` say of the valve, with traces for a picture of a suspicion.
+
+    Never raises for what a recording holds.
+    """
+    try:
+        seen = look(recording)
+        said = judge.says(seen)
+        if said.verdict is not Suspicion.SUSPECTED or seen.shown is None:
+            return said
+        return replace(said, traces=_traces(recording, seen, seen.shown))
+    except Exception as error:  # a cross-check must not cost the verdict
+        reason = f"the comparison broke down ({type(error).__name__}: {error})"
+        return _cannot_tell(reason, "Report this with the recording.")
+
+
+def _traces(recording: Recording, seen: SeenLoop, shown: Evidence) -> ElementTraces:
+    first, op, pv, _ = _longest(recording)
+    every = max(1, round(shown.period * seen.thinned_by / PER_PERIOD[0]))
+    part = element_traces(op, pv, every, shown.coarse.S, shown.coarse.J)
+
+    def placed(values: Floats) -> Floats:
+        whole = np.full(len(recording), np.nan)
+        whole[first : first + values.size] = values
+        return whole
+
+    return ElementTraces(
+        stem=placed(part.stem), linear=placed(part.linear), sticking=placed(part.sticking)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +156,19 @@ class Judge:
         return _answered(seen, seen.shown, answer, self.limits)
 
 
+@cache
+def trained_judge() -> Judge:
+    """The networks and limits that are shipped."""
+    return Judge(
+        network=LoopNetwork(unpacked(trained_weights.SHAPES, trained_weights.PACKED)),
+        limits=SuspicionLimits(
+            suspected_from=trained_weights.SUSPECTED_FROM,
+            no_sign_below=trained_weights.NO_SIGN_BELOW,
+            shows_from=trained_weights.SHOWS_FROM,
+        ),
+    )
+
+
 def _cannot_tell(reason: str, advice: str, score: float | None = None) -> WithoutPosition:
     return WithoutPosition(
         verdict=Suspicion.CANNOT_TELL,
@@ -130,7 +184,9 @@ def _doubt(recording: Recording) -> tuple[str, str] | None:
     pv = recording.get(Role.PV)
     if pv is None:
         return "PV is not in this recording", "Export PV beside OP."
-    op, known, _ = _longest(recording)
+    _, op, known, _ = _longest(recording)
+    if not op.size:
+        return "OP and PV have no usable values at the same times", "Check both tags."
     if op.size < FEWEST_SAMPLES:
         return f"only {op.size} samples follow each other without a hole", _FASTER
     if np.ptp(known) <= 0.0:
@@ -154,13 +210,14 @@ def _doubt(recording: Recording) -> tuple[str, str] | None:
     return None
 
 
-def _longest(recording: Recording) -> tuple[Floats, Floats, Floats | None]:
-    """OP, PV and SP over the longest stretch without a hole of more than ``LONGEST_BRIDGE``."""
+def _longest(recording: Recording) -> tuple[int, Floats, Floats, Floats | None]:
+    """The first sample, OP, PV and SP of the longest stretch without a hole of more than
+    ``LONGEST_BRIDGE`` samples."""
     op, pv, sp = recording.op, recording.get(Role.PV), recording.get(Role.SP)
     assert pv is not None
     known = op.usable & pv.usable
     if not known.any():
-        return np.empty(0), np.empty(0), None
+        return 0, np.empty(0), np.empty(0), None
     places = np.flatnonzero(known)
     breaks = np.flatnonzero(np.diff(places) > LONGEST_BRIDGE + 1)
     starts = np.concatenate([[0], breaks + 1])
@@ -175,7 +232,22 @@ def _longest(recording: Recording) -> tuple[Floats, Floats, Floats | None]:
     set_point = None
     if sp is not None and sp.usable[own].all():
         set_point = bridged(sp.values)
-    return bridged(op.values), bridged(pv.values), set_point
+    return int(own[0]), bridged(op.values), bridged(pv.values), set_point
+
+
+def _thinned(
+    op: Floats, pv: Floats, sp: Floats | None
+) -> tuple[Floats, Floats, Floats | None, int]:
+    """A record of at most ``MOST_SAMPLES``: a slow one by means, over how many samples is the last
+    of what is returned, a long one by its end."""
+    if op.size <= MOST_SAMPLES:
+        return op, pv, sp, 1
+    every = max(round(dominant_period(op) / _THINNED_TO), 1)
+
+    def short(values: Floats) -> Floats:
+        return block_means(values, every)[-MOST_SAMPLES:]
+
+    return short(op), short(pv), None if sp is None else short(sp), every
 
 
 def _answered(
@@ -187,14 +259,22 @@ def _answered(
     low, high = (S * float(np.exp(side * 1.96 * answer.spread)) for side in (-1.0, 1.0))
     least = LEAST_S_PERCENT if unit == PERCENT else 0.0
     periods = seen.samples / shown.period
-    if answer.score >= limits.suspected_from and shown.beyond > BEYOND and S >= least:
+    better = shown.coarse.gain_of_both > 0.0 and shown.beyond > BEYOND
+    alike = answer.score >= limits.suspected_from and better
+    if alike and S < least:
+        return _cannot_tell(
+            f"it looks as if the valve sticks by {S:.2f} % of OP, which a sound valve may have",
+            _TEST,
+            answer.score,
+        )
+    if alike:
         return WithoutPosition(
             verdict=Suspicion.SUSPECTED,
             reason=(
                 f"Sticking is suspected: with a valve that sticks by about {S:.1f}{said_unit} of "
                 f"OP ({low:.1f} to {high:.1f}) between OP and PV, PV is predicted better than by "
-                "any linear loop, on samples that were not fitted. Without a position this is "
-                "no verdict."
+                "any linear loop, on samples that were not fitted. By itself this is no "
+                "verdict."
             ),
             advice=_TEST,
             score=answer.score,
@@ -209,8 +289,8 @@ def _answered(
             verdict=Suspicion.NO_SIGN,
             reason=(
                 "OP and PV show no sign of sticking; a valve that sticks by "
-                f"{shows:.1f}{said_unit} of OP or more would have shown. Without a position this "
-                "is no verdict."
+                f"{shows:.1f}{said_unit} of OP or more would have shown. By itself this is no "
+                "verdict."
             ),
             advice="Nothing at the valve on these grounds.",
             score=answer.score,

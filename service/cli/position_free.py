@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from stemwatch.service.studies.position_free import FamilyRow
 
 
 def study_without_position(
@@ -17,41 +24,67 @@ def study_without_position(
     ] = 240,
     seed: o.Seed = 2042,
     train: Annotated[
-        int, typer.Option(min=100, max=100_000, help="Simulated loops to train on.")
-    ] = 5000,
+        int | None,
+        typer.Option(min=100, max=100_000, help="Train anew on so many simulated loops."),
+    ] = None,
     train_seed: Annotated[
         int, typer.Option(min=0, help="Draws those, and the next the limits.")
     ] = 11,
+    save: Annotated[
+        Path | None, typer.Option(help="Write the networks trained anew into this module.")
+    ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Count what OP and PV alone would tell of simulated valves whose position is left out.
 
-    Trains two small networks on simulated loops first, half as many of another seed give the
-    limits. Screening does not use them: on real loops they are not good enough yet.
+    Judges the networks that screening uses, or with --train those it trains first, on simulated
+    loops alone; half as many of another seed then give the limits.
     """
     from rich.progress import Progress
 
+    from stemwatch.models.without_position.suspicion import trained_judge
     from stemwatch.service.cli import views
-    from stemwatch.service.cli.prove_tables import plain_table
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.position_free import (
         FAMILIES,
         family_rows,
+        items_of_training,
+        module_of,
         run_position_free,
         run_training,
     )
 
+    if save is not None and train is None:
+        raise typer.BadParameter("--save writes what --train made: give --train as well")
+
     executor = choose_executor(workers)
     with Progress(console=views.err, transient=True) as progress:
-        bar = progress.add_task("training loops", total=train + train // 2)
-        judge = run_training(
-            train, train_seed, executor, lambda n: progress.update(bar, completed=n)
-        )
+        if train is None:
+            judge = trained_judge()
+        else:
+            total = sum(map(len, items_of_training(train, train_seed)))
+            bar = progress.add_task("training loops", total=total)
+            judge = run_training(
+                train, train_seed, executor, lambda n: progress.update(bar, completed=n)
+            )
+            if save is not None:
+                save.write_text(module_of(judge, train, train_seed), encoding="utf-8")
         bar = progress.add_task("loops", total=loops * len(FAMILIES))
         answers = run_position_free(
             judge, loops, seed, executor, lambda n: progress.update(bar, completed=n)
         )
+    views.out.print(_table(seed, family_rows(answers)))
+    if json_file is not None:
+        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
+        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("without-position.md")
+
+
+def _table(seed: int, rows: Iterable[FamilyRow]) -> Table:
+    """A row for each family."""
+    from stemwatch.service.cli.prove_tables import plain_table
+
     columns = (
         "suspected",
         "no sign",
@@ -63,7 +96,7 @@ def study_without_position(
     )
     title = f"Valves without a position, seed {seed}: sticking + sound loops"
     table = plain_table(title, ("family",), columns)
-    for row in family_rows(answers):
+    for row in rows:
         table.add_row(
             f"{row.family}, {row.sticking} + {row.sound}",
             *(f"{a} + {b}" for a, b in (row.suspected, row.no_sign, row.cannot_tell)),
@@ -72,8 +105,4 @@ def study_without_position(
             f"{row.error:.2f} %",
             f"{row.held[0]} of {row.held[1]}",
         )
-    views.out.print(table)
-    if json_file is not None:
-        objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
-        json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
-    views.say_read_on("without-position.md")
+    return table

@@ -184,13 +184,18 @@ def is_final(screening: Screening) -> bool:
 
 def summary(screenings: Sequence[Screening]) -> Table:
     """The ranking, worst first, in the order and the words of the report."""
+    from stemwatch.service.presenter.worth_a_test import suspected_sentence
     from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.report.report_context import ReportContext
 
     ranking = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
     more = f", the worst {SHOWN} shown" if len(ranking) > SHOWN else ""
     table = Table(title=f"{ranking.counts.sentence.rstrip('.')}{more}.", title_justify="left")
-    table.caption, table.caption_justify = _verdicts(ranking), "left"
+    first = suspected_sentence(ranking.suspected)
+    table.caption, table.caption_justify = (
+        "\n".join(filter(None, (_verdicts(ranking), escape(first)))),
+        "left",
+    )
     narrow, wide = out.width < NARROW, out.width >= WIDE
     table.add_column("", justify="right")
     table.add_column("valve", overflow="fold")  # names must not be cut

@@ -134,12 +134,15 @@ def _explained(
         findings=told.findings,
         pooled=told.pooled,
         recording_began=told.began,
+        by_whole=told.by_whole,
     )
-    begin = told.shown.first * recording.interval_s / 3600.0
-    hours = told.shown.length * recording.interval_s / 3600.0
-    said = " ".join(evidence.sentences())
-    where = f"What follows is of the window of {hours:.3g} h that begins after {begin:.3g} h."
-    sentence = f"{said} {where} {told.mismatch.sentence}"
+    said = list(evidence.sentences())
+    if told.shown is not None:
+        begin = told.shown.first * recording.interval_s / 3600.0
+        hours = told.shown.length * recording.interval_s / 3600.0
+        where = f"What follows is of the window of {hours:.3g} h that begins after {begin:.3g} h."
+        said.append(where)
+    sentence = " ".join((*said, told.mismatch.sentence))
     return replace(told.mismatch, sentence=sentence), evidence
 
 

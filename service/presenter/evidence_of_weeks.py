@@ -28,12 +28,14 @@ MOST_SHOWN = 30  # windows of the picture, the newest
 class EvidenceOfWeeks:
     """``windows`` in order of time, those that count; ``findings`` those that hold first;
     ``pooled`` S and J over the windows that name just what holds; ``recording_began`` where all
-    windows are parts of one recording: its beginning."""
+    windows are parts of one recording: its beginning. ``by_whole`` has what that names as a whole
+    and its windows gain by."""
 
     windows: tuple[WindowEvidence, ...]
     findings: tuple[LastingFinding, ...]
     pooled: Stiction | None = None
     recording_began: datetime | None = None
+    by_whole: tuple[str, ...] = ()
 
     @property
     def confirmed(self) -> tuple[LastingFinding, ...]:
@@ -79,7 +81,7 @@ class EvidenceOfWeeks:
     def sentences(self, zone: tzinfo = UTC) -> tuple[str, ...]:
         """One sentence for each finding, and one for S and J where they are pooled."""
         if self.of_one_recording:
-            said = [_within_recording(finding) for finding in self.findings]
+            said = [_within_recording(one, one.slug in self.by_whole) for one in self.findings]
             said = said or [f"None of {len(self.windows)} windows of the recording names anything."]
         else:
             said = [finding_sentence(finding, zone) for finding in self.findings]
@@ -129,9 +131,14 @@ def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
     return f"{text}, confirmed in {_counted(finding)}."
 
 
-def _within_recording(finding: LastingFinding) -> str:
-    """One finding of a recording that was explained as several windows."""
+def _within_recording(finding: LastingFinding, by_whole: bool) -> str:
+    """One finding of a recording that was explained as several windows, and ``by_whole`` as one."""
     name = effect_name(finding.slug)
+    if by_whole:
+        return (
+            f"{name[0].upper()}{name[1:]}: named in the recording as a whole, and confirmed by "
+            f"what {finding.of} windows of it gain together, {finding.named} of which name it."
+        )
     said = f"{name[0].upper()}{name[1:]}: named in {finding.named} of {finding.of} windows"
     if finding.state is FindingState.FIRST_SEEN:
         return f"{said} of the recording, which the others do not confirm."

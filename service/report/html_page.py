@@ -20,14 +20,17 @@ from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.presenter.response_table import response_table
+from stemwatch.service.presenter.worth_a_test import HOW_SURE, suspected_sentence, suspicion_title
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
 from stemwatch.service.report.evidence_by_window import evidence_picture
+from stemwatch.service.report.group_pictures import spectra_map, strength_bars
 from stemwatch.service.report.mismatch_view import (
     MismatchView,
     gain_rows,
@@ -35,11 +38,18 @@ from stemwatch.service.report.mismatch_view import (
     mismatch_view,
     rejected_rows,
 )
-from stemwatch.service.report.ranking import RankedValve, count_verdicts, counted, discovered
+from stemwatch.service.report.ranking import (
+    RankedValve,
+    count_verdicts,
+    counted,
+    discovered,
+    suspected,
+)
 from stemwatch.service.report.report_context import ReportContext
 
 # Valves with these verdicts are plotted, and the next ones up to 60, but never more than 150: the
-# plots of one are 60 to 90 KB, and the page must open on a phone.
+# plots of one are 60 to 90 KB, with pictures of what was named up to 150, and the page must open on
+# a phone.
 ALWAYS_WITH_PLOTS = (Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH)
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
@@ -99,6 +109,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         valves=_plotted(ranked, counts, discoveries.remark),
         discovered=discoveries.sentence,
         told=told_limit(counts),
+        suspected=suspected_sentence(suspected(ranked)),
         areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
         gauge_top=gauge_top(valve.screening for valve in ranked),
         models=MODEL_NAMES,
@@ -188,6 +199,14 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
     env.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     env.filters |= {
         "figure": words.figure,
+        "group_headline": oscillation_words.headline,
+        "group_cost": oscillation_words.cost,
+        "group_begun": lambda group: oscillation_words.begun(group, context.tz),
+        "oscillates_with": lambda loop: oscillation_words.of_loops(
+            context.groups, loop, context.tz
+        ),
+        "spectra_map": spectra_map,
+        "strength_bars": strength_bars,
         "span_percent": words.span_percent,
         "share": words.share,
         "interval": words.interval,
@@ -216,6 +235,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "prose": words.prose,
         "instant": lambda when: words.instant(when, context.tz),
         "window": lambda ends: words.window(ends[0], ends[1], context.tz, context.zone),
+        "suspicion_title": suspicion_title,
+        "how_sure": lambda _: HOW_SURE,
         "symbol": lambda verdict: words.VERDICT_SYMBOL[verdict],
         "verdict_meaning": lambda verdict: words.VERDICT_MEANING[verdict],
     }

@@ -23,9 +23,11 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     TriedEffect,
 )
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
+from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
@@ -103,6 +105,21 @@ def estimate_object(estimate: Estimate) -> dict[str, Any]:
         "high": finite(estimate.high),
         "unit": printable(estimate.unit),
         "reason": None if reason is None else printable(reason),
+    }
+
+
+def without_position_object(told: WithoutPosition | None) -> dict[str, Any] | None:
+    """What OP and PV alone say of the valve; ``None`` where they were not asked."""
+    if told is None:
+        return None
+    return {
+        "verdict": told.verdict.value,
+        "score": finite(told.score),
+        "apparent_S": estimate_object(told.apparent_S),
+        "shows_from": finite(told.shows_from),
+        "rivals": [printable(rival) for rival in told.rivals],
+        "reason": printable(told.reason),
+        "advice": printable(told.advice),
     }
 
 
@@ -203,11 +220,13 @@ def to_contract(
     stands: bool | None = None,
     by_window: EvidenceOfWeeks | None = None,
     zone: tzinfo = UTC,
+    groups: Sequence[OscillationGroup] = (),
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together. Days in sentences are those of ``zone``, as in a report.
+    windows of the last weeks say together, ``groups`` which loops
+    oscillate together. Days in sentences are those of ``zone``, as in a report.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
@@ -237,14 +256,33 @@ def to_contract(
             for name, indicator in screening.indicators.items()
         },
         "mismatch": None if mismatch is None else mismatch_object(mismatch, stands=stands),
+        "without_position": without_position_object(screening.without_position),
         "over_weeks": []
         if by_window is None
         else [_lasting(finding, zone) for finding in by_window.findings],
+        "oscillates_with": _oscillates_with(groups, screening.valve),
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
         "seconds": finite(screening.seconds),
     }
+
+
+def _oscillates_with(groups: Sequence[OscillationGroup], loop: str) -> list[dict[str, Any]]:
+    """The groups of which a loop is a member, as plain types."""
+    return [
+        {
+            "period_s": finite(group.period_s),
+            "loops": [printable(member.loop) for member in group.members],
+            "share": finite(next(one.share for one in group.members if one.loop == loop)),
+            "source": printable(group.source) or None,
+            "source_probability": finite(group.members[0].probability),
+            "outside_probability": finite(group.outside),
+            "since": _instant(group.since),
+        }
+        for group in groups
+        if any(member.loop == loop for member in group.members)
+    ]
 
 
 def by_window_object(evidence: EvidenceOfWeeks) -> dict[str, Any]:

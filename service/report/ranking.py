@@ -21,12 +21,13 @@ from stemwatch.service.presenter.work_decision import (
     count_valves,
     decide,
 )
+from stemwatch.service.presenter.worth_a_test import loops_to_test, worth_a_test
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
 
 LONGEST_ANCHOR = 60
-RankKey = tuple[int, float, str]
+RankKey = tuple[int, float, float, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +92,7 @@ class Ranking(Sequence[RankedValve]):
         self.counts = count_valves(
             (note.valve, of_it) for note, of_it in zip(notes, decided, strict=True)
         )
+        self.suspected = loops_to_test(notes[place] for place in self._order)
         taken: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[place].valve, taken) for place in self._order]
 
@@ -113,16 +115,16 @@ class Ranking(Sequence[RankedValve]):
         place = self._order[at]
         screening = self._screenings[place]
         facts = self._context.facts(screening.valve)
-        said = present(screening, stands=self.discovered.standing[at], run=self.discovered)
+        finding = present(screening, stands=self.discovered.standing[at], run=self.discovered)
         return RankedValve(
             rank=at + 1,
             anchor=self._anchors[at],
             screening=screening,
             facts=facts,
             trend=change_since_last_run(
-                screening, said.decision.verdict, facts.previous, facts.weeks
+                screening, finding.decision.verdict, facts.previous, facts.weeks
             ),
-            finding=said,
+            finding=finding,
             stands=self.discovered.standing[at],
             plots=partial(self._evidence, place),
         )
@@ -173,7 +175,19 @@ def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
 
 
 def _key(screening: Screening, decided: WorkDecision) -> RankKey:
-    return WORST_FIRST.index(decided.verdict), -(finite(decided.severity) or 0.0), screening.valve
+    """By verdict, then severity and tag; of those without a verdict whose severity is the same,
+    the suspected first, by their score."""
+    told = screening.without_position if worth_a_test(screening) else None
+    score = 0.0 if told is None else finite(told.score) or 0.0
+    severity = finite(decided.severity) or 0.0
+    return WORST_FIRST.index(decided.verdict), -severity, -score, screening.valve
+
+
+def suspected(ranked: Sequence[RankedValve]) -> Sequence[str]:
+    """The valves that deserve a position transmitter or a test first, in their order."""
+    if isinstance(ranked, Ranking):
+        return ranked.suspected
+    return loops_to_test(valve.screening for valve in ranked)
 
 
 def anchor_of(valve: str, used_anchors: Counter[str]) -> str:

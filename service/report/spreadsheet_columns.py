@@ -49,6 +49,7 @@ def columns(context: ReportContext) -> list[SpreadsheetColumn]:
         *_residuals("narx", "NARX network"),
         *_residuals("baseline", "baseline"),
         *_mismatch(),
+        *_without_position(),
         *_recording(context),
     ]
 
@@ -57,8 +58,10 @@ def header_and_rows(
     ranked: Sequence[RankedValve], context: ReportContext
 ) -> tuple[list[SpreadsheetColumn], Iterator[list[Cell]]]:
     """The columns and, valve by valve as they are asked for, their cells, every text printable."""
-    shown = columns(context)
-    return shown, ([clean_cell(column.read(valve)) for column in shown] for valve in ranked)
+    chosen_columns = columns(context)
+    return chosen_columns, (
+        [clean_cell(column.read(valve)) for column in chosen_columns] for valve in ranked
+    )
 
 
 def clean_cell(cell: Cell) -> Cell:
@@ -196,6 +199,30 @@ def _left_out(valve: RankedValve) -> Cell:
 def _p_value(valve: RankedValve) -> Cell:
     mismatch = valve.screening.mismatch
     return None if mismatch is None else mismatch.p_value
+
+
+def _without_position() -> list[SpreadsheetColumn]:
+    def read(part: str) -> Callable[[RankedValve], Cell]:
+        return lambda valve: getattr(valve.screening.without_position, part, None)
+
+    def apparent_S(valve: RankedValve) -> Cell:
+        told = valve.screening.without_position
+        return None if told is None else told.apparent_S.value
+
+    return [
+        _text("OP and PV alone", "what they let suspect; no verdict", _suspicion, 14),
+        SpreadsheetColumn(
+            header="sticking score (0 to 1)", meaning="by OP and PV alone", read=read("score")
+        ),
+        SpreadsheetColumn(
+            header="apparent S", meaning="where suspected, in the unit of OP", read=apparent_S
+        ),
+    ]
+
+
+def _suspicion(valve: RankedValve) -> Cell:
+    told = valve.screening.without_position
+    return None if told is None else told.verdict.value.replace("_", " ")
 
 
 def _recording(context: ReportContext) -> list[SpreadsheetColumn]:

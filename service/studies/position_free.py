@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from hashlib import sha256
 
 import numpy as np
 
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.studies.loops.draws import DrawnLoop, draw_loop
-from stemwatch.models.studies.loops.examples import LoopExample, example
+from stemwatch.models.studies.loops.examples import (
+    LoopExample,
+    WindowsExample,
+    example,
+    windows_example,
+)
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.simulate import simulate_loop
-from stemwatch.models.without_position.features import NAMES
-from stemwatch.models.without_position.network import LoopScore
+from stemwatch.models.without_position.network import LoopNetwork, packed
 from stemwatch.models.without_position.suspicion import (
     BEYOND,
     Judge,
@@ -28,8 +33,10 @@ FALSE_ALARMS = 0.02  # share of sound loops that may be suspected
 MISSED = 0.05  # share of loops that plainly stick which may be told "no sign"
 PLAIN = 0.5  # S over the amplitude of OP, from which a loop plainly sticks
 SEEN = 0.9  # share of sticking loops of an S, and of any larger, that are not told "no sign"
+WINDOWS_ONLY = "own, windows only"
+_MORE = 4  # times as many loops for the convolutional network, which need a tenth of the time
+_LINE = 100
 _NEAR, _ENOUGH = 1.5, 30  # S and all down to so many times less count together, if so many
-_BEYOND_AT = NAMES.index("gain of both beyond its surrogates")
 
 
 @dataclass(frozen=True)
@@ -41,32 +48,60 @@ class LoopToDraw:
     family: str = "own"
 
 
-def example_item(item: LoopToDraw) -> list[LoopExample | None]:
+def example_item(item: LoopToDraw) -> list[LoopExample | WindowsExample | None]:
     """The example of one drawn loop."""
+    if item.family == WINDOWS_ONLY:
+        return [windows_example(item.seed, item.place)]
     return [example(item.seed, item.place)]
+
+
+def items_of_training(loops: int, seed: int) -> tuple[list[LoopToDraw], list[LoopToDraw]]:
+    """What is drawn to train on, and what gives the limits: half as many of the next seed, and
+    sound valves of the force-balance plant."""
+    examples = [LoopToDraw(seed, place) for place in range(loops)]
+    examples += [LoopToDraw(seed, place, WINDOWS_ONLY) for place in range(loops, loops * _MORE)]
+    judged = [LoopToDraw(seed + 1, place) for place in range(loops // 2)]
+    judged += [LoopToDraw(seed + 1, 2 * place + 1, "plant") for place in range(loops // 10)]
+    return examples, judged
 
 
 def run_training(
     loops: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> Judge:
-    """Train on ``loops`` loops of ``seed``; half as many of the next seed give the limits."""
+    """Train on ``loops`` loops of ``seed``, the convolutional network on ``_MORE`` times as many;
+    ``items_of_training`` says what gives the limits."""
     from stemwatch.models.studies.loops.training import train  # torch takes two seconds to import
 
-    items = [LoopToDraw(seed, place) for place in range(loops)]
-    items += [LoopToDraw(seed + 1, place) for place in range(loops // 2)]
-    shown = map_in_order(executor, example_item, items, on_progress)
-    network = train([one for one in shown[:loops] if one is not None], seed=seed)
-    judged = [one for one in shown[loops:] if one is not None]
-    answers = [network.answer(one.values, one.windows.astype(np.float64)) for one in judged]
-    return Judge(network=network, limits=_limits(judged, answers))
+    examples, judged = items_of_training(loops, seed)
+    shown = map_in_order(executor, example_item, examples, on_progress)
+    network = train(
+        [one for one in shown if isinstance(one, LoopExample)],
+        seed=seed,
+        more=[one for one in shown if isinstance(one, WindowsExample)],
+    )
+    done = len(examples)
+    seen = map_in_order(executor, look_item, judged, lambda n: on_progress(done + n))
+    return Judge(network=network, limits=limits_of(seen, network))
 
 
-def _limits(judged: Sequence[LoopExample], answers: Sequence[LoopScore]) -> SuspicionLimits:
-    score = np.array([answer.score for answer in answers])
-    sticky = np.array([one.sticky for one in judged])
-    size = np.exp(np.nan_to_num([one.log_S for one in judged], nan=-9.0))
-    beyond = np.array([one.values[_BEYOND_AT] for one in judged]) > BEYOND
-    suspected = float(np.quantile(np.where(beyond, score, 0.0)[~sticky], 1.0 - FALSE_ALARMS))
+def limits_of(drawn: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimits:
+    """The limits by loops that no network was trained on. At most ``FALSE_ALARMS`` of the sound
+    loops of each simulator may be suspected."""
+    judged = [(one, one.seen.shown, one.seen.windows) for one in drawn]
+    known = [(one, shown, cut) for one, shown, cut in judged if shown is not None]
+    score = np.array(
+        [network.answer(e.values, cut).score for _, e, cut in known if cut is not None]
+    )
+    own = np.array([one.place.family == "own" for one, _, _ in known])
+    S = np.array([one.S for one, _, _ in known])
+    sticky, size = S > 0.0, S / np.array([shown.amplitude for _, shown, _ in known])
+    beyond = np.array([shown.beyond for _, shown, _ in known]) > BEYOND
+    alarming = np.where(beyond, score, 0.0)
+    suspected = max(
+        float(np.quantile(alarming[~sticky & of_it], 1.0 - FALSE_ALARMS))
+        for of_it in (own, ~own)
+        if np.any(~sticky & of_it)
+    )
     no_sign = min(float(np.quantile(score[sticky & (size >= PLAIN)], MISSED)), suspected)
     # A valve that sticks by more than OP swings would make it swing wider.
     tried = np.geomspace(0.05, 1.0, 60)
@@ -77,6 +112,35 @@ def _limits(judged: Sequence[LoopExample], answers: Sequence[LoopScore]) -> Susp
             break
         shows = least
     return SuspicionLimits(suspected_from=suspected, no_sign_below=no_sign, shows_from=float(shows))
+
+
+def module_of(judge: Judge, loops: int, seed: int) -> str:
+    """The Python module that ships ``judge`` with the program (``trained_weights.py``)."""
+    shapes, text = packed(judge.network.arrays)
+    return "\n".join(
+        [
+            '"""The networks for valves without a position, as trained; not to be edited by hand.',
+            "",
+            "``stemwatch study-without-position --save FILE`` writes this file.",
+            '"""',
+            "",
+            "from __future__ import annotations",
+            "",
+            f'COMMAND = "stemwatch study-without-position --train {loops} --train-seed {seed}"',
+            "# SHA-256 of PACKED in one line",
+            f'DIGEST = "{sha256(text.encode()).hexdigest()}"',
+            f"SUSPECTED_FROM = {judge.limits.suspected_from:.4f}",
+            f"NO_SIGN_BELOW = {judge.limits.no_sign_below:.4f}",
+            f"SHOWS_FROM = {judge.limits.shows_from:.4f}",
+            "SHAPES: dict[str, tuple[int, ...]] = {",
+            *(f'    "{name}": {shape},' for name, shape in shapes.items()),
+            "}",
+            'PACKED = """',
+            *(text[at : at + _LINE] for at in range(0, len(text), _LINE)),
+            '"""',
+            "",
+        ]
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/bench_without_position.py --recordings FOLDER
 
-Trains as ``stemwatch study-without-position`` does, and judges the loops of ``isdb`` and
-``refinery``, whose labels take no part in anything.
+Judges the loops of ``isdb`` and ``refinery`` with the networks that screening uses. The labels take
+no part in anything.
 """
 
 from __future__ import annotations
@@ -17,9 +17,12 @@ import pandas as pd
 import stemwatch as sw
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.without_position.features import NAMES
-from stemwatch.models.without_position.suspicion import Judge, Suspicion, look
-from stemwatch.service.executors import choose_executor
-from stemwatch.service.studies.position_free import run_training
+from stemwatch.models.without_position.suspicion import (
+    Judge,
+    Suspicion,
+    look,
+    trained_judge,
+)
 
 GAIN = NAMES.index("gain of both at 25 to a period")
 
@@ -68,13 +71,11 @@ def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None
 
 
 def main() -> None:
-    """Train, then judge both sets."""
+    """Judge both sets."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=Path, required=True)
-    parser.add_argument("--train", type=int, default=5000)
-    parser.add_argument("--train-seed", type=int, default=11)
     given = parser.parse_args()
-    judge = run_training(given.train, given.train_seed, choose_executor(None), lambda _: None)
+    judge = trained_judge()
     report("isdb", isdb(given.recordings / "isdb"), judge)
     report("refinery", refinery(given.recordings / "refinery"), judge)
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from stemwatch.models.explained_windows import FEWEST, MOST, explain_windows
-from stemwatch.models.mismatch.findings import Finding, FreeRuns, Mismatch
+from stemwatch.models.mismatch.findings import EffectScore, Finding, FreeRuns, Mismatch
 from stemwatch.models.recording import Recording, Role, Signal
 from tests.service.example_mismatches import of_every_kind
 
 SAMPLES = 400
+PLAY = "lost_motion"
 NAMED, CANDIDATES, UNKNOWN, NONE, UNTESTABLE = of_every_kind()
 
 
@@ -94,14 +95,14 @@ def test_what_one_window_alone_names_is_not_published():
 
 
 def test_unknown_is_said_where_most_windows_say_it_and_restates_nothing():
-    """S and J of windows in which something is left are not pooled with the others."""
+    """S and J are not pooled where some windows are not free of something."""
     told = explain_windows(
         long_recording(5.0), SAMPLES, Said([NONE, UNKNOWN, UNKNOWN, UNKNOWN, NONE])
     )
     assert told is not None
     assert told.mismatch.finding is Finding.UNKNOWN
     assert told.mismatch.restated == UNKNOWN.restated
-    assert told.pooled is not None
+    assert told.pooled is None
 
 
 def test_the_shown_window_is_explained_again_where_that_may_cost_more():
@@ -121,3 +122,42 @@ def test_windows_that_could_show_nothing_leave_it_untestable():
     assert told.mismatch.finding is Finding.NOT_TESTABLE
     assert told.findings == ()
     assert told.pooled is None
+
+
+def scored(mismatch: Mismatch, t: float) -> Mismatch:
+    """The mismatch of a window that gains by play with this t, and names nothing of it."""
+    return replace(mismatch, scores=(EffectScore(slug=PLAY, mean=0.1, t=t, strength=0.5),))
+
+
+@pytest.mark.parametrize(
+    ("t", "windows", "named"), [(2.0, 5, True), (0.1, 5, False), (2.0, 9, False)]
+)
+def test_what_the_whole_names_counts_where_the_windows_gain_by_it(t, windows, named):
+    """The whole is asked where they gain together, and of a recording that is no longer than they
+    are; then what it says is published as it is."""
+    play = replace(NAMED.effects[0], slug=PLAY, members=(PLAY,))
+    whole = replace(NAMED, effects=(play,), p_value=0.01)
+    answers = [scored(NONE, t)] * min(windows, MOST)
+    told = explain_windows(long_recording(windows), SAMPLES, Said([*answers, whole]))
+    assert told is not None
+    assert told.by_whole == ((PLAY,) if named else ())
+    assert [finding.holds for finding in told.findings] == [True] * named
+    if named:
+        assert told.shown is None
+        assert told.mismatch.effects == (play,)
+        assert told.mismatch.restated == NAMED.restated
+        assert told.mismatch.p_value == 0.01
+        assert told.mismatch.runs.naive.size == windows * SAMPLES
+        assert told.mismatch.seconds == windows + 1
+    else:
+        assert told.mismatch.finding is Finding.NONE
+
+
+def test_what_the_whole_names_beyond_what_windows_gain_by_is_not_published():
+    """Two effects, of which the windows know one: the answer is theirs."""
+    answers = [scored(NONE, 2.0)] * 5
+    told = explain_windows(long_recording(5), SAMPLES, Said([*answers, NAMED]))
+    assert told is not None
+    assert told.by_whole == ()
+    assert told.mismatch.finding is Finding.NONE
+    assert told.mismatch.seconds == 6.0

@@ -1,13 +1,14 @@
-"""Random loops without a position: processes, tuning, disturbances, sensors and archives."""
+"""Random loops without a position: processes, tuning, disturbances, sensors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, sawtooth
 
 from stemwatch.models.recording import Floats
+from stemwatch.models.studies.loops.archives import archived
+from stemwatch.models.studies.loops.driving import coloured, now_and_then, stepped, wave
 from stemwatch.models.studies.loops.kernel import LoopNumbers, run_scans
 
 # What acts on a loop, and how often it is drawn. Every one of them comes with a sticking stem and
@@ -17,15 +18,16 @@ STORIES = {
     "load": 0.16,
     "tight": 0.16,
     "wave": 0.20,
-    "set points": 0.14,
+    "set points": 0.12,
     "cascade": 0.08,
-    "neighbour": 0.08,
+    "neighbour": 0.10,
     "noisy": 0.06,
     "sensor": 0.03,
     "saturated": 0.03,
 }
+_SECOND_STORY = 0.35  # of loops in which a second disturbance acts
 WARM_UP = 400  # scans before the record
-FEWEST, MOST = 700, 3600  # stored samples
+FEWEST, MOST = 250, 3600  # stored samples
 FEWEST_SLIPS = 4  # of a sticking stem in its record; one that never moved shows nothing
 _TRIES = 50
 
@@ -70,11 +72,10 @@ def _drawn(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoo
     story = story or drawn
     S = float(np.exp(rng.uniform(np.log(1.0), np.log(8.0)))) if sticks else 0.0
     J = S * float(rng.choice([0.0, rng.uniform(0.1, 0.9), 1.0, rng.uniform(1.0, 1.2)]))
-    every = int(rng.choice([1, 1, 1, 2, 3, 5, 10]))
-    scans = WARM_UP + every * int(rng.integers(FEWEST, MOST))
-    signals, stem = _run(rng, story, S, J, scans)
-    op, pv, sp = (column[WARM_UP::every].copy() for column in signals)
-    op, pv = _archived(op, rng), _archived(pv, rng)
+    every = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
+    count = int(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST))))
+    signals, stem = _run(rng, story, S, J, WARM_UP + every * count)
+    op, pv, sp = archived(signals, WARM_UP, every, rng)
     moves = np.diff(stem[WARM_UP:]) != 0.0
     slips = int(np.count_nonzero(moves[1:] & ~moves[:-1]))
     loop = DrawnLoop(op=op, pv=pv, sp=sp, interval_s=float(every), S=S, J=J, story=story)
@@ -86,13 +87,16 @@ def _run(
 ) -> tuple[tuple[Floats, Floats, Floats], Floats]:
     """OP, PV and SP at every scan, and the stem."""
     numbers, period = _draw_numbers(rng, story, S, J)
+    stories = {story}
+    if rng.random() < _SECOND_STORY:
+        stories.add(str(rng.choice(["load", "wave", "set points", "cascade", "neighbour"])))
     time = np.arange(scans, dtype=np.float64)
-    sp = _set_points(rng, story, numbers, time, period)
-    load, push = _disturbances(rng, story, numbers, time, period)
-    size = float(np.exp(rng.uniform(np.log(0.01), np.log(0.15))))
+    sp = _set_points(rng, stories, numbers, time, period)
+    load, push = _disturbances(rng, stories, numbers, time, period)
+    size = float(np.exp(rng.uniform(np.log(0.005), np.log(0.2))))
     if story == "noisy":
         size = float(rng.uniform(0.2, 0.6))
-    noise = min(size, 1.5 / numbers.gain) * rng.standard_normal(scans)
+    noise = min(size, 1.5 / numbers.gain) * coloured(scans, float(rng.choice([0.0, 0.0, 2.0])), rng)
     read, stem = run_scans(numbers, sp, load, push, noise, rng.standard_normal(2048))
     return (read[0], read[1], sp), stem
 
@@ -102,16 +106,19 @@ def _draw_numbers(
 ) -> tuple[LoopNumbers, float]:
     """The loop, tuned by the lambda rule well or too tight, and 2 pi times its settling time."""
     integrating = bool(rng.random() < 0.25)
-    lag = float(np.exp(rng.uniform(np.log(2.0), np.log(60.0))))
+    lag = float(np.exp(rng.uniform(np.log(0.5), np.log(80.0))))
     delay = int(rng.integers(0, max(2, round(lag * rng.choice([0.2, 0.6, 1.2])))))
-    second = float(rng.choice([0.0, rng.uniform(0.0, 0.5) * lag]))
+    second = float(rng.choice([0.0, rng.uniform(0.0, 0.9) * lag]))
     process_gain = float(np.exp(rng.uniform(np.log(0.4), np.log(2.5))))
-    air = float(rng.uniform(0.2, 3.0))
-    settle = delay + 1.0 + air + 0.5 * second
+    air = float(rng.uniform(0.1, 3.0))
+    sensor = float(rng.choice([0.0, rng.uniform(0.0, 2.0), rng.uniform(0.0, 0.5) * lag]))
+    seldom = int(rng.choice([1, 1, 1, 2, 4]))
+    pv_filter = float(rng.choice([0.0, 0.0, rng.uniform(0.5, 4.0)]))
+    settle = delay + 0.5 + 0.5 * seldom + air + 0.5 * (second + sensor) + 0.7 * pv_filter
     tight = story == "tight"
-    closed = settle * float(rng.uniform(0.02, 0.35) if tight else rng.uniform(0.8, 4.0))
-    reset = 4.0 * (closed + settle) if integrating else min(lag, 4.0 * (closed + settle))
-    reset *= float(rng.uniform(0.7, 1.3))
+    closed = settle * float(rng.uniform(0.02, 0.35) if tight else rng.uniform(0.8, 5.0))
+    reset = 4.0 * (closed + settle) if integrating else min(lag + 0.5, 4.0 * (closed + settle))
+    reset *= float(rng.uniform(0.7, 1.5))
     if integrating and tight:
         reset *= float(rng.uniform(0.15, 0.6))
     output = float(rng.uniform(30.0, 70.0))
@@ -119,92 +126,75 @@ def _draw_numbers(
     if story == "saturated":
         low, high = output - float(rng.uniform(0.5, 6.0)), output + float(rng.uniform(3.0, 20.0))
     numbers = LoopNumbers(
-        gain=lag / (process_gain * (closed + settle)),
+        gain=(lag + 0.5) / (process_gain * (closed + settle)),
         reset=reset,
         low=low,
         high=high,
         output=output,
         air_lag=air,
-        S=S if S > 0.0 else float(rng.uniform(0.0, 0.3)),
+        S=S if S > 0.0 else float(rng.uniform(0.0, 0.4)),
         J=J,
-        scatter=float(rng.uniform(0.02, 0.2)),
+        scatter=float(rng.uniform(0.02, 0.25)),
         process_gain=process_gain,
         lag=lag,
         second_lag=second,
         delay=delay,
         integrating=integrating,
         play=float(rng.uniform(0.5, 4.0)) * process_gain if story == "sensor" else 0.0,
-        sensor_lag=float(rng.uniform(0.0, 2.0)),
+        sensor_lag=sensor,
         op_step=float(rng.choice([0.0, 0.0, 0.01, 0.1])),
-        pv_step=float(rng.choice([0.0, 0.0, 0.02, 0.1])) * process_gain,
+        pv_step=float(rng.choice([0.0, 0.0, 0.02, 0.1, 0.3])) * process_gain,
+        bend=float(rng.choice([0.0, rng.uniform(-0.5, 0.5)])),
+        executes_every=seldom,
+        pv_filter=pv_filter,
+        gap=float(rng.choice([0.0, 0.0, 0.0, 0.0, rng.uniform(0.05, 0.5)])),
     )
     return numbers, 2.0 * np.pi * (closed + settle)
 
 
 def _set_points(
-    rng: np.random.Generator, story: str, numbers: LoopNumbers, time: Floats, period: float
+    rng: np.random.Generator, stories: set[str], numbers: LoopNumbers, time: Floats, period: float
 ) -> Floats:
     """(n,) set point in percent: still, stepped or ramped, or led by another loop."""
-    base = float(rng.uniform(35.0, 65.0))
-    if story == "set points":
-        starts = np.cumsum(rng.uniform(1.0, 6.0) * period * (1.0 + rng.exponential(1.0, 4000)))
-        starts = starts[starts < time.size]
-        heights = np.concatenate([[0.0], rng.uniform(-10.0, 10.0, starts.size)])
-        heights *= numbers.process_gain * (0.4 if numbers.integrating else 1.0)
-        steps = base + heights[np.searchsorted(starts, time, side="right")]
-        return _slewed(steps, float(rng.uniform(0.02, 0.3))) if rng.random() < 0.3 else steps
-    if story == "cascade":
+    sp = np.full(time.size, float(rng.uniform(35.0, 65.0)))
+    if "set points" in stories:
+        height = float(rng.uniform(2.0, 10.0)) * numbers.process_gain
+        height *= 0.4 if numbers.integrating else 1.0
+        moves = height * stepped(time, rng.uniform(2.0, 12.0) * period, rng)
+        sp += _slewed(moves, float(rng.uniform(0.02, 0.3))) if rng.random() < 0.3 else moves
+    if "cascade" in stories:
         led = float(rng.uniform(0.5, 5.0)) * numbers.process_gain
         if rng.random() < 0.5:
-            return np.asarray(base + led * _wave(time, 2.0 * period, rng))
-        return np.asarray(base + led * _coloured(time.size, period * rng.uniform(1.0, 4.0), rng))
-    return np.full(time.size, base)
+            sp += led * wave(time, 2.0 * period, rng)
+        else:
+            sp += led * coloured(time.size, period * rng.uniform(1.0, 4.0), rng)
+    return sp
 
 
 def _disturbances(
-    rng: np.random.Generator, story: str, numbers: LoopNumbers, time: Floats, period: float
+    rng: np.random.Generator, stories: set[str], numbers: LoopNumbers, time: Floats, period: float
 ) -> tuple[Floats, Floats]:
     """(n,) each: the load at the process input, percent of travel, and the push on PV itself."""
-    size = float(np.exp(rng.uniform(np.log(0.05), np.log(0.6))))
-    load = size * _coloured(time.size, period * rng.uniform(0.2, 3.0), rng)
+    size = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
+    load = size * coloured(time.size, period * rng.uniform(0.2, 3.0), rng)
     push = np.zeros(time.size)
-    if story == "load":
-        load += rng.uniform(0.5, 3.0) * _coloured(time.size, period * rng.uniform(0.5, 6.0), rng)
-    elif story == "saturated":
-        load += _wave(time, period, rng) * float(rng.uniform(2.0, 6.0))
-    elif story in ("wave", "neighbour"):
+    if rng.random() < 0.3:  # drift over much of the record
+        load += rng.uniform(0.5, 4.0) * coloured(time.size, time.size * rng.uniform(0.1, 1.0), rng)
+    if rng.random() < 0.15:
+        load += rng.uniform(0.3, 3.0) * stepped(time, rng.uniform(5.0, 30.0) * period, rng)
+    if "load" in stories:
+        more = rng.uniform(0.5, 3.0) * coloured(time.size, period * rng.uniform(0.5, 6.0), rng)
+        load += more * now_and_then(time.size, 30.0 * period, rng)
+    if "saturated" in stories:
+        load += wave(time, period, rng) * float(rng.uniform(2.0, 6.0))
+    for story in stories & {"wave", "neighbour"}:
         amplitude = float(np.exp(rng.uniform(np.log(0.5), np.log(5.0))))
-        wave = _wave(time, period, rng) if story == "wave" else _neighbour(time.size, period, rng)
+        shape = wave(time, period, rng) if story == "wave" else _neighbour(time.size, period, rng)
         if rng.random() < 0.3:
-            push += amplitude * numbers.process_gain * 0.5 * wave
+            push += amplitude * numbers.process_gain * 0.5 * shape
         else:
-            load += amplitude * wave
+            load += amplitude * shape
     return load, push
-
-
-def _coloured(count: int, time: float, rng: np.random.Generator) -> Floats:
-    """Noise of unit variance with this correlation time, in scans."""
-    pole = float(np.exp(-1.0 / max(time, 0.5)))
-    drawn = rng.standard_normal(count) * np.sqrt(1.0 - pole * pole)
-    return np.asarray(lfilter([1.0], [1.0, -pole], drawn))
-
-
-def _wave(time: Floats, period: float, rng: np.random.Generator) -> Floats:
-    """A sine, a triangle, or a wave between sine and square, whose phase wanders; now and then it
-    comes and goes."""
-    own = period * float(np.exp(rng.uniform(np.log(0.7), np.log(6.0))))
-    walk = np.cumsum(rng.standard_normal(time.size)) * np.sqrt(1.0 / own)
-    phase = 2.0 * np.pi * (time / own + rng.uniform()) + rng.uniform(0.02, 0.5) * walk
-    kind = rng.choice(["sine", "sine", "square", "triangle", "saw"])
-    if kind == "sine":
-        wave = np.sin(phase)
-    elif kind == "square":
-        wave = np.tanh(rng.uniform(1.5, 12.0) * np.sin(phase))
-    else:
-        wave = sawtooth(phase, 0.5 if kind == "triangle" else rng.uniform(0.55, 0.95))
-    if rng.random() < 0.2:
-        wave = wave * (_coloured(time.size, 10.0 * own, rng) > rng.uniform(-0.5, 0.5))
-    return np.asarray(wave)
 
 
 def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
@@ -231,9 +221,13 @@ def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
         sensor_lag=0.0,
         op_step=0.0,
         pv_step=0.0,
+        bend=0.0,
+        executes_every=1,
+        pv_filter=0.0,
+        gap=0.0,
     )
     nothing = np.zeros(scans)
-    load = 0.5 * _coloured(scans, 5.0 * lag, rng)
+    load = 0.5 * coloured(scans, 5.0 * lag, rng)
     start = np.full(scans, 50.0)
     start[: scans // 50 + 1] = 50.0 + S
     read, _ = run_scans(numbers, start, load, nothing, nothing, rng.standard_normal(2048))
@@ -247,16 +241,3 @@ def _slewed(values: Floats, most: float) -> Floats:
     for k in range(1, values.size):
         followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most, most)
     return followed
-
-
-def _archived(values: Floats, rng: np.random.Generator) -> Floats:
-    """Thinned by exception reporting in one record of seven."""
-    if rng.random() > 0.15:
-        return values
-    deviation = float(rng.uniform(0.02, 0.2)) * float(np.std(values))
-    kept, held = values.copy(), values[0]
-    for k, value in enumerate(values):
-        if abs(value - held) > deviation:
-            held = value
-        kept[k] = held
-    return kept

@@ -8,8 +8,8 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.loops.draws import draw_loop
-from stemwatch.models.without_position.features import evidence
-from stemwatch.models.without_position.windows import windows
+from stemwatch.models.without_position.features import dominant_period, evidence
+from stemwatch.models.without_position.windows import LENGTH, windows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,16 +22,33 @@ class LoopExample:
     log_S: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class WindowsExample:
+    """One loop as the convolutional network alone sees it: a tenth of the time."""
+
+    windows: Floats
+    sticky: bool
+
+
 def example(seed: int, index: int) -> LoopExample | None:
     """The example of a drawn loop; ``None`` where it holds nothing that can be compared."""
     loop = draw_loop(seed, index)
     try:
-        shown = evidence(loop.op, loop.pv, loop.sp)
+        shown = evidence(loop.op, loop.pv)
     except ValueError:
         return None
     return LoopExample(
         values=shown.values,
-        windows=windows(loop.op, loop.pv, shown.period).astype(np.float32),
+        windows=windows(loop.op, loop.pv, loop.sp, shown.period).astype(np.float32),
         sticky=loop.sticky,
         log_S=float(np.log(loop.S / shown.amplitude)) if loop.sticky else np.nan,
     )
+
+
+def windows_example(seed: int, index: int) -> WindowsExample | None:
+    """The windows of a drawn loop; ``None`` where OP or PV stands still or it is too short."""
+    loop = draw_loop(seed, index)
+    if loop.op.size < LENGTH // 2 or np.ptp(loop.op) <= 0.0 or np.ptp(loop.pv) <= 0.0:
+        return None
+    cut = windows(loop.op, loop.pv, loop.sp, dominant_period(loop.op))
+    return WindowsExample(windows=cut.astype(np.float32), sticky=loop.sticky)

@@ -21,7 +21,9 @@ class LoopNumbers(NamedTuple):
     """One loop as numbers. Times are in scans, all else in percent.
 
     ``S`` and ``J`` are the stem's; ``scatter`` the standard deviation of its breakaway level as a
-    share of that; ``play`` lost motion of the PV sensor; ``step`` the smallest step of OP and PV.
+    share of that; ``play`` lost motion of the PV sensor; ``step`` the smallest step of OP and PV;
+    ``bend`` by how much the flow bends with travel, as a share per 10 %. The controller acts once
+    in ``executes_every`` scans, on PV behind a lag ``pv_filter``, and on no error within ``gap``.
     """
 
     gain: float
@@ -42,11 +44,32 @@ class LoopNumbers(NamedTuple):
     sensor_lag: float
     op_step: float
     pv_step: float
+    bend: float
+    executes_every: int
+    pv_filter: float
+    gap: float
 
 
 @njit(cache=True)
 def _rounded(value: float, step: float) -> float:
     return round(value / step) * step if step > 0.0 else value
+
+
+@njit(cache=True)
+def _with_play(true: float, shown: float, half_play: float) -> float:
+    """What a sensor with lost motion shows."""
+    return min(max(shown, true - half_play), true + half_play)
+
+
+@njit(cache=True)
+def _controlled(numbers: LoopNumbers, error: float, integral: float) -> tuple[float, float]:
+    """OP and the integral part of a PI controller that stops integrating at its limits."""
+    if abs(error) < numbers.gap:
+        error = 0.0
+    integral += numbers.gain * error * numbers.executes_every / numbers.reset
+    wanted = integral + numbers.gain * error
+    op = min(max(wanted, numbers.low), numbers.high)
+    return op, integral + op - wanted
 
 
 @njit(cache=True)
@@ -78,23 +101,15 @@ def run_scans(
     moving, side, fs, drawn = False, 1.0, fs0, 0
     half_play = 0.5 * numbers.play
     base = set_point[0]
+    a_filter = 1.0 - math.exp(-1.0 / numbers.pv_filter) if numbers.pv_filter > 0.05 else 1.0
+    filtered = base
     for k in range(n):
         true = base + sensed + push[k]
-        # Lost motion of the sensor.
-        if true > shown + base + half_play:
-            shown = true - base - half_play
-        elif true < shown + base - half_play:
-            shown = true - base + half_play
+        shown = _with_play(true - base, shown, half_play)
         pv = _rounded(base + shown + noise[k], numbers.pv_step)
-        error = set_point[k] - pv
-        integral += numbers.gain * error / numbers.reset
-        op = integral + numbers.gain * error
-        if op > numbers.high:
-            integral += numbers.high - op
-            op = numbers.high
-        elif op < numbers.low:
-            integral += numbers.low - op
-            op = numbers.low
+        filtered += a_filter * (pv - filtered)
+        if k % numbers.executes_every == 0:
+            op, integral = _controlled(numbers, set_point[k] - filtered, integral)
         op_read = _rounded(op, numbers.op_step)
         before = p
         p += a_air * (op_read - p)
@@ -108,7 +123,9 @@ def run_scans(
             side = 1.0 if p > x else -1.0
         if moving:
             x = p - side * fd
-        waiting[k % waiting.size] = x - numbers.output + load[k]
+        away = x - numbers.output
+        bent = away * max(1.0 + 0.1 * numbers.bend * away, 0.2)
+        waiting[k % waiting.size] = bent + load[k]
         entering = waiting[(k + 1) % waiting.size]
         if numbers.integrating:
             first += numbers.process_gain * entering / numbers.lag

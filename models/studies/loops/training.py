@@ -9,19 +9,21 @@ import torch
 from torch import Tensor, nn
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.loops.examples import LoopExample
-from stemwatch.models.without_position.network import KERNELS, LoopNetwork
+from stemwatch.models.studies.loops.examples import LoopExample, WindowsExample
+from stemwatch.models.without_position.network import KERNELS, MOST_AWAY, LoopNetwork
 
 ENSEMBLE = 5
-_HIDDEN = (24, 12)
-_CHANNELS = (12, 20, 20)
+_HIDDEN = (16, 12)
+_CHANNELS = (16, 24, 32, 32)
+_EPOCHS, _WINDOW_EPOCHS = 40, 18
+_BATCH = 128
 _HELD_BACK = 5  # one loop of five weighs the two networks and is not trained on
 
 
 class _Convolutional(nn.Module):
     def __init__(self) -> None:
         super().__init__()
-        sizes = (2, *_CHANNELS)
+        sizes = (3, *_CHANNELS)
         self.layers = nn.ModuleList(
             nn.Conv1d(sizes[i], sizes[i + 1], width, stride=stride)
             for i, (width, stride) in enumerate(KERNELS)
@@ -36,8 +38,16 @@ class _Convolutional(nn.Module):
         return logits
 
 
-def train(examples: Sequence[LoopExample], *, seed: int, epochs: int = 60) -> LoopNetwork:
-    """The networks trained on ``examples``: one seed, one result on one machine.
+def train(
+    examples: Sequence[LoopExample],
+    *,
+    seed: int,
+    more: Sequence[WindowsExample] = (),
+    epochs: int = _EPOCHS,
+    window_epochs: int = _WINDOW_EPOCHS,
+) -> LoopNetwork:
+    """The networks trained on ``examples``, the convolutional one on ``more`` as well: one seed,
+    one result on one machine.
 
     Loss: cross entropy of the label, and for sticking loops the Gaussian likelihood of
     ln(S/amplitude). One example of ``_HELD_BACK`` only weighs the two networks against each other
@@ -49,10 +59,12 @@ def train(examples: Sequence[LoopExample], *, seed: int, epochs: int = 60) -> Lo
     sticky = np.array([example.sticky for example in examples], dtype=np.float64)
     log_S = np.array([example.log_S for example in examples])
     mean, scale = values[kept].mean(axis=0), values[kept].std(axis=0) + 1e-6
-    scaled = torch.tensor(np.clip((values - mean) / scale, -4.0, 4.0), dtype=torch.float32)
+    scaled = torch.tensor(np.clip((values - mean) / scale, -MOST_AWAY, MOST_AWAY)).float()
     dense = _train_dense(scaled, sticky, log_S, kept, epochs)
     arrays: dict[str, Floats] = {"mean": mean, "scale": scale, **dense}
-    arrays |= _train_convolutional(examples, sticky, kept, epochs)
+    shown = [(examples[k].windows, examples[k].sticky) for k in np.flatnonzero(kept).tolist()]
+    shown += [(one.windows, one.sticky) for one in more]
+    arrays |= _train_convolutional(shown, window_epochs)
     arrays |= {"weigh": np.array([1.0, 0.0, 0.0]), "spread": np.ones(1)}
     return _weighed(arrays, examples, sticky, log_S, kept)
 
@@ -65,14 +77,14 @@ def _train_dense(
     shapes = ((_HIDDEN[0], inputs), (_HIDDEN[1], _HIDDEN[0]), (3, _HIDDEN[1]))
     weights = [nn.Parameter(torch.randn(ENSEMBLE, *shape) / np.sqrt(shape[1])) for shape in shapes]
     biases = [nn.Parameter(torch.zeros(ENSEMBLE, shape[0])) for shape in shapes]
-    optimiser = torch.optim.AdamW([*weights, *biases], lr=3e-3, weight_decay=0.03)
-    batch, places = 128, torch.tensor(np.flatnonzero(kept))
-    steps = epochs * max(len(places) // batch, 1)
+    optimiser = torch.optim.AdamW([*weights, *biases], lr=3e-3, weight_decay=0.05)
+    places = torch.tensor(np.flatnonzero(kept))
+    steps = epochs * max(len(places) // _BATCH, 1)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 6e-3, total_steps=steps)
     label, target = torch.tensor(sticky), torch.tensor(np.nan_to_num(log_S))
     for _ in range(steps):
-        drawn = places[torch.randint(len(places), (ENSEMBLE, batch))]
-        x = scaled[drawn] + 0.05 * torch.randn(ENSEMBLE, batch, inputs)
+        drawn = places[torch.randint(len(places), (ENSEMBLE, _BATCH))]
+        x = scaled[drawn] + 0.1 * torch.randn(ENSEMBLE, _BATCH, inputs)
         for layer in range(2):
             x = torch.tanh(torch.einsum("ebi,ehi->ebh", x, weights[layer]) + biases[layer][:, None])
         out = torch.einsum("ebi,ehi->ebh", x, weights[2]) + biases[2][:, None]
@@ -93,26 +105,24 @@ def _train_dense(
     }
 
 
-def _train_convolutional(
-    examples: Sequence[LoopExample], sticky: Floats, kept: np.ndarray, epochs: int
-) -> dict[str, Floats]:
+def _train_convolutional(shown: Sequence[tuple[Floats, bool]], epochs: int) -> dict[str, Floats]:
     network = _Convolutional()
-    shown = [(examples[k].windows, sticky[k]) for k in np.flatnonzero(kept).tolist()]
     cut = torch.tensor(np.concatenate([part for part, _ in shown]))
     of_window = np.concatenate([np.full(len(part), sticks) for part, sticks in shown])
-    label = torch.tensor(of_window, dtype=torch.float32)
+    label = torch.tensor(0.02 + 0.96 * of_window, dtype=torch.float32)
     # Every loop counts the same, however many windows it has.
-    share = torch.tensor(np.concatenate([np.full(len(part), 1.0 / len(part)) for part, _ in shown]))
-    optimiser = torch.optim.AdamW(network.parameters(), lr=2e-3, weight_decay=0.03)
-    batch = 128
-    steps = max(epochs // 3, 1) * max(len(cut) // batch, 1)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=steps)
+    share = np.concatenate([np.full(len(part), 1.0 / len(part)) for part, _ in shown])
+    ends = torch.tensor(np.cumsum(share) / share.sum())
+    optimiser = torch.optim.AdamW(network.parameters(), lr=2e-3, weight_decay=0.02)
+    steps = max(epochs * len(cut) // _BATCH, 1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 5e-3, total_steps=steps)
     for _ in range(steps):
-        drawn = torch.multinomial(share, batch, replacement=True)
-        # A loop upside down, or with noise on it, sticks as much as before.
-        x = cut[drawn] * torch.where(torch.rand(batch, 1, 1) < 0.5, -1.0, 1.0)
-        x = x + 0.1 * torch.rand(batch, 1, 1) * torch.randn_like(x)
-        loss = nn.functional.binary_cross_entropy_with_logits(network(x.float()), label[drawn])
+        drawn = torch.searchsorted(ends, torch.rand(_BATCH, dtype=ends.dtype)).clamp(
+            max=len(cut) - 1
+        )
+        loss = nn.functional.binary_cross_entropy_with_logits(
+            network(_varied(cut[drawn])), label[drawn]
+        )
         optimiser.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimiser.step()
@@ -126,6 +136,24 @@ def _train_convolutional(
     return arrays
 
 
+def _varied(windows: Tensor) -> Tensor:
+    """Windows upside down, with PV the other way round, without SP, with noise: a loop sticks as
+    much as before."""
+    count = len(windows)
+
+    def some(share: float) -> Tensor:
+        return torch.rand(count) < share
+
+    sign = torch.where(some(0.5), -1.0, 1.0)
+    turned = sign * torch.where(some(0.1), -1.0, 1.0)
+    kept = torch.where(some(0.15), 0.0, 1.0)
+    signs = torch.stack([sign, turned, turned * kept], dim=1)[..., None]
+    noise = 0.12 * torch.rand(count, 1, 1) * torch.randn(count, 2, windows.shape[2])
+    varied = windows * signs
+    varied[:, :2] += noise
+    return varied
+
+
 def _weighed(
     arrays: dict[str, Floats],
     examples: Sequence[LoopExample],
@@ -133,20 +161,22 @@ def _weighed(
     log_S: Floats,
     kept: np.ndarray,
 ) -> LoopNetwork:
-    """Weigh both networks by a logistic regression on what neither was trained on, and widen the
-    spread of S until it holds 95 % of those."""
+    """Half of each network, since either alone is the better one on some simulator; a logistic
+    regression on what neither was trained on makes a probability of it, and the spread of S is
+    widened until it holds 95 % of those."""
     network = LoopNetwork(arrays)
     held = np.flatnonzero(~kept).tolist()
     heads = np.array([network.dense(examples[k].values) for k in held])
     curves = np.array([network.convolved(examples[k].windows).mean() for k in held])
-    x = np.column_stack([heads[:, 0], curves, np.ones(len(held))])
-    beta = np.array([0.6, 0.4, 0.0])
+    x = np.column_stack([0.5 * (heads[:, 0] + curves), np.ones(len(held))])
+    beta = np.array([1.0, 0.0])
     for _ in range(50):
         p = 1.0 / (1.0 + np.exp(-np.clip(x @ beta, -30.0, 30.0)))
         slope = x.T @ (p - sticky[held]) + 1e-3 * beta
-        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + 1e-3 * np.eye(3)
+        curvature = (x * (p * (1.0 - p))[:, None]).T @ x + 1e-3 * np.eye(2)
         beta = beta - np.linalg.solve(curvature, slope)
-    arrays["weigh"] = beta
+    steep = max(float(beta[0]), 0.0)
+    arrays["weigh"] = np.array([0.5 * steep, 0.5 * steep, beta[1]])
     likely = (sticky[held] > 0.0) & (x @ beta > 0.0)
     if likely.any():
         away = np.abs(log_S[held] - heads[:, 1])[likely] / np.exp(heads[likely, 2])

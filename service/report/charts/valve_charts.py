@@ -15,11 +15,14 @@ thinned    samples a point stands for, 1 where every sample is drawn
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from stemwatch.models.mismatch.findings import FreeRuns
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.charts.loop_shapes import LoopShapes, loop_shapes
 from stemwatch.service.report.charts.thinning import telling_samples
@@ -34,6 +37,7 @@ from stemwatch.service.report.charts.traces import (
     series,
 )
 
+SUSPECTED_STEM = "suspected stem"
 # The loop of a whole record is a cloud with an outline; its stretch is drawn sample by sample.
 LOOP_POINTS = 800
 
@@ -47,7 +51,7 @@ def chart_of(screening: Screening) -> Chart | None:
     frame = frame_of(recording, screening.traces.stiction, heldout)
     panels = [
         _travel(screening, recording, frame),
-        _process(recording, frame),
+        _process(screening, recording, frame),
         _residuals(screening, recording, frame),
     ]
     chart = chart_over_time(recording, frame, heldout, panels)
@@ -61,17 +65,35 @@ def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Ch
     if screening.traces.stiction is not None:
         label = "stick-slip model"
         traces.append(series("stiction", label, screening.traces.stiction, frame))
+    told = _suspected(screening)
+    if told is not None:
+        traces.append(series("stiction", SUSPECTED_STEM, told.stem, frame))
     title = "Controller output and stem" if len(traces) > 1 else "Controller output"
     return panel("travel", title, "%", traces)
 
 
-def _process(recording: Recording, frame: ChartFrame) -> Chart | None:
+def _suspected(screening: Screening) -> ElementTraces | None:
+    """The traces of a suspicion, where nothing better is known of the stem."""
+    told = screening.without_position
+    known = screening.traces.stiction is not None or told is None
+    return None if known or told is None else told.traces
+
+
+def _process(screening: Screening, recording: Recording, frame: ChartFrame) -> Chart | None:
     pv = _in_process_unit(recording, Role.PV)
     sp = _in_process_unit(recording, Role.SP)
     shown = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
     if pv is None:
         return None
     traces = [series(role, role.upper(), signal.values, frame) for role, signal in shown]
+    told, measured = _suspected(screening), recording.get(Role.PV)
+    if told is not None and measured is not None:
+        for role, label, values in (
+            ("naive", "PV by a linear loop", told.linear),
+            ("extended", "PV by a sticking valve", told.sticking),
+        ):
+            predicted = replace(measured, values=values).in_process_unit()
+            traces.append(series(role, label, predicted.values, frame))
     return panel("process", "Process", pv.unit, traces)
 
 
@@ -101,6 +123,9 @@ def _residuals(screening: Screening, recording: Recording, frame: ChartFrame) ->
 def _loop(screening: Screening, recording: Recording) -> Chart | None:
     """The recorded points and the simulated path against OP; PV stands in where MV is absent."""
     vertical, name = recording.mv, "MV"
+    told = _suspected(screening)
+    if vertical is None and told is not None:
+        return _suspected_loop(recording, told)
     if vertical is None:
         vertical, name = _in_process_unit(recording, Role.PV), "PV"
     if vertical is None:
@@ -128,6 +153,24 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
         ],
         "shapes": shapes.drawn(),
         "says": printable(shapes.says),
+    }
+
+
+def _suspected_loop(recording: Recording, told: ElementTraces) -> Chart:
+    """The fitted element's stem against OP: nobody has measured it."""
+    op = recording.op.values
+    picked = telling_samples([op, told.stem], LOOP_POINTS)
+    stem = packed(told.stem[picked])
+    trace = {"role": "stiction", "of": "stiction", "label": SUSPECTED_STEM, "values": stem}
+    return {
+        "title": "The suspected stem against OP",
+        "x": "OP, %",
+        "y": "stem, %",
+        "seconds": packed(recording.time_s[picked]),
+        "op": packed(op[picked]),
+        "traces": [trace],
+        "shapes": [],
+        "says": "Nobody has measured this stem: it is the one with which PV is predicted best.",
     }
 
 

@@ -14,6 +14,7 @@ from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import DataQuality, Residual
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.without_position.suspicion import WithoutPosition
 
 UtcWindow = tuple[datetime | None, datetime | None]  # start and end, where known
 
@@ -140,6 +141,7 @@ class StoredScreening:
     settings_digest: str
     seconds: float
     baseline_id: int | None = None
+    without_position: WithoutPosition | None = None
     mismatch: Mismatch | None = None
     held_back: str = ""
 

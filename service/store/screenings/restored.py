@@ -52,6 +52,7 @@ def screening_of(
         baseline_note=stored.baseline_note,
         provenance=stored.provenance,
         mismatch=stored.mismatch,
+        without_position=stored.without_position,
         stroke_curve=None if stored.mismatch is None else stored.mismatch.stroke_curve,
         seconds=stored.seconds,
         stored_window=stored.window,

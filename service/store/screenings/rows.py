@@ -11,6 +11,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.store.screenings.evidence_json import evidence_json
 from stemwatch.service.store.screenings.false_discoveries import remark_of
 from stemwatch.service.store.screenings.mismatch_json import mismatch_json, mismatch_of
@@ -64,6 +65,7 @@ def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
         "layout": screening.provenance.layout,
         "decisions": list(screening.provenance.decisions),
         "seconds": finite(screening.seconds) or 0.0,
+        "without_position": _without_position_json(screening.without_position),
         **_mismatch_columns(screening),
     }
 
@@ -112,6 +114,7 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         settings_digest=row.settings_digest,
         seconds=row.seconds,
         baseline_id=row.baseline_id,
+        without_position=_without_position(row.without_position),
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
         held_back=remark_of(row.mismatch) if with_mismatch else "",
     )
@@ -142,6 +145,40 @@ def _provenance(row: ScreeningRow) -> Provenance:
         digest=row.source_digest,
         layout=row.layout,
         decisions=tuple(row.decisions),
+    )
+
+
+def _without_position_json(told: WithoutPosition | None) -> dict[str, Any] | None:
+    if told is None:
+        return None
+    S = told.apparent_S
+    return {
+        "verdict": told.verdict.value,
+        "reason": told.reason,
+        "advice": told.advice,
+        "score": finite(told.score),
+        "S": [finite(S.value), finite(S.low), finite(S.high)],
+        "unit": S.unit,
+        "S_reason": S.reason,
+        "shows_from": finite(told.shows_from),
+        "rivals": list(told.rivals),
+    }
+
+
+def _without_position(stored: dict[str, Any] | None) -> WithoutPosition | None:
+    if stored is None:
+        return None
+    value, low, high = stored["S"]
+    return WithoutPosition(
+        verdict=Suspicion(stored["verdict"]),
+        reason=stored["reason"],
+        advice=stored["advice"],
+        score=stored["score"],
+        apparent_S=Estimate(
+            value=value, low=low, high=high, unit=stored["unit"], reason=stored["S_reason"]
+        ),
+        shows_from=stored["shows_from"],
+        rivals=tuple(stored["rivals"]),
     )
 
 

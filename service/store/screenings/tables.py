@@ -114,6 +114,7 @@ class ScreeningRow(TableBase):
     mismatch_finding: Mapped[str | None]  # ``None`` where nothing was fitted
     mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, strongest first
     mismatch: Mapped[dict[str, Any] | None]  # without samples
+    without_position: Mapped[dict[str, Any] | None]  # what OP and PV alone say
     # What it adds to the evidence of many windows; short, since weeks of it are read at once.
     evidence: Mapped[dict[str, Any] | None] = mapped_column(deferred=True)
 

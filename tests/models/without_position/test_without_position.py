@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
 
 import numpy as np
 import pytest
@@ -16,17 +17,21 @@ from stemwatch.models.stickslip import kernel
 from stemwatch.models.studies.loops.draws import STORIES, draw_loop
 from stemwatch.models.studies.loops.examples import example
 from stemwatch.models.studies.loops.training import train
+from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.common_phase import common_phase_surrogate
 from stemwatch.models.without_position.features import NAMES, dominant_period, evidence
 from stemwatch.models.without_position.hammerstein import element, held_out
-from stemwatch.models.without_position.network import LoopNetwork
+from stemwatch.models.without_position.network import KERNELS, LoopNetwork, packed, unpacked
 from stemwatch.models.without_position.suspicion import (
+    MOST_SAMPLES,
     Judge,
     Suspicion,
     SuspicionLimits,
     WithoutPosition,
     look,
+    trained_judge,
 )
+from stemwatch.models.without_position.suspicion import suspect as suspect_by
 from stemwatch.models.without_position.windows import LENGTH, windows
 
 
@@ -35,13 +40,15 @@ def few_trained() -> Judge:
     """Networks of a few loops: good for little, but they answer. Trained once, when first asked."""
     shown = [example(5151, place) for place in range(40)]
     limits = SuspicionLimits(suspected_from=0.8, no_sign_below=0.3, shows_from=0.5)
-    network: LoopNetwork = train([one for one in shown if one is not None], seed=1, epochs=10)
+    network: LoopNetwork = train(
+        [one for one in shown if one is not None], seed=1, epochs=10, window_epochs=3
+    )
     return Judge(network=network, limits=limits)
 
 
 def suspect(recording: Recording) -> WithoutPosition:
     """What is said of a recording."""
-    return few_trained().says(look(recording))
+    return suspect_by(recording, few_trained())
 
 
 def loop_of(op: np.ndarray, pv: np.ndarray | None, unit: str = "%") -> Recording:
@@ -190,11 +197,11 @@ def test_numpy_and_torch_give_the_same_logits() -> None:
 
     network = few_trained().network
     arrays = network.arrays
-    cut = np.random.default_rng(2).standard_normal((3, 2, LENGTH))
+    cut = np.random.default_rng(2).standard_normal((3, 3, LENGTH))
     signal = torch.tensor(cut)
-    for place in (1, 2, 3):
+    for place, (_, stride) in enumerate(KERNELS, start=1):
         weights, bias = (torch.tensor(arrays[f"{name}{place}"]) for name in ("conv", "conv_bias"))
-        signal = torch.relu(torch.nn.functional.conv1d(signal, weights, bias, stride=2))
+        signal = torch.relu(torch.nn.functional.conv1d(signal, weights, bias, stride=stride))
     pooled = torch.cat([signal.mean(dim=2), signal.amax(dim=2)], dim=1)
     expected = pooled @ torch.tensor(arrays["conv_out"]) + torch.tensor(arrays["conv_out_bias"])
     assert np.allclose(network.convolved(cut), expected.numpy(), atol=1e-9)
@@ -204,8 +211,10 @@ def test_numpy_and_torch_give_the_same_logits() -> None:
 def test_windows_fit_every_record(size, period) -> None:
     """Whatever its length and period."""
     rng = np.random.default_rng(0)
-    cut = windows(rng.standard_normal(size), rng.standard_normal(size), min(period, size / 4))
-    assert cut.shape[1:] == (2, LENGTH)
+    op, pv = rng.standard_normal(size), rng.standard_normal(size)
+    cut = windows(op, pv, None, min(period, size / 4))
+    assert cut.shape[1:] == (3, LENGTH)
+    assert np.all(cut[:, 2] == 0.0)
     assert np.isfinite(cut).all()
 
 
@@ -220,6 +229,60 @@ def test_the_period_is_that_of_a_wave_that_wanders() -> None:
 def test_evidence_has_a_name_for_every_number() -> None:
     """And refuses what holds nothing."""
     loop = draw_loop(77, 0)
-    assert evidence(loop.op, loop.pv, loop.sp).values.shape == (len(NAMES),)
+    assert evidence(loop.op, loop.pv).values.shape == (len(NAMES),)
     with pytest.raises(ValueError, match="too short or still"):
-        evidence(loop.op[:50], loop.pv[:50], None)
+        evidence(loop.op[:50], loop.pv[:50])
+
+
+def test_what_is_shipped_is_what_was_trained() -> None:
+    """The digest is that of the numbers, and the limits are in order."""
+    told = sha256("".join(trained_weights.PACKED.split()).encode()).hexdigest()
+    assert told == trained_weights.DIGEST
+    limits = trained_judge().limits
+    assert 0.0 < limits.no_sign_below <= limits.suspected_from < 1.0
+    assert trained_judge().network.arrays["mean"].shape == (len(NAMES),)
+
+
+def test_numbers_come_back_from_text_in_single_precision() -> None:
+    """Whatever their shapes and however the lines are broken."""
+    arrays = {"a": np.arange(6.0).reshape(2, 3) / 7.0, "b": np.array([1e-3])}
+    shapes, text = packed(arrays)
+    back = unpacked(shapes, "\n".join([text[:9], text[9:], ""]))
+    for name, array in arrays.items():
+        assert np.allclose(back[name], array, rtol=1e-6, atol=0.0)
+
+
+def limit_cycle() -> Recording:
+    """A loop that plainly limits by a sticking stem, as the training draws them."""
+    for place in range(0, 200, 2):
+        loop = draw_loop(78, place, "quiet")
+        recording = loop_of(loop.op, loop.pv)
+        if suspect_by(recording, trained_judge()).verdict is Suspicion.SUSPECTED:
+            return recording
+    raise AssertionError("no limit cycle of a hundred was suspected")
+
+
+def test_a_suspicion_has_a_picture_and_a_sound_filter_has_none() -> None:
+    """The stem stays within OP's range and lags it; both models follow PV."""
+    recording = limit_cycle()
+    said = suspect_by(recording, trained_judge())
+    assert said.traces is not None
+    assert said.apparent_S.value is not None
+    op, pv = recording.op.values, recording.get(Role.PV).values
+    assert said.traces.stem.shape == op.shape
+    assert op.min() - 1e-9 <= said.traces.stem.min() <= said.traces.stem.max() <= op.max() + 1e-9
+    for model in (said.traces.linear, said.traces.sticking):
+        known = np.isfinite(model)
+        assert known.mean() > 0.8
+        assert np.corrcoef(model[known], pv[known])[0, 1] > 0.5
+    short = said.traces.part(10, 30)
+    assert np.array_equal(short.stem, said.traces.stem[10:30])
+
+
+def test_a_long_record_is_judged_by_its_end() -> None:
+    """In the time of a short one, with its S in the same unit."""
+    recording = limit_cycle()
+    op, pv = (np.tile(recording.get(role).values, 12) for role in (Role.OP, Role.PV))
+    seen = look(loop_of(op, pv))
+    assert seen.samples <= MOST_SAMPLES
+    assert suspect_by(loop_of(op, pv), trained_judge()).score is not None

@@ -19,6 +19,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.records import StoredValve
@@ -47,13 +48,13 @@ def test_a_screening_comes_back_as_it_was_saved(
     store: Store, make_screening: MakeScreening
 ) -> None:
     """Everything but samples, traces and network survives the database."""
-    screening = make_screening()
+    screening = make_screening(without_position=SUSPECTED)
     run = begin(store)
     store.save(screening, run)
     (found,) = store.screenings("FIC-101")
     names = (
         "valve verdict reason advice shape severity confidence S residuals quality still_seen "
-        "baseline_note provenance seconds window"
+        "baseline_note provenance seconds window without_position"
     )
     for name in names.split():
         assert getattr(found, name) == getattr(screening, name), name
@@ -102,6 +103,14 @@ def test_without_dates_the_source_makes_the_window(
     assert store.save(undated[0], run) == store.save(undated[0], run)
 
 
+SUSPECTED = WithoutPosition(
+    verdict=Suspicion.SUSPECTED,
+    reason="Sticking is suspected.",
+    advice="Do a bump test.",
+    score=0.9,
+    apparent_S=Estimate(value=2.0, low=1.5, high=2.6, unit="%"),
+    rivals=("a sensor that sticks",),
+)
 TEXTS = st.text(max_size=20)
 NUMBERS = st.floats(width=64)
 ESTIMATES = st.one_of(

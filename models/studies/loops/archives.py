@@ -1,0 +1,60 @@
+"""What an archive makes of a simulated loop: thinned, averaged, compressed, held, shifted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stemwatch.models.recording import Floats
+
+_COMPRESSED = 0.2  # of signals
+_HELD = 0.1  # of records: every second or third row repeats the one before
+_AVERAGED = 0.25
+_LATE = 0.15  # of records: PV was stored one row after the OP of the same time
+_SPIKED = 0.06
+
+
+def archived(
+    signals: tuple[Floats, Floats, Floats], first: int, every: int, rng: np.random.Generator
+) -> tuple[Floats, Floats, Floats]:
+    """OP, PV and SP, (n,) each, as stored once in ``every`` scans from scan ``first`` on."""
+    averaged = every > 1 and rng.random() < _AVERAGED
+    count = (signals[0].size - first) // every
+    op, pv, sp = (_thinned(signal[first:], every, count, averaged) for signal in signals)
+    if rng.random() < _SPIKED:
+        at = rng.integers(0, pv.size, 1 + pv.size // 400)
+        pv[at] += rng.standard_normal(at.size) * 3.0 * np.std(pv)
+    op, pv = _compressed(op, rng), _compressed(pv, rng)
+    if rng.random() < _HELD:
+        held = rng.random(count) < rng.uniform(0.1, 0.6)
+        held[0] = False
+        last = np.maximum.accumulate(np.where(held, 0, np.arange(count)))
+        op, pv, sp = op[last], pv[last], sp[last]
+    if rng.random() < _LATE:
+        late = 1 if rng.random() < 0.5 else -1
+        pv = np.roll(pv, late)
+        op, pv, sp = op[1:-1], pv[1:-1], sp[1:-1]
+    return op, pv, sp
+
+
+def _thinned(values: Floats, every: int, count: int, averaged: bool) -> Floats:
+    values = values[: count * every].reshape(count, every)
+    return np.asarray(values.mean(axis=1) if averaged else values[:, 0].copy())
+
+
+def _compressed(values: Floats, rng: np.random.Generator) -> Floats:
+    """Kept only where it left the last kept value by more than a deviation; between, held or, as a
+    historian answers that interpolates, on a straight line."""
+    if rng.random() > _COMPRESSED:
+        return values
+    deviation = float(rng.uniform(0.02, 0.25)) * float(np.std(values))
+    kept = [0]
+    for k, value in enumerate(values):
+        if abs(value - values[kept[-1]]) > deviation:
+            if k - 1 > kept[-1]:
+                kept.append(k - 1)  # so that a straight line does not smear a jump
+            kept.append(k)
+    places = np.arange(values.size)
+    if rng.random() < 0.5:
+        return np.asarray(np.interp(places, kept, values[kept]))
+    last = np.searchsorted(kept, places, side="right") - 1
+    return np.asarray(values[kept][last])

@@ -1,0 +1,150 @@
+"""What OP and PV alone say of a valve, in the report: page, order, chart, JSON, tables."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.picture import ElementTraces
+from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.presenter.worth_a_test import suspected_sentence
+from stemwatch.service.report.charts.valve_charts import chart_of
+from stemwatch.service.report.html_page import html_bytes
+from stemwatch.service.report.json_contract import to_contract
+from stemwatch.service.report.ranking import rank_valves
+from stemwatch.service.report.spreadsheet_columns import header_and_rows
+
+
+def suspected(score: float = 0.9) -> WithoutPosition:
+    """A suspicion."""
+    return WithoutPosition(
+        verdict=Suspicion.SUSPECTED,
+        reason="Sticking is suspected: with a valve that sticks by about 2.5 % of OP.",
+        advice="Do a bump test.",
+        score=score,
+        apparent_S=Estimate(value=2.5, low=1.9, high=3.3, unit="%"),
+        rivals=("a PV sensor that sticks",),
+    )
+
+
+def no_sign() -> WithoutPosition:
+    """Nothing suspected."""
+    return WithoutPosition(
+        verdict=Suspicion.NO_SIGN,
+        reason="OP and PV show no sign of sticking.",
+        advice="Nothing at the valve on these grounds.",
+        score=0.1,
+        apparent_S=Estimate.unknown("there is no sign of sticking", unit="%"),
+        shows_from=1.5,
+    )
+
+
+def without_mv(make_screening, valve: str, told: WithoutPosition) -> Screening:
+    """A valve without a verdict of which OP and PV say ``told``."""
+    return replace(make_screening(valve, Verdict.UNDETERMINED), without_position=told)
+
+
+def page_of(valves, make_context) -> str:
+    """The text of the page, spaces as one."""
+    context = make_context(valves)
+    text = html_bytes(rank_valves(valves, context), context).decode()
+    text = re.sub(r"<script.*?</script>|<style.*?</style>|<[^>]+>", " ", text, flags=re.S)
+    return re.sub(r"\s+", " ", text.replace("\N{NO-BREAK SPACE}", " "))
+
+
+def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_context):
+    """Title, reason, rivals and advice; the valve is named over the ranking; no verdict of it."""
+    valves = [
+        without_mv(make_screening, "FV-1", suspected()),
+        without_mv(make_screening, "FV-2", no_sign()),
+    ]
+    text = page_of(valves, make_context)
+    for said in (
+        "By OP and PV alone: sticking suspected",
+        suspected().reason,
+        "a PV sensor that sticks",
+        "Do a bump test.",
+        "By OP and PV alone: no sign of sticking",
+        suspected_sentence(["FV-1"]),
+    ):
+        assert said in text, said
+    assert "None of 2 valves needs work" in text
+
+
+def test_beside_a_position_it_is_a_cross_check(make_screening, make_context):
+    """The verdict rests on the position, and the valve is not among those to test first."""
+    valve = replace(make_screening("FV-1"), without_position=suspected())
+    text = page_of([valve], make_context)
+    assert "This is a cross-check: the verdict above rests on the measured position." in text
+    assert "deserves a position transmitter" not in text
+
+
+def test_the_suspected_come_first_of_those_without_a_verdict(make_screening, make_context):
+    """By their score, and after every valve that has a verdict for work."""
+    valves = [
+        without_mv(make_screening, "A", no_sign()),
+        without_mv(make_screening, "B", suspected(0.8)),
+        without_mv(make_screening, "C", suspected(0.95)),
+        make_screening("D"),
+    ]
+    ranking = rank_valves(valves, make_context(valves))
+    assert [valve.screening.valve for valve in ranking] == ["D", "C", "B", "A"]
+    assert list(ranking.suspected) == ["C", "B"]
+
+
+def test_the_chart_shows_the_suspected_stem_between_op_and_pv(make_screening):
+    """OP and the stem, PV and what both models make of it, the stem against OP."""
+    valve = make_screening("FV-1", Verdict.UNDETERMINED)
+    recording = valve.recording
+    signals = {role: s for role, s in recording.signals.items() if role.value != "mv"}
+    recording = replace(recording, signals=signals)
+    flat = np.full(len(recording), 50.0)
+    told = replace(
+        suspected(), traces=ElementTraces(stem=flat, linear=flat + 1.0, sticking=flat + 2.0)
+    )
+    chart = chart_of(replace(valve, recording=recording, without_position=told))
+    labels = [trace["label"] for panel in chart["panels"] for trace in panel["series"]]
+    assert "suspected stem" in labels
+    assert {"PV by a linear loop", "PV by a sticking valve"} <= set(labels)
+    assert chart["loop"]["title"] == "The suspected stem against OP"
+    assert "Nobody has measured" in chart["loop"]["says"]
+    short = replace(valve, recording=recording, without_position=told).excerpt(5, 25)
+    assert short.without_position.traces.stem.size == 20
+    assert short.without_samples().without_position.traces is None
+
+
+def test_json_and_tables_say_it_too(make_screening, make_context):
+    """As its own object, and as columns beside the finding."""
+    valves = [without_mv(make_screening, "FV-1", suspected())]
+    told = to_contract(valves[0])["without_position"]
+    assert told["verdict"] == "suspected"
+    assert told["score"] == 0.9
+    assert told["apparent_S"]["value"] == 2.5
+    assert told["rivals"] == ["a PV sensor that sticks"]
+    context = make_context(valves)
+    columns, rows = header_and_rows(rank_valves(valves, context), context)
+    row = dict(zip((column.header for column in columns), next(rows), strict=True))
+    assert row["OP and PV alone"] == "suspected"
+    assert row["apparent S"] == 2.5
+    assert to_contract(make_screening("FV-2"))["without_position"] is None
+
+
+def test_whom_to_test_first_is_one_sentence():
+    """One loop, several, and none."""
+    assert suspected_sentence([]) == ""
+    assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
+    assert "suspected there: A, B. Of 68" in suspected_sentence(["A", "B"])
+
+
+def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening, make_context):
+    """One of three is chance; two of three are not."""
+    told = {"A": (suspected(), no_sign(), no_sign()), "B": (suspected(), suspected(), no_sign())}
+    valves = [
+        without_mv(make_screening, valve, one) for valve, several in told.items() for one in several
+    ]
+    assert list(rank_valves(valves, make_context(valves)).suspected) == ["B"]
