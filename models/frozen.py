@@ -94,9 +94,9 @@ def _usual_of_others(moved: Floats, length: NDArray[np.int64]) -> Floats:
     half = 0.5 * (total[-1] - own)
     before = np.searchsorted(total, half)
     after = np.searchsorted(total, half + own)
-    place = np.where(before < np.arange(order.size), before, np.minimum(after, order.size - 1))
+    middle = np.where(before < np.arange(order.size), before, np.minimum(after, order.size - 1))
     usual = np.empty(order.size)
-    usual[order] = np.where(total[-1] > own, moved[order][place], 0.0)
+    usual[order] = np.where(total[-1] > own, moved[order][middle], 0.0)
     return usual
 
 

@@ -280,11 +280,13 @@ def _one_of_file(path: str, inputs: InputOptions) -> Recording:
 
 def read_options(inputs: InputOptions) -> ReadOptions:
     """The reading options. Raises ``ValueError`` for one that does not exist."""
-    known = set(FileOptions.__annotations__)
+    option_names = set(FileOptions.__annotations__)
     for name in inputs.options:
-        if name not in known:
-            near = nearest(name, known)
-            raise TypeError(f"{name!r} is no option of reading{near}; expected {sorted(known)}")
+        if name not in option_names:
+            near = nearest(name, option_names)
+            raise TypeError(
+                f"{name!r} is no option of reading{near}; expected {sorted(option_names)}"
+            )
     return ReadOptions(zone=inputs.zone, interval_s=inputs.interval_s, **inputs.options)
 
 

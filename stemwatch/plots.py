@@ -52,17 +52,17 @@ def mismatch_figure(recording: Recording | None, mismatch: Mismatch) -> Figure:
     Raises ``ModuleNotFoundError`` without matplotlib, ``ValueError`` without samples.
     """
     figure = _figure()
-    shown = _drawable(recording, "this valve")
+    drawable = _drawable(recording, "this valve")
     naive = mismatch.runs.naive if mismatch.runs is not None else None
     extended = mismatch.runs.extended if mismatch.runs is not None and mismatch.effects else None
-    part, _ = part_drawn(shown, naive)
+    part, _ = part_drawn(drawable, naive)
     axes = figure.add_subplot()
-    _over_time(axes, shown, part, extended)
+    _over_time(axes, drawable, part, extended)
     if naive is not None:
-        at = shown.time_s[part] - shown.time_s[part.start]
+        at = drawable.time_s[part] - drawable.time_s[part.start]
         axes.plot(at, naive[part], color=_NAIVE, linewidth=1.0, label="S and J alone")
         axes.legend(loc="best", fontsize="small")
-    axes.set_title(f"{shown.valve}: {mismatch.finding.value.replace('_', ' ')}", loc="left")
+    axes.set_title(f"{drawable.valve}: {mismatch.finding.value.replace('_', ' ')}", loc="left")
     return figure
 
 

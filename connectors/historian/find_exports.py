@@ -57,10 +57,10 @@ def find_sources(patterns: Iterable[str | Path]) -> FoundSources:
     paths: dict[Path, None] = {}
     skipped: dict[Path, str] = {}
     for pattern in patterns:
-        found = _matches(pattern)
-        if not found:
+        matched = _matches(pattern)
+        if not matched:
             skipped[Path(pattern)] = _why_nothing(Path(pattern))
-        for path in found:
+        for path in matched:
             reason = None if path == Path(pattern) else _why_not(path)
             if reason is None:
                 paths[path] = None

@@ -185,10 +185,10 @@ class ArchiveFile:
 
     def nulls(self, group: int, column: str) -> int | None:
         """How many rows of a group have nothing in ``column``, where the footer says it."""
-        place = _places(self.fragment.metadata).get(column)
-        if place is None:
+        column_index = _places(self.fragment.metadata).get(column)
+        if column_index is None:
             return None
-        statistics = self.fragment.metadata.row_group(group).column(place).statistics
+        statistics = self.fragment.metadata.row_group(group).column(column_index).statistics
         return (
             statistics.null_count if statistics is not None and statistics.has_null_count else None
         )

@@ -48,8 +48,8 @@ class Catalog:
             if base and _hidden(str(info.path)[len(base) :].lstrip("/")):
                 continue
             version = (str(info.path), int(info.size), info.mtime_ns)
-            known = self._files.get(version)
-            files[version] = known or ArchiveFile(filesystem, info.path, partition_keys(info.path))
+            listed = self._files.get(version)
+            files[version] = listed or ArchiveFile(filesystem, info.path, partition_keys(info.path))
         if not files:
             raise UnreadableSource(
                 f"{self.path}: no Parquet file was found; expected a file, a folder with *.parquet "

@@ -216,8 +216,8 @@ class ParquetArchive:
         for file in self._catalog.files():
             try:
                 layout = file.layout(self.options)
-                place = place_of(tag, layout)
-                if place and (place.key is None or file.has_key(layout, place.key)):
+                tag_place = place_of(tag, layout)
+                if tag_place and (tag_place.key is None or file.has_key(layout, tag_place.key)):
                     return True
             except ConnectorError:
                 continue
@@ -244,12 +244,14 @@ class ParquetArchive:
 
 def is_parquet(path: str | os.PathLike[str]) -> bool:
     """Whether a path names a Parquet file, or a folder with one in it and below."""
-    place = Path(path)
-    if place.is_file():
-        return place.name.lower().endswith(_ENDINGS)
-    if not place.is_dir():
+    location = Path(path)
+    if location.is_file():
+        return location.name.lower().endswith(_ENDINGS)
+    if not location.is_dir():
         return False
-    return any(path.name.lower().endswith(_ENDINGS) for path in place.rglob("*") if path.is_file())
+    return any(
+        path.name.lower().endswith(_ENDINGS) for path in location.rglob("*") if path.is_file()
+    )
 
 
 def split_archives(sources: Sequence[str]) -> tuple[list[str], list[str]]:

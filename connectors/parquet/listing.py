@@ -70,8 +70,8 @@ def _counts(file: ArchiveFile, layout: ColumnLayout) -> dict[str, int]:
         if layout.key is not None and only is None:
             return {}
         for tag in tags_of(layout, [only] if only is not None else []):
-            place = place_of(tag, layout)
-            nulls = None if place is None else file.nulls(group, place.column)
+            tag_place = place_of(tag, layout)
+            nulls = None if tag_place is None else file.nulls(group, tag_place.column)
             if nulls is None:
                 return {}
             counts[tag] = counts.get(tag, 0) + rows - nulls
@@ -86,11 +86,13 @@ def covered(files: Sequence[ArchiveFile], tag: str, options: ReadOptions) -> str
             layout = file.layout(options)
         except ConnectorError:
             continue
-        place = place_of(tag, layout)
-        if place is None:
+        tag_place = place_of(tag, layout)
+        if tag_place is None:
             continue
         groups = file.groups(layout)
-        for group in groups.wanted(None if place.key is None else [place.key], (None, None)):
+        for group in groups.wanted(
+            None if tag_place.key is None else [tag_place.key], (None, None)
+        ):
             if abs(groups.first_ns[group]) < _YEARS_NS:
                 first = min(first, groups.first_ns[group])
                 last = max(last, groups.last_ns[group])

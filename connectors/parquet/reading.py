@@ -113,10 +113,10 @@ def _read_file(
     bounds_in_file = file_bounds(bounds, naive, options, file.path)
     keys = None if layout.key is None else sorted({str(p.key) for p in places.values()})
     groups = file.groups(layout)
-    wanted = groups.wanted(keys, bounds_in_file)
-    mixed = [g for g in wanted if groups.only(g) is None]
+    groups_to_read = groups.wanted(keys, bounds_in_file)
+    mixed = [g for g in groups_to_read if groups.only(g) is None]
     columns = _columns(layout, places.values(), with_key=bool(mixed), file=file)
-    for group, table in file.read(wanted, columns, layout.key if mixed else None):
+    for group, table in file.read(groups_to_read, columns, layout.key if mixed else None):
         stamps = read_stamps(table.column(layout.time), layout.time, options, file.path, notes)
         for tag, tag_place in places.items():
             rows = _rows(table, layout, tag_place, groups.only(group))

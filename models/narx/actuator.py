@@ -40,10 +40,10 @@ def actuator_output(op: Floats, interval_s: float, actuator: Mapping[str, float]
 
 def _bridged(op: Floats) -> Floats:
     """``op`` (n,) with the last number held across each gap, and the first one before it."""
-    known = np.isfinite(op)
-    if known.all() or not known.any():
-        return np.ascontiguousarray(np.where(known, op, 0.0))
-    index = np.maximum.accumulate(np.where(known, np.arange(op.size), np.argmax(known)))
+    finite = np.isfinite(op)
+    if finite.all() or not finite.any():
+        return np.ascontiguousarray(np.where(finite, op, 0.0))
+    index = np.maximum.accumulate(np.where(finite, np.arange(op.size), np.argmax(finite)))
     return np.ascontiguousarray(op[index])
 
 

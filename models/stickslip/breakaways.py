@@ -175,9 +175,9 @@ def breakaways(
     """
     if J < LEAST_J:
         return None
-    seen = onsets(problem.mv, problem.scored, problem.sigma, problem.interval_s)
-    stem, place = (problem.mv - zero) / gain, (seen.place - zero) / gain
-    side, sigma = seen.side * np.sign(gain), problem.sigma / abs(gain)
+    found_onsets = onsets(problem.mv, problem.scored, problem.sigma, problem.interval_s)
+    stem, place = (problem.mv - zero) / gain, (found_onsets.place - zero) / gain
+    side, sigma = found_onsets.side * np.sign(gain), problem.sigma / abs(gain)
     clock = np.arange(problem.op.size, dtype=np.float64)
     late, command = late_s / problem.interval_s, problem.op
     usual, delays = LATE[0], np.linspace(0.0, FARTHEST_TRIED, TRIED)
@@ -191,7 +191,7 @@ def breakaways(
     for delay in delays:
         command_then = np.interp(clock - delay, clock, command)
         near, far, after, rate, jump = distances(
-            stem, command_then, seen.at, side, seen.rested, place
+            stem, command_then, found_onsets.at, side, found_onsets.rested, place
         )
         slip = (jump >= LEAST_JUMP * J) & (far > 0.0)
         if np.count_nonzero(slip) < FEWEST:
@@ -199,7 +199,7 @@ def breakaways(
         slips = _Slips(near[slip], far[slip], after[slip], rate[slip], side[slip], sigma)
         unusual = (float(delay) - usual) / spread
         if unsure and high > low:
-            at = seen.at[slip]
+            at = found_onsets.at[slip]
             then = 0.5 * (command_then[at - 1] + command_then[at])
             borne = shapes_of(then, problem.op, unsure)
             stopped = shapes_of(command_then[at], problem.op, unsure)

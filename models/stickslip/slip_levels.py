@@ -161,13 +161,17 @@ def seen_slips(
     """
     if gain == 0.0:
         return None
-    seen = onsets(problem.mv, problem.scored, problem.sigma, problem.interval_s)
-    inside = (seen.at >= 3) & (seen.at < problem.op.size - 2)
+    found_onsets = onsets(problem.mv, problem.scored, problem.sigma, problem.interval_s)
+    inside = (found_onsets.at >= 3) & (found_onsets.at < problem.op.size - 2)
     if np.count_nonzero(inside) < FEWEST:
         return None
-    at, side, place = seen.at[inside], seen.side[inside], (seen.place[inside] - zero) / gain
+    at, side, place = (
+        found_onsets.at[inside],
+        found_onsets.side[inside],
+        (found_onsets.place[inside] - zero) / gain,
+    )
     stem, way = (problem.mv - zero) / gain, side * np.sign(gain)
-    near = distances(stem, problem.op, at, way, seen.rested[inside], place)[0]
+    near = distances(stem, problem.op, at, way, found_onsets.rested[inside], place)[0]
     ahead = [way * (problem.op[at + step] - place) for step in (-3, -2, -1, 0, 1)]
     before = ahead[2] - ahead[1]
     speed = np.stack((before, 0.5 * (ahead[2] - ahead[0])))

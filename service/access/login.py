@@ -87,12 +87,12 @@ def _begin(store: Store, name: str, waits: Mapping[str, Wait], now: datetime, ad
 def check(store: Store, name: str, password: str, now: datetime) -> User | None:
     """The user with this name and password; ``None`` where there is none or the user is disabled.
     Takes the same time in either case. Raises ``Busy``."""
-    known = store.accounts.password_of(name)
+    user_and_hash = store.accounts.password_of(name)
     password = password[: 4 * LONGEST]
-    right = matches(password, None if known is None else known[1])
-    if known is None or not right or known[0].disabled is not None:
+    right = matches(password, None if user_and_hash is None else user_and_hash[1])
+    if user_and_hash is None or not right or user_and_hash[0].disabled is not None:
         return None
-    user, stored = known
+    user, stored = user_and_hash
     store.accounts.note_login(user.id, now, hash_password(password) if is_dated(stored) else None)
     return user
 
@@ -100,8 +100,8 @@ def check(store: Store, name: str, password: str, now: datetime) -> User | None:
 def confirm(store: Store, user: User, password: str, *, now: datetime, address: str) -> bool:
     """Whether this is the password of a signed-in user; throttled as a sign-in is."""
     _begin(store, user.name, waits_of(user.name, address), now, address)
-    known = store.accounts.password_of(user.name)
-    if known is None or not matches(password[: 4 * LONGEST], known[1]):
+    user_and_hash = store.accounts.password_of(user.name)
+    if user_and_hash is None or not matches(password[: 4 * LONGEST], user_and_hash[1]):
         return False
     store.attempts.succeeded(key_of_name(user.name), [key_of_address(address)])
     return True
@@ -163,12 +163,12 @@ def key_of_name(name: str) -> str:
 def key_of_address(address: str) -> str:
     """The key of an address's count; for IPv6 that of its /64 network."""
     try:
-        known = ipaddress.ip_address(address.partition("%")[0])
+        parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
         return f"address {address}"
-    if known.version == 6 and known.ipv4_mapped is None:
-        return f"address {ipaddress.ip_network((known, _IPV6_SITE), strict=False)}"
-    return f"address {known.ipv4_mapped or known if known.version == 6 else known}"
+    if parsed.version == 6 and parsed.ipv4_mapped is None:
+        return f"address {ipaddress.ip_network((parsed, _IPV6_SITE), strict=False)}"
+    return f"address {parsed.ipv4_mapped or parsed if parsed.version == 6 else parsed}"
 
 
 def waits_of(name: str, address: str) -> Mapping[str, Wait]:

@@ -24,10 +24,10 @@ def note_result_of_work(store: Store, valve: str) -> str | None:
     last = work[-1]
     if any(note.who == WRITER and note.at == last.at for note in store.notes(valve)):
         return None
-    said = compare(store.screenings(valve, _LOOK_BACK), last)
-    if said is not None:
-        store.add_note(valve, last.at, said, WRITER)
-    return said
+    sentence = compare(store.screenings(valve, _LOOK_BACK), last)
+    if sentence is not None:
+        store.add_note(valve, last.at, sentence, WRITER)
+    return sentence
 
 
 def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:

@@ -82,10 +82,10 @@ def raised_of(
 
 def _why(store: Store, tags: Sequence[DeadTag], now: datetime) -> dict[str, str]:
     """For each tag since when it is dead, and what its newest sample says."""
-    known = store.samples.last_good([tag.number for tag in tags], now - _LOOK_BACK)
+    last_good = store.samples.last_good([tag.number for tag in tags], now - _LOOK_BACK)
     said: dict[str, str] = {}
     for tag in tags:
-        good = known[tag.number]
+        good = last_good[tag.number]
         when = "for more than a day" if good.at is None else f"since {good.at:%Y-%m-%d %H:%M} UTC"
         said[tag.tag] = f"{when} ({good.reason})" if good.reason else when
     return said

@@ -34,6 +34,7 @@ from stemwatch.service.cli.robustness import robustness
 from stemwatch.service.cli.screen import screen
 from stemwatch.service.cli.serve import run_now, serve
 from stemwatch.service.cli.simulate import simulate
+from stemwatch.service.cli.study_oscillations import study_oscillations
 from stemwatch.service.cli.study_wear_forecast import study_wear_forecast
 from stemwatch.service.cli.trial import trial
 from stemwatch.service.cli.views import say_error
@@ -94,6 +95,7 @@ for command in (
     calibrate_archives,
     study_wear_forecast,
     study_without_position,
+    study_oscillations,
     drift,
     maintenance,
     feedback,

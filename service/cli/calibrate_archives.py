@@ -33,28 +33,28 @@ def calibrate_archives(
     from stemwatch.service.studies.archive_limits import limits, run_archive_limits
 
     with views.progress("valves", 4 * valves, transient=True) as tell:
-        shown = run_archive_limits(valves, seed, choose_executor(workers), tell)
-    found = list(limits(shown))
+        evidence = run_archive_limits(valves, seed, choose_executor(workers), tell)
+    all_limits = list(limits(evidence))
     columns = ("limit", "nearest null", "nulls beyond it", "late or slow beyond it")
     table = plain_table(f"{valves} sticking and healthy valves, seed {seed}", ("what",), columns)
-    for one in found:
+    for one in all_limits:
         worst = f"{one.worst:.2f}" if one.nulls else "no null"
         of_nulls = f"{one.nulls_beyond} of {one.nulls}"
         beyond = f"{one.beyond} of {one.of}"
         table.add_row(one.name, f"{one.limit:g}", worst, of_nulls, beyond)
     views.out.print(table)
-    over = [one.name for one in found if one.nulls_beyond]
+    over = [one.name for one in all_limits if one.nulls_beyond]
     if over:
         views.say(f"Nulls lie beyond: {'; '.join(over)}.")
-    untold = [one.name for one in found if not one.nulls]
+    untold = [one.name for one in all_limits if not one.nulls]
     if untold:
         views.say(f"Draw more valves: too few without the effect for {'; '.join(untold)}.")
     if json_file is not None:
         report = {
             "seed": seed,
             "valves": valves,
-            "limits": [{**asdict(one), "holds": one.holds} for one in found],
-            "recordings": [asdict(one) for one in shown],
+            "limits": [{**asdict(one), "holds": one.holds} for one in all_limits],
+            "recordings": [asdict(one) for one in evidence],
         }
         json_file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     views.say_read_on("method.md")

@@ -144,8 +144,8 @@ def backup(
     from stemwatch.service.store.administration.backup import backup as carry
 
     address = _address(plant, db)
-    told = carry(address, file)
-    views.out.print(views.told_table(f"{address} in {file}", told))
+    carried = carry(address, file)
+    views.out.print(views.told_table(f"{address} in {file}", carried))
     views.say_next(
         f"keep {file} on another computer, and as private as the database. `stemwatch db restore` "
         "fills an empty database from it."
@@ -166,8 +166,8 @@ def restore(
     from stemwatch.service.store.administration.backup import restore as carry
 
     address = _address(plant, db)
-    told = carry(o.need_file(file, "FILE"), address)
-    views.out.print(views.told_table(f"{file} in {address}", told))
+    carried = carry(o.need_file(file, "FILE"), address)
+    views.out.print(views.told_table(f"{file} in {address}", carried))
     views.say_next(
         "give this database as storage.url, or in STEMWATCH_STORAGE_URL, and start the service."
     )
@@ -197,8 +197,8 @@ def copy(
     from stemwatch.service.store.database_url import DatabaseUrl
 
     origin, target = _address(plant, db), DatabaseUrl(to)
-    told = carry(origin, target)
-    views.out.print(views.told_table(f"{origin} in {target}", told))
+    carried = carry(origin, target)
+    views.out.print(views.told_table(f"{origin} in {target}", carried))
     views.say_result(f"Now give {target} as storage.url, or in STEMWATCH_STORAGE_URL.")
 
 

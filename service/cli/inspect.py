@@ -48,23 +48,25 @@ def inspect(
             f"{write} exists and is not overwritten; name another file", param_hint="--write"
         )
     source = HistorianFile(file, options)
-    seen = source.inspect()
-    for table in views.inspection_tables(seen):
+    inspection = source.inspect()
+    for table in views.inspection_tables(inspection):
         views.out.print(table)
-    for line in views.inspection_remarks(seen):
+    for line in views.inspection_remarks(inspection):
         views.out.print(line, highlight=False)
     if json_file is not None:
-        text = json.dumps(seen.to_dict(), indent=1, ensure_ascii=False)
+        text = json.dumps(inspection.to_dict(), indent=1, ensure_ascii=False)
         json_file.write_text(text + "\n", encoding="utf-8")
     if write is not None:
-        proposed = replace(seen, source=_seen_from(write, file)).plant_toml(curves=_curves(source))
+        proposed = replace(inspection, source=_seen_from(write, file)).plant_toml(
+            curves=_curves(source)
+        )
         write.write_text(proposed, encoding="utf-8")
         views.out.print(f"\n{escape(str(write))} is written. Check the roles in it; then")
         views.out.print(f"  stemwatch screen --plant {escape(str(write))}", soft_wrap=True)
         return
     views.out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
     mapping = Syntax("", "toml", background_color="default").highlight(
-        views.as_toml_escapes(seen.plant_toml(curves=_curves(source)))
+        views.as_toml_escapes(inspection.plant_toml(curves=_curves(source)))
     )
     views.out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
     views.say_next(

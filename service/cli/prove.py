@@ -57,10 +57,10 @@ def prove(
 
     if seed in CALIBRATED_WITH:
         views.say(f"Seed {seed} is one that thresholds were calibrated with: this is not blind.")
-    drawn = draw_cases(cases, seed, effect, concealment)
+    hidden_cases = draw_cases(cases, seed, effect, concealment)
     with _folder(keep) as folder:
         options = () if narx else ("--no-narx",)
-        sealed, marks = _trial(drawn, seed, folder, choose_executor(workers), options)
+        sealed, marks = _trial(hidden_cases, seed, folder, choose_executor(workers), options)
         if keep is not None:
             (keep / TRUTH_FILE).write_text(sealed.text, encoding="utf-8", newline="\n")
     _report(marks, sealed, seed, json_file)
@@ -105,8 +105,8 @@ def _trial(
     )
     files = sorted(path.name for path in folder.iterdir())
     with views.progress("judging", len(files)) as tell:
-        said = judge(folder, files, executor, tell, options)
-    return sealed, score(sealed.open(), said)
+        answers = judge(folder, files, executor, tell, options)
+    return sealed, score(sealed.open(), answers)
 
 
 def _report(marks: Sequence[CaseMark], sealed: Seal, seed: int, json_file: Path | None) -> None:

@@ -89,8 +89,8 @@ def run_now(
         raise typer.BadParameter(f"no valve {unknown[0]} in {plant}", param_hint="VALVE")
     stop = threading.Event()
     with asked_to_stop(stop.set, last=True), open_store(loaded.storage) as store:
-        wanted = RunToQueue(valves=tuple(valve or ()), who=who or "command line")
-        number = store.queue.put(wanted, software_version=__version__)
+        run = RunToQueue(valves=tuple(valve or ()), who=who or "command line")
+        number = store.queue.put(run, software_version=__version__)
         served = store.leases.holder(LEASE) is not None
         if number is None:
             raise typer.Exit(1)

@@ -115,11 +115,11 @@ class Spool:
     def waiting(self, after: Position | None = None) -> Iterator[Waiting]:
         """The batches that are not acknowledged, oldest first, from ``after`` on where given, up to
         what has been appended so far."""
-        place = max(self._acknowledged, after or Position())
+        position = max(self._acknowledged, after or Position())
         for number in self._segments():
-            if number < place.segment:
+            if number < position.segment:
                 continue
-            start = place.offset if number == place.segment else 0
+            start = position.offset if number == position.segment else 0
             yield from self._in_file(number, start)
 
     def acknowledge(self, upto: Position) -> None:
@@ -227,9 +227,9 @@ class Spool:
         path = self.folder / _CURSOR
         try:
             cursor = json.loads(path.read_bytes())
-            place = Position(int(cursor["segment"]), int(cursor["offset"]))
+            position = Position(int(cursor["segment"]), int(cursor["offset"]))
             self.polled = PolledTimes(cursor.get("polled"))
-            return place, int(cursor["lost"])
+            return position, int(cursor["lost"])
         except FileNotFoundError:
             return Position(), 0
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:

@@ -95,8 +95,8 @@ def checked_schedule(
     try:
         schedule = ScheduleTable.model_validate(table).schedule()
     except ValidationError as error:
-        place = TableLocation("", "schedule", lambda path: None)
-        problems = problems_of(error, ScheduleTable, place)
+        location = TableLocation("", "schedule", lambda path: None)
+        problems = problems_of(error, ScheduleTable, location)
         said = (
             f"{problem.key}: found {problem.found}; expected {problem.expected}"
             for problem in problems

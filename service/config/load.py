@@ -187,16 +187,16 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
 def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:
     for position, table in tables(data, "sources"):
         name = table.get("name")
-        place = place_of(file, lines, "sources", position, name)
-        again = name_taken("name", name, place, reading.source_places)
+        location = place_of(file, lines, "sources", position, name)
+        again = name_taken("name", name, location, reading.source_places)
         reading.problems += again
-        model = _settings_model(table, place, reading)
+        model = _settings_model(table, location, reading)
         if model is None:
             continue
         try:
             source = model.model_validate(table)
         except ValidationError as error:
-            reading.problems += problems_of(error, model, place)
+            reading.problems += problems_of(error, model, location)
             continue
         if again:
             continue
@@ -234,8 +234,8 @@ def _settings_model(
 
 def _read_valves(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantReading) -> None:
     for position, table in tables(data, "valves"):
-        place = place_of(file, lines, "valves", position, table.get("id"))
-        _add_valve(table, place, reading, strict=True)
+        location = place_of(file, lines, "valves", position, table.get("id"))
+        _add_valve(table, location, reading, strict=True)
 
 
 def _read_list(data: dict[str, Any], file: Path, reading: PlantReading) -> None:
@@ -304,8 +304,8 @@ def read_device_tables(
     good = []
     for position, table in listed:
         name = table.get("name")
-        place = place_of(file.name, lines, "devices", position, name)
-        again = name_taken("name", name, place, reading.source_places)
+        location = place_of(file.name, lines, "devices", position, name)
+        again = name_taken("name", name, location, reading.source_places)
         reading.problems += again
         if not again:
             good.append((position, table))
@@ -369,15 +369,15 @@ def _named(
 
 def tags_without_register(valve: Valve, device: Device, location: TableLocation) -> list[Problem]:
     """Problems for tags of a valve that no register of its device has."""
-    known = set(device.tags)
+    mapped = set(device.tags)
     return [
         location.problem(
             ("tags", role.value, "tag"),
             f"{tag.tag!r}, which no register of {device.name} has",
-            "the tag of one of its registers" + nearest(tag.tag, known),
+            "the tag of one of its registers" + nearest(tag.tag, mapped),
         )
         for role, tag in valve.tags.given().items()
-        if tag.tag not in known
+        if tag.tag not in mapped
     ]
 
 

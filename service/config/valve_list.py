@@ -58,12 +58,14 @@ def read_valve_list(path: Path, shown_as: str) -> ValveList:
     _check_heading(heading, records[0][0], shown_as)
     rows: list[ListedValve] = []
     for line, cells in records[1:]:
-        place = _row_place(shown_as, line)
+        location = _row_place(shown_as, line)
         if any(cells[len(heading) :]) or len(cells) < len(heading):
             found = f"{len(cells)} cells"
-            problems.append(place.problem((), found, f"{len(heading)}, as in the heading"))
+            problems.append(location.problem((), found, f"{len(heading)}, as in the heading"))
             continue
-        rows.append(ListedValve(_table(dict(zip(heading, cells, strict=False)), separator), place))
+        rows.append(
+            ListedValve(_table(dict(zip(heading, cells, strict=False)), separator), location)
+        )
     return ValveList(tuple(rows), tuple(problems))
 
 
@@ -103,19 +105,19 @@ def _heading(cells: list[str]) -> list[str]:
 
 def _check_heading(heading: list[str], line: int, shown_as: str) -> None:
     """Raise for wrong headings, which would make every valve of the list wrong."""
-    place = TableLocation(shown_as, "", lambda _: line, lambda path: f"column {path[0]}")
+    location = TableLocation(shown_as, "", lambda _: line, lambda path: f"column {path[0]}")
     unknown = [name for name in heading if name not in COLUMNS]
     problems = [
-        place.problem((name,), "an unknown column", either_of(COLUMNS) + nearest(name, COLUMNS))
+        location.problem((name,), "an unknown column", either_of(COLUMNS) + nearest(name, COLUMNS))
         for name in unknown
     ]
     problems += [
-        place.problem((name,), "nothing", "a column with this heading")
+        location.problem((name,), "nothing", "a column with this heading")
         for name in _REQUIRED
         if name not in heading
     ]
     problems += [
-        place.problem((name,), f"{heading.count(name)} columns with this heading", "one")
+        location.problem((name,), f"{heading.count(name)} columns with this heading", "one")
         for name in dict.fromkeys(heading)
         if name in COLUMNS and heading.count(name) > 1
     ]

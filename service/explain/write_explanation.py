@@ -96,8 +96,8 @@ def write_pages(
 
     Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
     """
-    shown = entries(valves)
-    maps = {path: text for entry in shown for path, text in _maps(entry, folder / MAPS)}
+    all_entries = entries(valves)
+    maps = {path: text for entry in all_entries for path, text in _maps(entry, folder / MAPS)}
     for parent in {folder, *(path.parent for path in maps)}:
         parent.mkdir(parents=True, exist_ok=True)
     pages = ExplanationFiles(html=folder / PAGE, json=folder / OBJECTS, maps=tuple(maps))
@@ -105,7 +105,7 @@ def write_pages(
         {
             pages.json: to_json(valves).encode(),
             **maps,
-            pages.html: html_bytes(shown, context),
+            pages.html: html_bytes(all_entries, context),
         }
     )
     return pages

@@ -148,7 +148,7 @@ def work_sheet_of(
     screening, said = valve.screening, valve.finding
     kinds = said.decision.kinds
     earlier = background.earlier(screening)
-    seen = s.first_seen(kinds[0], earlier)
+    since = s.first_seen(kinds[0], earlier)
     steps = _with_field_test(advice.steps_for(kinds), field_test(screening))
     picture, note = picture_of(screening, background.samples(screening), zone)
     sizes, stroke_note = sizes_of(screening, valve.facts.stroke)
@@ -161,10 +161,10 @@ def work_sheet_of(
         steps=steps,
         parts=advice.parts_for(kinds),
         isolation=advice.isolation_for(steps),
-        since=seen,
-        since_said=_since(seen, valve, background, zone),
+        since=since,
+        since_said=_since(since, valve, background, zone),
         past=tuple(earlier[:MOST_PAST]),
-        sure=how_sure(screening, said.decision, valve.stands, discoveries, seen),
+        sure=how_sure(screening, said.decision, valve.stands, discoveries, since),
         priority=priority(
             finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
         ),

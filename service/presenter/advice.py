@@ -74,8 +74,8 @@ def catalogue() -> Mapping[str, FieldAdvice]:
 
 def advice_for(kind: str) -> FieldAdvice:
     """The advice for ``kind``; that for an unknown movement where a newer version named it."""
-    known = catalogue()
-    return known.get(kind, known["unknown"])
+    terms = catalogue()
+    return terms.get(kind, terms["unknown"])
 
 
 def term_words(slug: str) -> Words | None:

@@ -20,6 +20,7 @@ from jinja2.bccache import Bucket
 from markupsafe import Markup
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
@@ -29,6 +30,7 @@ from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_to
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
 from stemwatch.service.report.evidence_by_window import evidence_picture
+from stemwatch.service.report.group_pictures import spectra_map, strength_bars
 from stemwatch.service.report.mismatch_view import (
     MismatchView,
     gain_rows,
@@ -197,6 +199,14 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
     env.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     env.filters |= {
         "figure": words.figure,
+        "group_headline": oscillation_words.headline,
+        "group_cost": oscillation_words.cost,
+        "group_begun": lambda group: oscillation_words.begun(group, context.tz),
+        "oscillates_with": lambda loop: oscillation_words.of_loops(
+            context.groups, loop, context.tz
+        ),
+        "spectra_map": spectra_map,
+        "strength_bars": strength_bars,
         "span_percent": words.span_percent,
         "share": words.share,
         "interval": words.interval,

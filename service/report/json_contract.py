@@ -23,6 +23,7 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
     TriedEffect,
 )
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
@@ -219,11 +220,13 @@ def to_contract(
     stands: bool | None = None,
     by_window: EvidenceOfWeeks | None = None,
     zone: tzinfo = UTC,
+    groups: Sequence[OscillationGroup] = (),
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together. Days in sentences are those of ``zone``, as in a report.
+    windows of the last weeks say together, ``groups`` which loops
+    oscillate together. Days in sentences are those of ``zone``, as in a report.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
@@ -257,11 +260,29 @@ def to_contract(
         "over_weeks": []
         if by_window is None
         else [_lasting(finding, zone) for finding in by_window.findings],
+        "oscillates_with": _oscillates_with(groups, screening.valve),
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
         "seconds": finite(screening.seconds),
     }
+
+
+def _oscillates_with(groups: Sequence[OscillationGroup], loop: str) -> list[dict[str, Any]]:
+    """The groups of which a loop is a member, as plain types."""
+    return [
+        {
+            "period_s": finite(group.period_s),
+            "loops": [printable(member.loop) for member in group.members],
+            "share": finite(next(one.share for one in group.members if one.loop == loop)),
+            "source": printable(group.source) or None,
+            "source_probability": finite(group.members[0].probability),
+            "outside_probability": finite(group.outside),
+            "since": _instant(group.since),
+        }
+        for group in groups
+        if any(member.loop == loop for member in group.members)
+    ]
 
 
 def by_window_object(evidence: EvidenceOfWeeks) -> dict[str, Any]:

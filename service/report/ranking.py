@@ -115,16 +115,16 @@ class Ranking(Sequence[RankedValve]):
         place = self._order[at]
         screening = self._screenings[place]
         facts = self._context.facts(screening.valve)
-        said = present(screening, stands=self.discovered.standing[at], run=self.discovered)
+        finding = present(screening, stands=self.discovered.standing[at], run=self.discovered)
         return RankedValve(
             rank=at + 1,
             anchor=self._anchors[at],
             screening=screening,
             facts=facts,
             trend=change_since_last_run(
-                screening, said.decision.verdict, facts.previous, facts.weeks
+                screening, finding.decision.verdict, facts.previous, facts.weeks
             ),
-            finding=said,
+            finding=finding,
             stands=self.discovered.standing[at],
             plots=partial(self._evidence, place),
         )

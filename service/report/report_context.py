@@ -8,6 +8,7 @@ from datetime import datetime, tzinfo
 from types import MappingProxyType
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
@@ -55,7 +56,8 @@ class ReportContext:
     ``valves`` is keyed by ``Screening.valve``. A report of a part of a run has in ``p_elsewhere``
     the ``Mismatch.p_value`` of every other valve that was tested (``None`` where nothing was
     named), so that what stands is decided over the whole run. ``work_files`` are the names of the
-    files for maintenance that lie beside the report, with what each is.
+    files for maintenance that lie beside the report, with what each is. ``groups`` are the loops of
+    the whole run that oscillate together.
 
     Raises ``ValueError`` on a naive ``started`` or a zone that the time zone database does not
     have.
@@ -72,6 +74,7 @@ class ReportContext:
     sources_not_read: tuple[SourceNotRead, ...] = ()
     p_elsewhere: tuple[float | None, ...] = ()
     work_files: Mapping[str, str] = field(default_factory=dict)
+    groups: tuple[OscillationGroup, ...] = ()
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:

@@ -58,8 +58,10 @@ def header_and_rows(
     ranked: Sequence[RankedValve], context: ReportContext
 ) -> tuple[list[SpreadsheetColumn], Iterator[list[Cell]]]:
     """The columns and, valve by valve as they are asked for, their cells, every text printable."""
-    shown = columns(context)
-    return shown, ([clean_cell(column.read(valve)) for column in shown] for valve in ranked)
+    chosen_columns = columns(context)
+    return chosen_columns, (
+        [clean_cell(column.read(valve)) for column in chosen_columns] for valve in ranked
+    )
 
 
 def clean_cell(cell: Cell) -> Cell:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from stemwatch.models.false_discovery import significant
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup, plant_groups
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
@@ -143,6 +144,17 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
     write_maintenance(screenings, context, run.out, background)
 
 
+def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
+    """Loops of the run that oscillate together; none where looking for them fails, since all else
+    matters more."""
+    try:
+        return tuple(plant_groups(executed.results.waves()))
+    except Exception:
+        text = "run %d: loops that oscillate together could not be looked for"
+        log.exception(text, run.number, extra={"run": run.number})
+        return ()
+
+
 def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
     plant = run.plant
     notes = [SourceNotRead(source=source, reason=why) for source, why in not_read]
@@ -171,6 +183,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
             for valve, before in executed.previous.items()
         },
         sources_not_read=tuple(notes),
+        groups=_groups(run, executed),
     )
 
 

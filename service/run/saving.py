@@ -26,12 +26,15 @@ def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
     for task in tasks:
         valve = task.tags.valve
         if valve not in baselines:
-            kept = store.baseline(valve)
+            baseline = store.baseline(valve)
             baselines[valve] = (
                 None
-                if kept is None
+                if baseline is None
                 else StoredBaseline(
-                    network=kept.network, note=kept.note, window=kept.window, id=kept.id
+                    network=baseline.network,
+                    note=baseline.note,
+                    window=baseline.window,
+                    id=baseline.id,
                 )
             )
         if valve not in curves:
@@ -177,12 +180,12 @@ def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
     state = screening.verdict.value
     if new_baseline:
         return f"window chosen by the user ({state})"
-    kept = store.baseline(screening.valve)
-    if kept is None:
+    baseline = store.baseline(screening.valve)
+    if baseline is None:
         return f"first window with a fit ({state})"
-    if kept.maintenance is not None and _after(screening, kept.maintenance.at):
+    if baseline.maintenance is not None and _after(screening, baseline.maintenance.at):
         return f"first window after maintenance ({state})"
-    if screening.verdict is Verdict.HEALTHY and f"({Verdict.HEALTHY.value})" not in kept.reason:
+    if screening.verdict is Verdict.HEALTHY and f"({Verdict.HEALTHY.value})" not in baseline.reason:
         return f"first healthy window ({state})"
     return ""
 

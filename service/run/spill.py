@@ -6,12 +6,16 @@ import heapq
 import pickle
 import tempfile
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, overload
 
+from stemwatch.models.oscillation_groups.plant_groups import LoopWaves
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import RankKey, worst_first
+
+MOST_WAVES = 4000  # loops of a run that are compared with each other, 0.1 MB on the disk each
 
 
 class _ReversedRank:
@@ -39,6 +43,7 @@ class ResultSpill(Sequence[Screening]):
         self._plotted = plotted
         self._where: dict[int, int] = {}  # place -> offset of the screening
         self._plots: dict[int, int] = {}  # place -> offset of its plots
+        self._waves: list[int] = []  # offsets
         self._badness: dict[int, tuple[float, str]] = {}  # as ``Store.worst_of_run`` sorts
         self._worst: list[tuple[_ReversedRank, int]] = []
         self._order: list[int] | None = None
@@ -46,6 +51,10 @@ class ResultSpill(Sequence[Screening]):
     def add(self, place: int, screening: Screening, evidence: ValvePlots) -> None:
         """Store the screening at ``place``, and its plots while it is among the worst."""
         self._where[place] = self._write(screening)
+        if evidence.waves is not None:
+            if len(self._waves) < MOST_WAVES:
+                self._waves.append(self._write(evidence.waves))
+            evidence = replace(evidence, waves=None)
         self._badness[place] = (-screening.severity, screening.valve)
         self._order = None
         heapq.heappush(self._worst, (_ReversedRank(worst_first(screening)), place))
@@ -58,6 +67,10 @@ class ResultSpill(Sequence[Screening]):
     def evidence(self, at: int) -> ValvePlots | None:
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
         return self.evidence_at(self._places()[at])
+
+    def waves(self) -> Iterator[LoopWaves]:
+        """What the loops are compared by, in the order in which they came."""
+        return (self._read(offset) for offset in self._waves)
 
     def at_place(self, place: int) -> Screening:
         """The screening that was put at ``place``."""

@@ -232,24 +232,24 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:
         return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
-    known = known_curve(task, recording)
+    known_curve_of_task = known_curve(task, recording)
     if task.baseline is None:
-        return Case(recording=recording, known_curve=known)
+        return Case(recording=recording, known_curve=known_curve_of_task)
     if recording.start is not None and task.baseline.window == (recording.start, recording.end):
         note = "This window is the baseline."
-        return Case(recording=recording, baseline_note=note, known_curve=known)
+        return Case(recording=recording, baseline_note=note, known_curve=known_curve_of_task)
     from stemwatch.models.narx.network import NarxNetwork
 
     try:
         network = NarxNetwork.from_bytes(task.baseline.network)
     except ValueError as error:
         note = f"{task.baseline.note} It cannot be read ({error}); set a new one."
-        return Case(recording=recording, baseline_note=note, known_curve=known)
+        return Case(recording=recording, baseline_note=note, known_curve=known_curve_of_task)
     return Case(
         recording=recording,
         baseline=network,
         baseline_note=task.baseline.note,
-        known_curve=known,
+        known_curve=known_curve_of_task,
     )
 
 

@@ -88,9 +88,9 @@ class Scheduler:
             coming = [kept.next_due for kept in self._store.schedules.all()]
         except Exception as error:  # whatever it is, the thread must go on
             if str(error) != self._logged:
-                known = isinstance(error, StoreError)
+                expected = isinstance(error, StoreError)
                 text = "the schedules could not be looked at: %s"
-                log.error(text, error, exc_info=None if known else error)
+                log.error(text, error, exc_info=None if expected else error)
             self._logged = str(error)
             return self._look_again_s
         self._logged = ""

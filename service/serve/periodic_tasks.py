@@ -58,8 +58,8 @@ def repeat(name: str, every_s: float, task: PeriodicTask, stop: threading.Event)
         except Exception as error:  # the task is tried again, and the others must go on
             words = f"{type(error).__name__}: {error}"
             if words != failing:
-                known = isinstance(error, StoreError)
-                log.error("%s: %s", name, words, exc_info=None if known else error)
+                expected = isinstance(error, StoreError)
+                log.error("%s: %s", name, words, exc_info=None if expected else error)
             failing = words
         if stop.wait(every_s):
             return

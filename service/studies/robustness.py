@@ -196,8 +196,8 @@ class RobustnessBatch:
 
 def draw_valves(each: int, seed: int) -> list[StudiedValve]:
     """``each`` sticking and as many healthy valves, an hour at 1 s with set-point moves."""
-    drawn = draw_nulls(4 * each, seed, "routine")
-    wide = [case for case in drawn if STICKING_S[0] <= case.loop.valve.S <= STICKING_S[1]]
+    cases = draw_nulls(4 * each, seed, "routine")
+    wide = [case for case in cases if STICKING_S[0] <= case.loop.valve.S <= STICKING_S[1]]
     rng = np.random.default_rng([seed, 17])
     sticking = [
         _with(case, case.loop.valve.S, case.loop.valve.J, index, True)

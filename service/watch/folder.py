@@ -41,12 +41,12 @@ def take_in(
     Raises ``Rejected`` for a file that cannot be read, has none of the tags, or whose times have no
     zone; ``ReaderDied`` where the reading process was killed; ``StoreError``.
     """
-    wanted = _wanted(plant, source)
+    tags_wanted = _wanted(plant, source)
     export = Export(
         path=path,
         options=ReadOptions(**plant.read_options(source)),
         source=source,
-        wanted=wanted,
+        wanted=tags_wanted,
     )
     count = 0
     with limited_reading(export, memory_bytes) as (units, batches):
@@ -54,7 +54,7 @@ def take_in(
         for batch in batches:
             samples.write(batch)
             count += len(batch)
-    missing = sorted(set(wanted) - set(units))
+    missing = sorted(set(tags_wanted) - set(units))
     note = f"{count} samples of {len(units)} tags"
     if missing:
         more = f" and {len(missing) - _SHOWN} more" if len(missing) > _SHOWN else ""
@@ -196,15 +196,15 @@ class WatchedFolder:
         """The file as read or rejected; ``None`` where it is tried again at the next look."""
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        known = self._store.sources.taken(digest)
-        if known is not None and known.accepted:
-            self._move(path, DONE, f"taken in before, as {known.name}; not again")
-            return known
+        taken_before = self._store.sources.taken(digest)
+        if taken_before is not None and taken_before.accepted:
+            self._move(path, DONE, f"taken in before, as {taken_before.name}; not again")
+            return taken_before
         if self._attempts.unfinished(digest) >= MOST_ATTEMPTS:
             return self._reject(path, digest, _BEGUN_IN_VAIN)
         self._attempts.begin(digest)
         try:
-            taken = take_in(
+            stored = take_in(
                 path, self._plant, self._source, self._store.samples, self._memory_bytes
             )
         except Rejected as error:
@@ -217,7 +217,7 @@ class WatchedFolder:
         except Exception:
             self._attempts.end(digest)  # not the fault of the file: the store may be unavailable
             raise
-        note = self._note(path, digest, accepted=True, samples=taken.samples, note=taken.note)
+        note = self._note(path, digest, accepted=True, samples=stored.samples, note=stored.note)
         self._attempts.end(digest)
         return note
 

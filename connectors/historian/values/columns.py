@@ -71,8 +71,8 @@ def own_interval_s(column: Column, *, command: bool) -> float | None:
     step = column.times.usual_step
     if step is None:
         return None
-    own = implausible_values.own_interval(column.times.ticks, column.values, command=command)
-    return None if own is None else own * step / 1e9
+    ticks = implausible_values.own_interval(column.times.ticks, column.values, command=command)
+    return None if ticks is None else ticks * step / 1e9
 
 
 def convert(

@@ -264,8 +264,8 @@ def within_stroke(x: float, moved: float, stroke_m: float) -> tuple[float, float
 @njit(cache=True)
 def between(values: Floats, step: int, steps: int) -> float:
     """``values``, one per ``steps`` steps, on the straight line at ``step``."""
-    place = min(step // steps, values.size - 2)
-    return float(values[place] + (step / steps - place) * (values[place + 1] - values[place]))
+    index = min(step // steps, values.size - 2)
+    return float(values[index] + (step / steps - index) * (values[index + 1] - values[index]))
 
 
 # Inlined: passing all these numbers at each step would take longer than the step.

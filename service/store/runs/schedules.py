@@ -53,8 +53,8 @@ class Schedules:
         """Make or change a schedule of the pages; false where the plant file has one of its
         name."""
         with self._transactions.writing(f"setting the schedule {schedule.name}") as session:
-            kept = session.get(ScheduleRow, schedule.name)
-            if kept is not None and kept.origin == FROM_FILE:
+            row = session.get(ScheduleRow, schedule.name)
+            if row is not None and row.origin == FROM_FILE:
                 return False
             _keep(session, schedule, FROM_BROWSER)
             return True
@@ -88,13 +88,13 @@ def _timing(row: ScheduleRow) -> tuple[str | None, float | None]:
 
 def _keep(session: Session, schedule: ScreeningSchedule, origin: str) -> None:
     """Insert or change one schedule."""
-    kept = session.get(ScheduleRow, schedule.name)
-    if kept is None or _timing(kept) != (schedule.cron, schedule.every_s):
+    row = session.get(ScheduleRow, schedule.name)
+    if row is None or _timing(row) != (schedule.cron, schedule.every_s):
         # A changed timing starts now: instants missed by the old one are not made up.
         since: dict[str, object] = {"created": datetime.now(UTC), "last_due": None}
         values = _columns(schedule, origin) | since | {"next_due": None}
     else:
-        values = _columns(schedule, origin) | {"created": kept.created}
+        values = _columns(schedule, origin) | {"created": row.created}
     session.execute(upsert(session, ScheduleRow, [values], ("name",)))
 
 

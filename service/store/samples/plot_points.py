@@ -65,8 +65,8 @@ def _lowest_and_highest(
     bucket_start_s = (first + table[:, 0] * width) / 1e6
     step_s = width / 1e6
     at_s = np.stack([bucket_start_s + step_s / 4, bucket_start_s + 3 * step_s / 4], axis=1).ravel()
-    drawn = with_holes(at_s, table[:, 1:].ravel(), usual_s=step_s / 2)
-    return PlotPoints(at_s=drawn.at_s, values=drawn.values, bucket_s=step_s)
+    points = with_holes(at_s, table[:, 1:].ravel(), usual_s=step_s / 2)
+    return PlotPoints(at_s=points.at_s, values=points.values, bucket_s=step_s)
 
 
 def with_holes(at_s: Floats, values: Floats, usual_s: float | None = None) -> PlotPoints:

@@ -25,11 +25,11 @@ def read_trends(session: Session, valves: Sequence[str], limit: float) -> dict[s
         for valve, points in _daily(session, part).items():
             start = min(points)
             days = sorted(points)
-            found = trend_over_weeks(
+            trend = trend_over_weeks(
                 [(day - start).days for day in days], [points[day] for day in days], limit
             )
-            if found is not None:
-                trends[valve] = found
+            if trend is not None:
+                trends[valve] = trend
     return trends
 
 

@@ -22,17 +22,17 @@ def evidence_json(screening: Screening) -> dict[str, Any] | None:
     mismatch, at = screening.mismatch, screening.window[1] or datetime.min
     if mismatch is None:
         return None
-    told = WindowEvidence.of(mismatch, at, begins_anew=screening.changed)
+    evidence = WindowEvidence.of(mismatch, at, begins_anew=screening.changed)
     return {
-        "named": [list(members) for members in told.named],
+        "named": [list(members) for members in evidence.named],
         "scores": {
             score.slug: [_short(score.mean), _short(score.t), _short(score.strength)]
-            for score in told.scores
+            for score in evidence.scores
         },
-        "S": _triple(told.S),
-        "J": _triple(told.J),
-        "p_value": finite(told.p_value),
-        "begins_anew": told.begins_anew,
+        "S": _triple(evidence.S),
+        "J": _triple(evidence.J),
+        "p_value": finite(evidence.p_value),
+        "begins_anew": evidence.begins_anew,
     }
 
 

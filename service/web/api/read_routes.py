@@ -51,7 +51,7 @@ def valves(
     size: Annotated[int, Query(ge=1, le=MOST_PAGE)] = PAGE,
 ) -> shapes.RankingAnswer:
     """The valves with their latest findings, worst first unless asked otherwise."""
-    wanted = RankingFilter(
+    ranking_filter = RankingFilter(
         text=q,
         areas=tuple(area),
         verdicts=tuple(verdict),
@@ -61,7 +61,7 @@ def valves(
         page=page,
         size=size,
     )
-    ranked = deps.store.ranking(wanted)
+    ranked = deps.store.ranking(ranking_filter)
     lines = [valve_line(line) for line in ranked.lines]
     return shapes.RankingAnswer(
         total=ranked.total, page=page, size=size, counts=dict(ranked.counts), valves=lines
@@ -73,8 +73,8 @@ def valve_signals(
     deps: Deps, valve: Id, start: AwareDatetime, stop: AwareDatetime
 ) -> shapes.SignalsAnswer:
     """OP, MV, PV and SP between two instants, thinned to what can be seen."""
-    asked = window_of(deps.need_valve(valve), start, stop)
-    return signals.signals_of(deps.site, asked)
+    window = window_of(deps.need_valve(valve), start, stop)
+    return signals.signals_of(deps.site, window)
 
 
 @router.get("/valve/loop")
@@ -82,12 +82,12 @@ def valve_loop(
     deps: Deps, valve: Id, start: AwareDatetime, stop: AwareDatetime
 ) -> shapes.LoopAnswer:
     """MV against OP with the loop of the model that was fitted last; at most twelve hours."""
-    asked = window_of(deps.need_valve(valve), start, stop)
+    window = window_of(deps.need_valve(valve), start, stop)
     latest = deps.store.screenings(valve, 1)
     points = deps.store.indicators(latest[0].id) if latest else {}
     numbers = {name: point.value for name, point in points.items() if point.value is not None}
     screening = screening_of(latest[0]) if latest else None
-    return phase.loop_of(deps.site, asked, numbers, screening)
+    return phase.loop_of(deps.site, window, numbers, screening)
 
 
 @router.get("/valve/history")

@@ -65,8 +65,8 @@ def tags_of(site: Site, valve: str) -> Mapping[Role, Tag]:
     """The tags of a valve that are drawn; empty where the plant does not know it."""
     if site.plant is None or valve not in site.plant.valves:
         return {}
-    given = site.plant.valves[valve].tags.given()
-    return {role: given[role] for role in DRAWN_ROLES if role in given}
+    tags = site.plant.valves[valve].tags.given()
+    return {role: tags[role] for role in DRAWN_ROLES if role in tags}
 
 
 def _stored(
@@ -157,13 +157,13 @@ def _trace(role: Role, tag: str, unit: str, points: PlotPoints) -> Trace:
 
 def json_numbers(values: Floats) -> list[float | None]:
     """Rounded to what can be seen, null for NaN, which JSON does not have."""
-    known = np.isfinite(values)
-    if not known.any():
+    finite = np.isfinite(values)
+    if not finite.any():
         return [None] * values.size
-    size = float(np.ptp(values[known])) or abs(float(values[known][0])) or 1.0
+    size = float(np.ptp(values[finite])) or abs(float(values[finite][0])) or 1.0
     places = max(0, DIGITS - 1 - int(np.floor(np.log10(size))))
     rounded = np.round(values, places).tolist()
-    return [value if fine else None for value, fine in zip(rounded, known.tolist(), strict=True)]
+    return [value if fine else None for value, fine in zip(rounded, finite.tolist(), strict=True)]
 
 
 EARLIEST, LATEST = datetime(1970, 1, 1, tzinfo=UTC), datetime(2200, 1, 1, tzinfo=UTC)

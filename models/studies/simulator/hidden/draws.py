@@ -114,9 +114,9 @@ def _case(
     sizes: dict[str, float] = {}
     extra_s = 0.0
     for name in names:
-        drawn = effect_named(name).draw(rng, plain)
-        sizes |= {f"{name}.{size}": value for size, value in drawn.items()}
-        extra_s += effect_named(name).delay_s(drawn)
+        effect = effect_named(name).draw(rng, plain)
+        sizes |= {f"{name}.{size}": value for size, value in effect.items()}
+        extra_s += effect_named(name).delay_s(effect)
     plain = tuned(plain, extra_s, rng)
     loop = plain
     for name in names:

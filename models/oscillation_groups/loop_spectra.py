@@ -1,0 +1,178 @@
+"""The spectra of many loops at once, and the oscillations that each shows by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from stemwatch.models.recording import Floats
+
+Complexes = NDArray[np.complex128]
+
+FEWEST_CYCLES = 8  # in the record; what is slower is drift
+FEWEST_SAMPLES = 4  # of a period
+_GRID = 0.03  # relative step of the frequencies at which peaks are looked for
+_HALF_WIDTH = 0.15  # of a peak's band, relative
+_AROUND = 1.5  # octaves either side that make the background
+_MOST_PEAKS = 3  # oscillations of one loop
+_CLIP = 6.0  # robust standard deviations; a spike is no oscillation
+_CROSSINGS = 11  # zero crossings of the autocorrelation that tell regularity
+_LEAST_SHARE = 0.05
+_SHORTEST = 128  # samples of a record that shows a period
+
+
+@dataclass(frozen=True)
+class LoopOscillation:
+    """What one loop shows by itself at one frequency.
+
+    ``share`` of the variance within 15 % of the frequency; ``prominence`` of the power there over
+    the background within 1.5 octaves; ``regularity`` of the zero crossings of the filtered
+    autocorrelation, T / (3 s) with the spread s of the periods.
+    """
+
+    loop: int
+    frequency: float  # 1/s
+    share: float
+    prominence: float
+    regularity: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopSpectra:
+    """``spectra`` (m, f) of loops without drift and spikes, of unit variance; ``frequencies`` (f,)
+    in 1/s; ``size`` samples of ``interval_s``."""
+
+    spectra: Complexes
+    frequencies: Floats
+    size: int
+    interval_s: float
+
+    def within(self, low: float, high: float) -> slice:
+        """The bins between two frequencies."""
+        first, last = np.searchsorted(self.frequencies, (low, high))
+        return slice(int(first), max(int(last), int(first) + 1))
+
+    def time(self, spectra: Complexes, band: slice) -> Complexes:
+        """(k, n) analytic signals of what (k, bins) spectra say in ``band``."""
+        whole = np.zeros((*spectra.shape[:-1], self.size), dtype=np.complex128)
+        whole[..., band] = 2.0 * spectra
+        return np.asarray(np.fft.ifft(whole, axis=-1) * np.sqrt(self.size))
+
+
+def loop_spectra(values: Floats, interval_s: float) -> LoopSpectra:
+    """The spectra of ``values`` (m, n), samples of m loops on one even clock; NaN where there is
+    none. A loop that stands still has the spectrum 0.
+
+    The squares of a spectrum add up to 1 over the frequencies of at least ``FEWEST_CYCLES`` in the
+    record.
+    """
+    filled = _without_spikes(_without_holes(np.array(values, dtype=np.float64)))
+    n = filled.shape[1]
+    time = np.linspace(-1.0, 1.0, n)
+    filled -= filled.mean(axis=1, keepdims=True)
+    filled -= (filled @ time)[:, None] / float(time @ time) * time
+    spectra = np.fft.rfft(filled, axis=1)
+    spectra[:, :FEWEST_CYCLES] = 0.0
+    power = np.sqrt((np.abs(spectra) ** 2).sum(axis=1, keepdims=True))
+    still = power <= 1e-9 * np.abs(values_scale(filled))[:, None]
+    spectra /= np.where(still, 1.0, power)
+    spectra[still[:, 0]] = 0.0
+    frequencies = np.arange(n // 2 + 1) / (n * interval_s)
+    return LoopSpectra(spectra=spectra, frequencies=frequencies, size=n, interval_s=interval_s)
+
+
+def values_scale(values: Floats) -> Floats:
+    """(m,) largest magnitude of each row, at least the smallest number that is none."""
+    return np.asarray(np.maximum(np.abs(values).max(axis=1, initial=0.0), 1e-300))
+
+
+def _without_holes(values: Floats) -> Floats:
+    for row in np.flatnonzero(~np.isfinite(values).all(axis=1)):
+        there = np.flatnonzero(np.isfinite(values[row]))
+        known = values[row, there]
+        values[row] = np.interp(np.arange(values.shape[1]), there, known) if there.size else 0.0
+    return values
+
+
+def _without_spikes(values: Floats) -> Floats:
+    middle = np.median(values, axis=1, keepdims=True)
+    spread = 1.4826 * np.median(np.abs(values - middle), axis=1, keepdims=True)
+    spread = np.where(spread > 0.0, _CLIP * spread, np.inf)
+    return np.clip(values, middle - spread, middle + spread)
+
+
+def oscillations(spectra: LoopSpectra) -> list[LoopOscillation]:
+    """The oscillations of each loop, up to three, whether or not they are regular."""
+    power = np.abs(spectra.spectra) ** 2
+    lowest = FEWEST_CYCLES * 1.2 / (spectra.size * spectra.interval_s)
+    highest = 1.0 / (FEWEST_SAMPLES * spectra.interval_s)
+    if spectra.size < _SHORTEST or highest <= lowest:
+        return []
+    grid = np.exp(np.arange(np.log(lowest), np.log(highest), _GRID))
+    total = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
+    low = np.searchsorted(spectra.frequencies, grid * (1.0 - _HALF_WIDTH))
+    high = np.searchsorted(spectra.frequencies, grid * (1.0 + _HALF_WIDTH))
+    high = np.maximum(high, low + 1)
+    share = total[:, high] - total[:, low]
+    density = share / (high - low)
+    reach = 2 * round(_AROUND * np.log(2.0) / _GRID) + 1
+    background = median_filter(density, size=(1, reach), mode="nearest")
+    prominence = density / np.maximum(background, 1e-12)
+    found = [
+        LoopOscillation(int(i), float(grid[k]), float(share[i, k]), float(prominence[i, k]), 0.0)
+        for i, k in _peaks(density, share)
+    ]
+    regular = _regularity(spectra, power, found)
+    return [
+        LoopOscillation(one.loop, one.frequency, one.share, one.prominence, float(r))
+        for one, r in zip(found, regular, strict=True)
+    ]
+
+
+def _peaks(density: Floats, share: Floats) -> list[tuple[int, int]]:
+    """(loop, place on the grid) of the highest maxima, none within 30 % of a higher one."""
+    apart = round(0.3 / _GRID)
+    found: list[tuple[int, int]] = []
+    for i in range(density.shape[0]):
+        there = np.flatnonzero(share[i] >= _LEAST_SHARE)
+        kept: list[int] = []
+        for k in there[np.argsort(-share[i, there], kind="stable")]:
+            if len(kept) == _MOST_PEAKS:
+                break
+            if all(abs(int(k) - other) > apart for other in kept):
+                kept.append(int(k))
+        found += [(i, k) for k in kept if _is_top(share[i], k)]
+    return found
+
+
+def _is_top(share: Floats, at: int) -> bool:
+    near = share[max(at - 2, 0) : at + 3]
+    return bool(share[at] >= near.max())
+
+
+def _regularity(spectra: LoopSpectra, power: Floats, found: list[LoopOscillation]) -> Floats:
+    """T / (3 s) of the periods between zero crossings of the autocorrelation of what lies within
+    half an octave (Thornhill, Huang and Zhang 2003)."""
+    out = np.zeros(len(found))
+    for at, one in enumerate(found):
+        band = spectra.within(one.frequency / np.sqrt(2.0), one.frequency * np.sqrt(2.0))
+        period = 1.0 / (one.frequency * spectra.interval_s)
+        # The autocorrelation is needed over few periods only, at any resolution.
+        lags = np.arange(0.0, (_CROSSINGS + 3) * period / 2.0, period / 24.0)
+        bins = np.arange(band.start, min(band.stop, power.shape[1]))
+        phase = 2.0 * np.pi / spectra.size * np.outer(lags, bins)
+        out[at] = _from_crossings(np.cos(phase) @ power[one.loop, bins])
+    return out
+
+
+def _from_crossings(acf: Floats) -> float:
+    sign = np.signbit(acf)
+    at = np.flatnonzero(sign[1:] != sign[:-1])[:_CROSSINGS]
+    if at.size < 6:
+        return 0.0
+    exact = at + acf[at] / (acf[at] - acf[at + 1])
+    half = np.diff(exact)
+    return float(half.mean() / (3.0 * half.std(ddof=1) + 1e-9))

@@ -1,0 +1,284 @@
+"""From the recordings of a run to groups of loops that oscillate together, each with its source."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.oscillation_groups.find_groups import (
+    FoundGroup,
+    find_groups,
+    strength_over_time,
+)
+from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS
+from stemwatch.models.oscillation_groups.loop_spectra import LoopSpectra, loop_spectra
+from stemwatch.models.oscillation_groups.non_linearity import non_linearity
+from stemwatch.models.oscillation_groups.sources import (
+    NAMES,
+    MemberEvidence,
+    SourceRanking,
+    compared,
+    member_evidence,
+    rank_sources,
+)
+from stemwatch.models.recording import Floats, Recording, Role
+
+LONGEST = 8640  # samples of a loop that are kept: a day at 10 s
+FEWEST = 200  # samples that two loops must have in common
+WINDOWS = 24  # of the record, in which the strength is told
+BANDS = 60  # of the heat map
+_OVERLAP = 0.5  # of the shorter window, that loops were recorded together
+_ACTIVE = 0.5  # of the usual strength, from which on a group oscillates
+_SAID = 0.3  # of evidence above the group's mean, from which on it is said
+Small = NDArray[np.float32]
+
+_WORDS = {
+    "share": "most of its movement is this oscillation",
+    "purity": "it has least movement of its own beside it",
+    "harmonics of PV": "its PV has more of the oscillation's harmonics",
+    "harmonics of OP": "its OP has more of the oscillation's harmonics",
+    "lead": "it wanders in phase before the others",
+    "non-linearity": "its PV follows its OP as no linear loop's does",
+    "sticking": "its valve sticks by its measured position",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopWaves:
+    """OP, PV and SP (n,) of one loop, thinned to ``LONGEST`` samples by means over blocks; NaN
+    where there is none. ``sticks`` by a measured position, ``None`` where that is not known."""
+
+    loop: str
+    source: str
+    start: datetime | None
+    interval_s: float
+    op: Small
+    pv: Small
+    sp: Small
+    sticks: bool | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupMember:
+    """A loop of a group: the share of its PV's variance that the oscillation makes, the probability
+    that it begins here, and what speaks for that."""
+
+    loop: str
+    share: float
+    probability: float
+    evidence: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class OscillationGroup:
+    """Loops that oscillate together, the likeliest source first.
+
+    ``outside`` is the probability that it begins in none of them. ``strength`` (24,) over the
+    record, its mean square 1; ``since`` the start of the window from which on it oscillates,
+    ``None`` where it always did or the source does not date. ``spectra`` (members, 60) powers on
+    ``periods_s`` (60,), each loop's largest 1.
+    """
+
+    period_s: float
+    members: tuple[GroupMember, ...]
+    outside: float
+    regularity: float
+    start: datetime | None
+    duration_s: float
+    since: datetime | None
+    strength: tuple[float, ...]
+    periods_s: tuple[float, ...]
+    spectra: tuple[tuple[float, ...], ...]
+
+    @property
+    def source(self) -> str:
+        """The loop in which it most likely begins; empty where none of them is."""
+        first = self.members[0]
+        return "" if self.outside > first.probability else first.loop
+
+    @property
+    def variance_share(self) -> float:
+        """The mean share of the members' variance that the oscillation makes."""
+        return float(np.mean([member.share for member in self.members]))
+
+
+def waves_of(recording: Recording, sticks: bool | None = None) -> LoopWaves | None:
+    """What a recording has for the search; ``None`` without PV or with too few samples."""
+    pv, sp = recording.get(Role.PV), recording.get(Role.SP)
+    if pv is None or len(recording) < FEWEST:
+        return None
+    every = -(-len(recording) // LONGEST)
+    same = sp is not None and sp.unit == pv.unit
+    none = np.full(len(recording), np.nan)
+
+    def thinned(values: Floats, usable: NDArray[np.bool_]) -> Small:
+        return _block_means(np.where(usable, values, np.nan), every).astype(np.float32)
+
+    return LoopWaves(
+        loop=recording.valve,
+        source=recording.provenance.source,
+        start=recording.start,
+        interval_s=recording.interval_s * every,
+        op=thinned(recording.op.values, recording.op.usable),
+        pv=thinned(pv.values, pv.usable),
+        sp=thinned(sp.values, sp.usable) if same and sp is not None else none[:0].astype("f4"),
+        sticks=sticks,
+    )
+
+
+def _block_means(values: Floats, every: int) -> Floats:
+    if every == 1:
+        return values
+    blocks = values[: values.size // every * every].reshape(-1, every)
+    known = np.isfinite(blocks)
+    total = np.where(known, blocks, 0.0).sum(axis=1)
+    count = known.sum(axis=1)
+    return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
+
+
+def plant_groups(loops: Iterable[LoopWaves]) -> list[OscillationGroup]:
+    """The groups of all loops, those that move most loops first. Loops are compared where they were
+    recorded together; where nothing dates them, within one file."""
+    groups: list[OscillationGroup] = []
+    for together in _recorded_together(list(loops)):
+        groups += _groups_of(together)
+    return sorted(groups, key=lambda group: -sum(member.share for member in group.members))
+
+
+def _recorded_together(loops: Sequence[LoopWaves]) -> list[list[LoopWaves]]:
+    """Loops whose windows overlap, or, undated, of one source and length; each loop once."""
+    undated: dict[tuple[str, int, float], list[LoopWaves]] = defaultdict(list)
+    dated: list[tuple[list[LoopWaves], datetime, datetime]] = []
+    for loop in sorted(loops, key=lambda one: (str(one.start), one.loop)):
+        if loop.start is None:
+            undated[(loop.source, loop.pv.size, loop.interval_s)].append(loop)
+            continue
+        end = loop.start + timedelta(seconds=loop.pv.size * loop.interval_s)
+        for at, (members, first, last) in enumerate(dated):
+            begin, stop = max(first, loop.start), min(last, end)
+            if stop - begin >= _OVERLAP * min(last - first, end - loop.start) and stop > begin:
+                dated[at] = ([*members, loop], begin, stop)
+                break
+        else:
+            dated.append(([loop], loop.start, end))
+    found = [members for members, _, _ in dated] + list(undated.values())
+    return [members for members in found if len({one.loop for one in members}) > 1]
+
+
+def _groups_of(loops: Sequence[LoopWaves]) -> list[OscillationGroup]:
+    loops = list({one.loop: one for one in loops}.values())
+    interval_s = max(one.interval_s for one in loops)
+    starts = [one.start for one in loops if one.start is not None]
+    start = max(starts) if starts else None
+    rows: dict[str, list[Floats]] = {"op": [], "pv": [], "sp": []}
+    for one in loops:
+        for name in rows:
+            values = getattr(one, name).astype(np.float64)
+            values = values if values.size else np.full(one.pv.size, np.nan)
+            rows[name].append(_on_clock(values, one, start, interval_s))
+    size = min(row.size for row in rows["pv"])
+    if size < FEWEST:
+        return []
+    op, pv, sp = (np.array([row[:size] for row in rows[name]]) for name in ("op", "pv", "sp"))
+    error = np.where(np.isfinite(sp), sp - pv, -pv)
+    spectra, outputs = loop_spectra(error, interval_s), loop_spectra(op, interval_s)
+    found = []
+    for group in find_groups(spectra, LIMITS):
+        evidence = member_evidence(
+            spectra,
+            outputs,
+            group,
+            lambda i: _non_linearity(op[i], pv[i]),
+            lambda i: _as_number(loops[i].sticks),
+        )
+        names = {i: loops[i].loop for i in group.members}
+        found.append(_told(spectra, group, evidence, names, start))
+    return found
+
+
+def _as_number(sticks: bool | None) -> float | None:
+    return None if sticks is None else float(sticks)
+
+
+def _on_clock(values: Floats, loop: LoopWaves, start: datetime | None, interval_s: float) -> Floats:
+    """The values on the common clock: the last one before each instant."""
+    offset = 0.0 if start is None or loop.start is None else (start - loop.start).total_seconds()
+    count = int((values.size * loop.interval_s - offset) // interval_s)
+    at = ((offset + np.arange(max(count, 0)) * interval_s) / loop.interval_s).astype(np.int64)
+    return np.asarray(values[np.minimum(at, values.size - 1)])
+
+
+def _non_linearity(op: Floats, pv: Floats) -> float:
+    known = np.isfinite(op) & np.isfinite(pv)
+    if known.mean() < 0.9:
+        return 0.0
+    at = np.arange(op.size)
+    filled = [np.interp(at, at[known], values[known]) for values in (op, pv)]
+    return non_linearity(filled[0], filled[1])
+
+
+def _told(
+    spectra: LoopSpectra,
+    group: FoundGroup,
+    evidence: MemberEvidence,
+    names: Mapping[int, str],
+    start: datetime | None,
+) -> OscillationGroup:
+    ranking = rank_sources(evidence, WEIGHTS)
+    shares = dict(zip(group.members, group.shares, strict=True))
+    said = _said(evidence, ranking)
+    strength, _ = strength_over_time(spectra, group, WINDOWS)
+    duration_s = spectra.size * spectra.interval_s
+    periods = np.geomspace(
+        4.0 * spectra.interval_s, max(duration_s / 8.0, 5.0 * spectra.interval_s), BANDS + 1
+    )
+    return OscillationGroup(
+        period_s=group.period_s,
+        members=tuple(
+            GroupMember(
+                loop=names[i], share=min(shares[i], 1.0), probability=p, evidence=said.get(i, ())
+            )
+            for i, p in zip(ranking.members, ranking.probability, strict=True)
+        ),
+        outside=ranking.none,
+        regularity=group.regularity,
+        start=start,
+        duration_s=duration_s,
+        since=_since(strength, start, duration_s),
+        strength=tuple(round(float(one), 3) for one in strength),
+        periods_s=tuple(float(x) for x in np.sqrt(periods[1:] * periods[:-1])),
+        spectra=tuple(_bands(spectra, i, periods) for i in ranking.members),
+    )
+
+
+def _said(evidence: MemberEvidence, ranking: SourceRanking) -> dict[int, tuple[str, ...]]:
+    """What speaks for each of the first two, the weightiest first."""
+    weighed = compared(evidence) * np.array(WEIGHTS.member)
+    out = {}
+    for i in ranking.members[:2]:
+        row = weighed[evidence.members.index(i)]
+        order = np.argsort(-row)
+        out[i] = tuple(_WORDS[NAMES[k]] for k in order[:3] if row[k] >= _SAID)
+    return out
+
+
+def _since(strength: Floats, start: datetime | None, duration_s: float) -> datetime | None:
+    """When the group began, where it did not oscillate before and has not stopped."""
+    active = strength >= _ACTIVE
+    if start is None or active.all() or not active[-1]:
+        return None
+    first = int(np.flatnonzero(~active)[-1]) + 1
+    return start + timedelta(seconds=first * duration_s / strength.size)
+
+
+def _bands(spectra: LoopSpectra, loop: int, periods: Floats) -> tuple[float, ...]:
+    power = np.abs(spectra.spectra[loop]) ** 2
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    edges = np.searchsorted(spectra.frequencies, 1.0 / periods)
+    bands = total[edges[:-1]] - total[edges[1:]]
+    return tuple(round(float(x), 3) for x in bands / max(float(bands.max()), 1e-30))

@@ -1,0 +1,147 @@
+"""Where the oscillation of a group likely begins: each member's evidence, and what weighs how much.
+
+What begins an oscillation shows more of it, more of its harmonics (each process on the way is a
+low pass), has least noise of its own beside it, wanders in phase before the others do, and, where
+its valve sticks, answers its controller's output as no linear loop does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stemwatch.models.oscillation_groups.find_groups import FoundGroup
+from stemwatch.models.oscillation_groups.limits import SourceWeights
+from stemwatch.models.oscillation_groups.loop_spectra import LoopSpectra
+from stemwatch.models.recording import Floats
+
+NAMES = (
+    "share",
+    "purity",
+    "harmonics of PV",
+    "harmonics of OP",
+    "lead",
+    "non-linearity",
+    "sticking",
+)
+_HARMONICS = (2, 3, 4, 5)
+_MOST_LEAD = 2.0  # periods
+
+
+@dataclass(frozen=True, kw_only=True)
+class MemberEvidence:
+    """(k, 7) what speaks for each member, in the order of ``NAMES``, as it is (not compared)."""
+
+    members: tuple[int, ...]
+    values: Floats
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceRanking:
+    """``members``, the likeliest source first, with the ``probability`` of each; ``none`` of the
+    oscillation coming from outside these loops."""
+
+    members: tuple[int, ...]
+    probability: tuple[float, ...]
+    none: float
+
+    @property
+    def outside(self) -> bool:
+        """Whether no loop of the group is likelier than a cause outside."""
+        return self.none > max(self.probability, default=0.0)
+
+
+def member_evidence(
+    errors: LoopSpectra,
+    outputs: LoopSpectra,
+    group: FoundGroup,
+    non_linearity: Callable[[int], float],
+    sticking: Callable[[int], float | None] = lambda _: None,
+) -> MemberEvidence:
+    """The evidence of each member. ``non_linearity`` gives the gain of a sticking element over a
+    linear loop beyond the loop's surrogates; ``sticking`` 1 where a measured position says that the
+    valve sticks, 0 where it says that it does not."""
+    at = list(group.members)
+    coherence = np.clip(np.array(group.coherence), 0.0, 0.9999)
+    known = [sticking(loop) for loop in at]
+    values = np.stack(
+        [
+            np.log(np.array(group.shares)),
+            -np.log(1.0 - coherence**2),
+            _harmonics(errors, group, at),
+            _harmonics(outputs, group, at),
+            _lead(errors, group, at),
+            np.array([non_linearity(loop) for loop in at]),
+            np.array([0.0 if one is None else 2.0 * one - 1.0 for one in known]),
+        ],
+        axis=1,
+    )
+    return MemberEvidence(members=group.members, values=values)
+
+
+def _harmonics(spectra: LoopSpectra, group: FoundGroup, at: Sequence[int]) -> Floats:
+    """Amplitude of what is bound to the reference's phase at 2 to 5 times its frequency, over that
+    of the fundamental; log."""
+    wave = spectra.time(group.reference[None, :], group.band)[0]
+    size = np.abs(wave)
+    turn = wave / np.maximum(size, 1e-30)
+    bound = np.zeros(len(at))
+    first = np.abs(spectra.spectra[at][:, group.band] @ group.reference.conj())
+    for k in _HARMONICS:
+        low, high = (k * group.frequency * (1.0 + side * 0.25 / k) for side in (-1.0, 1.0))
+        if high >= spectra.frequencies[-1]:
+            break
+        band = spectra.within(low, high)
+        line = np.fft.fft(size * turn**k)[band]
+        line /= max(float(np.linalg.norm(line)), 1e-30)
+        bound += np.abs(spectra.spectra[at][:, band] @ line.conj()) ** 2
+    return np.asarray(np.log(0.01 + np.sqrt(bound) / np.maximum(first, 1e-6)))
+
+
+def _lead(spectra: LoopSpectra, group: FoundGroup, at: Sequence[int]) -> Floats:
+    """By how many periods the wandering of a member's phase comes before that of the others: the
+    delay at which its band agrees best with the reference's, whose sign no gain turns round."""
+    cross = spectra.spectra[at][:, group.band] * group.reference.conj()
+    delays = np.linspace(-_MOST_LEAD, _MOST_LEAD, 81)
+    turns = np.exp(2j * np.pi * np.outer(spectra.frequencies[group.band] / group.frequency, delays))
+    delay = delays[np.abs(cross @ turns).argmax(axis=1)]
+    return np.asarray(np.median(delay) - delay)
+
+
+def rank_sources(evidence: MemberEvidence, weights: SourceWeights) -> SourceRanking:
+    """The members in the order of their probability of being the source, beside none of them.
+
+    Probabilities are those of a multinomial logit over the members and "none".
+    """
+    utility = np.append(
+        compared(evidence) @ np.array(weights.member), of_none(evidence) @ np.array(weights.none)
+    )
+    odds = np.exp(utility - utility.max())
+    odds /= odds.sum()
+    order = np.argsort(-odds[:-1], kind="stable")
+    return SourceRanking(
+        members=tuple(evidence.members[i] for i in order),
+        probability=tuple(float(odds[i]) for i in order),
+        none=float(odds[-1]),
+    )
+
+
+def compared(evidence: MemberEvidence) -> Floats:
+    """(k, 7) each member's evidence above the mean of the group."""
+    return np.asarray(evidence.values - evidence.values.mean(axis=0))
+
+
+def of_none(evidence: MemberEvidence) -> Floats:
+    """(5,) what speaks for a source outside the group."""
+    values = evidence.values
+    return np.array(
+        [
+            1.0,
+            np.log(len(evidence.members)),
+            values[:, 2].max(),
+            values[:, 5].max(),
+            values[:, 6].max(),
+        ]
+    )

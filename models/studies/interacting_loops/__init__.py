@@ -1,0 +1,1 @@
+"""Simulated plants of loops that act on each other; where oscillation begins is known."""

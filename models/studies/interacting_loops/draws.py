@@ -1,0 +1,358 @@
+"""Plants drawn at random: units of loops in a row, a recycle, sources of oscillation, records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.studies.interacting_loops.kernel import (
+    DELAY,
+    GAIN,
+    INTEGRATING,
+    JUMP,
+    LAG,
+    PROCESS,
+    RESET,
+    STEP,
+    STICK,
+    STRENGTH,
+    run_plant,
+)
+
+Ints = NDArray[np.int64]
+
+SCAN_S = 2.0
+EVERY = 5  # scans between samples: 10 s
+LEAST_SHARE = 0.1  # of a loop's variance that makes it a member of an oscillation
+_CALM = 0.3  # of noise and loads, so that a sticking valve is still set going
+_FASTEST_SEEN = 6.0 * EVERY  # scans: a period of fewer samples is not recorded
+_MOST_SCANS = 21_600  # twelve hours
+
+
+class SourceKind(StrEnum):
+    """What makes a group oscillate."""
+
+    STICKING = "sticking valve"
+    TIGHT = "tight loop"
+    WAVE = "external wave"
+
+
+@dataclass(frozen=True)
+class Source:
+    """A cause of oscillation: the loop it sits in, or -1 for a wave from outside."""
+
+    kind: SourceKind
+    loop: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnPlant:
+    """A drawn plant, before it runs. Arrays as ``run_plant`` takes them."""
+
+    loops: Floats
+    links: Floats
+    set_points: Floats
+    loads: Floats
+    noise: Floats
+    sticking: Floats
+    units: tuple[int, ...]  # the unit of each loop
+    sources: tuple[Source, ...] = ()
+    waves: tuple[Floats, ...] = ()  # (m, scans) loads of each source, zero where it is a loop
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPlant:
+    """What was recorded and what is true.
+
+    ``sp``, ``pv``, ``op`` (m, n). ``shares`` (sources, m): of each PV's variance what is gone from
+    around the source's frequency without it, or what it adds by itself to a calmer plant, whichever
+    is more. ``label`` (m,): the source with the largest share of at least
+    ``LEAST_SHARE``, -1 for none; sources that move fewer than two loops make no group.
+    """
+
+    interval_s: float
+    sp: Floats
+    pv: Floats
+    op: Floats
+    units: tuple[int, ...]
+    sources: tuple[Source, ...]
+    shares: Floats
+    label: tuple[int, ...]
+
+
+def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPlant:
+    """A plant of 10 to 40 loops with 0 to 3 sources, or as many as ``sources`` says."""
+    m = int(rng.integers(10, 41))
+    wanted = int(rng.integers(0, 4)) if sources is None else sources
+    units = np.sort(rng.integers(0, max(2, m // 6), m))
+    loops = np.stack([_loop(rng) for _ in range(m)])
+    links = _damped(loops, _links(rng, units, loops))
+    plant = DrawnPlant(
+        loops=loops,
+        links=links,
+        set_points=_set_points(rng, m),
+        loads=_loads(rng, loops),
+        noise=rng.normal(size=(m, _MOST_SCANS)) * rng.uniform(0.03, 0.3, (m, 1)),
+        sticking=np.ones((m, _MOST_SCANS)),
+        units=tuple(int(unit) for unit in units),
+    )
+    for _ in range(wanted):
+        plant = _with_source(rng, plant)
+    return plant
+
+
+def run_drawn(plant: DrawnPlant) -> RunPlant:
+    """The plant as it is recorded, without each of its sources, and, with a third of its noise and
+    loads, with none and with each of them by itself."""
+    everything = range(len(plant.sources))
+    pv, op = _run(plant, everything)
+    whole = np.var(_moving(pv), axis=1) + 1e-12
+    shares = np.zeros((len(plant.sources), pv.shape[0]))
+    calm = replace(
+        plant,
+        loads=_CALM * plant.loads,
+        noise=_CALM * plant.noise,
+        set_points=0.0 * plant.set_points,
+    )
+    recorded, usual = _moving(pv), _moving(_run(calm, [])[0])
+    for at in everything:
+        alone = _moving(_run(calm, [at])[0])
+        without = _moving(_run(plant, [k for k in everything if k != at])[0])
+        enough = np.minimum(np.var(alone, axis=1) - np.var(usual, axis=1),
+                            _around(recorded, _made(alone, usual)))  # fmt: skip
+        band = _made(recorded, without)
+        needed = _around(recorded, band) - _around(without, band)
+        shares[at] = np.clip(np.maximum(enough, needed) / whole, 0.0, 1.0)
+    sp = 50.0 + plant.set_points[:, EVERY - 1 :: EVERY][:, : pv.shape[1]]
+    return RunPlant(
+        interval_s=SCAN_S * EVERY,
+        sp=sp,
+        pv=pv,
+        op=op,
+        units=plant.units,
+        sources=plant.sources,
+        shares=shares,
+        label=_labels(shares),
+    )
+
+
+def _made(present: Floats, absent: Floats) -> Bools:
+    """The bins within a quarter of the frequency at which most loops have more power than without a
+    source, and of its second and third harmonics."""
+    power = np.abs(np.fft.rfft(present, axis=1)) ** 2
+    more = np.maximum(power - np.abs(np.fft.rfft(absent, axis=1)) ** 2, 0.0)
+    more /= power.sum(axis=1, keepdims=True) + 1e-12
+    total = more[:, 1:].sum(axis=0)
+    peak = 1 + int(np.argmax(np.convolve(total, np.ones(5), mode="same")))
+    ratio = np.arange(power.shape[1]) / peak
+    return np.asarray(np.any([np.abs(ratio / k - 1.0) <= 0.25 / k for k in (1, 2, 3)], axis=0))
+
+
+def _around(values: Floats, bins: Bools) -> Floats:
+    """(m,) variance within ``bins`` of the spectrum."""
+    spectrum = np.abs(np.fft.rfft(values, axis=1)) ** 2
+    return np.asarray(2.0 * spectrum[:, bins].sum(axis=1) / values.shape[1] ** 2)
+
+
+def _labels(shares: Floats) -> tuple[int, ...]:
+    m = shares.shape[1]
+    if not shares.size:
+        return tuple([-1] * m)
+    best = shares.argmax(axis=0)
+    label = np.where(shares.max(axis=0) >= LEAST_SHARE, best, -1)
+    for at in range(shares.shape[0]):
+        if (label == at).sum() < 2:
+            label[label == at] = -1
+    return tuple(int(one) for one in label.tolist())
+
+
+def _moving(values: Floats) -> Floats:
+    """Without what is slower than two hours, which is drift and no oscillation."""
+    width = 720
+    padded = np.pad(values, ((0, 0), (width // 2, width - 1 - width // 2)), mode="edge")
+    total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
+    return np.asarray(values - (total[:, width:] - total[:, :-width]) / width)
+
+
+def _run(plant: DrawnPlant, active: range | list[int]) -> tuple[Floats, Floats]:
+    loops, loads = plant.loops.copy(), plant.loads.copy()
+    for at, source in enumerate(plant.sources):
+        if at in active:
+            loads += plant.waves[at] if source.kind is SourceKind.WAVE else 0.0
+        elif source.kind is SourceKind.STICKING:
+            loops[source.loop, STICK] = 0.0
+        elif source.kind is SourceKind.TIGHT:
+            loops[source.loop, GAIN] *= 0.45
+    return run_plant(
+        loops, plant.links, plant.set_points, loads, plant.noise, plant.sticking, EVERY
+    )
+
+
+def _loop(rng: np.random.Generator) -> Floats:
+    """Flow, pressure, temperature or level, tuned with margin; times in scans."""
+    kind = rng.choice(4, p=[0.4, 0.2, 0.25, 0.15])
+    lag = np.exp(rng.uniform(*np.log([(8, 20), (12, 35), (40, 150), (100, 400)][kind])))
+    delay = max(1, round([0.3, 0.25, 0.25, 0.03][kind] * lag * rng.uniform(0.5, 1.5)))
+    process = rng.uniform(0.6, 1.8)
+    integrating = kind == 3
+    closed = (delay + 1.0) * rng.uniform(2.0, 5.0) + (0.3 * lag if integrating else 0.0)
+    if integrating:
+        gain, reset = lag / (process * (closed + delay)), 4.0 * (closed + delay)
+    else:
+        gain, reset = lag / (process * (closed + delay)), min(lag, 4.0 * (closed + delay))
+    step = float(rng.choice([0.0, 0.05, 0.2], p=[0.6, 0.3, 0.1]))
+    return np.array([min(gain, 8.0), max(reset, 3.0), -48.0, 48.0, process, lag, delay,
+                     float(integrating), 0.0, 0.0, step])  # fmt: skip
+
+
+def _links(rng: np.random.Generator, units: Ints, loops: Floats) -> Floats:
+    """Inside a unit most loops act on one or two others; a unit acts on the next, and in a third
+    of plants the last one on the first."""
+    m, links = units.size, []
+
+    def link(a: int, b: int, strength: float) -> None:
+        lag = np.exp(rng.uniform(np.log(3.0), np.log(40.0)))
+        scale = 0.25 if loops[b, INTEGRATING] else 1.0
+        links.append([a, b, strength * scale * rng.choice([-1.0, 1.0]), lag, rng.random() < 0.5])
+
+    for a in range(m):
+        near = [b for b in range(m) if b != a and units[b] == units[a]]
+        for b in rng.permutation(near)[: rng.integers(2, 5)] if near else []:
+            link(a, int(b), rng.uniform(0.3, 1.2))
+    for unit in range(int(units.max())):
+        here, there = np.flatnonzero(units == unit), np.flatnonzero(units == unit + 1)
+        for _ in range(2 if here.size and there.size else 0):
+            link(int(rng.choice(here)), int(rng.choice(there)), rng.uniform(0.4, 1.2))
+    first, last = np.flatnonzero(units == 0), np.flatnonzero(units == units.max())
+    if first.size and units.max() > 0 and rng.random() < 0.33:
+        link(int(rng.choice(last)), int(rng.choice(first)), rng.uniform(0.1, 0.4))
+    return np.array(links, dtype=np.float64).reshape(-1, 5)
+
+
+def _damped(loops: Floats, links: Floats) -> Floats:
+    """The links, weaker where the plant without any source would not come to rest with a margin:
+    controllers a quarter and links by half stronger."""
+    m, scans = loops.shape[0], 9000
+    pulse = np.zeros((m, scans))
+    pulse[:, :50] = 3.0 * np.where(np.arange(m) % 2, 1.0, -1.0)[:, None]
+    still, always = np.zeros((m, scans)), np.ones((m, scans))
+    tried = loops.copy()
+    tried[:, GAIN] *= 1.25
+    tried[:, STEP] = 0.0
+    for _ in range(12):
+        stronger = links.copy()
+        stronger[:, STRENGTH] *= 1.5
+        pv, _ = run_plant(tried, stronger, still, pulse, still, always, EVERY)
+        swing = np.abs(pv - 50.0)
+        if (swing[:, -400:].max(axis=1) <= 0.02 * swing.max(axis=1) + 1e-6).all():
+            break
+        links = links * np.where(np.arange(5) == STRENGTH, 0.8, 1.0)
+    return links
+
+
+def _set_points(rng: np.random.Generator, m: int) -> Floats:
+    """Constant, but for a step now and then in one loop of five."""
+    out = np.zeros((m, _MOST_SCANS))
+    for i in np.flatnonzero(rng.random(m) < 0.2):
+        for at in rng.integers(0, _MOST_SCANS, rng.integers(1, 6)):
+            out[i, at:] += rng.normal() * 2.0
+    return out
+
+
+def _loads(rng: np.random.Generator, loops: Floats) -> Floats:
+    """Slow wandering loads, of times of their own, smaller where the process integrates."""
+    from scipy.signal import lfilter
+
+    m = loops.shape[0]
+    out = np.empty((m, _MOST_SCANS))
+    for i in range(m):
+        keep = np.exp(-1.0 / np.exp(rng.uniform(np.log(20.0), np.log(1500.0))))
+        white = rng.normal(size=_MOST_SCANS) * np.sqrt(1.0 - keep**2)
+        size = rng.uniform(0.2, 0.7) * (0.3 if loops[i, INTEGRATING] else 1.0)
+        out[i] = size * lfilter([1.0], [1.0, -keep], white)
+    return out
+
+
+def _with_source(rng: np.random.Generator, plant: DrawnPlant) -> DrawnPlant:
+    """One source more, in a loop that has none and that acts on others."""
+    taken = {source.loop for source in plant.sources}
+    out = np.bincount(plant.links[:, 0].astype(np.int64), minlength=plant.loops.shape[0])
+    acting = set(np.flatnonzero(out >= 2).tolist()) - taken
+    kind = rng.choice(list(SourceKind), p=[0.5, 0.25, 0.25])
+    m = plant.loops.shape[0]
+    wave = np.zeros((m, _MOST_SCANS))
+    kind = SourceKind(str(kind))
+    if kind is SourceKind.TIGHT:
+        acting = {one for one in acting if _ultimate(plant.loops[one])[1] >= _FASTEST_SEEN}
+    if kind is SourceKind.WAVE or not acting:
+        return replace(
+            plant,
+            sources=(*plant.sources, Source(SourceKind.WAVE, -1)),
+            waves=(*plant.waves, _wave(rng, plant)),
+        )
+    loop = int(rng.choice(sorted(acting)))
+    loops, sticking = plant.loops.copy(), plant.sticking.copy()
+    if kind is SourceKind.STICKING:
+        S = rng.uniform(3.0, 10.0)
+        loops[loop, STICK], loops[loop, JUMP] = S, S * rng.uniform(0.1, 0.6)
+        # Enough integral action that the loop hunts, as a plant's usual tuning does.
+        loops[loop, GAIN] *= rng.uniform(1.0, 1.8)
+        loops[loop, RESET] = max(3.0, loops[loop, RESET] * rng.uniform(0.4, 0.9))
+        sticking[loop] = _present(rng)
+    else:
+        loops[loop, GAIN] = _ultimate(loops[loop])[0] * rng.uniform(1.0, 1.08)
+        loops[loop, 2], loops[loop, 3] = -rng.uniform(6.0, 20.0), rng.uniform(6.0, 20.0)
+    return replace(
+        plant,
+        loops=loops,
+        sticking=sticking,
+        sources=(*plant.sources, Source(kind, loop)),
+        waves=(*plant.waves, wave),
+    )
+
+
+def _present(rng: np.random.Generator) -> Floats:
+    """All the time, or in one source of four for a part of it."""
+    out = np.ones(_MOST_SCANS)
+    if rng.random() < 0.25:
+        first, last = np.sort(rng.uniform(0.0, 1.0, 2))
+        last = max(last, first + 0.35)
+        out[: int(first * _MOST_SCANS)] = 0.0
+        out[int(last * _MOST_SCANS) :] = 0.0
+    return out
+
+
+def _wave(rng: np.random.Generator, plant: DrawnPlant) -> Floats:
+    """A sine, square or triangle from outside, its phase wandering, into one loop or several."""
+    m = plant.loops.shape[0]
+    period = np.exp(rng.uniform(np.log(60.0), np.log(900.0)))  # 2 to 30 min
+    wander = np.cumsum(rng.normal(size=_MOST_SCANS)) * rng.uniform(0.0, 0.1) / np.sqrt(period)
+    phase = 2.0 * np.pi * np.arange(_MOST_SCANS) / period + wander
+    shape = int(rng.integers(0, 3))
+    sine = np.sin(phase)
+    wave = (sine, np.clip(4.0 * sine, -1.0, 1.0), 2.0 / np.pi * np.arcsin(sine))[shape]
+    reached = rng.permutation(m)[: rng.integers(2, 6)]
+    out = np.zeros((m, _MOST_SCANS))
+    for i in reached:
+        size = rng.uniform(1.0, 5.0) * (0.4 if plant.loops[i, INTEGRATING] else 1.0)
+        out[i] = size * rng.choice([-1.0, 1.0]) * np.roll(wave, int(rng.integers(0, 60)))
+    return out * _present(rng)
+
+
+def _ultimate(loop: Floats) -> tuple[float, float]:
+    """The controller gain at which the loop alone does not come to rest, and its period then."""
+    w = np.exp(np.linspace(np.log(1e-4), np.log(np.pi), 8000))
+    z = np.exp(1j * w)
+    if loop[INTEGRATING]:
+        process = loop[PROCESS] / loop[LAG] / (z - 1.0)
+    else:
+        process = loop[PROCESS] / loop[LAG] / (z - 1.0 + 1.0 / loop[LAG])
+    open_loop = process * z ** (-loop[DELAY]) * (1.0 + z / (z - 1.0) / loop[RESET])
+    phase = np.unwrap(np.angle(open_loop))
+    beyond: Bools = phase <= -np.pi
+    at = int(np.argmax(beyond)) if beyond.any() else w.size - 1
+    return float(1.0 / np.abs(open_loop[at])), float(2.0 * np.pi / w[at])

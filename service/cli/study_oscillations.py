@@ -1,0 +1,119 @@
+"""``stemwatch study-oscillations``: groups of oscillating loops and sources."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+if TYPE_CHECKING:
+    from stemwatch.models.studies.interacting_loops.judge import JudgedPlant
+
+_DAY = 8640  # samples of 10 s
+_KINDS = ("sticking valve", "tight loop", "external wave")
+
+
+def study_oscillations(
+    plants: Annotated[int, typer.Option(min=4, max=10_000, help="Simulated plants.")] = 200,
+    seed: o.Seed = 2051,
+    loops: Annotated[
+        int, typer.Option(min=0, help="Loops of one day each, timed on one core; 0 leaves it out.")
+    ] = 1000,
+    workers: o.Workers = None,
+    json_file: o.JsonFile = None,
+) -> None:
+    """Count which groups of loops that oscillate together, and which sources, are found.
+
+    Plants of 10 to 40 loops that act on each other, with no source or up to three: a sticking
+    valve, a loop at its stability limit, a wave from outside. What is true comes from running each
+    plant with one source at a time. Last, what plants without a source reach by chance.
+    """
+    from functools import partial
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.executors import choose_executor, map_items
+
+    judged: dict[int, tuple[JudgedPlant, Any]] = {}
+    with views.progress("plants", plants, transient=True) as tell:
+        numbers = list(range(plants))
+        for place, result in map_items(choose_executor(workers), partial(_one, seed), numbers):
+            judged[place] = result
+            tell(len(judged))
+    results = [judged[place][0] for place in sorted(judged)]
+    nulls = [judged[place][1] for place in sorted(judged) if judged[place][1] is not None]
+    figures = _figures(results)
+    if nulls:
+        figures["nulls: 95th percentile of regularity, prominence"] = [
+            round(sorted(null[k] for null in nulls)[int(0.95 * len(nulls))], 2) for k in (0, 1)
+        ]
+    if loops:
+        figures[f"{loops} loops of a day, s on one core"] = round(_seconds(loops), 1)
+    for name, value in figures.items():
+        views.out.print(f"{name}: {value}", highlight=False)
+    if json_file is not None:
+        json_file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+def _one(seed: int, number: int) -> tuple[JudgedPlant, tuple[float, float] | None]:
+    from stemwatch.models.studies.interacting_loops.judge import (
+        judge_plant,
+        null_statistics,
+        plant_of,
+    )
+
+    plant = plant_of(seed, number)
+    return judge_plant(plant), null_statistics(plant)
+
+
+def _figures(results: Sequence[JudgedPlant]) -> dict[str, Any]:
+    """The figures by name."""
+    index = [plant.rand_index for plant in results if plant.rand_index is not None]
+    quiet = [plant for plant in results if plant.quiet]
+    found = [group for plant in results if not plant.quiet for group in plant.groups]
+    true = [group for group in found if group.kind]
+
+    def share(count: int, of: int) -> str:
+        return f"{count} of {of} ({100.0 * count / of:.0f} %)" if of else "none"
+
+    figures: dict[str, Any] = {
+        "plants with groups, quiet plants": [len(index), len(quiet)],
+        "adjusted Rand index, mean": round(sum(index) / len(index), 3) if index else None,
+        "adjusted Rand index, median": round(sorted(index)[len(index) // 2], 3) if index else None,
+        "groups found, of them of no source": [len(found), len(found) - len(true)],
+        "true source first": share(sum(group.place == 0 for group in true), len(true)),
+        "true source among the first two": share(
+            sum(group.place in (0, 1) for group in true), len(true)
+        ),
+        "quiet plants with a group": share(sum(bool(p.groups) for p in quiet), len(quiet)),
+    }
+    for kind in _KINDS:
+        of = [group for group in true if group.kind == kind]
+        figures[f"{kind}: source first"] = share(sum(group.place == 0 for group in of), len(of))
+    return figures
+
+
+def _seconds(loops: int) -> float:
+    """Processor time for the groups of so many loops of one day, made of drawn plants."""
+    import numpy as np
+
+    from stemwatch.models.oscillation_groups.find_groups import find_groups
+    from stemwatch.models.oscillation_groups.limits import LIMITS
+    from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra
+    from stemwatch.models.studies.interacting_loops.judge import plant_of
+
+    rows: list[Any] = []
+    number = 0
+    while len(rows) < loops:
+        plant = plant_of(1, number)
+        number += 1
+        twice = np.concatenate([plant.sp - plant.pv, (plant.sp - plant.pv)[:, ::-1]], axis=1)
+        rows += list(twice[:, :_DAY])
+    errors = np.array(rows[:loops])
+    began = time.process_time()
+    find_groups(loop_spectra(errors, 10.0), LIMITS)
+    return time.process_time() - began

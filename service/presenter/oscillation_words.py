@@ -1,0 +1,89 @@
+"""What is said of loops that oscillate together: of a group, and of one loop in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import tzinfo
+
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
+from stemwatch.service.presenter import wording as words
+
+NAMED = 3  # other loops that a sentence names
+LIKELY = 0.5  # probability from which on a loop is called the likely source
+
+
+def period(group: OscillationGroup) -> str:
+    """The period as people say it, to two digits."""
+    if group.period_s < 120.0:
+        return f"{words.figure(group.period_s, 2)} s"
+    return f"{words.figure(group.period_s / 60.0, 2)} min"
+
+
+def headline(group: OscillationGroup) -> str:
+    """How many loops, with which period, and where it likely begins."""
+    return f"{len(group.members)} loops oscillate with {period(group)}: {source(group)}"
+
+
+def source(group: OscillationGroup) -> str:
+    """Where the oscillation likely begins, and how sure that is."""
+    if not group.source:
+        return (
+            "most likely none of them is the source "
+            f"({words.share(group.outside)}); look at what reaches them all, such as a header, a "
+            "compressor or a loop that is not in this run"
+        )
+    first, second = group.members[:2]
+    sure = "likely" if first.probability >= LIKELY else "perhaps"
+    return (
+        f"it {sure} begins in {first.loop} ({words.share(first.probability)}), else in "
+        f"{second.loop} ({words.share(second.probability)})"
+    )
+
+
+def cost(group: OscillationGroup) -> str:
+    """What the group costs: how much of the movement of how many loops."""
+    return (
+        f"It makes {words.share(group.variance_share)} of the variance of these "
+        f"{len(group.members)} loops on average, and up to "
+        f"{words.share(max(member.share for member in group.members))} of one."
+    )
+
+
+def begun(group: OscillationGroup, zone: tzinfo) -> str:
+    """Since when it oscillates; empty where it always did or nobody knows."""
+    return "" if group.since is None else f"since {words.instant(group.since, zone)}"
+
+
+def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
+    """The sentence on a member's page."""
+    member = next(one for one in group.members if one.loop == loop)
+    since = begun(group, zone)
+    when = f" {since}" if since else ""
+    told = f"{words.share(member.share)} of its PV's variance, period {period(group)}"
+    if group.source == loop:
+        others = [one.loop for one in group.members if one.loop != loop]
+        named = ", ".join(others[:NAMED])
+        more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+        why = f": {', '.join(member.evidence)}" if member.evidence else ""
+        return (
+            f"Oscillates{when} with {named}{more} ({told}); of these loops it is the likeliest "
+            f"source ({words.share(member.probability)}){why}."
+        )
+    if not group.source:
+        return (
+            f"Oscillates{when} with {len(group.members) - 1} other loops ({told}); most likely "
+            "none of them is the source. Retuning this one alone would not help."
+        )
+    return (
+        f"Oscillates{when} with {group.source} ({told}), where it more likely begins. Look there "
+        "first: retuning this loop would not help."
+    )
+
+
+def of_loops(groups: Sequence[OscillationGroup], loop: str, zone: tzinfo) -> list[str]:
+    """Those sentences of every group of which the loop is a member."""
+    return [
+        of_loop(group, loop, zone)
+        for group in groups
+        if any(member.loop == loop for member in group.members)
+    ]

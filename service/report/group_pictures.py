@@ -1,0 +1,60 @@
+"""A group of oscillating loops as pictures: spectra as a heat map, strength over time as bars."""
+
+from __future__ import annotations
+
+from markupsafe import Markup, escape
+
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
+from stemwatch.service.presenter.wording import duration, printable
+
+MOST_ROWS = 20  # loops of a heat map
+LEFT, CELL, ROW, TOP, BOTTOM = 150, 9, 18, 4, 20
+LONGEST_NAME = 22
+BAR, HEIGHT = 14, 46
+
+
+def spectra_map(group: OscillationGroup) -> Markup:
+    """Powers of each member over the period, each loop's largest the darkest, the likeliest source
+    first."""
+    shown = min(len(group.members), MOST_ROWS)
+    bands = len(group.periods_s)
+    width, foot = LEFT + CELL * bands + 24, TOP + ROW * shown
+    name = f"Spectra of {shown} loops; what they have in common is near {duration(group.period_s)}"
+    parts = [
+        f'<svg class="map" viewBox="0 0 {width} {foot + BOTTOM}" width="{width}" '
+        f'height="{foot + BOTTOM}" role="img" aria-label="{escape(name)}">'
+    ]
+    for row in range(shown):
+        y = TOP + ROW * row
+        loop = printable(group.members[row].loop)
+        short = loop if len(loop) <= LONGEST_NAME else loop[: LONGEST_NAME - 1] + "…"
+        parts.append(f'<text x="{LEFT - 6}" y="{y + 13}" text-anchor="end">{escape(short)}</text>')
+        parts += [
+            f'<rect class="heat" x="{LEFT + CELL * k}" y="{y}" width="{CELL}" '
+            f'height="{ROW - 2}" fill-opacity="{power:.2f}"/>'
+            for k, power in enumerate(group.spectra[row])
+            if power >= 0.02
+        ]
+    for k in (0, bands // 3, 2 * bands // 3, bands - 1):
+        said = escape(duration(float(f"{group.periods_s[k]:.2g}")))
+        x = LEFT + CELL * k + CELL // 2
+        parts.append(
+            f'<text class="axis" x="{x}" y="{foot + 14}" text-anchor="middle">{said}</text>'
+        )
+    return Markup("".join([*parts, "</svg>"]))
+
+
+def strength_bars(group: OscillationGroup) -> Markup:
+    """The group's strength over the record, the strongest window the highest bar."""
+    top = max(max(group.strength), 1e-9)
+    width = BAR * len(group.strength)
+    name = f"Strength over {duration(group.duration_s)}"
+    bars = "".join(
+        f'<rect class="heat" x="{BAR * at}" y="{HEIGHT * (1.0 - level / top):.1f}" '
+        f'width="{BAR - 2}" height="{max(HEIGHT * level / top, 0.5):.1f}"/>'
+        for at, level in enumerate(group.strength)
+    )
+    return Markup(
+        f'<svg class="map" viewBox="0 0 {width} {HEIGHT}" width="{width}" height="{HEIGHT}" '
+        f'role="img" aria-label="{escape(name)}">{bars}</svg>'
+    )

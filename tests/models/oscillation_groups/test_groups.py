@@ -1,0 +1,211 @@
+"""Groups of loops that oscillate together, on waves whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from stemwatch.models.oscillation_groups.find_groups import find_groups, labels
+from stemwatch.models.oscillation_groups.limits import LIMITS, SourceWeights
+from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra, oscillations
+from stemwatch.models.oscillation_groups.plant_groups import (
+    LONGEST,
+    LoopWaves,
+    plant_groups,
+    waves_of,
+)
+from stemwatch.models.oscillation_groups.sources import (
+    MemberEvidence,
+    member_evidence,
+    rank_sources,
+)
+from stemwatch.models.recording import Quality, Recording, Role, Signal
+
+N, INTERVAL_S = 4000, 10.0
+START = datetime(2026, 3, 2, tzinfo=UTC)
+
+
+def noises(loops: int, seed: int = 1) -> np.ndarray:
+    """(loops, N) noise that wanders."""
+    white = np.random.default_rng(seed).normal(size=(loops, N))
+    out = np.zeros_like(white)
+    for k in range(1, N):
+        out[:, k] = 0.9 * out[:, k - 1] + white[:, k]
+    return out
+
+
+def wave(period_s: float, *, wander: float = 0.02, seed: int = 7, delay_s: float = 0.0):
+    """A cycle whose phase wanders, as a limit cycle's does; ``delay_s`` later."""
+    phase = 2.0 * np.pi * np.arange(N) * INTERVAL_S / period_s
+    phase += np.cumsum(np.random.default_rng(seed).normal(size=N)) * wander
+    return np.interp(np.arange(N) - delay_s / INTERVAL_S, np.arange(N), np.sin(phase))
+
+
+def found(values: np.ndarray):
+    return find_groups(loop_spectra(values, INTERVAL_S), LIMITS)
+
+
+def test_loops_with_one_wave_are_a_group_whatever_delay_and_sign() -> None:
+    """Three loops of eight share a wave of 400 s, late and upside down."""
+    values = noises(8)
+    for loop, (size, delay) in {1: (5.0, 0.0), 4: (-4.0, 90.0), 6: (3.0, 200.0)}.items():
+        values[loop] += size * wave(400.0, delay_s=delay)
+    (group,) = found(values)
+    assert group.members == (1, 4, 6)
+    assert group.period_s == pytest.approx(400.0, rel=0.03)
+    assert labels([group], 8) == [-1, 0, -1, -1, 0, -1, 0, -1]
+
+
+def test_loops_that_oscillate_each_by_itself_are_no_group() -> None:
+    """Equal periods are not enough: the phases wander apart."""
+    values = noises(6)
+    for loop in range(3):
+        values[loop] += 5.0 * wave(400.0, seed=20 + loop, wander=0.08)
+    assert found(values) == []
+
+
+def test_noise_makes_no_group() -> None:
+    """Wandering noise in thirty loops, in part the same in all of them."""
+    values = noises(30) + 1.5 * noises(1, seed=3)
+    assert found(values) == []
+
+
+def test_a_loop_may_belong_to_two_groups() -> None:
+    """It is labelled by what moves it most."""
+    values = noises(7)
+    for loop, (first, second) in {0: (6, 0), 1: (5, 0), 2: (6, 3), 3: (0, 5), 4: (0, 5)}.items():
+        values[loop] += first * wave(300.0) + second * wave(910.0, seed=9)
+    groups = found(values)
+    assert sorted(group.members for group in groups) == [(0, 1, 2), (2, 3, 4)]
+    told = labels(groups, 7)
+    assert told[0] == told[1] == told[2] != told[3] == told[4]
+    assert told[5:] == [-1, -1]
+
+
+def test_harmonics_belong_to_their_group() -> None:
+    """A square wave is one oscillation, not one for each of its harmonics."""
+    values = noises(6)
+    for loop in (1, 2, 3):
+        values[loop] += 6.0 * np.sign(wave(600.0))
+    (group,) = found(values)
+    assert group.members == (1, 2, 3)
+    assert group.period_s == pytest.approx(600.0, rel=0.03)
+
+
+def test_still_loops_holes_and_spikes_do_no_harm() -> None:
+    """What cannot be compared is left out; a dead loop has no spectrum."""
+    values = noises(6)
+    for loop in (0, 3):
+        values[loop] += 5.0 * wave(400.0)
+    values[1] = 7.0
+    values[2, :] = np.nan
+    values[3, 500:560] = np.nan
+    values[4, 1000] = 1e6
+    (group,) = found(values)
+    assert group.members == (0, 3)
+    assert not np.abs(loop_spectra(values, INTERVAL_S).spectra[1:3]).any()
+
+
+@pytest.mark.parametrize("samples", [1, 5, 40])
+def test_records_too_short_for_a_period_show_nothing(samples: int) -> None:
+    """No error, no oscillation."""
+    spectra = loop_spectra(np.ones((2, samples)) * np.arange(samples), 10.0)
+    assert oscillations(spectra) == []
+    assert find_groups(spectra, LIMITS) == []
+
+
+def test_squares_of_a_spectrum_add_up_to_one() -> None:
+    """So that a band's squares are its share of the variance."""
+    spectra = loop_spectra(noises(3), INTERVAL_S)
+    assert (np.abs(spectra.spectra) ** 2).sum(axis=1) == pytest.approx(np.ones(3))
+
+
+def test_the_loop_before_the_others_leads() -> None:
+    """The wandering of its phase comes first, whatever the signs."""
+    values = 0.1 * noises(4)
+    for loop, (size, delay) in {0: (2.0, 150.0), 1: (-3.0, 0.0), 2: (2.0, 300.0)}.items():
+        values[loop] += size * wave(400.0, delay_s=delay, wander=0.08)
+    spectra = loop_spectra(values, INTERVAL_S)
+    (group,) = find_groups(spectra, LIMITS)
+    evidence = member_evidence(spectra, spectra, group, lambda _: 0.0)
+    lead = evidence.values[:, 4]
+    assert lead[1] > lead[0] > lead[2]
+    assert lead[1] - lead[2] == pytest.approx(300.0 / 400.0, abs=0.25)
+
+
+def test_probabilities_are_of_one_source_or_none() -> None:
+    """They add up to one; a verdict from a position outweighs what is equal otherwise."""
+    weights = SourceWeights(member=(0, 0, 0, 0, 0, 1.0, 3.0), none=(0, 0, 0, 0, 0))
+    values = np.zeros((3, 7))
+    values[2, 6] = 1.0
+    ranking = rank_sources(MemberEvidence(members=(4, 7, 9), values=values), weights)
+    assert ranking.members[0] == 9
+    assert sum(ranking.probability) + ranking.none == pytest.approx(1.0)
+    assert not ranking.outside
+    none = replace(weights, none=(9.0, 0, 0, 0, 0))
+    assert rank_sources(MemberEvidence(members=(4, 7, 9), values=values), none).outside
+
+
+def loop(name: str, values: np.ndarray, start: datetime | None = START, **more) -> LoopWaves:
+    small = (50.0 + values).astype(np.float32)
+    known = {"source": "a.csv", "interval_s": INTERVAL_S, "sp": np.empty(0, np.float32)} | more
+    return LoopWaves(loop=name, start=start, op=-small, pv=small, **known)
+
+
+def test_loops_recorded_together_are_compared() -> None:
+    """By their dates, on the slowest clock, whatever begins when; told with source and strength."""
+    values = 0.3 * noises(3)
+    late = wave(400.0)
+    late[: N // 2] = 0.0
+    values += late
+    loops = [
+        loop("A", values[0]),
+        loop("B", values[1, 300:], START + timedelta(seconds=3000)),
+        loop("C", values[2, ::2], interval_s=20.0),
+        loop("D", values[0], START + timedelta(days=30)),
+    ]
+    (group,) = plant_groups(loops)
+    assert {member.loop for member in group.members} == {"A", "B", "C"}
+    assert group.since is not None
+    assert abs(group.since - START - timedelta(seconds=N * INTERVAL_S / 2)) < timedelta(hours=1)
+    assert len(group.spectra) == 3
+    assert 0.2 < group.variance_share <= 1.0
+    total = sum(member.probability for member in group.members) + group.outside
+    assert total == pytest.approx(1.0)
+
+
+def test_undated_loops_are_compared_within_a_file() -> None:
+    """Nobody knows whether two files without dates are of one time."""
+    values = noises(4) * 0.3 + wave(400.0)
+    one = [loop("A", values[0], None), loop("B", values[1], None)]
+    other = [loop("C", values[2], None, source="c.csv"), loop("D", values[3], None, source="d.csv")]
+    (group,) = plant_groups([*one, *other])
+    assert {member.loop for member in group.members} == {"A", "B"}
+
+
+def signal(values: np.ndarray, unit: str) -> Signal:
+    quality = np.where(np.isfinite(values), Quality.GOOD, Quality.BAD).astype(np.uint8)
+    return Signal(values=values, quality=quality, tag=unit, unit=unit)
+
+
+def test_a_recording_is_thinned_and_its_bad_samples_left_out() -> None:
+    """Means over blocks, at most ``LONGEST``; SP only in the unit of PV."""
+    n = 3 * LONGEST
+    values = np.arange(n, dtype=np.float64)
+    values[:3] = np.nan
+    signals = {
+        Role.OP: signal(np.arange(n, dtype=np.float64), "%"),
+        Role.PV: signal(values, "degC"),
+        Role.SP: signal(np.ones(n), "%"),
+    }
+    recording = Recording(valve="A", signals=signals, interval_s=2.0, start=START)
+    waves = waves_of(recording)
+    assert waves.interval_s == 6.0
+    assert waves.op.size == LONGEST
+    assert waves.op[1] == 4.0
+    assert np.isnan(waves.pv[0])
+    assert waves.sp.size == 0
+    assert waves_of(replace(recording, signals={Role.OP: signals[Role.OP]})) is None

@@ -1,0 +1,96 @@
+"""What report and contract say of loops that oscillate together."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+from zoneinfo import ZoneInfo
+
+from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
+from stemwatch.service.presenter import oscillation_words as said
+from stemwatch.service.report.group_pictures import MOST_ROWS, spectra_map, strength_bars
+from stemwatch.service.report.html_page import html_bytes
+from stemwatch.service.report.json_contract import to_contract
+from stemwatch.service.report.ranking import rank_valves
+from stemwatch.service.report.report_context import ReportContext
+
+STARTED = datetime(2026, 3, 2, 6, tzinfo=UTC)
+GROUP = OscillationGroup(
+    period_s=229.0,
+    members=(
+        GroupMember(loop="FIC-104", share=0.8, probability=0.6, evidence=("it leads",)),
+        GroupMember(loop="TIC-2", share=0.5, probability=0.2),
+        GroupMember(loop="<b>LIC", share=0.2, probability=0.1),
+    ),
+    outside=0.1,
+    regularity=5.0,
+    start=STARTED,
+    duration_s=86400.0,
+    since=datetime(2026, 3, 2, 18, tzinfo=UTC),
+    strength=(0.1, 1.4),
+    periods_s=(40.0, 229.0, 900.0),
+    spectra=((0.0, 1.0, 0.3), (0.1, 1.0, 0.3), (0.0, 1.0, 0.9)),
+)
+
+
+def test_source_and_victims_are_told_apart() -> None:
+    """The source names whom it moves; a victim names the source and that tuning does not help."""
+    zone = ZoneInfo("Europe/Berlin")
+    assert said.headline(GROUP) == (
+        "3 loops oscillate with 3.8 min: it likely begins in FIC-104 (60 %), else in TIC-2 (20 %)"
+    )
+    first = said.of_loop(GROUP, "FIC-104", zone)
+    assert "Oscillates since 2026-03-02 19:00 with TIC-2, <b>LIC (80 % of its PV" in first
+    assert "likeliest source (60 %): it leads." in first
+    victim = said.of_loop(GROUP, "TIC-2", zone)
+    assert "with FIC-104 (50 % of its PV's variance" in victim
+    assert "retuning this loop would not help" in victim
+    assert "50 % of the variance of these 3 loops on average, and up to 80 %" in said.cost(GROUP)
+    assert said.of_loops([GROUP], "other", zone) == []
+
+
+def test_no_source_among_them_is_an_answer() -> None:
+    """Where a cause outside is likelier than any loop, no loop is blamed."""
+    outside = replace(GROUP, outside=0.7)
+    assert outside.source == ""
+    assert "none of them is the source (70 %)" in said.headline(outside)
+    assert "none of them is the source" in said.of_loop(outside, "FIC-104", UTC)
+
+
+def test_pictures_escape_names_and_hold_many_loops() -> None:
+    """A tag's spelling cannot change the page; a hundred loops have the first rows."""
+    drawn = spectra_map(GROUP)
+    assert "&lt;b&gt;LIC" in drawn
+    assert drawn.count("<rect") == 7
+    many = replace(GROUP, members=GROUP.members * 40, spectra=GROUP.spectra * 40)
+    assert spectra_map(many).count('text-anchor="end"') == MOST_ROWS
+    assert strength_bars(GROUP).count("<rect") == 2
+
+
+def test_the_report_has_a_section_and_each_member_its_sentence(make_screening) -> None:
+    """Without groups neither is there."""
+    screening = make_screening(valve="TIC-2")
+    for groups in ((), (GROUP,)):
+        context = ReportContext(started=STARTED, groups=groups)
+        page = html_bytes(rank_valves([screening], context), context).decode()
+        assert ("Loops that oscillate together" in page) == bool(groups)
+        assert ("where it more likely begins" in page) == bool(groups)
+    assert "<b>LIC" not in page
+
+
+def test_the_contract_has_the_groups_of_a_loop(make_screening) -> None:
+    """An additive field; empty for loops of no group."""
+    found = to_contract(make_screening(valve="TIC-2"), groups=[GROUP])["oscillates_with"]
+    assert json.loads(json.dumps(found)) == [
+        {
+            "period_s": 229.0,
+            "loops": ["FIC-104", "TIC-2", "<b>LIC"],
+            "share": 0.5,
+            "source": "FIC-104",
+            "source_probability": 0.6,
+            "outside_probability": 0.1,
+            "since": "2026-03-02T18:00:00+00:00",
+        }
+    ]
+    assert to_contract(make_screening(valve="X"), groups=[GROUP])["oscillates_with"] == []
