@@ -73,6 +73,10 @@ class Database:
         options = f"-F -k {self.folder} -c listen_addresses="
         self._do("pg_ctl", "-w", "-l", str(self.folder / "log"), "-o", options, "start")
 
+    def reload(self) -> None:
+        """Read the settings again."""
+        self._do("pg_ctl", "reload")
+
     def stop(self) -> None:
         """Stop as a power cut does."""
         self._do("pg_ctl", "-m", "immediate", "stop")
@@ -226,15 +230,20 @@ class Night:
         return (self.folder / "log.txt").read_text(encoding="utf-8")
 
 
+def postgres_programs() -> Path:
+    """The folder of PostgreSQL's server programs."""
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    if on_path := shutil.which("initdb"):
+        found.insert(0, Path(on_path))
+    if not found:
+        pytest.skip("no PostgreSQL server programs (initdb): the fault test IS NOT RUN")
+    return found[-1].parent
+
+
 @pytest.fixture
 def database() -> Iterator[Database]:
     """A PostgreSQL server that runs."""
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
-    if on_path := shutil.which("initdb"):
-        found.append(Path(on_path))
-    if not found:
-        pytest.skip("no PostgreSQL server programs (initdb): the fault test IS NOT RUN")
-    made = Database(found[-1].parent)
+    made = Database(postgres_programs())
     made.start()
     try:
         yield made
