@@ -14,7 +14,6 @@ import numpy as np
 from stemwatch.connectors.historian.times.source_clock import clock_facts
 from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models import forensics
-from stemwatch.models.frozen import mostly_one_value
 from stemwatch.models.recording import PERCENT, ClockFacts, Quality, Role
 
 if TYPE_CHECKING:
@@ -127,6 +126,8 @@ def _interval_s(column: Column) -> float | None:
 
 
 def _inspect(column: Column, candidate: Candidate) -> TagInspection:
+    from stemwatch.models.frozen import mostly_one_value  # loads numba; --help does not need it
+
     values = column.values
     finite = values[np.isfinite(values)]
     steps = np.diff(np.unique(column.ns))

@@ -67,10 +67,13 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
     """Compile ``parts`` in this process, by using them once."""
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.models.without_position.hammerstein import element
 
     for part in parts:
         if part is Kernels.FITS:
             screen([Case(recording=short_recording())], Options(mismatch=False))
+            op = short_recording().op.values.copy()  # to be written to, as where it is used
+            element(op, 4.0, 2.0, np.empty_like(op))  # of loops with PV
         else:
             explain(short_recording())
     return list(parts)

@@ -64,6 +64,7 @@ to = ["a@plant.example"]
 KEYS = {"time", "level", "process", "pid", "part", "message"}
 
 
+@pytest.mark.long
 def test_every_line_of_a_json_log_is_an_object_without_secrets(plant: Path) -> None:
     """Service, collector and workers, through a run, an alert, messages that fail, and the end."""
     folder = plant.parent

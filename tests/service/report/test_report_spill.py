@@ -7,6 +7,7 @@ import weakref
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -84,6 +85,7 @@ def test_an_excerpt_is_the_samples_that_were_there(make_screening) -> None:
     assert short.without_samples().seen == whole.seen
 
 
+@pytest.mark.long
 def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, tmp_path) -> None:
     """Every valve has its row, the worst have sections and plots, and the files hold all."""
     model, evidence = plots_instead_of_samples(

@@ -280,6 +280,7 @@ SERVICE = """
 """
 
 
+@pytest.mark.long
 def test_a_file_that_kills_the_service_twice_is_rejected_at_the_third_start(
     folder: WatchedFolder, watched: Plant, export: Path
 ) -> None:
