@@ -81,7 +81,7 @@ from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 FEWEST_SAMPLES = 60
 WORSE = 1.15
 # Percent, on unseen data: below it a screening says that S and J describe nothing (``Limits``), and
-# so it is with what is named. A force recorded as command leaves 35; of 26 simulated valves of
+# so it is with what is named. A force recorded as command leaves 35; of 20 simulated valves of
 # development on which something was named none leaves less than 76.
 LEAST_FIT_OF_NAMED, NEAR_NOISE = 40.0, 2.0
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
