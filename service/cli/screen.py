@@ -106,6 +106,10 @@ def _run(
         )
         result: RunResult = screen_now(request, how, tell)
     show(result, json_file)
+    # What a plant file says of its sources holds for all their files; the report names those that
+    # did without.
+    if request.sources:
+        say_unused_options(screening.provenance for screening in result.brief)
     return result.brief
 
 
@@ -119,7 +123,6 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
         views.out.print(line, highlight=False)
     for place, reason in (*result.not_read, *result.not_saved):
         views.say(f"left out: {place}: {reason}")
-    say_unused_options(screening.provenance for screening in result.brief)
     if json_file is not None:
         json_file.write_bytes(result.report.json.read_bytes() + b"\n")
     for what, path in (
