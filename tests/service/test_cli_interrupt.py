@@ -65,8 +65,6 @@ def test_an_interrupted_run_leaves_a_usable_database(
         if started_runs(database) or process.poll() is not None:
             break
         time.sleep(0.05)
-    # The row stands a moment before the command guards it: until then the next run closes it.
-    time.sleep(0.5)
     assert process.poll() is None
     # A terminal sends it to the whole group.
     (os.killpg if number is signal.SIGINT else os.kill)(process.pid, number)
