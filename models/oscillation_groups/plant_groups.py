@@ -17,13 +17,13 @@ from stemwatch.models.oscillation_groups.find_groups import (
 )
 from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS
 from stemwatch.models.oscillation_groups.loop_spectra import LoopSpectra, loop_spectra
-from stemwatch.models.oscillation_groups.non_linearity import non_linearity
 from stemwatch.models.oscillation_groups.sources import (
     NAMES,
     MemberEvidence,
     SourceRanking,
     compared,
     member_evidence,
+    non_linearity,
     rank_sources,
 )
 from stemwatch.models.recording import Floats, Recording, Role

@@ -16,6 +16,7 @@ from stemwatch.models.oscillation_groups.find_groups import FoundGroup
 from stemwatch.models.oscillation_groups.limits import SourceWeights
 from stemwatch.models.oscillation_groups.loop_spectra import LoopSpectra
 from stemwatch.models.recording import Floats
+from stemwatch.models.without_position.features import evidence
 
 NAMES = (
     "share",
@@ -51,6 +52,16 @@ class SourceRanking:
     def outside(self) -> bool:
         """Whether no loop of the group is likelier than a cause outside."""
         return self.none > max(self.probability, default=0.0)
+
+
+def non_linearity(op: Floats, pv: Floats) -> float:
+    """Whether PV follows OP as no linear loop does: the gain in held-out error of a sticking
+    element between OP and PV (n,) over a linear loop, in standard deviations of surrogates that
+    have the phases of both in common; its inverse hyperbolic sine. 0 where it cannot be told."""
+    try:
+        return evidence(op, pv).beyond
+    except ValueError:
+        return 0.0
 
 
 def member_evidence(

@@ -10,10 +10,10 @@ import numpy as np
 from stemwatch.models.oscillation_groups.find_groups import find_groups, labels
 from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS, GroupLimits
 from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra, oscillations
-from stemwatch.models.oscillation_groups.non_linearity import non_linearity
 from stemwatch.models.oscillation_groups.sources import (
     MemberEvidence,
     member_evidence,
+    non_linearity,
     rank_sources,
 )
 from stemwatch.models.studies.interacting_loops.draws import RunPlant, draw_plant, run_drawn

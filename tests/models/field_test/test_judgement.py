@@ -22,7 +22,7 @@ LIMITS = TestLimits(duration_s=300.0)
 
 
 @pytest.fixture(scope="module")
-def test_of_delays():
+def for_delays():
     """The programme that tells a lag from a dead time of 4 s, from OP at 47 %."""
     return plan_test(question(LAG, DELAY), LIMITS).test.programme
 
@@ -31,9 +31,9 @@ def test_of_delays():
     ("hidden", "slug"),
     [({"lag_s": 4.0}, "actuator_lag"), ({"dead_time_s": 4.0}, "dead_time")],
 )
-def test_concealed_delay_is_told_by_its_test(test_of_delays, hidden, slug):
+def test_concealed_delay_is_told_by_its_test(for_delays, hidden, slug):
     """Whichever of the two the valve has, its test names it and rules the other out."""
-    judgement = judge_test(question(LAG, DELAY), simulated_test(test_of_delays, 47.0, **hidden))
+    judgement = judge_test(question(LAG, DELAY), simulated_test(for_delays, 47.0, **hidden))
     assert judgement.outcome is TestOutcome.FOLLOWS
     assert judgement.winner == slug
     assert judgement.left == (slug,)
@@ -41,9 +41,9 @@ def test_concealed_delay_is_told_by_its_test(test_of_delays, hidden, slug):
     assert min(judgement.as_far) <= RULED_OUT
 
 
-def test_same_recording_gives_the_same_judgement(test_of_delays):
+def test_same_recording_gives_the_same_judgement(for_delays):
     """All draws are seeded."""
-    recording = simulated_test(test_of_delays, 47.0, lag_s=4.0)
+    recording = simulated_test(for_delays, 47.0, lag_s=4.0)
     first, second = (judge_test(question(LAG, DELAY), recording) for _ in range(2))
     assert first.as_far == second.as_far
     assert first.leaves == second.leaves
@@ -59,18 +59,18 @@ def test_rivals_that_the_test_did_not_move_apart_stay_open():
     assert set(judgement.left) == {"", "growing_stiction"}
 
 
-def test_valve_that_follows_no_rival_is_given_no_name(test_of_delays):
+def test_valve_that_follows_no_rival_is_given_no_name(for_delays):
     """A stem that sticks four times as much as either rival has it follows neither."""
-    recording = simulated_test(test_of_delays, 47.0, S=8.0, J=4.0)
+    recording = simulated_test(for_delays, 47.0, S=8.0, J=4.0)
     judgement = judge_test(question(LAG, DELAY), recording)
     assert judgement.outcome is TestOutcome.NONE_FOLLOWS
     assert judgement.winner is None
     assert judgement.left == ()
 
 
-def test_few_bad_samples_and_a_long_recording_change_nothing(test_of_delays):
+def test_few_bad_samples_and_a_long_recording_change_nothing(for_delays):
     """Samples that cannot be used are bridged, and of many thousand some are taken."""
-    plain = simulated_test(test_of_delays, 47.0, dead_time_s=4.0)
+    plain = simulated_test(for_delays, 47.0, dead_time_s=4.0)
     quality = np.array(plain.mv.quality)
     quality[40:52] = Quality.BAD
     values = np.array(plain.mv.values)
@@ -96,9 +96,9 @@ def test_few_bad_samples_and_a_long_recording_change_nothing(test_of_delays):
         ("bad", "samples can be used"),
     ],
 )
-def test_what_is_no_recording_of_a_test_is_said(test_of_delays, change, words):
+def test_what_is_no_recording_of_a_test_is_said(for_delays, change, words):
     """Nothing is raised; the reason says what was found and what was expected."""
-    plain = simulated_test(test_of_delays, 47.0, lag_s=4.0)
+    plain = simulated_test(for_delays, 47.0, lag_s=4.0)
     assert isinstance(plain, Recording)
     signals = dict(plain.signals)
     if change == "no MV":
