@@ -44,6 +44,15 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "speed_falling_percent_per_s": ("Top speed of the stem, position falling", "down"),
     "sticking_score": ("Likeness to a sticking valve by OP and PV alone, 0 to 1", "none"),
     "apparent_S_percent": ("S that OP and PV alone suggest, where sticking is suspected", "none"),
+    "control_error_std": ("Standard deviation of SP - PV", "up"),
+    "control_error_std_repaired": ("The same, predicted for a valve that does not stick", "none"),
+    "variance_from_sticking_percent": (
+        "Share of the variance of SP - PV that the sticking makes",
+        "up",
+    ),
+    "control_error_from_sticking": ("Part of the mean of |SP - PV| that it makes", "up"),
+    "off_target_from_sticking_percent": ("Share of time off target that it makes", "up"),
+    "travel_from_sticking_per_hour_percent": ("Part of the stem's travel that it makes", "up"),
     "baseline_ratio": ("Residual of the baseline network against its own window", "up"),
 }
 for _key, _model in _MODELS.items():

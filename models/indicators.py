@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stemwatch.models.closed_loop.what_if import Prediction
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing, travel
 from stemwatch.models.indicator_meanings import MEANINGS
@@ -59,6 +60,19 @@ def _estimated(name: str, estimate: Estimate) -> list[Indicator]:
             low=estimate.low,
             high=estimate.high,
         )
+    ]
+
+
+def of_repair(repaired: Prediction) -> list[Indicator]:
+    """What a valve that does not stick would change in its loop."""
+    error = repaired.predicted["error_std"]
+    return [
+        *_one("control_error_std", repaired.recorded.error_std, error.unit),
+        *_estimated("control_error_std_repaired", error),
+        *_estimated("variance_from_sticking_percent", repaired.fall("error_std", squared=True)),
+        *_estimated("control_error_from_sticking", repaired.saved("error_mean")),
+        *_estimated("off_target_from_sticking_percent", repaired.saved("off_target")),
+        *_estimated("travel_from_sticking_per_hour_percent", repaired.saved("travel_per_hour")),
     ]
 
 

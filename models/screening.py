@@ -16,6 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stemwatch.models import indicators, residual
+from stemwatch.models.closed_loop.fitted_loop import FittedValve, fit_loop
+from stemwatch.models.closed_loop.what_if import REPAIRED, predict
 from stemwatch.models.decision import (
     Decision,
     DecisionEvidence,
@@ -301,9 +303,27 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, mismatch, options.limits
         )
-    screening = _with_suspicion(screening, fitted)
+    screening = _with_suspicion(_with_repair(screening, fitted), fitted)
     seconds = fitted.seconds + time.perf_counter() - began
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
+
+
+def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
+    """``screening`` of a valve that sticks with what its repair would change in the loop, where the
+    loop can be run again."""
+    if screening.verdict not in (Verdict.STICKY, Verdict.WATCH):
+        return screening
+    numbers = {name: one.value for name, one in screening.indicators.items()}
+    slope = 1.0 if fitted.curve is None else fitted.curve.slope
+    valve = FittedValve.of(screening.S, screening.J, numbers, slope)
+    loop = valve if isinstance(valve, str) else fit_loop(fitted.case.recording, valve)
+    if isinstance(loop, str):
+        return screening
+    repaired = indicators.of_repair(predict(loop, REPAIRED))
+    return replace(
+        screening,
+        indicators={**screening.indicators, **{one.name: one for one in repaired}},
+    )
 
 
 def _with_suspicion(screening: Screening, fitted: _Fitted) -> Screening:

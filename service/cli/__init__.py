@@ -35,8 +35,10 @@ from stemwatch.service.cli.screen import screen
 from stemwatch.service.cli.serve import run_now, serve
 from stemwatch.service.cli.simulate import simulate
 from stemwatch.service.cli.study_oscillations import study_oscillations
+from stemwatch.service.cli.study_twin import study_twin
 from stemwatch.service.cli.study_wear_forecast import study_wear_forecast
 from stemwatch.service.cli.trial import trial
+from stemwatch.service.cli.twin import twin
 from stemwatch.service.cli.views import say_error
 
 OBJECTS_BETWEEN_COLLECTIONS = 100_000
@@ -81,6 +83,7 @@ for command in (
     explain,
     plan_test,
     judge_test,
+    twin,
     compare,
     simulate,
     simulate_archive,
@@ -94,6 +97,7 @@ for command in (
     calibrate_mismatch,
     calibrate_archives,
     study_wear_forecast,
+    study_twin,
     study_without_position,
     study_oscillations,
     drift,

@@ -1,0 +1,49 @@
+"""``stemwatch study-twin``: how well the twin of a loop foretells what a change does."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+
+
+def study_twin(
+    loops: Annotated[int, typer.Option(min=4, max=10_000, help="Loops, all sticking.")] = 80,
+    seed: o.Seed = 2064,
+) -> None:
+    """Hold the twins of simulated loops to the same plant with the change made in truth.
+
+    Repair, half the friction, half the gain and twice the reset time; the same loads and noise. The
+    median error of each figure as a share of the truth, and how many of the 90 % intervals hold it.
+    """
+    from collections import Counter
+
+    import numpy as np
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.studies.what_if import FIGURES, run_what_if_study
+
+    judged = list(run_what_if_study(loops, seed))
+    twins = [one for one in judged if not one.reason]
+    figures = [figure for one in twins for figure in one.figures]
+    columns = ("figures", "median error", "interval holds")
+    title = f"Twins of {len(twins)} of {len(judged)} sticking loops, seed {seed}"
+    table = plain_table(title, ("change", "figure"), columns)
+    for change in dict.fromkeys(figure.change for figure in figures):
+        for name in FIGURES:
+            chosen = [one for one in figures if (one.change, one.figure) == (change, name)]
+            errors = [one.error for one in chosen if one.error is not None]
+            holds = [one.holds for one in chosen if one.holds is not None]
+            table.add_row(
+                change,
+                name,
+                str(len(errors)),
+                f"{100.0 * np.median(errors):.0f} %" if errors else "–",
+                f"{sum(holds)} of {len(holds)}",
+            )
+    views.out.print(table)
+    for reason, count in Counter(one.reason for one in judged if one.reason).most_common(5):
+        views.out.print(f"no twin of {count}: {reason}", highlight=False, markup=False)

@@ -1,0 +1,170 @@
+"""``stemwatch twin``: the loop around a valve, fitted and run again as it might be."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from stemwatch.service.cli import options as o
+from stemwatch.service.cli.reading import RecordingOptions, given_by, recording_options
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from stemwatch.models.closed_loop.fitted_loop import FittedLoop, Knocker
+    from stemwatch.models.estimate import Estimate
+    from stemwatch.models.recording import Recording
+    from stemwatch.models.screening_result import Screening
+    from stemwatch.service.run.plan import Request
+    from stemwatch.service.twin.loop_twin import WhatIf
+
+WHAT_IF = "What if (instead of the usual five)"
+
+
+@given_by(recording_options, name="recording")
+def twin(
+    id_or_file: Annotated[
+        str,
+        typer.Argument(
+            metavar="VALVE", help="A valve of --plant, or a file with the recording of one loop."
+        ),
+    ],
+    S: Annotated[
+        float | None, typer.Option("--S", min=0.0, help="S, % of OP.", rich_help_panel=WHAT_IF)
+    ] = None,
+    J: Annotated[
+        float | None, typer.Option("--J", min=0.0, help="J, % of OP.", rich_help_panel=WHAT_IF)
+    ] = None,
+    gain_times: Annotated[
+        float, typer.Option(min=0.01, max=100.0, help="Controller gain.", rich_help_panel=WHAT_IF)
+    ] = 1.0,
+    reset_times: Annotated[
+        float, typer.Option(min=0.01, max=100.0, help="Reset time.", rich_help_panel=WHAT_IF)
+    ] = 1.0,
+    knock: Annotated[
+        str,
+        typer.Option(help="HEIGHT,EVERY,FOR: % of OP, s, s.", rich_help_panel=WHAT_IF),
+    ] = "",
+    json_file: o.JsonFile = None,
+    *,
+    recording: RecordingOptions,
+) -> None:
+    """Run the loop of a recording again: repaired, detuned, with another packing or a knocker.
+
+    The controller's law and the process are fitted to OP, position, PV and SP; the valve has its
+    fitted S and J. What else moved the loop is kept and played again, so that each change shows
+    what it would have done on the same day, with a 90 % interval.
+    """
+    from stemwatch.models.closed_loop.what_if import Change
+    from stemwatch.service.cli import views
+    from stemwatch.service.twin.loop_twin import to_object, usual_changes, what_ifs
+
+    read, screening = _screened(_request(id_or_file, recording))
+    loop = _twin_of(read, screening)
+    asked = Change(
+        S=S, J=J, gain_times=gain_times, reset_times=reset_times, knocker=_knocker(knock)
+    )
+    changes = [("as asked", asked)] if asked != Change() else usual_changes(loop)
+    rows = what_ifs(loop, changes)
+    views.out.print(_on_terminal(read.valve, loop, rows), highlight=False)
+    if json_file is not None:
+        text = json.dumps(to_object(loop, rows), indent=1, ensure_ascii=False, allow_nan=False)
+        json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def _request(id_or_file: str, given: RecordingOptions) -> Request:
+    if Path(id_or_file).exists() or given.plant is None:
+        return given.request([id_or_file])
+    request = given.request([])
+    if request.plant is None or id_or_file not in request.plant.valves:
+        raise typer.BadParameter(
+            f"there is no file {id_or_file}, and {given.plant} has no such valve",
+            param_hint="VALVE",
+        )
+    return replace(request, valves=(id_or_file,))
+
+
+def _screened(request: Request) -> tuple[Recording, Screening]:
+    from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.service.cli.reading import say_unused_options
+    from stemwatch.service.explain.to_explain import what_to_explain
+    from stemwatch.service.run.task import recording_of
+
+    wanted = what_to_explain(request).valves
+    if len(wanted) != 1 or wanted[0].task is None:
+        names = ", ".join(one.valve for one in wanted[:5]) or "none"
+        why = wanted[0].reason if len(wanted) == 1 else ""
+        raise ValueError(
+            why
+            or f"a twin is of one loop; the file has {len(wanted)} ({names}): give its tags "
+            "with --op, --mv, --pv and --sp"
+        )
+    task = wanted[0].task
+    recording = recording_of(task)
+    say_unused_options([recording.provenance])
+    case = Case(recording=recording, known_curve=task.given_curve)
+    return recording, screen([case], Options(narx=False))[0]
+
+
+def _twin_of(recording: Recording, screening: Screening) -> FittedLoop:
+    from stemwatch.service.twin.loop_twin import loop_twin
+
+    loop = loop_twin(recording, screening)
+    if isinstance(loop, str):
+        raise ValueError(f"{recording.valve}: the loop cannot be run again: {loop}")
+    return loop
+
+
+def _knocker(text: str) -> Knocker | None:
+    from stemwatch.models.closed_loop.fitted_loop import Knocker
+
+    if not text:
+        return None
+    try:
+        height, every_s, for_s = (float(part) for part in text.split(","))
+    except ValueError:
+        height, every_s, for_s = -1.0, 0.0, 0.0
+    if not (height > 0.0 and every_s > for_s > 0.0):
+        raise typer.BadParameter(
+            f"HEIGHT,EVERY,FOR in % of OP and seconds is expected, such as 2,10,2; received {text}",
+            param_hint="--knock",
+        )
+    return Knocker(height=height, every_s=every_s, for_s=for_s)
+
+
+def _on_terminal(valve: str, loop: FittedLoop, rows: list[WhatIf]) -> RenderableType:
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    from stemwatch.service.cli.views import escape
+    from stemwatch.service.presenter.wording import figure
+    from stemwatch.service.twin.loop_twin import settings_in_words
+
+    table = Table(box=None, pad_edge=False)
+    heads = (f"std of SP - PV, {loop.unit}", "variance saved, %", "amplitude", "period, s")
+    for name in ("", *heads):
+        table.add_column(name, justify="right" if name else "left")
+    first = rows[0].prediction
+    for name, seen in (("recorded", first.recorded), ("run as it is", first.as_it_is)):
+        numbers = (seen.error_std, None, seen.amplitude, seen.period_s)
+        table.add_row(name, *("" if one is None else figure(one) for one in numbers))
+    for row in rows:
+        told = row.prediction.predicted
+        saved = row.prediction.fall("error_std", squared=True)
+        plain = (figure(told[name].value) for name in ("amplitude", "period_s"))
+        table.add_row(row.name, _with_interval(told["error_std"]), _with_interval(saved), *plain)
+    words = Text.from_markup(escape(settings_in_words(loop)))
+    return Group(Text(f"Twin of {valve}", style="bold"), words, Text(""), table)
+
+
+def _with_interval(estimate: Estimate) -> str:
+    from stemwatch.service.presenter.wording import figure
+
+    if estimate.value is None:
+        return "–"
+    return f"{figure(estimate.value)} ({figure(estimate.low)} to {figure(estimate.high)})"

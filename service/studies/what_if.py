@@ -1,0 +1,123 @@
+"""How well the twin of a loop foretells: simulated loops with a sticking valve, run again in truth.
+
+The plant is the force-balance simulator, which shares no code with the twin. The truth of a change
+is that plant run again with it, with the same loads, noise and set points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from stemwatch.models.closed_loop.fitted_loop import LoopRun
+from stemwatch.models.closed_loop.what_if import (
+    NUMBERS,
+    REPAIRED,
+    Change,
+    LoopFigures,
+    figures_of,
+    predict,
+)
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Role
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.studies.simulator.draws import draw_sticky
+from stemwatch.models.studies.simulator.loop import PlantLoop
+from stemwatch.models.studies.simulator.simulate import simulate_loop
+from stemwatch.service.twin.loop_twin import loop_twin
+
+FALL = "variance_fall"
+FIGURES = (FALL, *(name for name in NUMBERS if name != "off_target"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForetoldFigure:
+    """One figure of one change of one loop: foretold, and as it truly came. ``None`` is a period
+    where nothing oscillates regularly."""
+
+    change: str
+    figure: str
+    foretold: Estimate
+    truth: float | None
+
+    @property
+    def error(self) -> float | None:
+        """The size of the error as a share of the truth; a fall of the variance in percent counts
+        as at least 5 percent."""
+        if self.foretold.value is None or self.truth is None:
+            return None
+        least = 5.0 if self.figure == FALL else 1e-9
+        return abs(self.foretold.value - self.truth) / max(abs(self.truth), least)
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the interval holds the truth; ``None`` where either is not known."""
+        low, high = self.foretold.low, self.foretold.high
+        if self.truth is None or low is None or high is None:
+            return None
+        return low <= self.truth <= high
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForetoldLoop:
+    """One loop: its figures, or why it has no twin."""
+
+    tag: str
+    figures: tuple[ForetoldFigure, ...] = ()
+    reason: str = ""
+
+
+def run_what_if_study(loops: int, seed: int) -> Iterator[ForetoldLoop]:
+    """Draw ``loops`` with a sticking valve, fit the twin of each, and hold it to the plant."""
+    for index, loop in enumerate(draw_sticky(loops, seed)):
+        yield _judged(loop, seed + index)
+
+
+def _judged(loop: PlantLoop, seed: int) -> ForetoldLoop:
+    recording = simulate_loop(loop, seed).recording
+    screening = screen([Case(recording=recording)], Options(narx=False))[0]
+    twin = loop_twin(recording, screening)
+    if isinstance(twin, str):
+        return ForetoldLoop(tag=loop.tag, reason=twin)
+    valve, controller = loop.valve, loop.controller
+    S, J = twin.valve.S, twin.valve.J
+    half = replace(valve, S=valve.S / 2.0, J=valve.J / 2.0)
+    changes = (
+        ("repaired", REPAIRED, replace(loop, valve=replace(valve, S=0.0, J=0.0))),
+        ("half the friction", Change(S=S / 2.0, J=J / 2.0), replace(loop, valve=half)),
+        (
+            "half the gain",
+            Change(gain_times=0.5),
+            replace(loop, controller=replace(controller, gain=controller.gain / 2.0)),
+        ),
+        (
+            "twice the reset time",
+            Change(reset_times=2.0),
+            replace(loop, controller=replace(controller, reset_s=2.0 * controller.reset_s)),
+        ),
+    )
+    figures: list[ForetoldFigure] = []
+    for name, change, changed in changes:
+        prediction, truth = predict(twin, change), _truth(changed, seed)
+        falls = 100.0 * (1.0 - (truth.error_std / prediction.recorded.error_std) ** 2)
+        foretold = {FALL: prediction.fall("error_std", squared=True), **prediction.predicted}
+        came = {FALL: falls, **vars(truth)}
+        figures += [
+            ForetoldFigure(change=name, figure=key, foretold=foretold[key], truth=came[key])
+            for key in FIGURES
+        ]
+    return ForetoldLoop(tag=loop.tag, figures=tuple(figures))
+
+
+def _truth(loop: PlantLoop, seed: int) -> LoopFigures:
+    recording = simulate_loop(loop, seed).recording
+    pv, sp, mv = recording.signals[Role.PV], recording.signals[Role.SP], recording.signals[Role.MV]
+    return figures_of(
+        LoopRun(
+            op=recording.op.values,
+            x=mv.values,
+            pv=pv.values,
+            sp=sp.values,
+            interval_s=recording.interval_s,
+        )
+    )

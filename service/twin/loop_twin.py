@@ -1,0 +1,126 @@
+"""From a recording to its twin, and the changes that a control engineer would ask it first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stemwatch.models.closed_loop.fitted_loop import FittedLoop, FittedValve, Knocker, fit_loop
+from stemwatch.models.closed_loop.what_if import REPAIRED, Change, Prediction, predict
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import Screening
+from stemwatch.service.presenter.wording import figure
+
+# Hagglund's knocker as the literature sets it: a pulse of about S, two control intervals wide.
+KNOCK_OF_S, KNOCK_EVERY_S, KNOCK_FOR_S = 1.0, 10.0, 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WhatIf:
+    """A change in words, and what the loop would have done with it."""
+
+    name: str
+    change: Change
+    prediction: Prediction
+
+
+def loop_twin(recording: Recording, screening: Screening) -> FittedLoop | str:
+    """The loop of a ``recording`` with the valve that its ``screening`` found; or why there is
+    none."""
+    numbers = {name: one.value for name, one in screening.indicators.items()}
+    curve = screening.stroke_curve
+    slope = 1.0 if curve is None else curve.slope
+    valve = FittedValve.of(screening.S, screening.J, numbers, slope)
+    return valve if isinstance(valve, str) else fit_loop(recording, valve)
+
+
+def usual_changes(loop: FittedLoop) -> list[tuple[str, Change]]:
+    """Repair, packing of half the friction, two other tunings, and a knocker."""
+    S, J = loop.valve.S, loop.valve.J
+    knocker = Knocker(height=KNOCK_OF_S * S, every_s=KNOCK_EVERY_S, for_s=KNOCK_FOR_S)
+    return [
+        ("repaired: S = J = 0", REPAIRED),
+        (
+            f"half the friction: S {figure(S / 2, 2)} %",
+            Change(S=S / 2.0, J=J / 2.0),
+        ),
+        ("controller gain halved", Change(gain_times=0.5)),
+        ("reset time doubled", Change(reset_times=2.0)),
+        (
+            f"knocker {figure(knocker.height, 2)} %, {knocker.for_s:g} of {knocker.every_s:g} s",
+            Change(knocker=knocker),
+        ),
+    ]
+
+
+def what_ifs(loop: FittedLoop, changes: list[tuple[str, Change]]) -> list[WhatIf]:
+    """Each change with its prediction."""
+    return [
+        WhatIf(name=name, change=change, prediction=predict(loop, change))
+        for name, change in changes
+    ]
+
+
+def settings_in_words(loop: FittedLoop) -> str:
+    """Controller and process as they were found, in one sentence."""
+    law, process, step_s = loop.law, loop.process, loop.recorded.interval_s
+    reset = law.reset_s(step_s)
+    controller = f"gain {figure(law.gain, 2)} % of OP for {_unit(loop)}"
+    if reset is not None:
+        controller += f", reset time {figure(reset, 2)} s"
+    if process.integrates:
+        kind = f"integrates, {figure(process.gain / step_s, 2)} {loop.unit} a second for 1 %"
+    else:
+        kind = (
+            f"gain {figure(process.gain, 2)} {loop.unit} for 1 %, lag "
+            f"{figure(process.lag * step_s, 2)} s"
+        )
+    return (
+        f"Controller: {controller}. Process: {kind}, delay {figure(process.delay * step_s, 2)} s."
+    )
+
+
+def _unit(loop: FittedLoop) -> str:
+    return "1 % of PV" if loop.unit == "%" else f"1 {loop.unit}"
+
+
+def to_object(loop: FittedLoop, rows: list[WhatIf]) -> dict[str, object]:
+    """The twin as plain types, for JSON."""
+    return {
+        "controller": {
+            "gain": loop.law.gain,
+            "reset_s": loop.law.reset_s(loop.recorded.interval_s),
+            "explained": loop.law.explained,
+        },
+        "process": {
+            "gain": loop.process.gain,
+            "integrates": loop.process.integrates,
+            "lag_s": loop.process.lag * loop.recorded.interval_s,
+            "second_lag_s": loop.process.second_lag * loop.recorded.interval_s,
+            "delay_s": loop.process.delay * loop.recorded.interval_s,
+        },
+        "pv_unit": loop.unit,
+        "valve": {"S": loop.valve.S, "J": loop.valve.J},
+        "what_if": [
+            {
+                "name": row.name,
+                "predicted": {
+                    name: _estimate(one) for name, one in row.prediction.predicted.items()
+                },
+                "variance_fall_percent": _estimate(row.prediction.fall("error_std", squared=True)),
+            }
+            for row in rows
+        ],
+        "recorded": None if not rows else vars(rows[0].prediction.recorded),
+        "run_as_it_is": None if not rows else vars(rows[0].prediction.as_it_is),
+    }
+
+
+def _estimate(estimate: Estimate) -> dict[str, object]:
+    return {
+        "value": estimate.value,
+        "low": estimate.low,
+        "high": estimate.high,
+        "unit": estimate.unit,
+        "reason": estimate.reason,
+    }
