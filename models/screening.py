@@ -67,13 +67,14 @@ class Case:
     """One recording to screen, with the valve's baseline network where there is one.
 
     ``known_curve`` is what is known of how OP strokes the valve, from a person or an earlier
-    window.
+    window; PV is on target within ``target_band`` of SP, in its unit.
     """
 
     recording: Recording
     baseline: NarxNetwork | None = None
     baseline_note: str = "No baseline yet."
     known_curve: KnownCurve | None = None
+    target_band: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -319,7 +320,7 @@ def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
     loop = valve if isinstance(valve, str) else fit_loop(fitted.case.recording, valve)
     if isinstance(loop, str):
         return screening
-    repaired = indicators.of_repair(predict(loop, REPAIRED))
+    repaired = indicators.of_repair(predict(loop, REPAIRED, fitted.case.target_band))
     return replace(
         screening,
         indicators={**screening.indicators, **{one.name: one for one in repaired}},

@@ -34,10 +34,10 @@ def twin(
         ),
     ],
     S: Annotated[
-        float | None, typer.Option("--S", min=0.0, help="S, % of OP.", rich_help_panel=WHAT_IF)
+        float | None, typer.Option("--s", min=0.0, help="S, % of OP.", rich_help_panel=WHAT_IF)
     ] = None,
     J: Annotated[
-        float | None, typer.Option("--J", min=0.0, help="J, % of OP.", rich_help_panel=WHAT_IF)
+        float | None, typer.Option("--j", min=0.0, help="J, % of OP.", rich_help_panel=WHAT_IF)
     ] = None,
     gain_times: Annotated[
         float, typer.Option(min=0.01, max=100.0, help="Controller gain.", rich_help_panel=WHAT_IF)

@@ -168,6 +168,7 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
     return Plant(
         file=file,
         name=top.plant.name,
+        currency=top.plant.currency,
         zone=top.plant.zone,
         sources=reading.sources,
         valves=reading.valves,

@@ -48,6 +48,7 @@ class Plant:
     alerts: AlertRules = field(default_factory=AlertRules)
     named_limits: frozenset[str] = frozenset()  # that stand in the file, whatever their value
     service: ServiceSection = field(default_factory=ServiceSection)
+    currency: str = ""
 
     def is_live(self, valve: str | Valve) -> bool:
         """Whether a valve's samples are collected in the store, rather than read from files."""
@@ -132,7 +133,8 @@ def _mapping(tag: Tag) -> TagMapping:
 
 
 def _verdict_settings(valve: Valve) -> dict[str, Any]:
-    settings = valve.model_dump(include={"source", "tags"})
-    if valve.stroke_curve is None:  # keeps the digest of earlier versions
-        return settings
-    return {**settings, "stroke_curve": valve.stroke_curve}
+    later = {"stroke_curve", "target_band"}  # left out where not given: keeps earlier digests
+    return {
+        **valve.model_dump(include={"source", "tags"}),
+        **valve.model_dump(include=later, exclude_none=True),
+    }

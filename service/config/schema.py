@@ -19,6 +19,7 @@ from stemwatch.connectors.settings import (
 )
 from stemwatch.models.recording import Role
 from stemwatch.models.stickslip.stroke_curve import POINTS_EXPECTED, KnownCurve, curve_of_points
+from stemwatch.service.presenter.cost_of_sticking import Prices
 
 EXPECTED = 'the full stroke with its unit, such as "40 mm", "1.5 in" or "90 deg"'
 _FORM = re.compile(r"(\d+(?:[.,]\d+)?)\s*(mm|cm|in|inch|deg|degrees|°)", re.IGNORECASE)
@@ -92,6 +93,7 @@ class PlantSection(TomlTable):
     """``[plant]``."""
 
     name: Text = Field(default="", description="the plant's name as text")
+    currency: Text = Field(default="", description="the currency of prices, such as EUR")
     zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
 
 
@@ -162,6 +164,10 @@ class Tags(TomlTable):
         return {role: tag for role, tag in by_role.items() if tag is not None}
 
 
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+Price = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
 class Valve(TomlTable):
     """``[[valves]]``, or one row of a valve list."""
 
@@ -177,6 +183,18 @@ class Valve(TomlTable):
     stroke_curve: Annotated[str, AfterValidator(_known_points)] | None = Field(
         default=None, description=POINTS_EXPECTED
     )
+    target_band: Positive | None = Field(
+        default=None, description="how far PV may be from SP and still be on target, in PV's unit"
+    )
+    price_per_unit_hour: Price | None = Field(
+        default=None, description="money for an hour with PV one unit away from SP"
+    )
+    price_per_hour_off_target: Price | None = Field(
+        default=None, description="money for an hour off target; needs target_band"
+    )
+    price_per_stroke: Price | None = Field(
+        default=None, description="money for a stem's travel of one full stroke"
+    )
     source: Annotated[Name, AfterValidator(_existing_source)] = Field(
         description="the name of one of the [[sources]]"
     )
@@ -184,6 +202,16 @@ class Valve(TomlTable):
         description="a table of tags with at least the controller output: "
         '[valves.tags.op] with tag = "..."'
     )
+
+    @property
+    def prices(self) -> Prices | None:
+        """What a deviation of this loop costs, where the plant file says so."""
+        prices = Prices(
+            per_unit_hour=self.price_per_unit_hour,
+            per_hour_off_target=self.price_per_hour_off_target,
+            per_stroke=self.price_per_stroke,
+        )
+        return None if prices == Prices() else prices
 
     @property
     def given_curve(self) -> KnownCurve | None:

@@ -11,7 +11,9 @@ from stemwatch.connectors.spreadsheet import ListFault, decoded, records_of, sep
 from stemwatch.models.recording import Role
 from stemwatch.service.config.problems import PlantFileError, TableLocation
 
-_FACTS = ("id", "description", "area", "criticality", "source", "stroke", "stroke_curve")
+_OF_MONEY = ("target_band", "price_per_unit_hour", "price_per_hour_off_target", "price_per_stroke")
+_OF_VALVE = ("id", "description", "area", "criticality", "source", "stroke", "stroke_curve")
+_FACTS = (*_OF_VALVE, *_OF_MONEY)
 _NUMBERS = ("low", "high")
 _TAG_COLUMNS = {
     column: (role.value, key)
@@ -132,6 +134,8 @@ def _table(cells: dict[str, str], separator: str) -> dict[str, Any]:
         text = cell.strip()
         if not text:
             continue
+        if column in _OF_MONEY and separator != ",":
+            text = text.replace(",", ".")
         if column in _FACTS:
             table[column] = text
             continue

@@ -40,6 +40,7 @@ from stemwatch.service.report.mismatch_view import (
 )
 from stemwatch.service.report.ranking import (
     RankedValve,
+    cost_in_words,
     count_verdicts,
     counted,
     discovered,
@@ -110,6 +111,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         discovered=discoveries.sentence,
         told=told_limit(counts),
         suspected=suspected_sentence(suspected(ranked)),
+        cost=cost_in_words(ranked),
         areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
         gauge_top=gauge_top(valve.screening for valve in ranked),
         models=MODEL_NAMES,

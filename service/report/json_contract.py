@@ -28,6 +28,7 @@ from stemwatch.models.response_figures import ResponseFigures, StepFigures, resp
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.without_position.suspicion import WithoutPosition
+from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
@@ -221,14 +222,17 @@ def to_contract(
     by_window: EvidenceOfWeeks | None = None,
     zone: tzinfo = UTC,
     groups: Sequence[OscillationGroup] = (),
+    cost: CostOfSticking | None = None,
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together, ``groups`` which loops
-    oscillate together. Days in sentences are those of ``zone``, as in a report.
+    windows of the last weeks say together, ``groups`` which loops oscillate together, ``cost`` what
+    the sticking costs with the plant's prices. Days in sentences are those of ``zone``, as in a
+    report.
     """
     mismatch, said = screening.mismatch, present(screening, stands=stands)
+    cost = cost or cost_of_sticking(screening.indicators, None)
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,
@@ -260,11 +264,23 @@ def to_contract(
         "over_weeks": []
         if by_window is None
         else [_lasting(finding, zone) for finding in by_window.findings],
+        "cost_of_sticking": _cost(cost),
         "oscillates_with": _oscillates_with(groups, screening.valve),
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
         "seconds": finite(screening.seconds),
+    }
+
+
+def _cost(cost: CostOfSticking | None) -> dict[str, Any] | None:
+    """What the sticking costs; money a month."""
+    if cost is None:
+        return None
+    return {
+        "variance_share_percent": estimate_object(cost.share),
+        "money_per_month": estimate_object(cost.money),
+        "sentence": printable(cost.sentence),
     }
 
 

@@ -12,6 +12,11 @@ from typing import overload
 from stemwatch.models.mismatch.findings import ResidualMap
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.service.presenter.cost_of_sticking import (
+    CostOfSticking,
+    cost_of_sticking,
+    total_in_words,
+)
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.wording import finite, printable
@@ -45,6 +50,7 @@ class RankedValve:
     trend: Change
     finding: PresentedFinding
     stands: bool | None = None
+    cost: CostOfSticking | None = None
     plots: Callable[[], ValvePlots | None] = lambda: None
 
     @property
@@ -78,7 +84,12 @@ class Ranking(Sequence[RankedValve]):
         evidence: Callable[[int], ValvePlots | None] = lambda _: None,
     ) -> None:
         self._screenings, self._context, self._evidence = screenings, context, evidence
-        notes = [light(screening) for screening in screenings]
+        notes, costs = [], {}
+        for screening in screenings:
+            notes.append(light(screening))
+            cost = self._cost(screening)
+            if cost is not None:  # of several recordings the last counts
+                costs[screening.valve] = cost
         run = discoveries([note.mismatch for note in notes], context.p_elsewhere)
         decided = [
             decide(note, stands=stands) for note, stands in zip(notes, run.standing, strict=True)
@@ -92,6 +103,7 @@ class Ranking(Sequence[RankedValve]):
         self.counts = count_valves(
             (note.valve, of_it) for note, of_it in zip(notes, decided, strict=True)
         )
+        self.cost_of_sticking = total_in_words(costs)
         self.suspected = loops_to_test(notes[place] for place in self._order)
         taken: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[place].valve, taken) for place in self._order]
@@ -111,6 +123,10 @@ class Ranking(Sequence[RankedValve]):
             return [self._valve(rank) for rank in range(*at.indices(len(self)))]
         return self._valve(range(len(self))[at])
 
+    def _cost(self, screening: Screening) -> CostOfSticking | None:
+        prices = self._context.facts(screening.valve).prices
+        return cost_of_sticking(screening.indicators, prices, self._context.currency)
+
     def _valve(self, at: int) -> RankedValve:
         place = self._order[at]
         screening = self._screenings[place]
@@ -126,8 +142,16 @@ class Ranking(Sequence[RankedValve]):
             ),
             finding=finding,
             stands=self.discovered.standing[at],
+            cost=self._cost(screening),
             plots=partial(self._evidence, place),
         )
+
+
+def cost_in_words(ranked: Sequence[RankedValve]) -> str:
+    """What the sticking of all valves costs a month; empty where no price is known."""
+    if isinstance(ranked, Ranking):
+        return ranked.cost_of_sticking
+    return total_in_words({valve.screening.valve: valve.cost for valve in ranked if valve.cost})
 
 
 def rank_valves(

@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
+from stemwatch.service.presenter.cost_of_sticking import Prices
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 
@@ -26,7 +27,8 @@ class ValveFacts:
 
     ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
     ``previous`` is what was said of it before, ``weeks`` how its S changes, ``by_window`` what its
-    windows of the last weeks say together of effects beside friction.
+    windows of the last weeks say together of effects beside friction, ``prices`` what a deviation
+    of its loop costs.
     """
 
     description: str = ""
@@ -36,6 +38,7 @@ class ValveFacts:
     previous: PreviousFinding | None = None
     weeks: TrendOverWeeks | None = None
     by_window: EvidenceOfWeeks | None = None
+    prices: Prices | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +78,7 @@ class ReportContext:
     p_elsewhere: tuple[float | None, ...] = ()
     work_files: Mapping[str, str] = field(default_factory=dict)
     groups: tuple[OscillationGroup, ...] = ()
+    currency: str = ""
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:

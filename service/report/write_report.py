@@ -99,6 +99,7 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
             by_window=valve.facts.by_window,
             zone=context.tz,
             groups=context.groups,
+            cost=valve.cost,
         )
         text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
         file.write((between + text.replace("\n", "\n ")).encode())

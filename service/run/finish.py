@@ -185,6 +185,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         },
         sources_not_read=tuple(notes),
         groups=_groups(run, executed),
+        currency=plant.currency if plant else "",
     )
 
 
@@ -198,5 +199,6 @@ def facts_of(plant: Plant | None, valve: str, previous: PreviousFinding | None) 
         area=entry.area,
         criticality=str(entry.criticality),
         stroke=entry.stroke or "",
+        prices=entry.prices,
         previous=previous,
     )

@@ -95,14 +95,18 @@ def read_tags_with(executor: Executor, stop: threading.Event) -> ReadTags:
 
 
 def make_plan(request: Request, read_tags: ReadTags = read_tags_here) -> Plan:
-    """The tasks of a request, with the curves from OP to stroke that the plant file gives.
+    """The tasks of a request, with what the plant file gives of each valve beside its tags.
 
     Raises ``UnreadableSource`` where a source matches nothing.
     """
     plan = _plan(request, read_tags)
     valves = {} if request.plant is None else request.plant.valves
-    given = {valve.id: valve.given_curve for valve in valves.values()}
-    tasks = [replace(task, given_curve=given.get(task.tags.valve)) for task in plan.tasks]
+    tasks = []
+    for task in plan.tasks:
+        given = valves.get(task.tags.valve)
+        if given is not None:
+            task = replace(task, given_curve=given.given_curve, target_band=given.target_band)
+        tasks.append(task)
     return replace(plan, tasks=tuple(tasks))
 
 

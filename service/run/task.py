@@ -68,6 +68,7 @@ class Task:
     window: Window = WHOLE
     baseline: StoredBaseline | None = None
     given_curve: KnownCurve | None = None  # from OP to stroke, as the plant file gives it
+    target_band: float | None = None  # of PV about SP, as the plant file gives it
     earlier_curves: tuple[EarlierCurve, ...] = ()  # from OP to stroke, found in earlier windows
     reason: str = ""  # why there is nothing to screen, and what to do about it
     file_remarks: tuple[
@@ -232,25 +233,23 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:
         return _unread(task, f"{task.path}: {type(error).__name__}: {error}")
-    known_curve_of_task = known_curve(task, recording)
+    case = Case(
+        recording=recording,
+        known_curve=known_curve(task, recording),
+        target_band=task.target_band,
+    )
     if task.baseline is None:
-        return Case(recording=recording, known_curve=known_curve_of_task)
+        return case
     if recording.start is not None and task.baseline.window == (recording.start, recording.end):
-        note = "This window is the baseline."
-        return Case(recording=recording, baseline_note=note, known_curve=known_curve_of_task)
+        return replace(case, baseline_note="This window is the baseline.")
     from stemwatch.models.narx.network import NarxNetwork
 
     try:
         network = NarxNetwork.from_bytes(task.baseline.network)
     except ValueError as error:
         note = f"{task.baseline.note} It cannot be read ({error}); set a new one."
-        return Case(recording=recording, baseline_note=note, known_curve=known_curve_of_task)
-    return Case(
-        recording=recording,
-        baseline=network,
-        baseline_note=task.baseline.note,
-        known_curve=known_curve_of_task,
-    )
+        return replace(case, baseline_note=note)
+    return replace(case, baseline=network, baseline_note=task.baseline.note)
 
 
 def known_curve(task: Task, recording: Recording) -> KnownCurve | None:

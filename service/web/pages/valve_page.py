@@ -12,11 +12,11 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.models.indicator_meanings import meaning_of
-from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.oscillation_words import of_loops
 from stemwatch.service.presenter.physics_words import left_to_tell
@@ -59,6 +59,7 @@ class ShownScreening:
     weeks: TrendOverWeeks | None
     mismatch: MismatchView | None
     finding: PresentedFinding
+    cost: CostOfSticking | None
 
 
 @router.get("/valve")
@@ -67,7 +68,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     name = deps.need_valve(request.query_params.get("id", ""))
     store = deps.store
     stored = store.valve(name) or _from_plant(deps, name)
-    shown = _shown(store, name, deps.site.limits)
+    shown = _shown(deps, name)
     points = store.s_and_j(name)
     marks = read_marks(store, name)
     raised = store.alerts.in_state("all", deps.now, valve=name)
@@ -165,7 +166,8 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
     )
 
 
-def _shown(store: Store, name: str, limits: Limits) -> ShownScreening | None:
+def _shown(deps: Dependencies, name: str) -> ShownScreening | None:
+    store, limits, plant = deps.store, deps.site.limits, deps.site.plant
     latest = store.screenings(name, 1)
     if not latest:
         return None
@@ -180,6 +182,11 @@ def _shown(store: Store, name: str, limits: Limits) -> ShownScreening | None:
     return ShownScreening(
         screening=screening,
         finding=said,
+        cost=cost_of_sticking(
+            indicators,
+            plant.valves[name].prices if plant and name in plant.valves else None,
+            plant.currency if plant else "",
+        ),
         stored=stored,
         weeks=weeks,
         trend=change_since_last_run(

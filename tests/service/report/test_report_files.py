@@ -110,6 +110,7 @@ def test_the_contract_names_its_fields(make_screening):
     later = {
         "mismatch",
         "over_weeks",
+        "cost_of_sticking",
         "oscillates_with",
         "ne107",
         "response",

@@ -29,7 +29,7 @@ def test_the_twin_of_a_plants_valve(stemwatch, small_plant: Path, tmp_path: Path
 def test_a_change_of_ones_own(stemwatch, small_plant: Path) -> None:
     """One row for what was asked; a knocker without sense is refused with what is expected."""
     asked = ("twin", STICKY, "--plant", small_plant)
-    outcome = stemwatch(*asked, "--gain-times", "0.7", "--S", "1")
+    outcome = stemwatch(*asked, "--gain-times", "0.7", "--s", "1")
     assert "as asked" in outcome.out
     assert "repaired" not in outcome.out
     refused = stemwatch(*asked, "--knock", "3,2,5")
@@ -71,3 +71,28 @@ def test_the_study_holds_twins_to_the_plant() -> None:
     assert len(falls) >= 3
     errors = sorted(one.error for one in falls)
     assert errors[len(errors) // 2] < 0.2
+
+
+def test_a_price_in_the_plant_file_becomes_money(
+    stemwatch, small_plant: Path, tmp_path: Path
+) -> None:
+    """In the report's head, the valve's section and JSON alike; a wrong price is named."""
+    text = small_plant.read_text(encoding="utf-8").replace("[plant]", '[plant]\ncurrency = "EUR"')
+    priced = text.replace(
+        f'id = "{STICKY}"', f'id = "{STICKY}"\nprice_per_unit_hour = 12.5\ntarget_band = 1.0'
+    )
+    file = small_plant.with_name("priced.toml")
+    file.write_text(priced, encoding="utf-8")
+    out = tmp_path / "report"
+    assert stemwatch("screen", "--plant", file, "--out", out, "--workers", "1").status == 0
+    found = {one["valve"]: one for one in json.loads((out / "valves.json").read_text())}
+    cost = found[STICKY]["cost_of_sticking"]
+    assert cost["money_per_month"]["unit"] == "EUR"
+    assert cost["money_per_month"]["value"] > 0.0
+    assert "off_target_from_sticking_percent" in found[STICKY]["indicators"]
+    page = (out / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
+    assert "The sticking of 1 loop costs about" in page
+    assert cost["sentence"] in page
+    file.write_text(priced.replace("12.5", "-1"), encoding="utf-8")
+    refused = stemwatch("screen", "--plant", file, "--out", out, "--workers", "1")
+    assert "price_per_unit_hour" in refused.said

@@ -1,0 +1,136 @@
+"""What the sticking of a valve costs its loop, in variance and travel, and in money where the plant
+file has a price.
+
+The numbers are indicators of the screening (``indicators.of_repair``): the loop run again with a
+valve that does not stick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.screening_result import Indicator
+from stemwatch.service.presenter.wording import figure
+
+HOURS_A_MONTH = 730.0
+SHARE = "variance_from_sticking_percent"
+STD, REPAIRED = "control_error_std", "control_error_std_repaired"
+# What each price is paid for, and by how many of the indicator's units.
+PRICED = {
+    "per_unit_hour": ("control_error_from_sticking", 1.0),
+    "per_hour_off_target": ("off_target_from_sticking_percent", 100.0),
+    "per_stroke": ("travel_from_sticking_per_hour_percent", 100.0),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prices:
+    """Money for an hour with PV one unit away from SP, for an hour off target, and for a stem's
+    travel of one full stroke; ``None`` where it costs nothing or nobody knows."""
+
+    per_unit_hour: float | None = None
+    per_hour_off_target: float | None = None
+    per_stroke: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CostOfSticking:
+    """``share`` of the variance of SP - PV in percent; ``money`` a month, unknown without a
+    price."""
+
+    share: Estimate
+    std: float | None
+    repaired: Estimate
+    money: Estimate
+    currency: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Both in one or two sentences."""
+        share, unit = self.share, self.repaired.unit
+        said = (
+            f"The sticking makes {_percent(share.value)} % of the variance of SP - PV "
+            f"({_percent(share.low)} to {_percent(share.high)} %): with a valve that does not "
+            f"stick its standard deviation would be {figure(self.repaired.value, 2)} instead of "
+            f"{figure(self.std, 2)} {unit}."
+        )
+        if self.money.value is None:
+            return said
+        return f"{said} That is {money_in_words(self.money, self.currency)} a month."
+
+
+def money_in_words(money: Estimate, currency: str) -> str:
+    """An amount with its 90 % interval."""
+    value, low, high = (f"{round(one or 0.0):,}" for one in (money.value, money.low, money.high))
+    return f"{value} {currency} ({low} to {high})".replace("  ", " ")
+
+
+def cost_of_sticking(
+    indicators: Mapping[str, Indicator], prices: Prices | None, currency: str = ""
+) -> CostOfSticking | None:
+    """What the sticking costs by the ``indicators`` of a screening; ``None`` where the loop could
+    not be run again."""
+    share, repaired = indicators.get(SHARE), indicators.get(REPAIRED)
+    if share is None or repaired is None:
+        return None
+    std = indicators.get(STD)
+    return CostOfSticking(
+        share=_estimate(share),
+        std=None if std is None else std.value,
+        repaired=_estimate(repaired),
+        money=_money(indicators, prices, currency),
+        currency=currency,
+    )
+
+
+def total_in_words(costs: Mapping[str, CostOfSticking]) -> str:
+    """What the sticking of all valves, by their ids, costs a month; empty without a price."""
+    priced = [cost for cost in costs.values() if cost.money.value is not None]
+    if not priced:
+        return ""
+    loops = "1 loop costs" if len(priced) == 1 else f"{len(priced)} loops costs"
+    money = money_in_words(total(priced), priced[0].currency)
+    return f"The sticking of {loops} about {money} a month."
+
+
+def total(costs: Iterable[CostOfSticking]) -> Estimate:
+    """The money of all that is known, a month; the doubts of different loops are independent."""
+    known = [cost.money for cost in costs if cost.money.value is not None]
+    if not known:
+        return Estimate.unknown("no loop has a price")
+    value = sum(one.value or 0.0 for one in known)
+    below = sqrt(sum(((one.value or 0.0) - (one.low or 0.0)) ** 2 for one in known))
+    above = sqrt(sum(((one.high or 0.0) - (one.value or 0.0)) ** 2 for one in known))
+    return Estimate(value=value, low=value - below, high=value + above, unit=known[0].unit)
+
+
+def _money(indicators: Mapping[str, Indicator], prices: Prices | None, currency: str) -> Estimate:
+    """The prices times what the sticking makes; its parts come from one run, so that their ends
+    add up."""
+    if prices is None:
+        return Estimate.unknown("the plant file has no price for this loop", currency)
+    value, low, high, known = 0.0, 0.0, 0.0, False
+    for name, (indicator, units) in PRICED.items():
+        price, made = getattr(prices, name), indicators.get(indicator)
+        if price is None or made is None or made.low is None or made.high is None:
+            continue
+        hourly = HOURS_A_MONTH * price / units
+        value += hourly * made.value
+        low, high = low + hourly * made.low, high + hourly * made.high
+        known = True
+    if not known:
+        return Estimate.unknown("what the price is paid for is not known of this loop", currency)
+    return Estimate(value=value, low=low, high=high, unit=currency)
+
+
+def _estimate(indicator: Indicator) -> Estimate:
+    return Estimate(
+        value=indicator.value, low=indicator.low, high=indicator.high, unit=indicator.unit
+    )
+
+
+def _percent(value: float | None) -> str:
+    return "?" if value is None else f"{value:.0f}"
