@@ -41,6 +41,7 @@ def book_html(book: WorkList) -> bytes:
         pictures=[
             Markup("") if sheet.picture is None else svg_of(sheet.picture) for sheet in book.sheets
         ],
+        drawn=[None if one.drawing is None else svg_of(one.drawing) for one in book.done],
         levels=LEVEL_NAME,
         hint=HINT,
         styles=Markup(_resource(STYLE)),

@@ -44,6 +44,7 @@ from stemwatch.service.maintenance.paper import (
     is_whole,
     write,
 )
+from stemwatch.service.maintenance.work_compared import WorkCompared
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
@@ -178,6 +179,10 @@ def _front(book: WorkList) -> list[Any]:
         story.append(t.heading(f"{len(book.others)} {many} without a page"))
         rest = [_brief(t, other) for other in book.others]
         story.append(LongTable(rest, colWidths=[78.0, 118.0, WIDTH - 196.0], style=BARE))
+    if book.done:
+        story.append(t.heading(book.done_title))
+        for at, compared in enumerate(book.done):
+            story += _work_done(t, compared, context, explain=at == 0)
     if context.sources_not_read:
         story.append(t.heading("Remarks"))
         story += [
@@ -210,6 +215,24 @@ def _brief(t: TypeSize, valve: ValveWithoutPage) -> list[Any]:
         t.text(cut(valve.valve, LONGEST_NAME), 0.9, bold=True),
         t.text(cut(valve.line, LONGEST_CELL), 0.9),
     ]
+
+
+def _work_done(
+    t: TypeSize, compared: WorkCompared, context: ReportContext, *, explain: bool
+) -> list[Any]:
+    """What was done at a valve, S and J before and after it, and both loops on the same axes."""
+    work, drawing = compared.around.work, compared.drawing
+    ends = [instant(one.end, context.tz) for one in (compared.around.before, compared.around.after)]
+    windows = f"The window until {ends[0]}, and the latest one, until {ends[1]}."
+    said = [
+        t.text(cut(work.valve, LONGEST_NAME), bold=True, spaceBefore=3.0),
+        t.text(f"{instant(work.at, context.tz)}: {cut(work.note, LONGEST_CELL)}"),
+        t.text(f"S {compared.sizes[0]}, J {compared.sizes[1]}", bold=True),
+        t.text(f"{windows} {compared.says}" if explain and drawing else windows, 0.86),
+    ]
+    if drawing is None:
+        return said
+    return [t.columns(said, [PaperPicture(drawing, (WIDTH - GAP) / 2)])]
 
 
 def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:

@@ -198,13 +198,13 @@ def field_test(screening: Screening) -> str:
     low, high = finite(screening.S.low) or S, finite(screening.S.high) or S
     fewest, most = _steps_for(low, step), _steps_for(high, step)
     about = f"{_steps_for(S, step)}" + (f" ({fewest} to {most})" if fewest != most else "")
-    moves = f"{span_percent(J)} to {span_percent(J + step)} % of OP's span at once"
-    if J < step / 2:
-        moves = "no more than a step, without a jump"
+    moves = "no more than a step, without a jump"
+    if J >= step / 2:
+        moves = f"{span_percent(J)} to {span_percent(J + step)} % of OP at once"
     return (
-        f"Field test, loop in manual: step OP by {step:g} % one way, with a wait after each step, "
-        "until the stem moves, then back by the same steps, and count these. Expect it to move at "
-        f"about step {about}, by {moves}. A stem that answers the first or second step back passes."
+        f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
+        f"back; wait after each step, and count those back. Expect about {about} until it moves, "
+        f"by {moves}. A stem that answers the first or second step back passes."
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from types import MappingProxyType, TracebackType
 from typing import Self
@@ -278,6 +278,13 @@ class Store:
         """What is kept of a screening for its pictures; empty where nothing is."""
         with self.transactions.reading() as session:
             return pictures.read_pictures(session, screening)
+
+    def work_compared(
+        self, valves: Collection[str], until_run: int | None = None
+    ) -> list[AroundWork]:
+        """``around_work`` of each of ``valves`` that has it, as it was known at ``until_run``."""
+        with self.transactions.reading() as session:
+            return pictures.read_work_compared(session, valves, until_run)
 
     def around_work(self, valve: str) -> AroundWork | None:
         """The last work on the valve with what is kept of the windows before and after it."""
