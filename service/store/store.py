@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime, timedelta
 from types import MappingProxyType, TracebackType
 from typing import Self
 
@@ -13,6 +15,7 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
@@ -48,6 +51,7 @@ from stemwatch.service.store.screenings import (
     false_discoveries,
     feedback,
     history,
+    oscillations,
     pictures,
     ranking,
     recent,
@@ -57,6 +61,7 @@ from stemwatch.service.store.screenings import (
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 from stemwatch.service.store.screenings.feedback import Feedback, Judgement
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
+from stemwatch.service.store.screenings.oscillations import KeptOscillation
 from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.previous import read_previous
 from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
@@ -374,6 +379,28 @@ class Store:
         if remarks:
             with self.transactions.writing(f"marking what run {run_id} found") as session:
                 false_discoveries.write_remarks(session, remarks)
+
+    def keep_oscillations(
+        self, run_id: int, groups: Sequence[OscillationGroup]
+    ) -> list[OscillationGroup]:
+        """Keep the groups of loops of a run that oscillate together, instead of those it had; the
+        same groups with since when and in how many windows each was found."""
+        with self.transactions.writing(f"keeping the oscillations of run {run_id}") as session:
+            return oscillations.write_oscillations(session, run_id, groups)
+
+    def oscillations(self, now: datetime) -> list[KeptOscillation]:
+        """The oscillations of several loops that were found in the last 30 days, those that stand
+        first, each with what its pictures need."""
+        since = now - timedelta(days=oscillations.SHOWN_DAYS)
+        with self.transactions.reading("reading the oscillations of loops") as session:
+            return oscillations.read_oscillations(session, since)
+
+    def oscillations_of(self, loop: str, now: datetime) -> list[OscillationGroup]:
+        """The groups that oscillate at present of which ``loop`` is a member, without pictures."""
+        since = now - timedelta(days=oscillations.SHOWN_DAYS)
+        with self.transactions.reading("reading the oscillations of a loop") as session:
+            kept = oscillations.read_oscillations(session, since, loop, pictures=False)
+        return [one.group for one in kept if not one.over]
 
     def previous_finding(
         self, screening: Screening, now: datetime | None = None

@@ -19,6 +19,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.maintenance.work_compared import compare
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.oscillation_words import of_loops
 from stemwatch.service.presenter.physics_words import left_to_tell
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
@@ -99,6 +100,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         judgements=list(Judgement),
         plan_link=_plan_link(request, shown),
         work=None if around is None else compare(around),
+        oscillates=of_loops(store.oscillations_of(name, deps.now), name, deps.site.tz),
     )
 
 
