@@ -76,7 +76,7 @@ def _begin(store: Store, name: str, waits: Mapping[str, Wait], now: datetime, ad
     until = store.attempts.begin(waits, now=now, forget=FORGET)
     if until is None:
         return
-    refused = store.attempts.refused(f"refused {key_of_name(name)}", now=now, every=NOTED_EVERY)
+    refused = store.attempts.refused(f"refused {key_of_name(name)}", now=now, interval=NOTED_EVERY)
     if refused:
         many = "1 attempt" if refused == 1 else f"{refused} attempts"
         detail = f"{many} not tried: too many before; noted once a minute"

@@ -16,15 +16,17 @@ BAR, HEIGHT = 14, 46
 def spectra_map(group: OscillationGroup) -> Markup:
     """Powers of each member over the period, each loop's largest the darkest, the likeliest source
     first."""
-    shown = min(len(group.members), MOST_ROWS)
+    row_count = min(len(group.members), MOST_ROWS)
     bands = len(group.periods_s)
-    width, foot = LEFT + CELL * bands + 24, TOP + ROW * shown
-    name = f"Spectra of {shown} loops; what they have in common is near {duration(group.period_s)}"
+    width, foot = LEFT + CELL * bands + 24, TOP + ROW * row_count
+    name = (
+        f"Spectra of {row_count} loops; what they have in common is near {duration(group.period_s)}"
+    )
     parts = [
         f'<svg class="map" viewBox="0 0 {width} {foot + BOTTOM}" width="{width}" '
         f'height="{foot + BOTTOM}" role="img" aria-label="{escape(name)}">'
     ]
-    for row in range(shown):
+    for row in range(row_count):
         y = TOP + ROW * row
         loop = printable(group.members[row].loop)
         short = loop if len(loop) <= LONGEST_NAME else loop[: LONGEST_NAME - 1] + "…"
@@ -36,10 +38,10 @@ def spectra_map(group: OscillationGroup) -> Markup:
             if power >= 0.02
         ]
     for k in (0, bands // 3, 2 * bands // 3, bands - 1):
-        said = escape(duration(float(f"{group.periods_s[k]:.2g}")))
+        period_text = escape(duration(float(f"{group.periods_s[k]:.2g}")))
         x = LEFT + CELL * k + CELL // 2
         parts.append(
-            f'<text class="axis" x="{x}" y="{foot + 14}" text-anchor="middle">{said}</text>'
+            f'<text class="axis" x="{x}" y="{foot + 14}" text-anchor="middle">{period_text}</text>'
         )
     return Markup("".join([*parts, "</svg>"]))
 
@@ -50,9 +52,9 @@ def strength_bars(group: OscillationGroup) -> Markup:
     width = BAR * len(group.strength)
     name = f"Strength over {duration(group.duration_s)}"
     bars = "".join(
-        f'<rect class="heat" x="{BAR * at}" y="{HEIGHT * (1.0 - level / top):.1f}" '
+        f'<rect class="heat" x="{BAR * row}" y="{HEIGHT * (1.0 - level / top):.1f}" '
         f'width="{BAR - 2}" height="{max(HEIGHT * level / top, 0.5):.1f}"/>'
-        for at, level in enumerate(group.strength)
+        for row, level in enumerate(group.strength)
     )
     return Markup(
         f'<svg class="map" viewBox="0 0 {width} {HEIGHT}" width="{width}" height="{HEIGHT}" '

@@ -50,14 +50,14 @@ def read_pictures(session: Session, screening: int) -> bytes:
 
 def read_around_work(session: Session, valve: str) -> AroundWork | None:
     """The last work on ``valve`` between two windows; ``None`` where there is none."""
-    remarks = select(MaintenanceRow).where(MaintenanceRow.valve == valve)
-    remarks = remarks.order_by(MaintenanceRow.at.desc(), MaintenanceRow.id.desc())
-    for work in session.scalars(remarks.limit(MOST_WORK)):
+    work_query = select(MaintenanceRow).where(MaintenanceRow.valve == valve)
+    work_query = work_query.order_by(MaintenanceRow.at.desc(), MaintenanceRow.id.desc())
+    for work in session.scalars(work_query.limit(MOST_WORK)):
         after = _latest(session, valve, ScreeningRow.window_start >= work.at)
         before = after and _latest(session, valve, ScreeningRow.window_end <= work.at)
         if before and after:
-            done = Remark(valve=valve, at=work.at, note=work.note, who=work.who)
-            return AroundWork(work=done, before=before, after=after)
+            work_done = Remark(valve=valve, at=work.at, note=work.note, who=work.who)
+            return AroundWork(work=work_done, before=before, after=after)
     return None
 
 

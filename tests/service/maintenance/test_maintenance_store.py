@@ -102,7 +102,7 @@ def test_what_stands_is_decided_over_all_valves_also_for_one(store, tmp_path):
     others = [short(f"H-{k}", Verdict.HEALTHY, S=0.2, mismatch=tested) for k in range(9)]
     looked(store, 0, valve, *others)
     assert report_of_store(store, tmp_path / "all").book.to_work_on == ()
-    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], everything=True)
+    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], all_valves=True)
     assert one.book.sheets[0].valve.stands is False
     assert "held back" in one.html.read_text("utf-8")
 
