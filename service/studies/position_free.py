@@ -77,7 +77,7 @@ def run_training(
     network = train(
         [item for item in items if isinstance(item, LoopExample)],
         seed=seed,
-        more=[item for item in items if isinstance(item, WindowsExample)],
+        windows_examples=[item for item in items if isinstance(item, WindowsExample)],
     )
     items_done = len(examples)
     seen = map_in_order(executor, look_item, judged, lambda n: on_progress(items_done + n))
