@@ -81,7 +81,8 @@ class OscillationGroup:
     ``outside`` is the probability that it begins in none of them. ``strength`` (24,) over the
     record, its mean square 1; ``since`` the start of the window from which on it oscillates,
     ``None`` where it always did or the source does not date. ``spectra`` (members, 60) powers on
-    ``periods_s`` (60,), each loop's largest 1.
+    ``periods_s`` (60,), each loop's largest 1. ``windows`` in which the same oscillation was found,
+    this one included; ``first_found`` the start of the first of them, ``None`` where it is this.
     """
 
     period_s: float
@@ -94,6 +95,8 @@ class OscillationGroup:
     strength: tuple[float, ...]
     periods_s: tuple[float, ...]
     spectra: tuple[tuple[float, ...], ...]
+    windows: int = 1
+    first_found: datetime | None = None
 
     @property
     def source(self) -> str:

@@ -225,8 +225,18 @@ def span(*traces: Floats) -> tuple[float, float]:
     return low - spare, high + spare
 
 
+def equally_long(
+    x: tuple[float, float], y: tuple[float, float], width_by_height: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Both ends wide enough that a percent is as long on either axis."""
+    wider = max(x[1] - x[0], width_by_height * (y[1] - y[0]))
+    middle_x, middle_y = (x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0
+    half_x, half_y = wider / 2.0, wider / width_by_height / 2.0
+    return (middle_x - half_x, middle_x + half_x), (middle_y - half_y, middle_y + half_y)
+
+
 def ticks(low: float, high: float, most_ticks: int = 6) -> list[float]:
-    """At most ``most`` round numbers between ``low`` and ``high``, evenly apart."""
+    """At most ``most_ticks`` round numbers between ``low`` and ``high``, evenly apart."""
     rough = (high - low) / most_ticks
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * k for k in (1, 2, 2.5, 5, 10) if power * k >= rough)

@@ -17,6 +17,7 @@ from stemwatch.service.maintenance.drawing import (
     DrawnText,
     Mark,
     Panel,
+    equally_long,
     span,
 )
 from stemwatch.service.presenter.wording import instant, printable
@@ -171,7 +172,7 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
     (x0, x1) = span(op, *(shape[:, 0] for shape in drawn))
     (y0, y1) = span(mv, *(shape[:, 1] for shape in drawn))
     if comparable:
-        (x0, x1), (y0, y1) = _same_length((x0, x1), (y0, y1), LOOP_WIDTH / (HEIGHT - TOP - FOOT))
+        (x0, x1), (y0, y1) = equally_long((x0, x1), (y0, y1), LOOP_WIDTH / (HEIGHT - TOP - FOOT))
     panel = Panel(
         left=WIDTH - LOOP_WIDTH - 4.0,
         top=TOP,
@@ -195,16 +196,6 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
     marks += _recorded_legend(panel, lines_below=(band is not None) + (curve is not None))
     kept_samples = telling_samples([op, mv], 2 * POINTS)
     return marks + panel.lines(op[kept_samples], mv[kept_samples], 0.8)
-
-
-def _same_length(
-    x: tuple[float, float], y: tuple[float, float], width_by_height: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Both ends wide enough that a percent is as long on either axis."""
-    wider = max(x[1] - x[0], width_by_height * (y[1] - y[0]))
-    middle_x, middle_y = (x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0
-    half_x, half_y = wider / 2.0, wider / width_by_height / 2.0
-    return (middle_x - half_x, middle_x + half_x), (middle_y - half_y, middle_y + half_y)
 
 
 def _recorded_legend(panel: Panel, lines_below: int) -> list[Mark]:

@@ -42,6 +42,7 @@ def book_html(work_list: WorkList) -> bytes:
             Markup("") if sheet.picture is None else svg_of(sheet.picture)
             for sheet in work_list.sheets
         ],
+        drawn=[None if one.drawing is None else svg_of(one.drawing) for one in work_list.done],
         levels=LEVEL_NAME,
         hint=HINT,
         styles=Markup(_resource(STYLE)),

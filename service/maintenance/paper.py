@@ -145,14 +145,14 @@ def folio(canvas: Any, context: ReportContext) -> None:
 
 
 class PaperPicture(Flowable):  # type: ignore[misc]  # reportlab has no types
-    """A drawing as wide as the page."""
+    """A drawing as wide as the page, or ``width`` points wide."""
 
-    def __init__(self, drawing: Drawing) -> None:
+    def __init__(self, drawing: Drawing, width: float = WIDTH) -> None:
         super().__init__()
-        self._drawing, self._scale = drawing, WIDTH / drawing.width
+        self._drawing, self._width, self._scale = drawing, width, width / drawing.width
 
     def wrap(self, *_: float) -> tuple[float, float]:
-        return WIDTH, self._scale * self._drawing.height
+        return self._width, self._scale * self._drawing.height
 
     def draw(self) -> None:
         self.canv.scale(self._scale, self._scale)

@@ -44,6 +44,7 @@ from stemwatch.service.maintenance.paper import (
     is_whole,
     write,
 )
+from stemwatch.service.maintenance.work_compared import WorkCompared
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
@@ -179,6 +180,10 @@ def _front(work_list: WorkList) -> list[Any]:
         flowables.append(t.heading(f"{len(work_list.others)} {noun} without a page"))
         other_lines = [_brief(t, other) for other in work_list.others]
         flowables.append(LongTable(other_lines, colWidths=[78.0, 118.0, WIDTH - 196.0], style=BARE))
+    if work_list.done:
+        flowables.append(t.heading(work_list.done_title))
+        for index, compared in enumerate(work_list.done):
+            flowables += _work_done(t, compared, context, explain=index == 0)
     if context.sources_not_read:
         flowables.append(t.heading("Remarks"))
         flowables += [
@@ -211,6 +216,24 @@ def _brief(t: TypeSize, valve: ValveWithoutPage) -> list[Any]:
         t.text(cut(valve.valve, LONGEST_NAME), 0.9, bold=True),
         t.text(cut(valve.line, LONGEST_CELL), 0.9),
     ]
+
+
+def _work_done(
+    t: TypeSize, compared: WorkCompared, context: ReportContext, *, explain: bool
+) -> list[Any]:
+    """What was done at a valve, S and J before and after it, and both loops on the same axes."""
+    work, drawing = compared.around.work, compared.drawing
+    ends = [instant(one.end, context.tz) for one in (compared.around.before, compared.around.after)]
+    windows = f"The window until {ends[0]}, and the latest one, until {ends[1]}."
+    said = [
+        t.text(cut(work.valve, LONGEST_NAME), bold=True, spaceBefore=3.0),
+        t.text(f"{instant(work.at, context.tz)}: {cut(work.note, LONGEST_CELL)}"),
+        t.text(f"S {compared.sizes[0]}, J {compared.sizes[1]}", bold=True),
+        t.text(f"{windows} {compared.says}" if explain and drawing else windows, 0.86),
+    ]
+    if drawing is None:
+        return said
+    return [t.columns(said, [PaperPicture(drawing, (WIDTH - GAP) / 2)])]
 
 
 def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:

@@ -38,7 +38,13 @@ def background_of(store: Store, plant: Plant | None = None, run: int | None = No
             return screening.recording
         return read_samples(store, plant, screening)
 
-    return ValveHistory(earlier=earlier, work=store.maintenance, samples=samples, run=run)
+    return ValveHistory(
+        earlier=earlier,
+        work=store.maintenance,
+        samples=samples,
+        compared=lambda valves: store.work_compared(valves, run),
+        run=run,
+    )
 
 
 def facts_of(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldTest
@@ -185,23 +186,34 @@ def belong_to_machine(effects: Sequence[Effect]) -> str:
 
 def field_test(screening: Screening) -> str:
     """A test by hand that can move this valve, with what to expect from its own S and J; empty
-    where they are not known or nothing is to be confirmed."""
+    where they are not known or nothing is to be confirmed.
+
+    Steps back that add up to S are needed before the stick-slip element moves; by the last of them
+    it moves J and what they are more than S.
+    """
     S, J = finite(screening.S.value), finite(screening.J.value) or 0.0
     if screening.verdict not in (Verdict.STICKY, Verdict.WATCH) or S is None or S < LEAST_TESTED:
         return ""
     step = next(step for least, step in TEST_STEPS if least <= S)
     low, high = finite(screening.S.low) or S, finite(screening.S.high) or S
-    fewest, most_steps = max(1, round(low / step)), max(1, round(high / step))
-    steps_text = f"{max(1, round(S / step))}"
+    fewest, most_steps = _steps_for(low, step), _steps_for(high, step)
+    expected = f"{_steps_for(S, step)}"
     if fewest != most_steps:
-        steps_text += f" ({fewest} to {most_steps})"
-    jump = f"a jump of about {span_percent(J)} %" if J >= step / 2 else "no jump"
+        expected += f" ({fewest} to {most_steps})"
+    moves = "no more than a step, without a jump"
+    if J >= step / 2:
+        moves = f"{span_percent(J)} to {span_percent(J + step)} % of OP at once"
     return (
         f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
-        f"back by the same steps, and count them. Expect about {steps_text} "
-        f"before it moves back, with {jump}. A stem that answers the first or second step back "
-        "passes."
+        f"back; wait after each step, and count those back. Expect about {expected} until it "
+        "moves, "
+        f"by {moves}. A stem that answers the first or second step back passes."
     )
+
+
+def _steps_for(S: float, step: float) -> int:
+    """How many steps back add up to S; a millionth less is S as well."""
+    return max(1, ceil(S / step - 1e-6))
 
 
 def _next_step(screening: Screening, decision: WorkDecision) -> str:

@@ -51,7 +51,16 @@ def cost(group: OscillationGroup) -> str:
 
 def begun(group: OscillationGroup, zone: tzinfo) -> str:
     """Since when it oscillates; empty where it always did or nobody knows."""
-    return "" if group.since is None else f"since {words.instant(group.since, zone)}"
+    if group.since is not None:
+        return f"since {words.instant(group.since, zone)}"
+    if group.first_found is not None:
+        return f"since {words.instant(group.first_found, zone)} or earlier"
+    return ""
+
+
+def seen(group: OscillationGroup) -> str:
+    """In how many windows it was found; empty where only in this one."""
+    return f"It was found in {group.windows} windows so far." if group.windows > 1 else ""
 
 
 def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:

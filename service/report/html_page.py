@@ -202,6 +202,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "group_headline": oscillation_words.headline,
         "group_cost": oscillation_words.cost,
         "group_begun": lambda group: oscillation_words.begun(group, context.tz),
+        "group_seen": oscillation_words.seen,
         "oscillates_with": lambda loop: oscillation_words.of_loops(
             context.groups, loop, context.tz
         ),

@@ -279,6 +279,8 @@ def _oscillates_with(groups: Sequence[OscillationGroup], loop: str) -> list[dict
             "source_probability": finite(group.members[0].probability),
             "outside_probability": finite(group.outside),
             "since": _instant(group.since),
+            "first_found": _instant(group.first_found or group.start),
+            "windows": group.windows,
         }
         for group in groups
         if any(member.loop == loop for member in group.members)

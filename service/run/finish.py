@@ -152,10 +152,11 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
 
 
 def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
-    """Loops of the run that oscillate together; none where looking for them fails, since all else
-    matters more."""
+    """Loops of the run that oscillate together, kept in the store with what earlier windows found;
+    none where looking for them fails, since all else matters more."""
     try:
-        return tuple(plant_groups(executed.results.waves()))
+        groups = plant_groups(executed.results.waves())
+        return tuple(run.store.keep_oscillations(run.number, groups))
     except Exception:
         text = "run %d: loops that oscillate together could not be looked for"
         log.exception(text, run.number, extra={"run": run.number})

@@ -23,6 +23,7 @@ from stemwatch.service.web.site import Site
 PAGES = (
     ("overview", "/overview", "Overview"),
     ("ranking", "/", "Valves"),
+    ("oscillations", "/oscillations", "Oscillations"),
     ("alerts", "/alerts", "Alerts"),
     ("runs", "/runs", "Runs"),
     ("sources", "/sources", "Sources"),

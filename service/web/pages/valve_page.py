@@ -17,18 +17,18 @@ from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.maintenance.work_compared import compare
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.oscillation_words import of_loops
 from stemwatch.service.presenter.physics_words import left_to_tell
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
-from stemwatch.service.report.charts.small_plot import SmallPlot
-from stemwatch.service.report.charts.window_pictures import before_and_after, unpack_pictures
+from stemwatch.service.report.charts.window_pictures import unpack_pictures
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.store.alerts.alerts import state_of
 from stemwatch.service.store.samples.tag_quality import BadSamples
 from stemwatch.service.store.screenings.feedback import Judgement
-from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.records import StoredScreening, StoredValve, TrendPoint
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import Store
@@ -72,6 +72,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     raised = store.alerts.in_state("all", deps.now, valve=name)
     opens, ends = _opening(deps, name, shown_screening)
     quality = _quality(deps, name, (opens, ends))
+    around = store.around_work(name)
     numbers = (
         [shown_screening.screening.S.value or 0.0, shown_screening.screening.J.value or 0.0]
         if shown_screening
@@ -102,7 +103,8 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         labels=store.feedback(name),
         judgements=list(Judgement),
         plan_link=_plan_link(request, shown_screening),
-        work=_work_compared(store, name),
+        work=None if around is None else compare(around),
+        oscillates=of_loops(store.oscillations_of(name, deps.now), name, deps.site.tz),
     )
 
 
@@ -204,25 +206,6 @@ def _shown_screening(store: Store, name: str, limits: Limits) -> ShownScreening 
             pictures=unpack_pictures(store.packed_pictures(stored.id)).effects,
         ),
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorkCompared:
-    """The last work on the valve, S and J in the windows before and after it, and both loops on the
-    same axes, where both windows have one."""
-
-    around: AroundWork
-    plot: SmallPlot | None
-
-
-def _work_compared(store: Store, name: str) -> WorkCompared | None:
-    around = store.around_work(name)
-    if around is None:
-        return None
-    before = unpack_pictures(around.before.packed).loop
-    after = unpack_pictures(around.after.packed).loop
-    plot = None if before is None or after is None else before_and_after(before, after)
-    return WorkCompared(around=around, plot=plot)
 
 
 def indicator_of(name: str, point: TrendPoint) -> Indicator:

@@ -91,6 +91,8 @@ def test_the_contract_has_the_groups_of_a_loop(make_screening) -> None:
             "source_probability": 0.6,
             "outside_probability": 0.1,
             "since": "2026-03-02T18:00:00+00:00",
+            "first_found": "2026-03-02T06:00:00+00:00",
+            "windows": 1,
         }
     ]
     assert to_contract(make_screening(valve="X"), groups=[GROUP])["oscillates_with"] == []
