@@ -55,17 +55,17 @@ def picture_of(
     if not np.isfinite(recording.op.values).sum() > 1:
         return None, NOTHING_TO_DRAW
     simulated = simulated_run(screening, recording)
-    part, why = part_drawn(recording, simulated)
-    why += _from(recording, part, zone)
-    beside = recording.mv is not None
-    width = WIDTH - LEFT - (LOOP_WIDTH + 44.0 if beside else 0.0) - 6.0
-    marks, says = _over_time(recording, simulated, part, width)
-    if beside:
+    part, reason = part_drawn(recording, simulated)
+    reason += _from(recording, part, zone)
+    has_position = recording.mv is not None
+    width = WIDTH - LEFT - (LOOP_WIDTH + 44.0 if has_position else 0.0) - 6.0
+    marks, caption = _over_time(recording, simulated, part, width)
+    if has_position:
         marks += _against_op(screening, recording, part)
-        says += " Beside it MV against OP, with the stick band of S and J."
+        caption += " Beside it MV against OP, with the stick band of S and J."
         if screening.stroke_curve is not None:
-            says += " The curve from OP to stroke goes through it."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says), why
+            caption += " The curve from OP to stroke goes through it."
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption), reason
 
 
 def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
@@ -85,8 +85,8 @@ def part_drawn(recording: Recording, simulated: Floats | None) -> tuple[slice, s
     longest = max(2, round(LONGEST_S / recording.interval_s))
     if len(recording) <= longest:
         return slice(0, len(recording)), "The whole record"
-    known = np.flatnonzero(np.isfinite(recording.op.values))
-    last = int(known[-1]) + 1
+    finite = np.flatnonzero(np.isfinite(recording.op.values))
+    last = int(finite[-1]) + 1
     return slice(max(0, last - longest), last), "The last hour of the record"
 
 
@@ -137,9 +137,11 @@ def _panel_over_time(
         y1=high,
     )
     marks = panel.frame(what, printable(unit))
-    picked = telling_samples([trace.values for trace in traces], POINTS * len(traces))
-    for drawn in traces:
-        marks += panel.lines(seconds[picked] / scale, drawn.values[picked], drawn.width, drawn.dash)
+    kept_samples = telling_samples([trace.values for trace in traces], POINTS * len(traces))
+    for trace in traces:
+        marks += panel.lines(
+            seconds[kept_samples] / scale, trace.values[kept_samples], trace.width, trace.dash
+        )
     return marks + _legend(traces, top)
 
 
@@ -192,8 +194,8 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
         marks.append(DrawnLine(line, width=1.3, dash=OP_DASH))
         marks += _curve_legend(panel)
     marks += _recorded_legend(panel, lines_below=(band is not None) + (curve is not None))
-    picked = telling_samples([op, mv], 2 * POINTS)
-    return marks + panel.lines(op[picked], mv[picked], 0.8)
+    kept_samples = telling_samples([op, mv], 2 * POINTS)
+    return marks + panel.lines(op[kept_samples], mv[kept_samples], 0.8)
 
 
 def _recorded_legend(panel: Panel, lines_below: int) -> list[Mark]:

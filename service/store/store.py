@@ -363,8 +363,11 @@ class Store:
         them named an effect beside S and J since the last work."""
         with self.transactions.reading("reading the evidence of weeks") as session:
             windows = evidence.read_evidence(session, valves)
-        told = {valve: evidence_of_weeks(of_it) for valve, of_it in windows.items()}
-        return {valve: of_it for valve, of_it in told.items() if of_it is not None}
+        evidence_of_valve = {
+            valve: evidence_of_weeks(windows_of_valve)
+            for valve, windows_of_valve in windows.items()
+        }
+        return {valve: of_it for valve, of_it in evidence_of_valve.items() if of_it is not None}
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""

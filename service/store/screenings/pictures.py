@@ -54,16 +54,16 @@ def read_around_work(
 ) -> AroundWork | None:
     """The last work on ``valve`` between two windows, none of them of a run after ``until_run``;
     ``None`` where there is none."""
-    known = true() if until_run is None else ScreeningRow.run_id <= until_run
-    remarks = select(MaintenanceRow).where(MaintenanceRow.valve == valve)
-    remarks = remarks.order_by(MaintenanceRow.at.desc(), MaintenanceRow.id.desc())
-    for work in session.scalars(remarks.limit(MOST_WORK)):
-        after = _latest(session, valve, and_(ScreeningRow.window_start >= work.at, known))
-        ended = and_(ScreeningRow.window_end <= work.at, known)
+    until_then = true() if until_run is None else ScreeningRow.run_id <= until_run
+    work_query = select(MaintenanceRow).where(MaintenanceRow.valve == valve)
+    work_query = work_query.order_by(MaintenanceRow.at.desc(), MaintenanceRow.id.desc())
+    for work in session.scalars(work_query.limit(MOST_WORK)):
+        after = _latest(session, valve, and_(ScreeningRow.window_start >= work.at, until_then))
+        ended = and_(ScreeningRow.window_end <= work.at, until_then)
         before = after and _latest(session, valve, ended)
         if before and after:
-            done = Remark(valve=valve, at=work.at, note=work.note, who=work.who)
-            return AroundWork(work=done, before=before, after=after)
+            work_done = Remark(valve=valve, at=work.at, note=work.note, who=work.who)
+            return AroundWork(work=work_done, before=before, after=after)
     return None
 
 

@@ -107,7 +107,7 @@ def test_what_stands_is_decided_over_all_valves_also_for_one(store, tmp_path):
     others = [short(f"H-{k}", Verdict.HEALTHY, S=0.2, mismatch=tested) for k in range(9)]
     looked(store, 0, valve, *others)
     assert report_of_store(store, tmp_path / "all").book.to_work_on == ()
-    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], everything=True)
+    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], all_valves=True)
     assert one.book.sheets[0].valve.stands is False
     assert "held back" in one.html.read_text("utf-8")
 
@@ -121,16 +121,16 @@ def test_work_on_a_valve_is_told(store, weeks, tmp_path):
 
 def test_a_stored_screening_is_whole_where_it_gets_a_page(store):
     """Of healthy valves with nothing named only the verdict of the mismatch is read."""
-    found = named()
-    nothing = replace(found, finding=Finding.NONE, effects=(), p_value=None)
+    selection = named()
+    nothing = replace(selection, finding=Finding.NONE, effects=(), p_value=None)
     number = looked(
         store,
         0,
-        replace(STICKY, mismatch=found),
+        replace(STICKY, mismatch=selection),
         replace(HEALTHY, mismatch=nothing),
     )
     sticky, healthy = store.screenings_of_run(number)
-    assert sticky.mismatch.effects == found.effects
+    assert sticky.mismatch.effects == selection.effects
     assert sticky.window == (START, START + timedelta(seconds=60))
     assert healthy.mismatch.finding is Finding.NONE
     assert store.latest_screenings() == [sticky, healthy]
@@ -173,9 +173,9 @@ def test_loops_before_and_after_the_last_work_are_laid_over_each_other(store, we
     assert dashes == {(), BEFORE_DASH}  # told apart on a copy of a copy
     text = after.html.read_text("utf-8")
     part = text[text.index("Before and after the last work") :]
-    for told in ("FV-3", "packing renewed", "S 6.25 → 0.31 %", "the latest one, until", "<svg "):
-        assert told in part[: part.index("</section>")]
+    for result in ("FV-3", "packing renewed", "S 6.25 → 0.31 %", "the latest one, until", "<svg "):
+        assert result in part[: part.index("</section>")]
     paper = book_pdf(after.book, compress=False)
-    told = b" ".join(re.findall(rb"\((.*?)(?<!\\)\) Tj", paper)).decode("latin-1")
+    result = b" ".join(re.findall(rb"\((.*?)(?<!\\)\) Tj", paper)).decode("latin-1")
     for word in ("packing renewed", "before the work", "after it"):
-        assert word in told
+        assert word in result

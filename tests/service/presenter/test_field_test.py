@@ -45,23 +45,23 @@ def test_steps_are_counted_from_the_valves_own_numbers(
     S: float, J: float, step: float, expected: str, moves: str
 ) -> None:
     """As many steps back as add up to S, by the interval of S; then J and what they are more."""
-    said = field_test(of(S, J))
-    assert f"step OP by {step:g} % one way" in said
-    assert f"Expect about {expected} until it moves, by {moves}." in said
-    assert said in present(of(S, J), stands=None).next_step
+    sentence = field_test(of(S, J))
+    assert f"step OP by {step:g} % one way" in sentence
+    assert f"Expect about {expected} until it moves, by {moves}." in sentence
+    assert sentence in present(of(S, J), stands=None).next_step
 
 
 @pytest.mark.parametrize("J", [0.0, 0.4, 2.0, 5.0])
 @pytest.mark.parametrize("S", [0.7, 1.3, 1.7, 2.6, 3.3, 4.4, 6.2, 9.1])
 def test_the_stick_slip_element_moves_at_the_step_that_is_told(S: float, J: float) -> None:
     """The element that S and J belong to, stepped as the test says."""
-    said = field_test(of(S, J))
-    told = re.search(r"step OP by ([\d.]+) % .* Expect about (\d+)", said)
-    assert told is not None
-    step = float(told[1])
+    sentence = field_test(of(S, J))
+    match = re.search(r"step OP by ([\d.]+) % .* Expect about (\d+)", sentence)
+    assert match is not None
+    step = float(match[1])
     counted, moved = steps_back(S, J, step)
-    assert counted == int(told[2])
-    if "at once" in said:
+    assert counted == int(match[2])
+    if "at once" in sentence:
         assert J - 0.01 <= moved <= J + step + 0.01
     else:
         assert moved <= step + step / 2
@@ -111,6 +111,6 @@ def test_every_number_of_an_effect_has_words(slug: str) -> None:
     )  # fmt: skip
     names = term.parameters(np.asarray(term.starts(look))[0])
     for name in names:
-        said = parameter_name(name, slug)
-        letters = said not in GREEK and len(said) > 3
-        assert name in PARAMETERS or f"{slug}.{name}" in PARAMETERS or letters, said
+        text = parameter_name(name, slug)
+        letters = text not in GREEK and len(text) > 3
+        assert name in PARAMETERS or f"{slug}.{name}" in PARAMETERS or letters, text
