@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stemwatch.connectors.historian.proposed_plant import NO_CURVES, ProposedSource, plant_toml
 from stemwatch.connectors.historian.times.source_clock import clock_facts
 from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models import forensics
@@ -76,13 +75,6 @@ class Inspection:
             instant = getattr(self, name)
             out[name] = None if instant is None else instant.isoformat()
         return out
-
-    def plant_toml(self, name: str = "historian", curves: Mapping[str, str] = NO_CURVES) -> str:
-        """A proposed mapping to paste into ``plant.toml``; ``name`` is the source's name in it.
-
-        ``curves`` are lines for valves whose OP is not percent for percent of their position.
-        """
-        return plant_toml([ProposedSource(name, self.source, (self,))], curves)
 
 
 def inspect_file(opened: OpenedFile) -> Inspection:
