@@ -110,5 +110,5 @@ def _between_turns(recording: Recording, samples: int) -> int:
 
 def _round(most: int) -> int:
     """The largest of 1, 2, 5, 10, 20 and so on that is not above ``most``."""
-    decade = 10 ** (len(str(most)) - 1)
+    decade = int(10 ** (len(str(most)) - 1))
     return max(step * decade for step in STEPS if step * decade <= most)
