@@ -19,9 +19,9 @@ from stemwatch.models.stickslip.problem import FitProblem
 # Simulated healthy valves have a share below 0.1 (0 for nearly all); sticking ones whose slips the
 # fitted model misses had 0.38 and more.
 EVIDENT_SLIPS, EVIDENT_SHARE, EVIDENT_TOWARDS = 5, 0.35, 0.9
-# Of the jumps of a stem whose command this is, at this time, 0.98 and more go towards it. So they do
-# in 11 of 93 recordings that are mixed up (`stemwatch miswiring`, seeds 5151, 7171, 9393), but in
-# none of them the stem rests while its command goes on (``rests``).
+# Of the jumps of a stem whose command this is, at this time, 0.98 and more go towards it. So do
+# those of 11 of 93 recordings that are mixed up (`stemwatch miswiring`, seeds 5151, 7171, 9393),
+# but in none of them the stem rests while its command goes on (``rests``).
 OWN_TOWARDS = 0.95
 
 
