@@ -93,14 +93,14 @@ def ending_on_signals() -> Iterator[None]:
     before = {signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupts.take)}
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         before[signal.SIGINT] = signal.signal(signal.SIGINT, _interrupts.take)
-    told = sys.unraisablehook
+    previous_hook = sys.unraisablehook
 
     def ask_again(dropped: sys.UnraisableHookArgs) -> None:
         """Python drops what is raised in a finaliser or a callback of C."""
         if isinstance(dropped.exc_value, KeyboardInterrupt):
             _interrupts.ask_again(dropped.exc_value)
         else:
-            told(dropped)
+            previous_hook(dropped)
 
     sys.unraisablehook = ask_again
     try:
@@ -109,7 +109,7 @@ def ending_on_signals() -> Iterator[None]:
         try:
             _interrupts.raise_waiting()
         finally:
-            sys.unraisablehook = told
+            sys.unraisablehook = previous_hook
             for number, handler in before.items():
                 signal.signal(number, handler)
 

@@ -130,14 +130,14 @@ def asked_to_stop(stop: Callable[[], object], *, last: bool = False) -> Iterator
         if os.read(reader, 1) == _ASKED:
             stop()
 
-    def asked(*_: object) -> None:
+    def on_signal(*_: object) -> None:
         if not written:
             written.append(os.write(writer, _ASKED))
 
     written: list[int] = []
     heard = threading.Thread(target=wait_and_stop, name="stop", daemon=True)
     heard.start()
-    before = {number: signal.signal(number, asked) for number in _ENDING}
+    before = {number: signal.signal(number, on_signal) for number in _ENDING}
     try:
         yield
     finally:
