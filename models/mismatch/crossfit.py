@@ -269,7 +269,7 @@ def widened(
     evaluator: Evaluator, rich: TermSet, simple: Fitted, term: Term, beginnings: Sequence[Beginning]
 ) -> Floats:
     """(m, size) starts of ``rich`` = simple + ``term``: the term's own grid over ``beginnings``."""
-    layout, grid = evaluator.layout(rich), term.starts(evaluator.look)
+    layout, grid = evaluator.layout(rich), term.starts(evaluator.summary)
     centre = simple.candidates.mean(axis=0)
     slow, fast = np.sort(simple.candidates[:, base_coordinate.RESTICK])
     if fast - slow > DISAGREE:

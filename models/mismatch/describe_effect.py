@@ -102,7 +102,7 @@ def effect(
             strength=strength(advantage, evaluator.told, term.slug),
             note=_note(advantage, members),
         ),
-        inherent=term.inherent(values, evaluator.look),
+        inherent=term.inherent(values, evaluator.summary),
     )
 
 

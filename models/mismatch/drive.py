@@ -75,7 +75,7 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
             if term.slug == DRIVE
             else convincing(score.advantage, evaluator.told, term.slug)
         )
-        if stands and term.material(score.values, evaluator.look):
+        if stands and term.material(score.values, evaluator.summary):
             stage = SelectionStage(without, (score,), (score,))
             needed.append(Needed(stage, without, score.advantage))
     if DRIVE not in {one.term.slug for one in needed}:
@@ -101,7 +101,7 @@ def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[
         evaluator,
         delta=scale(evaluator, simulated),
         scatter=breakaway_scatter(early_late, level, evaluator.problem.sigma),
-        look=replace(evaluator.look, S=S, J=S * float(middle[base_coordinate.RATIO])),
+        summary=replace(evaluator.summary, S=S, J=S * float(middle[base_coordinate.RATIO])),
         _layouts={},
     )
     layout = _near_friction(evaluator.layout(hypothesis), balance.S)

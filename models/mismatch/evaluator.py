@@ -21,7 +21,7 @@ from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow, used
 from stemwatch.models.mismatch.stem import Stem, Stems
-from stemwatch.models.mismatch.term import Look, Term, Way
+from stemwatch.models.mismatch.term import RecordingSummary, Term, Way
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.kernel import RESYNC, Marks
 from stemwatch.models.stickslip.onsets import Onsets, Samples, onsets
@@ -166,7 +166,7 @@ class Evaluator:
     """One recording with everything that a search over hypotheses shares."""
 
     problem: FitProblem
-    look: Look
+    summary: RecordingSummary
     delta: float  # scale of the robust loss, percent
     restick: float  # %/s, when a moving stem sticks again; see ``stickslip.fit``
     base_bounds: Bounds
@@ -194,7 +194,7 @@ class Evaluator:
         places = {}
         for term in hypothesis.terms:
             begin = len(low)
-            for coordinate in term.coordinates(self.look):
+            for coordinate in term.coordinates(self.summary):
                 low.append(coordinate.low)
                 high.append(coordinate.high)
             places[term.slug] = slice(begin, len(low))
@@ -351,7 +351,7 @@ def _at_measured(marks: Marks, slack: Floats) -> Marks:
 
 def make_evaluator(
     problem: FitProblem,
-    look: Look,
+    summary: RecordingSummary,
     base_bounds: Bounds,
     delta: float,
     restick: float,
@@ -365,7 +365,7 @@ def make_evaluator(
     seen = onsets(problem.mv, usable, problem.sigma, problem.interval_s)
     return Evaluator(
         problem=problem,
-        look=look,
+        summary=summary,
         delta=delta,
         restick=restick,
         base_bounds=base_bounds,

@@ -64,7 +64,7 @@ from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
-from stemwatch.models.mismatch.term import Look, Term, Way
+from stemwatch.models.mismatch.term import RecordingSummary, Term, Way
 from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
@@ -247,12 +247,12 @@ def _measured(recording: Recording, settled: RecordSettled) -> Floats:
     return np.where(recording.usable & settled.real, recording.mv.values, np.nan)
 
 
-def look_of(problem: FitProblem) -> Look:
+def look_of(problem: FitProblem) -> RecordingSummary:
     """What terms may know of the recording."""
     op, mv = problem.op, problem.mv[problem.scored]
     op_low, op_high = np.percentile(op, (1.0, 99.0))
     mv_low, mv_high = np.percentile(mv, (1.0, 99.0))
-    return Look(
+    return RecordingSummary(
         interval_s=problem.interval_s,
         duration_s=problem.op.size * problem.interval_s,
         op_low=float(op_low),
@@ -276,7 +276,7 @@ def _fitted(
     base = fit_base(problem, look_of(problem), settled.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
-    look = base.evaluator.look
+    summary = base.evaluator.summary
     refused = audit(
         problem.op,
         problem.mv,
@@ -284,8 +284,8 @@ def _fitted(
         problem.scored,
         problem.interval_s,
         problem.sigma,
-        min(look.S, MOST_S),
-        min(look.J, MOST_S),
+        min(summary.S, MOST_S),
+        min(summary.J, MOST_S),
         settled.spacing_s,
         problem.unit_s,
     )

@@ -93,7 +93,7 @@ def _trained(
     """The extended model fitted to the first part: from a grid of S and J on, term after term, as
     it was found, but from no number that has seen the rest."""
     base = evaluator.layout(TermSet())
-    starts = np.vstack((_few(evaluator), beyond_command(evaluator.look, 0.0)))
+    starts = np.vstack((_few(evaluator), beyond_command(evaluator.summary, 0.0)))
     fit = yield from search(evaluator, base, train, base.bounds.clip(starts), CAREFUL)
     fitted = _on_both(base, fit.candidate)
     for term in terms:
@@ -151,7 +151,7 @@ def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:
 
 def _few(evaluator: Evaluator) -> Floats:
     """(m, 6) S and J from a coarse grid."""
-    widths = max(1.2 * evaluator.look.swing, 2.0) * np.linspace(0.02, 1.0, 14) ** 1.8
+    widths = max(1.2 * evaluator.summary.swing, 2.0) * np.linspace(0.02, 1.0, 14) ** 1.8
     parts = np.array(np.meshgrid(widths, (0.0, 0.3, 0.6, 0.9), indexing="ij")).reshape(2, -1).T
     rows = np.zeros((parts.shape[0], base_coordinate.N_BASE))
     rows[:, [base_coordinate.S_PERCENT, base_coordinate.RATIO]] = parts

@@ -94,7 +94,7 @@ def _dropped(
     evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, most: float
 ) -> Off | None:
     value = fitted.candidates.mean(axis=0)[[coordinate]]
-    if not term.material(value, evaluator.look):
+    if not term.material(value, evaluator.summary):
         return None
     plain = without(evaluator, fitted, coordinate, most)
     advantage = gain(evaluator, plain, fitted)

@@ -56,7 +56,7 @@ def _rivals(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> tupl
 
 def _suspected(evaluator: Evaluator, score: TermScore) -> bool:
     near = strength(score.advantage, evaluator.told, score.slug) >= SUSPECTED
-    return near and score.term.material(score.values, evaluator.look)
+    return near and score.term.material(score.values, evaluator.summary)
 
 
 def _model(slug: str, fitted: Fitted) -> RivalModel:

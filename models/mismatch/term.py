@@ -41,7 +41,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class RecordingSummary:
     """What a term may know of a recording to choose its ranges and to judge what matters."""
 
     interval_s: float
@@ -83,11 +83,11 @@ class Term(Protocol):
     contains: tuple[str, ...]  # slugs of simpler terms that are special cases of this one
     words: Words
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The coordinates (k,) with ranges that suit the recording."""
         ...
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """(m, k) values from which a search begins; a grid over the plausible sizes."""
         ...
 
@@ -101,11 +101,11 @@ class Term(Protocol):
         """STEM: write the term into the stem's numbers and tables."""
         ...
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """True where an effect of this size is worth a work order."""
         ...
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """True where an effect of this size is how such a machine is made, and no defect: it is
         named, and S and J are restated with it, but it asks for no work."""
         ...

@@ -239,7 +239,9 @@ def _nested(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[Te
 def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
     """True where the gain is beyond what nothing hidden shows, and the size matters."""
     enough = convincing(score.advantage, evaluator.told, score.slug, stage)
-    return enough and _tells(score, evaluator) and score.term.material(score.values, evaluator.look)
+    return (
+        enough and _tells(score, evaluator) and score.term.material(score.values, evaluator.summary)
+    )
 
 
 def _tells(score: TermScore, evaluator: Evaluator) -> bool:
@@ -252,7 +254,7 @@ def _tells(score: TermScore, evaluator: Evaluator) -> bool:
         middle[base_coordinate.S_PERCENT],
         middle[base_coordinate.S_PERCENT] * middle[base_coordinate.RATIO],
     )
-    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.look.sigma, LEAST_JUMP_PERCENT))
+    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT))
 
 
 def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:

@@ -75,10 +75,10 @@ def _on_top(named: Named) -> dict[str, TermScore]:
 
 def _rejected(named: Named, score: TermScore, beside: TermScore | None) -> TriedOutcome:
     """Why a term that was tried is not named."""
-    told, look = named.evaluator.told, named.evaluator.look
+    told, summary = named.evaluator.told, named.evaluator.summary
     if not convincing(score.advantage, told, score.slug):
         return TriedOutcome.CHANCE
-    if not score.term.material(score.values, look):
+    if not score.term.material(score.values, summary):
         return TriedOutcome.TOO_SMALL
     if beside is None:
         return TriedOutcome.NOT_HELD
@@ -86,7 +86,7 @@ def _rejected(named: Named, score: TermScore, beside: TermScore | None) -> Tried
         return TriedOutcome.ADDS_NOTHING
     return (
         TriedOutcome.NOT_HELD
-        if beside.term.material(beside.values, look)
+        if beside.term.material(beside.values, summary)
         else TriedOutcome.TOO_SMALL
     )
 

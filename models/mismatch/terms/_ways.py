@@ -9,7 +9,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.term import RecordingSummary, Way
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -19,7 +19,7 @@ SAID_IN_SECONDS = 0.1  # shorter times are said in ms
 class _Defect:
     """What most terms are: material, it is something to mend."""
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Never how a machine is made."""
         return False
 

@@ -13,7 +13,7 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, about, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
@@ -85,17 +85,17 @@ class AsymmetricLag(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The two time constants, up to 15 s or ten samples."""
-        high = max(15.0, 10.0 * look.interval_s)
+        high = max(15.0, 10.0 * summary.interval_s)
         return (
             Coordinate(name="tau_up_s", low=0.0, high=high),
             Coordinate(name="tau_down_s", low=0.0, high=high),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Four sizes, each way, with the other way at a third of it or at 0."""
-        slow = max(look.interval_s, 1.0) * np.array([1.5, 3.0, 5.0, 8.0])
+        slow = max(summary.interval_s, 1.0) * np.array([1.5, 3.0, 5.0, 8.0])
         ways = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.3)]
         return np.concatenate([*ways, *(pair[:, ::-1] for pair in ways)])
 
@@ -105,10 +105,10 @@ class AsymmetricLag(CommandTerm):
         """The lagged command."""
         lagged_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The slower side counts, and only where it is clearly the slower one."""
         fast, slow = sorted((float(values[0]), float(values[1])))
-        return slow >= max(MATERIAL_S, 0.7 * look.interval_s) and slow >= MATERIAL_RATIO * fast
+        return slow >= max(MATERIAL_S, 0.7 * summary.interval_s) and slow >= MATERIAL_RATIO * fast
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The time constants of the position."""

@@ -15,7 +15,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, about, number, size
 from stemwatch.models.recording import Floats
 
@@ -57,11 +57,11 @@ class GrowingStiction(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Growth over the record as a share; -0.5 is halved, 2 is tripled."""
         return (Coordinate(name="growth", low=-0.5, high=2.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Shrinking and growing."""
         return np.array([[-0.3], [0.3], [0.6], [1.0], [1.5]])
 
@@ -69,10 +69,10 @@ class GrowingStiction(StemTerm):
         """The growth of both friction levels."""
         stem.numbers[stem_number.GROWTH] = values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A fifth of S, and a fifth of a percent of span."""
         growth = abs(float(values[0]))
-        return growth >= MATERIAL_SHARE and growth * look.S >= MATERIAL_PERCENT
+        return growth >= MATERIAL_SHARE and growth * summary.S >= MATERIAL_PERCENT
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """Percent of growth over the record."""

@@ -17,7 +17,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, about, number
 from stemwatch.models.recording import Floats
 
@@ -65,18 +65,18 @@ class PositionDependentFriction(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Height, place within the travel seen, and width."""
         return (
             Coordinate(name="height_percent", low=0.0, high=10.0),
-            Coordinate(name="place_percent", low=look.mv_low, high=look.mv_high),
+            Coordinate(name="place_percent", low=summary.mv_low, high=summary.mv_high),
             Coordinate(name="width_percent", low=2.0, high=12.0),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Six places, a narrow and a wide bump each."""
         part = (np.arange(6) + 0.5) / 6.0
-        places = look.mv_low + part * (look.mv_high - look.mv_low)
+        places = summary.mv_low + part * (summary.mv_high - summary.mv_low)
         low, wide = np.full(6, 1.5), np.full(6, 3.0)
         return np.concatenate(
             [np.stack([low, places, wide], axis=1), np.stack([low, places, 2.3 * wide], axis=1)]
@@ -89,7 +89,7 @@ class PositionDependentFriction(StemTerm):
             add_bump(_PLACES, height, place, width, stem.friction)
             stem.numbers[stem_number.BY_PLACE] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A bump that one feels."""
         return bool(values[0] >= MATERIAL_PERCENT)
 

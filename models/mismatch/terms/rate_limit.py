@@ -14,7 +14,7 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, about, inverse
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
@@ -87,15 +87,15 @@ class RateLimit(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The slowness."""
-        high = SLOWEST * max(look.interval_s, 1.0)
+        high = SLOWEST * max(summary.interval_s, 1.0)
         return (Coordinate(name="slowness_s_per_percent", low=0.0, high=high),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Limits from 0.3 % in a second or sample to half the swing in one; none shows above."""
-        unit = max(look.interval_s, 1.0)
-        fastest = min(max(look.swing / (2.0 * look.interval_s), 1.0 / unit), 8.0)
+        unit = max(summary.interval_s, 1.0)
+        fastest = min(max(summary.swing / (2.0 * summary.interval_s), 1.0 / unit), 8.0)
         return 1.0 / np.geomspace(0.3 / unit, fastest, 6)[:, None]
 
     def shape(
@@ -104,12 +104,12 @@ class RateLimit(CommandTerm):
         """The limited command."""
         limited(command, marks, interval_s, float(values[0]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """Slow for a valve, and slow enough to take most of a sample over the swing of OP."""
         slowness = float(values[0])
-        return slowness * MATERIAL >= 1.0 and slowness * look.swing >= 0.7 * look.interval_s
+        return slowness * MATERIAL >= 1.0 and slowness * summary.swing >= 0.7 * summary.interval_s
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """As fast as large actuators without a booster are built."""
         return bool(values[0] * AS_BUILT <= 1.0)
 

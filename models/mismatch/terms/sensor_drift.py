@@ -17,7 +17,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
 from stemwatch.models.recording import Floats
 
@@ -63,12 +63,12 @@ class SensorDrift(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The drift over the record, and the slow waves on it."""
         waves = (Coordinate(name=f"wave_{j}_percent", low=-5.0, high=5.0) for j in WAVES)
         return (Coordinate(name="D_percent", low=-10.0, high=10.0), *waves)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.6 to 4 % over the record, either way, and a bend to either side."""
         straight = either_sign(0.6, 1.5, 4.0)
         starts = np.zeros((straight.shape[0] + 2, 1 + len(WAVES)))
@@ -83,7 +83,7 @@ class SensorDrift(StemTerm):
             stem.wander += values[1:] @ _waves(stem.wander.size)
             stem.numbers[stem_number.BY_TIME] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The reading wanders by half a percent over the record."""
         return bool(np.ptp(_course(values)) >= MATERIAL_PERCENT)
 

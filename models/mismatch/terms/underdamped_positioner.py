@@ -17,7 +17,7 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._ways import CommandTerm, grid, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
@@ -104,17 +104,17 @@ class UnderdampedPositioner(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Natural frequency and damping; ringing faster than four samples is aliased."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         return (
             Coordinate(name="wn_rad_per_s", low=0.15 / unit, high=2.0 / unit),
             Coordinate(name="zeta", low=0.03, high=1.0),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Periods from 5 to 30 s (or samples), little and much damping."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         frequencies = np.array([0.2, 0.35, 0.55, 0.85, 1.3]) / unit
         return grid(frequencies, (0.12, 0.3, 0.6))
 
@@ -124,12 +124,12 @@ class UnderdampedPositioner(CommandTerm):
         """The ringing command."""
         rung(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It overshoots by a share of each move and by an amount that disturbs a loop, and slowly
         enough to be seen: between a few samples a ring is not told from a lag."""
         wn, zeta = float(values[0]), float(values[1])
-        seen = overshoot(zeta) * look.swing >= MATERIAL_OVERSHOOT
-        slow = wn * max(look.interval_s, 1.0) <= QUICKEST
+        seen = overshoot(zeta) * summary.swing >= MATERIAL_OVERSHOOT
+        slow = wn * max(summary.interval_s, 1.0) <= QUICKEST
         return wn > 0.0 and slow and zeta <= MATERIAL_ZETA and seen
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:

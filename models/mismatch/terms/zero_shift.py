@@ -14,7 +14,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._ways import ReadingTerm, about, either_sign, number, size
 from stemwatch.models.recording import Floats
 
@@ -56,11 +56,11 @@ class ZeroShift(ReadingTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The shift."""
         return (Coordinate(name="zero_percent", low=-25.0, high=25.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.5 to 5 % of travel, either way."""
         return either_sign(0.5, 1.5, 5.0)
 
@@ -68,7 +68,7 @@ class ZeroShift(ReadingTerm):
         """The shift onto the reading's zero."""
         stem.numbers[stem_number.ZERO] += values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """More than a careful calibration leaves."""
         return bool(abs(values[0]) >= MATERIAL_PERCENT)
 

@@ -56,9 +56,9 @@ def hypothesis(*slugs: str) -> TermSet:
 def evaluator_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
     """The evaluator of a recording before any fit."""
     problem = problem_of(recording, settle(recording))
-    look = look_of(problem)
-    bounds = base_bounds(problem, look)
-    return make_evaluator(problem, look, bounds, delta, CANONICAL, first_scatter(look))
+    summary = look_of(problem)
+    bounds = base_bounds(problem, summary)
+    return make_evaluator(problem, summary, bounds, delta, CANONICAL, first_scatter(summary))
 
 
 def candidate(layout: CoordinateLayout, S=4.0, J=1.2, base=None, **terms) -> Floats:

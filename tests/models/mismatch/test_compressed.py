@@ -35,10 +35,10 @@ def bench_with_slack(recording):
     """The evaluator of a compressed recording as ``explain`` makes it."""
     settled = settle(recording)
     problem = problem_of(recording, settled)
-    look = look_of(problem)
-    scatter = first_scatter(look)
-    bounds = base_bounds(problem, look)
-    return make_evaluator(problem, look, bounds, 0.15, CANONICAL, scatter, settled.slack)
+    summary = look_of(problem)
+    scatter = first_scatter(summary)
+    bounds = base_bounds(problem, summary)
+    return make_evaluator(problem, summary, bounds, 0.15, CANONICAL, scatter, settled.slack)
 
 
 @given(

@@ -162,7 +162,7 @@ def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
     rich = hypothesis("sensor_drift").plus(term)
     layout, begun = evaluator.layout(rich), beginnings(term, 4.0, 1.0)
     rows = widened(evaluator, rich, simple, term, begun)
-    grid = term.starts(evaluator.look)
+    grid = term.starts(evaluator.summary)
     assert (len(begun) * grid.shape[0], layout.size) == rows.shape
     np.testing.assert_array_equal(layout.bounds.clip(rows), rows)
     place = layout.places[slug]

@@ -36,7 +36,7 @@ def with_position(evaluator, mv):
     problem = replace(evaluator.problem, mv=mv)
     result = make_evaluator(
         problem,
-        evaluator.look,
+        evaluator.summary,
         evaluator.base_bounds,
         evaluator.delta,
         evaluator.restick,
