@@ -143,14 +143,14 @@ def fit_base(
         problem, summary, bounds, first, CANONICAL, first_scatter(summary), slack
     )
     zero = suggested_zero(problem)
-    usual = bounds.clip(grid(summary, zero, RESTICKS))
-    starts = np.vstack((usual, bounds.clip(beyond_command(summary, zero))))
+    usual_candidates = bounds.clip(grid(summary, zero, RESTICKS))
+    starts = np.vstack((usual_candidates, bounds.clip(beyond_command(summary, zero))))
     readings = [evaluator]
     if repeat_share(problem.op) >= COARSE_COMMAND:
         readings.append(replace(evaluator, restick=ONLY_WHEN_TURNING, _layouts={}))
-    everything = np.ones(problem.n_blocks, dtype=bool)
+    all_blocks = np.ones(problem.n_blocks, dtype=bool)
     fits = [
-        conclude(reading, search(reading, reading.layout(TermSet()), everything, starts, CAREFUL))
+        conclude(reading, search(reading, reading.layout(TermSet()), all_blocks, starts, CAREFUL))
         for reading in readings
     ]
     best = int(np.argmin([fit.loss for fit in fits]))
@@ -168,9 +168,9 @@ def fit_base(
     scatter = breakaway_scatter(early_late, float(level), problem.sigma)
     chosen = replace(chosen, delta=delta, scatter=scatter, _layouts={})
     layout = chosen.layout(TermSet())
-    every = 1 if chosen.slack.any() else max(usual.shape[0] // 60, 1)
-    near = np.vstack((usual[::every], fits[best].candidate))
-    fitted = conclude(chosen, crossfit(chosen, layout, near, CAREFUL))
+    stride = 1 if chosen.slack.any() else max(usual_candidates.shape[0] // 60, 1)
+    near_candidates = np.vstack((usual_candidates[::stride], fits[best].candidate))
+    fitted = conclude(chosen, crossfit(chosen, layout, near_candidates, CAREFUL))
     seen = fitted.candidates.mean(axis=0)
     S = float(seen[base_coordinate.S_PERCENT])
     summary = replace(summary, S=S, J=S * float(seen[base_coordinate.RATIO]))

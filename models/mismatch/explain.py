@@ -129,7 +129,7 @@ def explain(
     ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
     ``archive`` is that archive where it is known, else it is looked for.
     """
-    began, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
+    started, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
     settled = replace(settle(recording), restore=restore, archive=archive)
     late_s = find_op_late(recording) if late_s is None else late_s
@@ -145,8 +145,8 @@ def explain(
         mismatch = _through_curve(recording, settled, ceiling, curve)
     else:
         mismatch = _explained(recording, settled, ceiling)
-    left = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
-    return replace(mismatch, open_question=left, seconds=time.perf_counter() - began)
+    question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
+    return replace(mismatch, open_question=question, seconds=time.perf_counter() - started)
 
 
 def _explained(
@@ -164,7 +164,7 @@ def _explained(
         return _not_testable(settled, reason)
     problem = replace(problem_of(recording, settled), unsure_degree=unsure_degree)
     case = _fitted(recording, settled, ceiling, problem, own_reading=own_reading)
-    return _told(replace(case, refused={**case.refused, **refused}))
+    return _mismatch_of(replace(case, refused={**case.refused, **refused}))
 
 
 def _through_curve(
@@ -202,11 +202,11 @@ def _through_flow(recording: Recording) -> Mismatch:
         return _not_testable(settle(recording), reason)
     position, curve = read
     mismatch = _explained(position, settle(position), None, own_reading=False)
-    told = (
+    not_explained = (
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."
     )
-    return replace(mismatch, sentence=f"{told} {mismatch.sentence}")
+    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}")
 
 
 def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
@@ -228,8 +228,8 @@ def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
     problem = make_problem(recording)
     n = problem.op.size
     n_blocks = max(problem.n_blocks, min(FEWEST_BLOCKS, n // LEAST_BLOCK_SAMPLES))
-    told = settled.real | (settled.slack > 0.0)
-    block = np.where(problem.scored & told, np.arange(n) * n_blocks // n, -1)
+    is_informative = settled.real | (settled.slack > 0.0)
+    block = np.where(problem.scored & is_informative, np.arange(n) * n_blocks // n, -1)
     sigma = max(_noise(recording, settled), settled.sigma_floor, LEAST_SIGMA)
     return replace(problem, block=block.astype(np.int64), n_blocks=n_blocks, sigma=sigma)
 
@@ -332,54 +332,69 @@ def _named(case: _Case, terms: Mapping[str, Term]) -> Named:
     )
 
 
-def _told(case: _Case) -> Mismatch:
-    reached = _following(_accepted(case))
-    evaluator, shown, effects = reached.evaluator, reached.shown, reached.effects
-    plain = naive_evaluator(evaluator)
-    simple = naive_layout(plain)
-    naive = conclude(plain, fit_naive(plain, np.ones(evaluator.problem.n_blocks, dtype=bool)))
-    archive = _archive(case, evaluator, reached.best)
+def _mismatch_of(case: _Case) -> Mismatch:
+    hypothesis = _following(_accepted(case))
+    evaluator, comparison, effects = hypothesis.evaluator, hypothesis.shown, hypothesis.effects
+    naive_only = naive_evaluator(evaluator)
+    simple = naive_layout(naive_only)
+    naive = conclude(
+        naive_only, fit_naive(naive_only, np.ones(evaluator.problem.n_blocks, dtype=bool))
+    )
+    archive = _archive(case, evaluator, hypothesis.best)
     # With nothing left out that moves the levels, and every sample kept, the breakaways tell S and
     # J best: a line through the reading moves the two directions apart and not their mean.
-    told = not reached.open_end and not reached.worse and archive is None
-    told = told and all(effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects)
-    fitted = (reached.best,) if effects else (naive, reached.best)
-    elements = fitted if told else ()
-    alone = stiction(plain, lambda: draws(plain, simple, naive), naive, () if effects else elements)
-    refitted = stiction(evaluator, reached.drawn, reached.best, elements, _delay_s(reached))
-    if case.balance is not None and DRIVE in reached.layout.places:
+    can_be_restated = not hypothesis.open_end and not hypothesis.worse and archive is None
+    can_be_restated = can_be_restated and all(
+        effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects
+    )
+    fitted = (hypothesis.best,) if effects else (naive, hypothesis.best)
+    elements = fitted if can_be_restated else ()
+    friction_alone = stiction(
+        naive_only, lambda: draws(naive_only, simple, naive), naive, () if effects else elements
+    )
+    refitted = stiction(
+        evaluator, hypothesis.drawn, hypothesis.best, elements, _delay_s(hypothesis)
+    )
+    if case.balance is not None and DRIVE in hypothesis.layout.places:
         refitted = of_balance(case.balance, refitted)
-    why = reached.worse
-    if not effects and not why:
-        why = doubt(evaluator, reached.fitted, reached.best, shown, (alone, refitted), naive)
-    unsure = "" if effects else why
-    finding = _finding(effects, reached.open_end or bool(unsure))
-    if not effects and (finding is Finding.UNKNOWN or not shown.heldout.improves):
-        shown, refitted = shown.of_naive_alone(), alone
+    reason = hypothesis.worse
+    if not effects and not reason:
+        reason = doubt(
+            evaluator,
+            hypothesis.fitted,
+            hypothesis.best,
+            comparison,
+            (friction_alone, refitted),
+            naive,
+        )
+    unsure = "" if effects else reason
+    finding = _finding(effects, hypothesis.open_end or bool(unsure))
+    if not effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
+        comparison, refitted = comparison.of_naive_alone(), friction_alone
     # The same samples make the same cell of both maps: where the better of the models says that the
     # stem is, which way it goes and when it rests.
-    nearest = shown.runs.extended
-    noise = shown.heldout.noise_floor
-    before = residual_map(evaluator, shown.runs.naive, nearest, noise)
+    nearest = comparison.runs.extended
+    noise = comparison.heldout.noise_floor
+    before = residual_map(evaluator, comparison.runs.naive, nearest, noise)
     after = residual_map(evaluator, nearest, nearest, noise)
-    tried, together = what_was_tried(reached.named, effects)
+    tried_effects, combined_gain = what_was_tried(hypothesis.named, effects)
     mismatch = Mismatch(
         finding=finding,
         sentence=sentence_of(finding, effects, case.refused, before, unsure),
-        naive=alone,
+        naive=friction_alone,
         restated=refitted,
         effects=effects,
         record_effects=case.settled.effects,
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
-        heldout=shown.heldout,
+        heldout=comparison.heldout,
         before=before,
         after=after,
-        runs=shown.runs,
-        tried=tried,
-        together=together,
+        runs=comparison.runs,
+        tried=tried_effects,
+        together=combined_gain,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
-        open_question=left_open(evaluator, reached.named, [effect.slug for effect in effects]),
-        scores=scores_of(reached.named, effects),
+        open_question=left_open(evaluator, hypothesis.named, [effect.slug for effect in effects]),
+        scores=scores_of(hypothesis.named, effects),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
@@ -413,25 +428,25 @@ def _accepted(case: _Case) -> _Hypothesis:
     pinned: set[str] = set()
     worse = ""
     while True:
-        reached, proposed = _whole_record(case, named, terms, pinned)
-        stand = {effect.slug for effect in reached.effects}
-        if stand and not reached.shown.heldout.improves:
-            worse = worse or _worse(reached)
-            stand.remove(reached.effects[-1].slug)
-            if DRIVE in reached.layout.places:
+        hypothesis, proposed = _whole_record(case, named, terms, pinned)
+        stand = {effect.slug for effect in hypothesis.effects}
+        if stand and not hypothesis.shown.heldout.improves:
+            worse = worse or _worse(hypothesis)
+            stand.remove(hypothesis.effects[-1].slug)
+            if DRIVE in hypothesis.layout.places:
                 # Motor and load are one model: what a valve needs is looked for instead.
                 case = replace(case, balance=None)
                 terms = {slug: term for slug, term in terms.items() if slug not in OF_A_DRIVE}
                 named = _named(case, terms)
                 continue
-        elif DRIVE in reached.layout.places:
-            return reached
-        gone = proposed - stand
-        if not gone:
-            return replace(reached, worse=worse)
-        pinned |= gone & set(STRAIGHT_LINE)
-        terms = {slug: term for slug, term in terms.items() if slug not in gone}
-        named = lacking(named, gone)
+        elif DRIVE in hypothesis.layout.places:
+            return hypothesis
+        dropped = proposed - stand
+        if not dropped:
+            return replace(hypothesis, worse=worse)
+        pinned |= dropped & set(STRAIGHT_LINE)
+        terms = {slug: term for slug, term in terms.items() if slug not in dropped}
+        named = lacking(named, dropped)
 
 
 def _whole_record(
@@ -441,14 +456,16 @@ def _whole_record(
     were needed, and the reading's errors. ``pinned`` are errors of the reading that it must not
     have."""
     evaluator = named.evaluator
-    off, fitted = findings(evaluator, named.fitted, terms)
+    reading_errors, fitted = findings(evaluator, named.fitted, terms)
     for slug in pinned:
         fitted = without(evaluator, fitted, *COORDINATES[slug])
-    layout, best = _whole(evaluator, fitted)
+    layout, best = _whole_record_layout(evaluator, fitted)
     # Half of the draws are never asked for, and each costs as much as a search.
-    drawn = cache(lambda: draws(evaluator, layout, best))
-    wanted = drawn() if named.needed or off else np.empty((0, layout.size))
-    candidates = _effects(case.recording, named, off, layout, best, wanted)
+    drawn_candidates = cache(lambda: draws(evaluator, layout, best))
+    candidate_draws = (
+        drawn_candidates() if named.needed or reading_errors else np.empty((0, layout.size))
+    )
+    candidates = _effects(case.recording, named, reading_errors, layout, best, candidate_draws)
     large = tuple(candidate for candidate in candidates if _matters(candidate))
     of_drive = starts_of_first_part(evaluator, layout)
     in_turn = (
@@ -456,40 +473,44 @@ def _whole_record(
         if DRIVE in layout.places
         else [score.term for score in named.needed]
     )
-    shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
-    effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
+    comparison = show(evaluator, layout, in_turn, case.ceiling, of_drive)
+    effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
     proposed = {candidate.slug for candidate in candidates}
-    reached = _Hypothesis(evaluator, layout, fitted, best, drawn, effects, open_end, shown, named)
-    return reached, proposed
+    hypothesis = _Hypothesis(
+        evaluator, layout, fitted, best, drawn_candidates, effects, open_end, comparison, named
+    )
+    return hypothesis, proposed
 
 
-def _following(reached: _Hypothesis) -> _Hypothesis:
+def _following(hypothesis: _Hypothesis) -> _Hypothesis:
     """The hypothesis, without its effects where a free run of it does not follow the part that was
     not fitted: as little as S and J alone then do they describe what moved the stem."""
-    held = reached.shown.heldout
-    if not reached.effects or held.fit_extended is None or held.rmse_extended is None:
-        return reached
+    heldout = hypothesis.shown.heldout
+    if not hypothesis.effects or heldout.fit_extended is None or heldout.rmse_extended is None:
+        return hypothesis
     # A stem that hardly moves in its noise is followed as well as can be.
-    noise = NEAR_NOISE * (held.noise_floor or 0.0)
-    if held.fit_extended >= LEAST_FIT_OF_NAMED or held.rmse_extended <= noise:
-        return reached
-    return replace(reached, effects=(), worse=_parts_only(reached, "not followed with it either"))
+    noise = NEAR_NOISE * (heldout.noise_floor or 0.0)
+    if heldout.fit_extended >= LEAST_FIT_OF_NAMED or heldout.rmse_extended <= noise:
+        return hypothesis
+    return replace(
+        hypothesis, effects=(), worse=_parts_only(hypothesis, "not followed with it either")
+    )
 
 
-def _worse(reached: _Hypothesis) -> str:
+def _worse(hypothesis: _Hypothesis) -> str:
     """That unseen samples are predicted worse with what was named."""
-    return _parts_only(reached, "predicted worse with it")
+    return _parts_only(hypothesis, "predicted worse with it")
 
 
-def _parts_only(reached: _Hypothesis, what: str) -> str:
-    words = " and ".join(effect.slug.replace("_", " ") for effect in reached.effects)
-    heldout = reached.shown.heldout
+def _parts_only(hypothesis: _Hypothesis, reason: str) -> str:
+    words = " and ".join(effect.slug.replace("_", " ") for effect in hypothesis.effects)
+    heldout = hypothesis.shown.heldout
     fit = ""
     if heldout.fit_naive is not None and heldout.fit_extended is not None:
         fit = f" (fit {heldout.fit_naive:.0f} % without, {heldout.fit_extended:.0f} % with it)"
     return (
         f"{words.capitalize()} would explain parts of this recording, but its last part, which was "
-        f"not fitted, is {what}{fit}"
+        f"not fitted, is {reason}{fit}"
     )
 
 
@@ -504,7 +525,7 @@ def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
     return archive.with_slips(evaluator.problem, gain, zero)
 
 
-def _standing(
+def _terms_that_stand(
     case: _Case,
     evaluator: Evaluator,
     fitted: Fitted,
@@ -551,35 +572,38 @@ def _least_mean(effect: Effect) -> float:
     return MEAN_OF_A_LINE if effect.slug in STRAIGHT_LINE else MEAN_WHERE_MUCH_IS_LEFT
 
 
-def _whole(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floats]:
+def _whole_record_layout(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floats]:
     """The hypothesis fitted to the whole record, from the fits to both folds."""
-    everything = np.ones(evaluator.problem.n_blocks, dtype=bool)
+    all_blocks = np.ones(evaluator.problem.n_blocks, dtype=bool)
     starts = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
-    best = conclude(evaluator, search(evaluator, fitted.layout, everything, starts, CAREFUL))
+    best = conclude(evaluator, search(evaluator, fitted.layout, all_blocks, starts, CAREFUL))
     return fitted.layout, best.candidate
 
 
-def _delay_s(reached: _Hypothesis) -> float:
+def _delay_s(hypothesis: _Hypothesis) -> float:
     """The dead time that was named, less what stems usually are late by; 0 where none was."""
-    place = reached.layout.places.get(DELAY)
-    if place is None or all(effect.slug != DELAY for effect in reached.effects):
+    coordinate_slice = hypothesis.layout.places.get(DELAY)
+    if coordinate_slice is None or all(effect.slug != DELAY for effect in hypothesis.effects):
         return 0.0
-    usual_s = LATE[0] * reached.evaluator.problem.interval_s
-    return max(float(reached.best[place][0]) - usual_s, 0.0)
+    usual_s = LATE[0] * hypothesis.evaluator.problem.interval_s
+    return max(float(hypothesis.best[coordinate_slice][0]) - usual_s, 0.0)
 
 
 def _effects(
     recording: Recording,
     named: Named,
-    off: list[Off],
+    reading_errors: list[Off],
     layout: CoordinateLayout,
     best: Floats,
-    drawn: Floats,
+    candidate_draws: Floats,
 ) -> tuple[Effect, ...]:
     """The accepted terms and the reading's errors, strongest first."""
-    evaluator, way = named.evaluator, directions(recording)
-    effects = [_needed_effect(named, score, layout, best, drawn, way) for score in named.needed]
-    for reading in off:
+    evaluator, found_directions = named.evaluator, directions(recording)
+    effects = [
+        _needed_effect(named, score, layout, best, candidate_draws, found_directions)
+        for score in named.needed
+    ]
+    for reading in reading_errors:
         share = _share(evaluator, reading.without, named.fitted)
         effects.append(
             effect(
@@ -587,11 +611,11 @@ def _effects(
                 reading.term,
                 (reading.term.slug,),
                 values_of(reading.term.slug, best),
-                np.array([values_of(reading.term.slug, row) for row in drawn]),
+                np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
                 reading.advantage,
                 share,
                 (reading.without.layout, reading.without.candidates.mean(axis=0)),
-                way,
+                found_directions,
             )
         )
     return tuple(sorted(effects, key=lambda item: -item.evidence.mean))
@@ -602,22 +626,26 @@ def _needed_effect(
     needed: Needed,
     layout: CoordinateLayout,
     best: Floats,
-    drawn: Floats,
-    way: Directions,
+    candidate_draws: Floats,
+    found_directions: Directions,
 ) -> Effect:
-    place = layout.places[needed.term.slug]
-    told = effect(
+    coordinate_slice = layout.places[needed.term.slug]
+    found_effect = effect(
         named.evaluator,
         needed.term,
         needed.members,
-        best[place],
-        drawn[:, place],
+        best[coordinate_slice],
+        candidate_draws[:, coordinate_slice],
         needed.advantage,
         _share(named.evaluator, needed.without, named.fitted),
         (needed.without.layout, needed.without.candidates.mean(axis=0)),
-        way,
+        found_directions,
     )
-    return told if needed.events is None else by_events(told, needed.events, needed.term, way)
+    return (
+        found_effect
+        if needed.events is None
+        else by_events(found_effect, needed.events, needed.term, found_directions)
+    )
 
 
 def _matters(effect: Effect) -> bool:
@@ -650,13 +678,13 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
 
 def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
     unknown = Estimate.unknown(reason, unit=PERCENT)
-    nothing = Stiction(S=unknown, J=unknown)
+    no_stiction = Stiction(S=unknown, J=unknown)
     effects: tuple[RecordEffect, ...] = settled.effects
     return Mismatch(
         finding=Finding.NOT_TESTABLE,
         sentence=f"Nothing can be said: {reason}.",
-        naive=nothing,
-        restated=nothing,
+        naive=no_stiction,
+        restated=no_stiction,
         record_effects=effects,
         not_testable=tuple(Untestable(slug=slug, reason=reason) for slug in catalogue()),
         heldout=HeldOutFit(),

@@ -39,10 +39,10 @@ class Off:
     without: Fitted  # the hypothesis with the number held at neutral
 
 
-def pinned(layout: CoordinateLayout, coordinate: int, most: float) -> CoordinateLayout:
+def pinned(layout: CoordinateLayout, coordinate: int, largest: float) -> CoordinateLayout:
     """``layout`` with one base coordinate held at neutral, or below ``most``."""
     low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
-    low[coordinate], high[coordinate] = 0.0, min(most, float(high[coordinate]))
+    low[coordinate], high[coordinate] = 0.0, min(largest, float(high[coordinate]))
     return replace(layout, bounds=Bounds(low, high))
 
 
@@ -59,21 +59,21 @@ def findings(
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
     offs: list[Off] = []
-    for slug, (coordinate, most) in COORDINATES.items():
+    for slug, (coordinate, largest) in COORDINATES.items():
         if slug not in terms or (slug == "zero_shift" and _explained(fitted, offs)):
             continue
-        off = _dropped(evaluator, fitted, terms[slug], coordinate, most)
-        if off is not None:
-            offs.append(off)
+        reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest)
+        if reading_error is not None:
+            offs.append(reading_error)
         elif slug == "span_error":
-            fitted = without(evaluator, fitted, coordinate, most)
+            fitted = without(evaluator, fitted, coordinate, largest)
     return offs, fitted
 
 
 def _explained(fitted: Fitted, offs: list[Off]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
     the stroke, and a drift that began or ended at zero is off in between."""
-    if any(off.term.slug == "span_error" for off in offs):
+    if any(reading_error.term.slug == "span_error" for reading_error in offs):
         return True
     if DRIFT not in fitted.layout.places:
         return False
@@ -83,21 +83,21 @@ def _explained(fitted: Fitted, offs: list[Off]) -> bool:
     return least < LEAST_ZERO or abs(half) > abs(zero)
 
 
-def without(evaluator: Evaluator, fitted: Fitted, coordinate: int, most: float) -> Fitted:
+def without(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest: float) -> Fitted:
     """``fitted`` with one base coordinate held at neutral, refitted."""
-    layout = pinned(fitted.layout, coordinate, most)
-    begun = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
-    return conclude(evaluator, again(evaluator, begun, CAREFUL))
+    layout = pinned(fitted.layout, coordinate, largest)
+    start = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
+    return conclude(evaluator, again(evaluator, start, CAREFUL))
 
 
 def _dropped(
-    evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, most: float
+    evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, largest: float
 ) -> Off | None:
     value = fitted.candidates.mean(axis=0)[[coordinate]]
     if not term.material(value, evaluator.summary):
         return None
-    plain = without(evaluator, fitted, coordinate, most)
-    advantage = gain(evaluator, plain, fitted)
+    neutral_fit = without(evaluator, fitted, coordinate, largest)
+    advantage = gain(evaluator, neutral_fit, fitted)
     if not convincing(advantage, evaluator.told, term.slug):
         return None
-    return Off(term, advantage, plain)
+    return Off(term, advantage, neutral_fit)

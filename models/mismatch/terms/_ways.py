@@ -83,11 +83,11 @@ def size(estimate: Estimate) -> Estimate:
     return replace(estimate, value=-estimate.value, low=low, high=high)
 
 
-def inverse(estimate: Estimate, over: float) -> Estimate:
+def inverse(estimate: Estimate, numerator: float) -> Estimate:
     """``over`` divided by a speed: how long it takes, in seconds."""
 
     def took(value: float | None) -> float | None:
-        return None if value is None or value <= 0.0 else over / value
+        return None if value is None or value <= 0.0 else numerator / value
 
     return replace(
         estimate,
@@ -108,10 +108,10 @@ def about(estimate: Estimate, times: float = 1.0) -> str:
         return "at once"
     if unit == "s" and abs(times * estimate.value) < SAID_IN_SECONDS:
         factor, unit = 1000.0 * times, "ms"
-    said = f"{_figure(factor * estimate.value)} {unit}".rstrip()
+    value_text = f"{_figure(factor * estimate.value)} {unit}".rstrip()
     if estimate.low is None or estimate.high is None:
-        return said
-    return f"{said} ({_figure(factor * estimate.low)} to {_figure(factor * estimate.high)})"
+        return value_text
+    return f"{value_text} ({_figure(factor * estimate.low)} to {_figure(factor * estimate.high)})"
 
 
 def _figure(value: float) -> str:

@@ -102,8 +102,10 @@ class AsymmetricRateLimit(CommandTerm):
         unit = max(summary.interval_s, 1.0)
         fastest = min(max(summary.swing / (2.0 * summary.interval_s), 1.0 / unit), 6.0)
         slow = 1.0 / np.geomspace(0.4 / unit, fastest, 4)
-        ways = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.25)]
-        return np.concatenate([*ways, *(pair[:, ::-1] for pair in ways)])
+        rising_and_falling = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.25)]
+        return np.concatenate(
+            [*rising_and_falling, *(pair[:, ::-1] for pair in rising_and_falling)]
+        )
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats

@@ -87,9 +87,9 @@ class LowSpeedRestick(ReadingTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        half, twice = about(parameters["v_c"], 0.5), about(parameters["v_c"], 2.0)
+        half, double = about(parameters["v_c"], 0.5), about(parameters["v_c"], 2.0)
         return FieldTest(
-            do=f"Loop in manual: ramp OP over 5 % at {half}, then at {twice}, and watch the stem.",
+            do=f"Loop in manual: ramp OP over 5 % at {half}, then at {double}, and watch the stem.",
             fails="steps on the slow ramp, a smooth slide on the quick one",
             passes="a smooth slide on both",
         )

@@ -26,12 +26,12 @@ _PLACES = stem_number.places()
 
 
 @njit(cache=True)
-def add_bump(places: Floats, height: float, place: float, width: float, table: Floats) -> None:
+def add_bump(places: Floats, height: float, centre: float, width: float, table: Floats) -> None:
     """Add ``height exp(-((x - place)/width)^2)`` over ``places`` (m,) to ``table`` (m,)."""
     for i in range(places.size):
-        away = (places[i] - place) / width
-        if abs(away) < 6.0:
-            table[i] += height * np.exp(-away * away)
+        offset = (places[i] - centre) / width
+        if abs(offset) < 6.0:
+            table[i] += height * np.exp(-offset * offset)
 
 
 class PositionDependentFriction(StemTerm):
@@ -84,9 +84,9 @@ class PositionDependentFriction(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The bump onto the table of friction."""
-        height, place, width = float(values[0]), float(values[1]), float(values[2])
+        height, centre, width = float(values[0]), float(values[1]), float(values[2])
         if height != 0.0:
-            add_bump(_PLACES, height, place, width, stem.friction)
+            add_bump(_PLACES, height, centre, width, stem.friction)
             stem.numbers[stem_number.BY_PLACE] = 1.0
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
@@ -103,22 +103,22 @@ class PositionDependentFriction(StemTerm):
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         """With the band in which the bump is over a third of its height."""
-        place, width = number(parameters["place"]), number(parameters["width"])
+        centre, width = number(parameters["place"]), number(parameters["width"])
         return (
-            f"Between {place - width:.0f} and {place + width:.0f} % of travel the stem drags: "
+            f"Between {centre - width:.0f} and {centre + width:.0f} % of travel the stem drags: "
             f"friction is higher by {parameters['A']} of span at {parameters['place']} of travel."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        place, both = parameters["place"], 2.0
+        centre, factor = parameters["place"], 2.0
         return FieldTest(
             do=(
-                f"Loop in manual: at {about(place)} of travel step OP by 0.2 % from one move of "
+                f"Loop in manual: at {about(centre)} of travel step OP by 0.2 % from one move of "
                 "the stem "
                 "to the move back, and count; the same well away from there."
             ),
-            fails=f"about {about(parameters['A'], both)} of OP more there",
-            passes=f"no more than {both * MATERIAL_PERCENT:g} % more",
+            fails=f"about {about(parameters['A'], factor)} of OP more there",
+            passes=f"no more than {factor * MATERIAL_PERCENT:g} % more",
         )
 
 

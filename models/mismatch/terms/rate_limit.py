@@ -32,14 +32,18 @@ def limited(command: Floats, marks: Marks, dt: float, slowness: float, out: Floa
 
     ``slowness`` in seconds per percent, 0 is no limit; at rest where marked START.
     """
-    most = dt / slowness if slowness > 0.0 else np.inf
+    most_per_sample = dt / slowness if slowness > 0.0 else np.inf
     p = command[0]
     for k in range(command.size):
         if marks[k] == 1:
             p = command[k]
         else:
             error = command[k] - p
-            p = command[k] if abs(error) <= most else p + (most if error > 0.0 else -most)
+            p = (
+                command[k]
+                if abs(error) <= most_per_sample
+                else p + (most_per_sample if error > 0.0 else -most_per_sample)
+            )
         out[k] = p
 
 

@@ -97,9 +97,10 @@ class SensorDrift(StemTerm):
                 f"The position reading wanders over {parameters['range']} of travel during the "
                 "record, up and down."
             )
-        way = "downwards" if number(parameters["D"]) < 0.0 else "upwards"
+        direction = "downwards" if number(parameters["D"]) < 0.0 else "upwards"
         return (
-            f"The position reading drifts {way} by {size(parameters['D'])} of travel over the "
+            f"The position reading drifts {direction} by {size(parameters['D'])} of travel over "
+            "the "
             "record."
         )
 

@@ -79,9 +79,9 @@ class SpanError(ReadingTerm):
         return {"gain": (1.0 + float(values[0]), "")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        way = "compressed" if number(parameters["gain"]) < 1.0 else "stretched"
+        change = "compressed" if number(parameters["gain"]) < 1.0 else "stretched"
         return (
-            f"The position reading is {way} over the stroke: it moves by {parameters['gain']} % "
+            f"The position reading is {change} over the stroke: it moves by {parameters['gain']} % "
             "for each percent of travel."
         )
 

@@ -36,12 +36,12 @@ def sagged(
         out[:] = command
         return
     side = 1.0 if share > 0.0 else -1.0
-    kept = max(1.0 - dt / recovery_s, 0.0)
+    kept_share = max(1.0 - dt / recovery_s, 0.0)
     air, before = 0.0, command[0]
     for k in range(command.size):
         if marks[k] == 1:
             air, before = 0.0, command[k]
-        air = kept * air + abs(share) * max(side * (command[k] - before), 0.0)
+        air = kept_share * air + abs(share) * max(side * (command[k] - before), 0.0)
         before = command[k]
         out[k] = command[k] - side * air
 

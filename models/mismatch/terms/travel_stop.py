@@ -90,12 +90,14 @@ class TravelStop(StemTerm):
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """OP asks for more than a stop gives, friction counted; and it is not the end of stroke."""
-        held = 0.5 * (summary.S - summary.J)  # what friction alone keeps the stem short by
-        low = values[0] - (summary.op_low + held)
-        high = (summary.op_high - held) - (100.0 - values[1])
+        friction_shortfall = 0.5 * (
+            summary.S - summary.J
+        )  # what friction alone keeps the stem short by
+        low = values[0] - (summary.op_low + friction_shortfall)
+        high = (summary.op_high - friction_shortfall) - (100.0 - values[1])
         return any(
-            bool(beyond >= MATERIAL_BEYOND and inside >= MATERIAL_INSIDE)
-            for beyond, inside in zip((low, high), values, strict=True)
+            bool(op_end >= MATERIAL_BEYOND and stop >= MATERIAL_INSIDE)
+            for op_end, stop in zip((low, high), values, strict=True)
         )
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
@@ -107,12 +109,14 @@ class TravelStop(StemTerm):
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         low, high = parameters["stop_low"], parameters["stop_high"]
-        said = []
+        sentences = []
         if number(low) > SOME:
-            said.append(f"does not fall below {low} of travel")
+            sentences.append(f"does not fall below {low} of travel")
         if number(high) < 100.0 - SOME:
-            said.append(f"does not rise above {high} of travel")
-        places = " and ".join(said) if said else f"stays between {low} and {high} of travel"
+            sentences.append(f"does not rise above {high} of travel")
+        places = (
+            " and ".join(sentences) if sentences else f"stays between {low} and {high} of travel"
+        )
         return f"The stem {places} while the command goes on."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:

@@ -39,13 +39,13 @@ def rung(command: Floats, marks: Marks, dt: float, wn: float, zeta: float, out: 
         return
     steps = max(10, int(np.ceil(dt / 0.1 - 1e-9)))
     h = dt / steps
-    pull, kept = h * wn * wn, 1.0 - 2.0 * h * zeta * wn
+    pull, kept_share = h * wn * wn, 1.0 - 2.0 * h * zeta * wn
     # Columns of the map: where a unit of error and a unit of velocity go in one sample.
     ee, ve, ev, vv = 1.0, 0.0, 0.0, 1.0
     for _ in range(steps):
-        ve = kept * ve - pull * ee
+        ve = kept_share * ve - pull * ee
         ee += h * ve
-        vv = kept * vv - pull * ev
+        vv = kept_share * vv - pull * ev
         ev += h * vv
     p, velocity = command[0], 0.0
     for k in range(command.size):
@@ -143,22 +143,22 @@ class UnderdampedPositioner(CommandTerm):
         damping = number(zeta)
         if number(wn) > 0.0 and damping < 1.0:
             period = 2.0 * pi / (number(wn) * sqrt(1.0 - damping * damping))
-            said = replace(wn, value=period, low=None, high=None, unit="s")
+            period_estimate = replace(wn, value=period, low=None, high=None, unit="s")
             rings += (
-                f", with a period of {said} and an overshoot of "
+                f", with a period of {period_estimate} and an overshoot of "
                 f"{100.0 * overshoot(damping):.0f} % of the move"
             )
         return f"{rings} (natural frequency {wn}, damping ratio {zeta})."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         zeta = number(parameters["zeta"])
-        over = 100.0 * overshoot(zeta) if 0.0 <= zeta < 1.0 else 0.0
+        overshoot_percent = 100.0 * overshoot(zeta) if 0.0 <= zeta < 1.0 else 0.0
         return FieldTest(
             do=(
                 "Loop in manual: step OP by 10 %, and read how far the stem swings beyond its "
                 "place."
             ),
-            fails=f"by about {over:.0f} % of the step",
+            fails=f"by about {overshoot_percent:.0f} % of the step",
             passes=f"by no more than {100.0 * overshoot(MATERIAL_ZETA):.0f} % of it",
         )
 

@@ -77,9 +77,10 @@ class ZeroShift(ReadingTerm):
         return {"zero": (float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        way = "low" if number(parameters["zero"]) < 0.0 else "high"
+        direction = "low" if number(parameters["zero"]) < 0.0 else "high"
         return (
-            f"The position reads {way} by {size(parameters['zero'])} of travel at mid-travel: "
+            f"The position reads {direction} by {size(parameters['zero'])} of travel at "
+            "mid-travel: "
             "its zero is off, or the bench set of the spring is."
         )
 
