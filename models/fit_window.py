@@ -67,8 +67,8 @@ def choose_fit_window(recording: Recording, samples: int) -> FitWindow | None:
 
 def telling_windows(recording: Recording, samples: int, most_windows: int) -> tuple[FitWindow, ...]:
     """The record cut into equal windows of ``samples`` samples and a little more, in order of time;
-    of more than ``most`` those with the most useful movement of OP, as ``choose_fit_window`` counts
-    it. None where OP is not known."""
+    of more than ``most_windows`` those with the most useful movement of OP, as
+    ``choose_fit_window`` counts it. None where OP is not known."""
     count = len(recording) // max(samples, 2)
     movement = _Movement.of(recording)
     if movement is None or count < 1:

@@ -233,7 +233,8 @@ def wiring_obstacles(
     """Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
 
     ``recording`` in percent of travel both, read through its curve; ``as_stored`` what it was where
-    its OP was taken for stored late and brought forward; ``look`` a first look at ``recording``.
+    its OP was taken for stored late and brought forward; ``first_look`` a first look at
+    ``recording``.
     """
     pairing = Pairing.of(recording, first_look)
     # Most valves need no second look.

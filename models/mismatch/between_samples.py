@@ -442,7 +442,7 @@ def _either(fitted: Estimate, from_slips: Estimate) -> Estimate:
 
 
 def _moved(estimate: Estimate, change: float, error: float) -> Estimate:
-    """``estimate`` larger ``by`` so much, its interval wider by an ``error`` of one sigma."""
+    """``estimate`` larger by ``change``, its interval wider by an ``error`` of one sigma."""
     value = estimate.value
     assert value is not None
     low, high = estimate.low, estimate.high

@@ -110,7 +110,7 @@ def _refined(
     effort: FitEffort,
     simple: float = np.inf,
 ) -> Search[SearchResult]:
-    """The best that is found from ``begun``; no further where the loss ``simple`` of a poorer
+    """The best that is found from ``starts``; no further where the loss ``simple`` of a poorer
     hypothesis is out of reach."""
     descended = starts
     if len(starts) > 1:
@@ -134,7 +134,7 @@ def _descended(
     starts: list[SearchResult],
     rounds: int,
 ) -> Search[list[SearchResult]]:
-    """Where ``begun`` lead to, the best first."""
+    """Where ``starts`` lead to, the best first."""
     descended = yield from together(
         descend(evaluator, layout, blocks, start.candidate, rounds) for start in starts
     )
@@ -335,7 +335,7 @@ def _blocks_inside(evaluator: Evaluator, fold: Bools) -> Bools:
 
 
 def _curve(places: Floats, residual: Floats, new_places: Floats, delta: float) -> Floats:
-    """(m,) the robust cubic of ``residual`` over ``place``, read at ``at``."""
+    """(m,) the robust cubic of ``residual`` over ``places``, read at ``new_places``."""
     if places.size < BEND_SAMPLES:
         return np.zeros(new_places.size)
     low, high = np.percentile(places, (2.0, 98.0))

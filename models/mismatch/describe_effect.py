@@ -85,7 +85,7 @@ def effect(
     without_term: tuple[CoordinateLayout, Floats],
     found_directions: Directions,
 ) -> Effect:
-    """One accepted term, told. ``without`` is the best model that lacks it."""
+    """One accepted term, told. ``without_term`` is the best model that lacks it."""
     unit_s = evaluator.problem.unit_s
     own_estimates = estimates(term, values, candidate_draws, evaluator.problem.interval_s)
     spoken_estimates = {name: SpokenEstimate.of(one, unit_s) for name, one in own_estimates.items()}

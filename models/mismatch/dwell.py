@@ -96,7 +96,8 @@ def _score(columns: Floats, late: Floats) -> tuple[float, float, float]:
 
 
 def begun(evaluator: Evaluator, neutral_fit: Fitted, seen: Dwelling) -> Fitted:
-    """``plain``, a fit with the term of dwell at neutral, refitted with the rise that was ``seen``.
+    """``neutral_fit``, a fit with the term of dwell at neutral, refitted with the rise that was
+    ``seen``.
 
     The rise is held to two standard errors about it: the trajectories hardly tell it, and would
     give it up for a larger S and J.

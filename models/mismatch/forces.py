@@ -46,8 +46,9 @@ class Forces:
         return cls(op, start, interval_s, np.empty((rows, op.size)), np.empty(op.size))
 
     def of(self, shapings: Iterable[tuple[Shaping, Floats]]) -> Samples:
-        """(m,) the row of each candidate's force: ``wanted`` are candidates that are shaped alike,
-        each kind with its coordinates (candidates, k). No more in all than there are rows."""
+        """(m,) the row of each candidate's force: ``shapings`` are candidates that are shaped
+        alike, each kind with its coordinates (candidates, k). No more in all than there are
+        rows."""
         keys: list[_Key] = []
         making: dict[_Key, tuple[Shaping, Floats]] = {}
         for shaping, values in shapings:

@@ -119,7 +119,7 @@ def _reading(z: float, gain: float, offset: float, drift: float, wander: float, 
 
 @njit(cache=True)
 def _cost(residual: float, slack: float, scale: float) -> float:
-    """The factor 1 + (r/delta)^2 of a sample that is ``off`` percent; ``scale`` is 1/delta^2."""
+    """The factor 1 + (r/delta)^2 of a ``residual`` in percent; ``scale`` is 1/delta^2."""
     r = abs(residual) - slack
     r = r if r > 0.0 else 0.0
     return 1.0 + r * r * scale
@@ -197,7 +197,7 @@ def _move(
     """Some samples of every lane: stick, let go, slide, be read and charged.
 
     ``forces`` (_AHEAD lanes,) are laid out by lane, and each is written over by what is read; a
-    stuck stem lets go beyond ``near`` times ``fs``, rising and falling. With a ``scale`` of 0
+    stuck stem lets go beyond ``near_onset`` times ``fs``, rising and falling. With a ``scale`` of 0
     nothing is charged. Returns where it stopped, at ``end`` or before because products are full,
     and how many are.
     """
@@ -353,7 +353,7 @@ def _start(
 ) -> int:
     """Read and charge all lanes at a START, where nothing moves; how many products are full.
 
-    ``seen`` are MV, its slack and the scale of the loss; what is read goes to ``laid``.
+    ``seen`` are MV, its slack and the scale of the loss; what is read goes to ``laid_force``.
     """
     full, (measured, free, scale) = 0, seen
     for i in range(_U(lanes)):

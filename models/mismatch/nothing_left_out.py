@@ -40,7 +40,8 @@ def doubt(
     """Why it cannot be said that nothing was left out, a clause; empty where it can.
 
     ``fitted`` and ``best`` (size,) are the hypothesis without a finding, on both folds and on the
-    whole record; ``both`` S and J alone and with it, ``naive`` (6,) the fit of the former.
+    whole record; ``both_stictions`` S and J alone and with it, ``naive`` (6,) the fit of the
+    former.
     """
     friction_alone, refitted = both_stictions
     open_percent = float(evaluator.slack.max())  # what an archive by exception leaves open

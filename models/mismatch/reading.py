@@ -40,7 +40,7 @@ class Off:
 
 
 def pinned(layout: CoordinateLayout, coordinate: int, largest: float) -> CoordinateLayout:
-    """``layout`` with one base coordinate held at neutral, or below ``most``."""
+    """``layout`` with one base coordinate held at neutral, or below ``largest``."""
     low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
     low[coordinate], high[coordinate] = 0.0, min(largest, float(high[coordinate]))
     return replace(layout, bounds=Bounds(low, high))

@@ -187,7 +187,7 @@ def coded(cells: Sequence[str]) -> tuple[list[str], Kinds]:
 
 
 def rows_of_each(kind_index: Kinds, kinds: int) -> list[Rows]:
-    """The rows of each kind in order; ``which`` (n,) tells the kind of each row."""
+    """The rows of each kind in order; ``kind_index`` (n,) tells the kind of each row."""
     narrow = np.int32 if kind_index.size < 2**31 else np.int64
     counts = np.bincount(kind_index, minlength=kinds)
     order = np.empty(kind_index.size, dtype=narrow)

@@ -84,7 +84,7 @@ def size(estimate: Estimate) -> Estimate:
 
 
 def inverse(estimate: Estimate, numerator: float) -> Estimate:
-    """``over`` divided by a speed: how long it takes, in seconds."""
+    """``numerator`` divided by a speed: how long it takes, in seconds."""
 
     def took(value: float | None) -> float | None:
         return None if value is None or value <= 0.0 else numerator / value

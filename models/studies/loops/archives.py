@@ -16,7 +16,7 @@ _SPIKED = 0.06
 def archived(
     signals: tuple[Floats, Floats, Floats], first: int, stride: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
-    """OP, PV and SP, (n,) each, as stored once in ``every`` scans from scan ``first`` on."""
+    """OP, PV and SP, (n,) each, as stored once in ``stride`` scans from scan ``first`` on."""
     averaged = stride > 1 and rng.random() < _AVERAGED
     count = (signals[0].size - first) // stride
     op, pv, sp = (_thinned(signal[first:], stride, count, averaged) for signal in signals)

@@ -240,7 +240,7 @@ def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
 
 
 def _slewed(values: Floats, most_step: float) -> Floats:
-    """The values followed at no more than ``most`` a scan."""
+    """The values followed at no more than ``most_step`` a scan."""
     followed = values.copy()
     for k in range(1, values.size):
         followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most_step, most_step)

@@ -16,7 +16,7 @@ def coloured(count: int, time: float, rng: np.random.Generator) -> Floats:
 
 
 def stepped(time: Floats, mean_gap: float, rng: np.random.Generator) -> Floats:
-    """(n,) steps between -1 and 1, on average ``apart`` scans from each other."""
+    """(n,) steps between -1 and 1, on average ``mean_gap`` scans from each other."""
     times = np.cumsum(mean_gap * (0.3 + 0.7 * rng.exponential(1.0, 4000)))
     times = times[times < time.size]
     heights = np.concatenate([[0.0], rng.uniform(-1.0, 1.0, times.size)])
