@@ -7,45 +7,37 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cache
+from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.forensics import quiet_sigma
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
-    MEAN_OF_A_LINE,
-    MEAN_WHERE_MUCH_IS_LEFT,
     chance,
-    convincing,
-    much_left,
-    not_little_left,
+)
+from stemwatch.models.mismatch.accepted_hypothesis import (
+    DELAY,
+    STRAIGHT_LINE,
+    AcceptedHypothesis,
+    accepted_hypothesis,
+    if_followed,
+    named_effects,
 )
 from stemwatch.models.mismatch.base_fit import (
-    BaseFit,
-    fit_base,
     fit_naive,
     naive_evaluator,
     naive_layout,
 )
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.between_samples import Archive, find_archive, stands_for_friction
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
-    Directions,
-    by_events,
-    directions,
-    effect,
     residual_map,
     sentence_of,
 )
-from stemwatch.models.mismatch.drive import NOT_RESOLVED, name_drive, starts_of_first_part
-from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
-from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.evaluator import DRIVE, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
@@ -56,16 +48,19 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
-from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
-from stemwatch.models.mismatch.held_out import HeldOutComparison, show
-from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.nothing_left_out import doubt
-from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
+from stemwatch.models.mismatch.prepared_recording import (
+    PreparedRecording,
+    admissible,
+    prepare,
+    problem_of,
+    why_not,
+)
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
-from stemwatch.models.mismatch.term import RecordingSummary, Term, Way
-from stemwatch.models.mismatch.term_selection import Named, Needed, TermScore, lacking, name
+from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term_selection import TermScore
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
@@ -75,39 +70,9 @@ from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import LATE
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
-from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
-FEWEST_SAMPLES = 60
-WORSE = 1.15
-# Percent, on unseen data: below it a screening says that S and J describe nothing (``Limits``), and
-# so it is with what is named. A force recorded as command leaves 35; of 20 simulated valves of
-# development on which something was named none leaves less than 76.
-LEAST_FIT_OF_NAMED, NEAR_NOISE = 40.0, 2.0
-LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
-STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
-BEND = "bend"  # is not in the catalogue; its limits are those of a term
-MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
-READING = ("zero_shift", "span_error", "sensor_drift")
-LEAST_SIGMA = 1e-3  # percent
-DOOR_NOISE = 0.17  # of the archive's deviation
-# Cross-fitting needs blocks; of a short record they are shorter.
-FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
-MUCH_NEARER = 0.7  # of the error of S and J alone
-
-
-@dataclass(frozen=True)
-class _Case:
-    """One recording, and what the steps of ``explain`` have settled of it so far."""
-
-    recording: Recording
-    settled: RecordSettled
-    base: BaseFit
-    refused: Mapping[str, str]
-    ceiling: Floats | None
-    own_reading: bool
-    balance: ForceBalance | None  # of a drive whose motion the samples resolve
 
 
 def explain(
@@ -159,11 +124,11 @@ def _explained(
     unsure_degree: int = 0,
 ) -> Mismatch:
     """``refused`` are terms that are left out from the start, and why."""
-    reason = _cannot(recording, settled)
+    reason = why_not(recording, settled)
     if reason is not None:
         return _not_testable(settled, reason)
     problem = replace(problem_of(recording, settled), unsure_degree=unsure_degree)
-    case = _fitted(recording, settled, ceiling, problem, own_reading=own_reading)
+    case = prepare(recording, settled, ceiling, problem, own_reading=own_reading)
     return _mismatch_of(replace(case, refused={**case.refused, **refused}))
 
 
@@ -209,131 +174,8 @@ def _through_flow(recording: Recording) -> Mismatch:
     return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}")
 
 
-def _cannot(recording: Recording, settled: RecordSettled) -> str | None:
-    """Why nothing can be said of this recording, or ``None``."""
-    if recording.mv is None:
-        return NO_POSITION
-    if np.count_nonzero(settled.real & recording.usable) < FEWEST_SAMPLES:
-        return f"fewer than {FEWEST_SAMPLES} samples of the position were really measured"
-    real = recording.mv.values[settled.real & recording.usable]
-    if float(np.ptp(real)) == 0.0:
-        return "the position does not change by one digit"
-    if float(np.ptp(recording.op.values[recording.op.usable])) == 0.0:
-        return "OP never moves"
-    return None
-
-
-def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
-    """The fitting problem, scored on samples that were measured, or drawn near what was."""
-    problem = make_problem(recording)
-    n = problem.op.size
-    n_blocks = max(problem.n_blocks, min(FEWEST_BLOCKS, n // LEAST_BLOCK_SAMPLES))
-    is_informative = settled.real | (settled.slack > 0.0)
-    block = np.where(problem.scored & is_informative, np.arange(n) * n_blocks // n, -1)
-    sigma = max(_noise(recording, settled), settled.sigma_floor, LEAST_SIGMA)
-    return replace(problem, block=block.astype(np.int64), n_blocks=n_blocks, sigma=sigma)
-
-
-def _noise(recording: Recording, settled: RecordSettled) -> float:
-    """Noise of MV, percent; stored knots are where the signal bends and tell nothing of it."""
-    if settled.slack.any():
-        return DOOR_NOISE * float(settled.slack.max())
-    return quiet_sigma(_measured(recording, settled))
-
-
-def _measured(recording: Recording, settled: RecordSettled) -> Floats:
-    """(n,) MV where it was really measured, else NaN."""
-    assert recording.mv is not None
-    return np.where(recording.usable & settled.real, recording.mv.values, np.nan)
-
-
-def look_of(problem: FitProblem) -> RecordingSummary:
-    """What terms may know of the recording."""
-    op, mv = problem.op, problem.mv[problem.scored]
-    op_low, op_high = np.percentile(op, (1.0, 99.0))
-    mv_low, mv_high = np.percentile(mv, (1.0, 99.0))
-    return RecordingSummary(
-        interval_s=problem.interval_s,
-        duration_s=problem.op.size * problem.interval_s,
-        op_low=float(op_low),
-        op_high=float(op_high),
-        mv_low=float(mv_low),
-        mv_high=float(mv_high),
-        sigma=problem.sigma,
-        S=0.0,
-        J=0.0,
-    )
-
-
-def _fitted(
-    recording: Recording,
-    settled: RecordSettled,
-    ceiling: Floats | None,
-    problem: FitProblem,
-    *,
-    own_reading: bool = True,
-) -> _Case:
-    base = fit_base(problem, look_of(problem), settled.slack, own_reading=own_reading)
-    candidate = base.fitted.candidates.mean(axis=0)
-    simulated = base.evaluator.simulate(base.fitted.layout, candidate)
-    summary = base.evaluator.summary
-    refused = audit(
-        problem.op,
-        problem.mv,
-        simulated,
-        problem.scored,
-        problem.interval_s,
-        problem.sigma,
-        min(summary.S, MOST_S),
-        min(summary.J, MOST_S),
-        settled.spacing_s,
-        problem.unit_s,
-    )
-    if not own_reading:
-        refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
-    balance = force_balance(problem) if own_reading else None
-    if balance is None:
-        refused |= dict.fromkeys(OF_A_DRIVE, NOT_RESOLVED)
-    return _Case(recording, settled, base, refused, ceiling, own_reading, balance)
-
-
-def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
-    """The terms that the recording could have shown."""
-    return {slug: term for slug, term in catalogue().items() if slug not in refused}
-
-
-@dataclass(frozen=True)
-class _Hypothesis:
-    """A hypothesis fitted to the whole record: everything in it was accepted.
-
-    ``worse`` says that something else was not, because unseen samples were predicted worse with it.
-    """
-
-    evaluator: Evaluator
-    layout: CoordinateLayout
-    fitted: Fitted
-    best: Floats
-    drawn: Callable[[], Floats]
-    effects: tuple[Effect, ...]
-    open_end: bool
-    shown: HeldOutComparison
-    named: Named
-    worse: str = ""
-
-
-def _named(case: _Case, terms: Mapping[str, Term]) -> Named:
-    """What the recording needs: as a drive whose motion it resolves, or else term by term."""
-    drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
-    if drive is not None:
-        return drive
-    one_by_one = (slug for slug in terms if slug not in OF_A_DRIVE)
-    return name(
-        case.base, [terms[slug] for slug in one_by_one if terms[slug].way is not Way.READING]
-    )
-
-
-def _mismatch_of(case: _Case) -> Mismatch:
-    hypothesis = _following(_accepted(case))
+def _mismatch_of(case: PreparedRecording) -> Mismatch:
+    hypothesis = if_followed(accepted_hypothesis(case))
     evaluator, comparison, effects = hypothesis.evaluator, hypothesis.shown, hypothesis.effects
     naive_only = naive_evaluator(evaluator)
     simple = naive_layout(naive_only)
@@ -417,104 +259,7 @@ def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mis
     )
 
 
-def _accepted(case: _Case) -> _Hypothesis:
-    """The hypothesis that is published: what does not stand is taken out, and the rest refitted.
-
-    What is named must also predict, in a free run, the part of the record that was not fitted at
-    least as well as S and J alone do; else the weakest of it goes, until it does.
-    """
-    terms = admissible(case.refused)
-    named = _named(case, terms)
-    pinned: set[str] = set()
-    worse = ""
-    while True:
-        hypothesis, proposed = _whole_record(case, named, terms, pinned)
-        stand = {effect.slug for effect in hypothesis.effects}
-        if stand and not hypothesis.shown.heldout.improves:
-            worse = worse or _worse(hypothesis)
-            stand.remove(hypothesis.effects[-1].slug)
-            if DRIVE in hypothesis.layout.places:
-                # Motor and load are one model: what a valve needs is looked for instead.
-                case = replace(case, balance=None)
-                terms = {slug: term for slug, term in terms.items() if slug not in OF_A_DRIVE}
-                named = _named(case, terms)
-                continue
-        elif DRIVE in hypothesis.layout.places:
-            return hypothesis
-        dropped = proposed - stand
-        if not dropped:
-            return replace(hypothesis, worse=worse)
-        pinned |= dropped & set(STRAIGHT_LINE)
-        terms = {slug: term for slug, term in terms.items() if slug not in dropped}
-        named = lacking(named, dropped)
-
-
-def _whole_record(
-    case: _Case, named: Named, terms: dict[str, Term], pinned: set[str]
-) -> tuple[_Hypothesis, set[str]]:
-    """The hypothesis ``named`` on the whole record, and the slugs of all that it holds: terms that
-    were needed, and the reading's errors. ``pinned`` are errors of the reading that it must not
-    have."""
-    evaluator = named.evaluator
-    reading_errors, fitted = findings(evaluator, named.fitted, terms)
-    for slug in pinned:
-        fitted = without(evaluator, fitted, *COORDINATES[slug])
-    layout, best = _whole_record_layout(evaluator, fitted)
-    # Half of the draws are never asked for, and each costs as much as a search.
-    drawn_candidates = cache(lambda: draws(evaluator, layout, best))
-    candidate_draws = (
-        drawn_candidates() if named.needed or reading_errors else np.empty((0, layout.size))
-    )
-    candidates = _effects(case.recording, named, reading_errors, layout, best, candidate_draws)
-    large = tuple(candidate for candidate in candidates if _matters(candidate))
-    of_drive = starts_of_first_part(evaluator, layout)
-    in_turn = (
-        layout.hypothesis.terms
-        if DRIVE in layout.places
-        else [score.term for score in named.needed]
-    )
-    comparison = show(evaluator, layout, in_turn, case.ceiling, of_drive)
-    effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
-    proposed = {candidate.slug for candidate in candidates}
-    hypothesis = _Hypothesis(
-        evaluator, layout, fitted, best, drawn_candidates, effects, open_end, comparison, named
-    )
-    return hypothesis, proposed
-
-
-def _following(hypothesis: _Hypothesis) -> _Hypothesis:
-    """The hypothesis, without its effects where a free run of it does not follow the part that was
-    not fitted: as little as S and J alone then do they describe what moved the stem."""
-    heldout = hypothesis.shown.heldout
-    if not hypothesis.effects or heldout.fit_extended is None or heldout.rmse_extended is None:
-        return hypothesis
-    # A stem that hardly moves in its noise is followed as well as can be.
-    noise = NEAR_NOISE * (heldout.noise_floor or 0.0)
-    if heldout.fit_extended >= LEAST_FIT_OF_NAMED or heldout.rmse_extended <= noise:
-        return hypothesis
-    return replace(
-        hypothesis, effects=(), worse=_parts_only(hypothesis, "not followed with it either")
-    )
-
-
-def _worse(hypothesis: _Hypothesis) -> str:
-    """That unseen samples are predicted worse with what was named."""
-    return _parts_only(hypothesis, "predicted worse with it")
-
-
-def _parts_only(hypothesis: _Hypothesis, reason: str) -> str:
-    words = " and ".join(effect.slug.replace("_", " ") for effect in hypothesis.effects)
-    heldout = hypothesis.shown.heldout
-    fit = ""
-    if heldout.fit_naive is not None and heldout.fit_extended is not None:
-        fit = f" (fit {heldout.fit_naive:.0f} % without, {heldout.fit_extended:.0f} % with it)"
-    return (
-        f"{words.capitalize()} would explain parts of this recording, but its last part, which was "
-        f"not fitted, is {reason}{fit}"
-    )
-
-
-def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
+def _archive(case: PreparedRecording, evaluator: Evaluator, best: Floats) -> Archive | None:
     """The slow archive that S and J are restored from, if any."""
     if not case.settled.restore or case.settled.archive is not None:
         return case.settled.archive
@@ -525,148 +270,13 @@ def _archive(case: _Case, evaluator: Evaluator, best: Floats) -> Archive | None:
     return archive.with_slips(evaluator.problem, gain, zero)
 
 
-def _terms_that_stand(
-    case: _Case,
-    evaluator: Evaluator,
-    fitted: Fitted,
-    effects: tuple[Effect, ...],
-    heldout: HeldOutFit,
-) -> tuple[tuple[Effect, ...], bool]:
-    """The effects that stand although something is left, and whether it must be said to be unknown.
-
-    Where much is left, an effect must explain a good part of it; a straight line through the
-    reading must do so nearly alone, predict the rest of the record, and leave no bend.
-    """
-    # An archive that drew lines, or a flow, leaves no noise to compare with.
-    noise_known = case.own_reading and not _compressed(case.settled)
-    open_end = noise_known and not_little_left(evaluator, fitted)
-    if noise_known and much_left(evaluator, fitted):
-        nearer = _much_nearer(heldout)
-        effects = tuple(
-            effect
-            for effect in effects
-            if effect.evidence.mean >= _least_mean(effect) or (nearer and _of_air(effect))
-        )
-    lines = [effect for effect in effects if effect.slug in STRAIGHT_LINE]
-    if lines and (
-        _refuted(heldout) or convincing(curvature(evaluator, fitted), evaluator.told, BEND)
-    ):
-        effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
-        open_end = open_end or not effects
-    return effects, open_end
-
-
-def _much_nearer(heldout: HeldOutFit) -> bool:
-    """True where the free run on unseen samples loses a good part of its error, beyond chance."""
-    if heldout.rmse_naive is None or heldout.rmse_extended is None or heldout.gain_low is None:
-        return False
-    return heldout.rmse_extended <= MUCH_NEARER * heldout.rmse_naive and heldout.gain_low > 0.0
-
-
-def _of_air(effect: Effect) -> bool:
-    """True for what shapes the command: friction or a force that wanders is not like it."""
-    return catalogue()[effect.slug].way is Way.COMMAND
-
-
-def _least_mean(effect: Effect) -> float:
-    return MEAN_OF_A_LINE if effect.slug in STRAIGHT_LINE else MEAN_WHERE_MUCH_IS_LEFT
-
-
-def _whole_record_layout(evaluator: Evaluator, fitted: Fitted) -> tuple[CoordinateLayout, Floats]:
-    """The hypothesis fitted to the whole record, from the fits to both folds."""
-    all_blocks = np.ones(evaluator.problem.n_blocks, dtype=bool)
-    starts = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
-    best = conclude(evaluator, search(evaluator, fitted.layout, all_blocks, starts, CAREFUL))
-    return fitted.layout, best.candidate
-
-
-def _delay_s(hypothesis: _Hypothesis) -> float:
+def _delay_s(hypothesis: AcceptedHypothesis) -> float:
     """The dead time that was named, less what stems usually are late by; 0 where none was."""
     coordinate_slice = hypothesis.layout.places.get(DELAY)
     if coordinate_slice is None or all(effect.slug != DELAY for effect in hypothesis.effects):
         return 0.0
     usual_s = LATE[0] * hypothesis.evaluator.problem.interval_s
     return max(float(hypothesis.best[coordinate_slice][0]) - usual_s, 0.0)
-
-
-def _effects(
-    recording: Recording,
-    named: Named,
-    reading_errors: list[Off],
-    layout: CoordinateLayout,
-    best: Floats,
-    candidate_draws: Floats,
-) -> tuple[Effect, ...]:
-    """The accepted terms and the reading's errors, strongest first."""
-    evaluator, found_directions = named.evaluator, directions(recording)
-    effects = [
-        _needed_effect(named, score, layout, best, candidate_draws, found_directions)
-        for score in named.needed
-    ]
-    for reading in reading_errors:
-        share = _share(evaluator, reading.without, named.fitted)
-        effects.append(
-            effect(
-                evaluator,
-                reading.term,
-                (reading.term.slug,),
-                values_of(reading.term.slug, best),
-                np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
-                reading.advantage,
-                share,
-                (reading.without.layout, reading.without.candidates.mean(axis=0)),
-                found_directions,
-            )
-        )
-    return tuple(sorted(effects, key=lambda item: -item.evidence.mean))
-
-
-def _needed_effect(
-    named: Named,
-    needed: Needed,
-    layout: CoordinateLayout,
-    best: Floats,
-    candidate_draws: Floats,
-    found_directions: Directions,
-) -> Effect:
-    coordinate_slice = layout.places[needed.term.slug]
-    found_effect = effect(
-        named.evaluator,
-        needed.term,
-        needed.members,
-        best[coordinate_slice],
-        candidate_draws[:, coordinate_slice],
-        needed.advantage,
-        _share(named.evaluator, needed.without, named.fitted),
-        (needed.without.layout, needed.without.candidates.mean(axis=0)),
-        found_directions,
-    )
-    return (
-        found_effect
-        if needed.events is None
-        else by_events(found_effect, needed.events, needed.term, found_directions)
-    )
-
-
-def _matters(effect: Effect) -> bool:
-    """True where it removes a good share of the residual; events that tell it are few samples."""
-    return effect.evidence.share >= LEAST_SHARE or effect.evidence.events_z > 0.0
-
-
-def _share(evaluator: Evaluator, before: Fitted, after: Fitted) -> float:
-    """The share of the held-out loss that goes."""
-    return float(np.clip(1.0 - after.heldout.sum() / max(before.heldout.sum(), 1e-12), -1.0, 1.0))
-
-
-def _refuted(heldout: HeldOutFit) -> bool:
-    """True where the extended model, fitted to the first part, predicts the rest clearly worse."""
-    if heldout.rmse_naive is None or heldout.rmse_extended is None or heldout.gain_high is None:
-        return False
-    return heldout.rmse_extended > WORSE * heldout.rmse_naive and heldout.gain_high < 0.0
-
-
-def _compressed(settled: RecordSettled) -> bool:
-    return any(effect.slug == "historian_compression" for effect in settled.effects)
 
 
 def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
@@ -696,10 +306,10 @@ def scores(recording: Recording) -> dict[str, tuple[float, float]]:
     calibrated on, with recordings in which nothing is hidden. Empty where nothing can be fitted."""
     recording = on_own_clock(recording)
     settled = settle(recording)
-    if _cannot(recording, settled) is not None:
+    if why_not(recording, settled) is not None:
         return {}
-    case = _fitted(recording, settled, None, problem_of(recording, settled))
+    case = prepare(recording, settled, None, problem_of(recording, settled))
     terms = admissible(case.refused)
-    named = _named(replace(case, balance=None), terms)
+    named = named_effects(replace(case, balance=None), terms)
     first: tuple[TermScore, ...] = named.stages[0].scores
     return {score.slug: (score.advantage.mean, score.advantage.t) for score in first}

@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, again, gain, scored
 from stemwatch.models.mismatch.evaluator import TermSet
-from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.term import Way
 from stemwatch.models.mismatch.term_selection import (
@@ -47,7 +47,7 @@ def begun(recording: Recording):
     """The base of a recording, and every term that does not belong to the reading."""
     problem = problem_of(recording, settle(recording))
     terms = [catalogue()[slug] for slug in NAMES]
-    return fit_base(problem, look_of(problem)), terms
+    return fit_base(problem, summary_of(problem)), terms
 
 
 @cache
