@@ -1,5 +1,5 @@
-"""What is settled of a recording before an effect is looked for in it: what the archive did, the fit
-of S, J and reading alone, and which effects the recording could not have shown."""
+"""What is settled of a recording before an effect is looked for in it: what the archive did, the
+fit of S, J and reading alone, and which effects the recording could not have shown."""
 
 from __future__ import annotations
 
