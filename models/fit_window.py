@@ -130,8 +130,7 @@ def window_sentence(stretch: FitWindow, recording: Recording) -> str:
         window_text = f"{part.start:%Y-%m-%d %H:%M:%S} to {part.end:%Y-%m-%d %H:%M:%S} UTC"
     return (
         f"The models are fitted to {window_text}, {stretch.length / len(recording):.0%} of the "
-        "record: "
-        f"where OP works the valve most, turning round {times(stretch.turns)} by at least "
+        f"record: where OP works the valve most, turning round {times(stretch.turns)} by at least "
         f"{stretch.turn_percent:.2g} %. Data quality and movement are those of the whole record."
     )
 

@@ -77,8 +77,7 @@ def seconds_of(value: float, unit: str, unit_s: float) -> float:
         known_quantities = ", ".join(repr(quantity) for quantity in POWER_OF_TIME)
         raise ValueError(
             f"the unit {unit!r} has no power of time: one of {known_quantities} expected; add "
-            "it to "
-            "POWER_OF_TIME in models/own_clock.py"
+            "it to POWER_OF_TIME in models/own_clock.py"
         )
     return value if power == 0 else value * unit_s if power == 1 else value / unit_s
 

@@ -30,7 +30,7 @@ from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Words
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.mismatch.terms._common import StemTerm
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import START
 from stemwatch.models.stickslip.parameters import Bounds

@@ -37,8 +37,14 @@ from stemwatch.models.mismatch.prepared_recording import (
     admissible,
     is_compressed,
 )
-from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
-from stemwatch.models.mismatch.term import Term, Way
+from stemwatch.models.mismatch.reading_errors import (
+    COORDINATES,
+    ReadingError,
+    findings,
+    values_of,
+    without_error,
+)
+from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws
@@ -81,7 +87,7 @@ def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
         return drive
     one_by_one = (slug for slug in terms if slug not in OF_A_DRIVE)
     return name(
-        case.base, [terms[slug] for slug in one_by_one if terms[slug].way is not Way.READING]
+        case.base, [terms[slug] for slug in one_by_one if terms[slug].acts_on is not ActsOn.READING]
     )
 
 
@@ -126,7 +132,7 @@ def _whole_record(
     evaluator = named.evaluator
     reading_errors, fitted = findings(evaluator, named.fitted, terms)
     for slug in pinned:
-        fitted = without(evaluator, fitted, *COORDINATES[slug])
+        fitted = without_error(evaluator, fitted, *COORDINATES[slug])
     layout, best = _whole_record_layout(evaluator, fitted)
     # Half of the draws are never asked for, and each costs as much as a search.
     drawn_candidates = cache(lambda: draws(evaluator, layout, best))
@@ -222,7 +228,7 @@ def _much_nearer(heldout: HeldOutFit) -> bool:
 
 def _of_air(effect: Effect) -> bool:
     """True for what shapes the command: friction or a force that wanders is not like it."""
-    return catalogue()[effect.slug].way is Way.COMMAND
+    return catalogue()[effect.slug].acts_on is ActsOn.COMMAND
 
 
 def _least_mean(effect: Effect) -> float:
@@ -240,7 +246,7 @@ def _whole_record_layout(evaluator: Evaluator, fitted: Fitted) -> tuple[Coordina
 def _effects(
     recording: Recording,
     named: Named,
-    reading_errors: list[Off],
+    reading_errors: list[ReadingError],
     layout: CoordinateLayout,
     best: Floats,
     candidate_draws: Floats,

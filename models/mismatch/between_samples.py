@@ -203,8 +203,7 @@ class Archive:
             return f"the archive stored {self.kind} to {self.deviation:.2g} %"
         return (
             f"the archive keeps {self._what_is_kept} {_seconds(self.interval_s)} and OP turns "
-            "round every "
-            f"{self.per_turn:.2g} of them, so its peaks lie between; a sample every "
+            f"round every {self.per_turn:.2g} of them, so its peaks lie between; a sample every "
             f"{_seconds(self.would_do_s)} would do"
         )
 
@@ -230,8 +229,7 @@ class Archive:
             )
         kept_text = (
             f"The archive keeps {self._what_is_kept} {_seconds(self.interval_s)}, and OP turns "
-            "round every "
-            f"{self.per_turn:.2g} samples"
+            f"round every {self.per_turn:.2g} samples"
         )
         if self.too_slow:
             enough_text = _seconds(self.would_do_s)
@@ -245,8 +243,7 @@ class Archive:
         if self.levels is not None:
             return (
                 f"{kept_text}: S and J are read from {self.levels.count} slips, at which the "
-                "samples "
-                f"leave OP open by {self.levels.bounds:.2g} %."
+                f"samples leave OP open by {self.levels.bounds:.2g} %."
             )
         return (
             f"{kept_text}: S and J are restored by {missed:.1f} % each for the peaks of OP between "

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.batched_search import Search, together
+from stemwatch.models.mismatch.batched_search import Search, run_together
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, RunRequest, TermSet
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.term import Term
@@ -135,7 +135,7 @@ def _descended(
     rounds: int,
 ) -> Search[list[SearchResult]]:
     """Where ``starts`` lead to, the best first."""
-    descended = yield from together(
+    descended = yield from run_together(
         descend(evaluator, layout, blocks, start.candidate, rounds) for start in starts
     )
     return sorted(descended, key=lambda fit: fit.loss)
@@ -188,7 +188,7 @@ def crossfit(
     """
     best_of_folds = yield from ranked(evaluator, layout, starts)
     of_folds = zip(folds(evaluator), best_of_folds, simple, strict=True)
-    both_folds = yield from together(
+    both_folds = yield from run_together(
         _refined(evaluator, layout, fold, first[: effort.keep], effort, least)
         for fold, first, least in of_folds
     )
@@ -217,10 +217,10 @@ def own_losses(evaluator: Evaluator, fitted: Fitted) -> tuple[float, float]:
     return even, odd_blocks
 
 
-def again(evaluator: Evaluator, fitted: Fitted, effort: FitEffort, *more: Floats) -> Search[Fitted]:
+def refit(evaluator: Evaluator, fitted: Fitted, effort: FitEffort, *more: Floats) -> Search[Fitted]:
     """Go on from where ``fitted`` stands on each fold, and from more candidates for each (2, m)."""
     starts = np.stack((fitted.candidates, *more), axis=1)
-    both_folds = yield from together(
+    both_folds = yield from run_together(
         search(evaluator, fitted.layout, fold, of_fold, effort)
         for fold, of_fold in zip(folds(evaluator), starts, strict=True)
     )

@@ -21,14 +21,14 @@ from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     POLISH,
     Fitted,
-    again,
     crossfit,
     gain,
+    refit,
     scored,
 )
 from stemwatch.models.mismatch.evaluator import DRIVE, LOAD, CoordinateLayout, Evaluator, TermSet
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
-from stemwatch.models.mismatch.reading import pinned
+from stemwatch.models.mismatch.reading_errors import pinned
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
@@ -106,8 +106,8 @@ def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[
     )
     layout = _near_friction(evaluator.layout(hypothesis), balance.S)
     fitted = conclude(evaluator, scored(layout, fitted.candidates))
-    fitted = conclude(evaluator, again(evaluator, fitted, CAREFUL))
-    return evaluator, conclude(evaluator, again(evaluator, fitted, POLISH))
+    fitted = conclude(evaluator, refit(evaluator, fitted, CAREFUL))
+    return evaluator, conclude(evaluator, refit(evaluator, fitted, POLISH))
 
 
 def _near_friction(layout: CoordinateLayout, S: float) -> CoordinateLayout:
@@ -150,7 +150,7 @@ def _fit_drive_alone(evaluator: Evaluator, base: BaseFit) -> Search[Fitted]:
     """S, J and the reading alone, by the loss on the scale of what the drive leaves."""
     layout = evaluator.layout(TermSet())
     start = yield from scored(layout, base.fitted.candidates)
-    drive_alone = yield from again(evaluator, start, CAREFUL)
+    drive_alone = yield from refit(evaluator, start, CAREFUL)
     return drive_alone
 
 
@@ -161,5 +161,5 @@ def _fit_without(evaluator: Evaluator, fitted: Fitted, term: Term) -> Search[Fit
     if term.slug == LOAD:  # of which a span error would be the straight part
         layout = pinned(layout, base_coordinate.GAIN, 0.0)
     start = yield from scored(layout, layout.bounds.clip(reduced(evaluator, fitted, lacking)))
-    without_drive = yield from again(evaluator, start, CAREFUL)
+    without_drive = yield from refit(evaluator, start, CAREFUL)
     return without_drive

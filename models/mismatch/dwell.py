@@ -19,7 +19,7 @@ from scipy.special import ndtri, stdtr
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, scored
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, refit, scored
 from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.mismatch.terms.dwell_dependent_breakaway import T0_S
 from stemwatch.models.recording import Floats
@@ -95,7 +95,7 @@ def _score(columns: Floats, late: Floats) -> tuple[float, float, float]:
     return slope, error, float(np.clip(z, -MOST_Z, MOST_Z))
 
 
-def begun(evaluator: Evaluator, neutral_fit: Fitted, seen: Dwelling) -> Fitted:
+def refit_with_rise(evaluator: Evaluator, neutral_fit: Fitted, seen: Dwelling) -> Fitted:
     """``neutral_fit``, a fit with the term of dwell at neutral, refitted with the rise that was
     ``seen``.
 
@@ -118,7 +118,7 @@ def begun(evaluator: Evaluator, neutral_fit: Fitted, seen: Dwelling) -> Fitted:
     candidates[:, base_coordinate.RATIO] = (J - lower_by) / np.maximum(S - lower_by, _SMALLEST)
     candidates[:, coordinate_slice] = seen.rise
     first = conclude(evaluator, scored(layout, layout.bounds.clip(candidates)))
-    return conclude(evaluator, again(evaluator, first, CAREFUL))
+    return conclude(evaluator, refit(evaluator, first, CAREFUL))
 
 
 def _slope(columns: Floats, values: Floats) -> tuple[float, float]:

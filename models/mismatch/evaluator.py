@@ -21,7 +21,7 @@ from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow, used
 from stemwatch.models.mismatch.stem import Stem, Stems
-from stemwatch.models.mismatch.term import RecordingSummary, Term, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary, Term
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.kernel import RESYNC, Marks
 from stemwatch.models.stickslip.onsets import Onsets, Samples, onsets
@@ -69,7 +69,7 @@ class TermSet:
 
     def plus(self, term: Term) -> TermSet:
         """This hypothesis with one more term."""
-        return TermSet(tuple(sorted((*self.terms, term), key=lambda t: (t.way, t.order))))
+        return TermSet(tuple(sorted((*self.terms, term), key=lambda t: (t.acts_on, t.order))))
 
     def without(self, slug: str) -> TermSet:
         """This hypothesis without a term."""
@@ -92,7 +92,7 @@ class CoordinateLayout:
     @cached_property
     def shaping(self) -> Shaping:
         """The terms that shape the command, by the coordinates ``of_force``."""
-        terms = [term for term in self.hypothesis.terms if term.way is Way.COMMAND]
+        terms = [term for term in self.hypothesis.terms if term.acts_on is ActsOn.COMMAND]
         parts, begin = [], 1
         for term in terms:
             coordinate_slice = self.places[term.slug]
@@ -116,7 +116,7 @@ class CoordinateLayout:
     def filling(self) -> tuple[tuple[Term, slice], ...]:
         """The terms that fill the stem, and where their coordinates lie."""
         terms = self.hypothesis.terms
-        return tuple((t, self.places[t.slug]) for t in terms if t.way is not Way.COMMAND)
+        return tuple((t, self.places[t.slug]) for t in terms if t.acts_on is not ActsOn.COMMAND)
 
     @cached_property
     def kind(self) -> tuple[bool, bool, bool]:

@@ -59,7 +59,7 @@ from stemwatch.models.mismatch.prepared_recording import (
 from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
-from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_selection import TermScore
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
@@ -247,7 +247,7 @@ def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mis
     if mismatch.finding is Finding.UNKNOWN or stands_for_friction(restated.S, mismatch.naive.S):
         return mismatch
     # What a slow actuator keeps between command and stem was not lost between two samples.
-    slow = any(catalogue()[effect.slug].way is Way.COMMAND for effect in mismatch.effects)
+    slow = any(catalogue()[effect.slug].acts_on is ActsOn.COMMAND for effect in mismatch.effects)
     if mismatch.runs is None or (slow and archive.deviation <= 0.0):
         return mismatch
     missed = archive.missed_by(evaluator.problem, mismatch.runs.extended)

@@ -11,7 +11,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import left
+from stemwatch.models.mismatch.acceptance_limits import remaining_loss
 from stemwatch.models.mismatch.base_fit import naive_evaluator, naive_layout
 from stemwatch.models.mismatch.crossfit import Fitted
 from stemwatch.models.mismatch.evaluator import Evaluator
@@ -52,8 +52,7 @@ def doubt(
         return (
             "Two other fits to this recording contradict each other (S and J alone: "
             f"{friction_alone.S.value:.2g} and {friction_alone.J.value:.2g} %; with the "
-            "reading's zero and gain: "
-            f"{refitted.S.value:.2g} and {refitted.J.value:.2g} %)"
+            f"reading's zero and gain: {refitted.S.value:.2g} and {refitted.J.value:.2g} %)"
         )
     numbers = (comparison.heldout.fit_naive, comparison.heldout.fit_extended, comparison.followed)
     fits = [fit for fit in numbers if fit is not None]
@@ -78,7 +77,7 @@ def _as_good_by_free_runs(
 ) -> bool:
     """Whether the refit leaves hardly more than noise and does as well by free runs, which S and J
     alone were fitted to: they differ then because a run that misses a slip tells them less well."""
-    if left(evaluator, fitted) > HARDLY_LEFT:
+    if remaining_loss(evaluator, fitted) > HARDLY_LEFT:
         return False
     free = naive_evaluator(evaluator)
     simple = naive[None, : base_coordinate.N_BASE]

@@ -109,6 +109,10 @@ def prepare(
     *,
     own_reading: bool = True,
 ) -> PreparedRecording:
+    """S, J and reading fitted, and the terms refused that the recording could not have shown.
+
+    ``own_reading``: MV is the valve\'s own position and not read from a flow.
+    """
     base = fit_base(problem, summary_of(problem), settled.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
@@ -139,4 +143,5 @@ def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
 
 
 def is_compressed(settled: RecordSettled) -> bool:
+    """True where the archive did not store every sample that it read."""
     return any(effect.slug == "historian_compression" for effect in settled.effects)

@@ -7,7 +7,7 @@ once it is there, or it never leaves the base's own optimum.
 from __future__ import annotations
 
 from stemwatch.models.mismatch.crossfit import Beginning
-from stemwatch.models.mismatch.term import Term, Way
+from stemwatch.models.mismatch.term import ActsOn, Term
 
 # S that valves have, percent, for terms that make the base's own S meaningless.
 FRESH = (2.0, 4.0, 7.0)
@@ -21,7 +21,7 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
     own_reading = Beginning(S, J)
     if term.slug in _LED_ASTRAY:
         return [own_reading, *(Beginning(s, FRESH_RATIO * s, plain=True) for s in FRESH)]
-    if term.way is Way.COMMAND or term.slug == "viscous_drag":
+    if term.acts_on is ActsOn.COMMAND or term.slug == "viscous_drag":
         # It smears the slips, which has driven J to nothing; and a command that only comes near its
         # end never turns, so that a stem which sticks at a turn alone would creep on with it.
         return [

@@ -17,18 +17,18 @@ from stemwatch.models.mismatch import dwell
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing, not_little_left
 from stemwatch.models.mismatch.base_fit import BaseFit
-from stemwatch.models.mismatch.batched_search import Search, conclude, together
+from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
 from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     LOOK,
     POLISH,
     Fitted,
-    again,
     better,
     crossfit,
     gain,
     own_losses,
     ranked,
+    refit,
     scored,
     widened,
 )
@@ -115,7 +115,7 @@ def screened(
     evaluator: Evaluator, simple: Fitted, terms: Iterable[Term]
 ) -> Search[list[TermScore]]:
     """Every term on top of ``simple``, best first."""
-    scores = yield from together(_looked_at(evaluator, simple, term) for term in terms)
+    scores = yield from run_together(_looked_at(evaluator, simple, term) for term in terms)
     return _ordered(scores)
 
 
@@ -196,14 +196,14 @@ def refined(
     for _ in range(ATTEMPTS):
         looked = yield from screened(evaluator, simple, terms)
         promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
-        careful = yield from together(_careful(evaluator, simple, score) for score in promising)
+        careful = yield from run_together(_careful(evaluator, simple, score) for score in promising)
         scores = [*careful, *looked[len(promising) :]]
         restarted = yield from _restarted(evaluator, simple, scores[:REFINED])
         moved = gain(evaluator, simple, restarted).mean
         simple = restarted
         if moved < MOVED:
             break
-    nested = yield from together(_nested(evaluator, simple, score) for score in scores)
+    nested = yield from run_together(_nested(evaluator, simple, score) for score in scores)
     return simple, _ordered(nested)
 
 
@@ -219,7 +219,7 @@ def _careful(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[T
         np.vstack((a.candidate, b.candidate))
         for a, b in zip(even[LOOK.keep :], odd_blocks[LOOK.keep :], strict=True)
     ]
-    fitted = yield from again(evaluator, score.fitted, CAREFUL, *further[: CAREFUL.keep - 1])
+    fitted = yield from refit(evaluator, score.fitted, CAREFUL, *further[: CAREFUL.keep - 1])
     return TermScore(score.term, fitted, score.advantage)
 
 
@@ -228,8 +228,8 @@ def _restarted(evaluator: Evaluator, simple: Fitted, scores: Sequence[TermScore]
     if not scores:
         return simple
     restarts = [reduced(evaluator, score.fitted, simple.layout.hypothesis) for score in scores]
-    fitted = yield from again(evaluator, simple, CAREFUL, *restarts)
-    fitted = yield from again(evaluator, fitted, POLISH)
+    fitted = yield from refit(evaluator, simple, CAREFUL, *restarts)
+    fitted = yield from refit(evaluator, fitted, POLISH)
     return fitted
 
 
@@ -315,7 +315,7 @@ def name(base: BaseFit, terms: Sequence[Term]) -> Named:
         stages.append(SelectionStage(simple, tuple(scores), tuple(accepted_scores)))
         if not accepted_scores:
             break
-        simple = conclude(evaluator, again(evaluator, accepted_scores[0].fitted, POLISH))
+        simple = conclude(evaluator, refit(evaluator, accepted_scores[0].fitted, POLISH))
         terms_left = [term for term in terms_left if term.slug != accepted_scores[0].slug]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
     if not needed:
@@ -336,7 +336,7 @@ def told_by_events(
     neutral_fit = conclude(
         evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term))
     )
-    fitted = dwell.begun(evaluator, neutral_fit, seen)
+    fitted = dwell.refit_with_rise(evaluator, neutral_fit, seen)
     score = TermScore(term, fitted, gain(evaluator, simple, fitted))
     if score.advantage.t < -CONTRADICTED:
         return simple, []  # what makes breakaways late is something else
@@ -359,7 +359,7 @@ def lacking(named: Named, slugs: Collection[str]) -> Named:
     start = conclude(
         evaluator, scored(evaluator.layout(remaining), reduced(evaluator, named.fitted, remaining))
     )
-    fitted = conclude(evaluator, again(evaluator, start, CAREFUL))
+    fitted = conclude(evaluator, refit(evaluator, start, CAREFUL))
     if len(stages) == 1:
         # Its own stage may have had a term before it that is gone now.
         stages = [replace(stages[0], before=named.base)]
@@ -382,7 +382,7 @@ def pruned(
             start = conclude(
                 evaluator, scored(base_layout, reduced(evaluator, fitted, base_layout.hypothesis))
             )
-            before = conclude(evaluator, again(evaluator, start, CAREFUL))
+            before = conclude(evaluator, refit(evaluator, start, CAREFUL))
         advantage = gain(evaluator, before, fitted)
         if not convincing(advantage, evaluator.told, only.accepted[0].slug):
             # What was polished on both folds predicts less than it did at its first look.
@@ -393,7 +393,7 @@ def pruned(
         lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)
         layout = evaluator.layout(lacking)
         start = conclude(evaluator, scored(layout, reduced(evaluator, fitted, lacking)))
-        without_term = conclude(evaluator, again(evaluator, start, CAREFUL))
+        without_term = conclude(evaluator, refit(evaluator, start, CAREFUL))
         advantage = gain(evaluator, without_term, fitted)
         if convincing(advantage, evaluator.told, stage.accepted[0].slug, 1):
             needed.append(Needed(stage, without_term, advantage))

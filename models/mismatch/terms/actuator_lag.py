@@ -14,7 +14,7 @@ from numba import njit
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -110,7 +110,7 @@ class ActuatorLag(CommandTerm):
                 "Loop in manual: step OP by 10 % and by 20 %, and time the stem to 63 % of each "
                 "step."
             ),
-            fails=f"about {about(tau)} for either step",
+            fails=f"about {about_value(tau)} for either step",
             passes=f"within {MATERIAL_S} s",
         )
 

@@ -14,7 +14,7 @@ from numba import njit
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, number
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -128,7 +128,7 @@ class AsymmetricLag(CommandTerm):
         return f"The actuator lags by {slow} when {slowly} but {other}: {self.words.plain}."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        up, down = about(parameters["tau_rising"]), about(parameters["tau_falling"])
+        up, down = about_value(parameters["tau_rising"]), about_value(parameters["tau_falling"])
         return FieldTest(
             do=(
                 "Loop in manual: step OP by 10 % up, then down, and time the stem to 63 % of "

@@ -16,7 +16,7 @@ from numba import njit
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, inverse, number
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, inverse, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -144,7 +144,7 @@ class AsymmetricRateLimit(CommandTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         up, down = (
-            about(inverse(parameters[name], STEP_PERCENT))
+            about_value(inverse(parameters[name], STEP_PERCENT))
             for name in ("rate_rising", "rate_falling")
         )
         return FieldTest(

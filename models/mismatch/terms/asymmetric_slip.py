@@ -15,7 +15,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number
 from stemwatch.models.recording import Floats
 
 # Jumps that differ by less than 1.5 to 1 lie within the scatter of a few dozen slips.
@@ -100,7 +100,7 @@ class AsymmetricSlip(StemTerm):
                 "way, "
                 "and read each jump."
             ),
-            fails=f"jumps rising about {about(parameters['ratio'])} times those falling",
+            fails=f"jumps rising about {about_value(parameters['ratio'])} times those falling",
             passes=f"alike to within {(1.0 + MATERIAL) / (1.0 - MATERIAL):.1f} times",
         )
 

@@ -16,7 +16,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.delay import delayed
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -106,7 +106,7 @@ class DeadTime(CommandTerm):
                 "count by "
                 "radio, and time how long the stem stands still."
             ),
-            fails=f"about {about(parameters['theta'])}",
+            fails=f"about {about_value(parameters['theta'])}",
             passes=(
                 f"less than {AS_BUILT} s; the delay is then in how OP and MV are stamped, not in "
                 "the "

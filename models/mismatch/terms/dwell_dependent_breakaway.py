@@ -19,7 +19,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 T0_S = 5.0  # seconds; a convention of the formula, which b is stated with
@@ -123,7 +123,7 @@ class DwellDependentBreakaway(StemTerm):
                 "the "
                 "steps until it moves; the same after 10 minutes."
             ),
-            fails=f"about {about(parameters['b'], tenfold)} more after the long rest",
+            fails=f"about {about_value(parameters['b'], tenfold)} more after the long rest",
             passes=f"no more than {tenfold * MATERIAL_PERCENT:.1f} % more",
         )
 

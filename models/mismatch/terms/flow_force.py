@@ -17,7 +17,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.5  # change of the force over the travel seen
@@ -104,7 +104,7 @@ class FlowForce(StemTerm):
                 "to the "
                 "middle, each from below, and read OP less position."
             ),
-            fails=f"in the middle {about(size(parameters['U']))} off the mean of the ends",
+            fails=f"in the middle {about_value(size(parameters['U']))} off the mean of the ends",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

@@ -16,7 +16,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number, size
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_SHARE = 0.2  # over the record; less is what warm packing does in a shift
@@ -92,7 +92,7 @@ class GrowingStiction(StemTerm):
                 "move back, "
                 "at the beginning and at the end of a time as long as this recording."
             ),
-            fails=f"the count changes by about {about(size(parameters['growth']))}",
+            fails=f"the count changes by about {about_value(size(parameters['growth']))}",
             passes=f"alike to within {100.0 * MATERIAL_SHARE:g} %",
         )
 

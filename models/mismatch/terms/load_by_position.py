@@ -19,7 +19,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number, size
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number, size
 from stemwatch.models.recording import Floats
 
 MOST = 60.0  # percent at an end of travel, either way
@@ -116,7 +116,7 @@ class LoadByPosition(StemTerm):
                 "Loop in manual: go to 25 % and to 75 % from below, and read OP less position at "
                 "both."
             ),
-            fails=f"the two differ by about {about(size(parameters['rise']))}",
+            fails=f"the two differ by about {about_value(size(parameters['rise']))}",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

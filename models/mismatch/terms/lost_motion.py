@@ -17,7 +17,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel; good linkages have a tenth
@@ -98,7 +98,7 @@ class LostMotion(StemTerm):
                 "stem moves, "
                 "then back, and read how far the stem goes before the position reading follows."
             ),
-            fails=f"about {about(parameters['b'])} of travel",
+            fails=f"about {about_value(parameters['b'])} of travel",
             passes=f"less than {MATERIAL_PERCENT} %",
         )
 

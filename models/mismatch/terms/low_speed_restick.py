@@ -17,7 +17,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, about
+from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value
 from stemwatch.models.recording import Floats
 
 # Every stem sticks again on ramps slower than its packing's Stribeck speed, up to 0.1 %/s or so.
@@ -87,7 +87,7 @@ class LowSpeedRestick(ReadingTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        half, double = about(parameters["v_c"], 0.5), about(parameters["v_c"], 2.0)
+        half, double = about_value(parameters["v_c"], 0.5), about_value(parameters["v_c"], 2.0)
         return FieldTest(
             do=f"Loop in manual: ramp OP over 5 % at {half}, then at {double}, and watch the stem.",
             fails="steps on the slow ramp, a smooth slide on the quick one",

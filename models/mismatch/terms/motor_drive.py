@@ -22,7 +22,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, grid
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, grid
 from stemwatch.models.recording import Floats
 
 LONGEST = 60.0  # samples
@@ -110,7 +110,7 @@ class MotorDrive(StemTerm):
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         return FieldTest(
             do="Step the command by 5 % and time the drive to 63 % of it.",
-            fails=f"about {about(parameters['tau'])} behind the command",
+            fails=f"about {about_value(parameters['tau'])} behind the command",
             passes="the time that the maker gives for this gain and load",
         )
 

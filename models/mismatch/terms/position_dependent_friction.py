@@ -18,7 +18,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.4  # of S/2; the tight spots that fitters find are half a percent and more
@@ -113,11 +113,11 @@ class PositionDependentFriction(StemTerm):
         centre, factor = parameters["place"], 2.0
         return FieldTest(
             do=(
-                f"Loop in manual: at {about(centre)} of travel step OP by 0.2 % from one move of "
-                "the stem "
+                f"Loop in manual: at {about_value(centre)} of travel step OP by 0.2 % from one "
+                "move of the stem "
                 "to the move back, and count; the same well away from there."
             ),
-            fails=f"about {about(parameters['A'], factor)} of OP more there",
+            fails=f"about {about_value(parameters['A'], factor)} of OP more there",
             passes=f"no more than {factor * MATERIAL_PERCENT:g} % more",
         )
 

@@ -15,7 +15,7 @@ from numba import njit
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, inverse
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, inverse
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -128,7 +128,7 @@ class RateLimit(CommandTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        took = about(inverse(parameters["rate"], STEP_PERCENT))
+        took = about_value(inverse(parameters["rate"], STEP_PERCENT))
         return FieldTest(
             do=(
                 f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem to its "

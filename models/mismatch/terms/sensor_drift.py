@@ -18,7 +18,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 WAVES = (1, 2, 3)
@@ -100,8 +100,7 @@ class SensorDrift(StemTerm):
         direction = "downwards" if number(parameters["D"]) < 0.0 else "upwards"
         return (
             f"The position reading drifts {direction} by {size(parameters['D'])} of travel over "
-            "the "
-            "record."
+            "the record."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
@@ -111,7 +110,7 @@ class SensorDrift(StemTerm):
                 "after a "
                 "time as long as this recording."
             ),
-            fails=f"readings apart by up to {about(parameters['range'])}",
+            fails=f"readings apart by up to {about_value(parameters['range'])}",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

@@ -15,7 +15,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, about, either_sign, number
+from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value, either_sign, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its middle
@@ -92,7 +92,7 @@ class SpanError(ReadingTerm):
                 "difference "
                 "of the two readings."
             ),
-            fails=f"about {about(parameters['gain'], 60.0)} %",
+            fails=f"about {about_value(parameters['gain'], 60.0)} %",
             passes=f"60 %, to within {MATERIAL_PERCENT} %",
         )
 

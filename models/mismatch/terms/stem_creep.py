@@ -15,7 +15,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT_PER_S = 0.004  # 1 % of travel in four minutes: a loop has to work against it
@@ -88,7 +88,7 @@ class StemCreep(StemTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         held_s = 240.0
-        crept = about(size(replace(parameters["creep"], unit="%")), held_s)
+        crept = about_value(size(replace(parameters["creep"], unit="%")), held_s)
         return FieldTest(
             do=(
                 "Loop in manual: hold OP for four minutes, and read the stem at the beginning and "

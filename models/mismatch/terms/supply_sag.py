@@ -15,7 +15,7 @@ from numba import njit
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, grid, number, size
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, grid, number, size
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -128,9 +128,9 @@ class SupplySag(CommandTerm):
                 "view."
             ),
             fails=(
-                f"the stem stops about {about(size(parameters['sag']), step / 100.0)} short, and "
-                "arrives "
-                f"with a time constant of about {about(parameters['recovery'])}"
+                f"the stem stops about {about_value(size(parameters['sag']), step / 100.0)} "
+                "short, and arrives "
+                f"with a time constant of about {about_value(parameters['recovery'])}"
             ),
             passes=f"less than {MATERIAL_PERCENT:g} % short, and the gauge stands still",
         )

@@ -17,7 +17,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_BEYOND = 0.5  # percent of travel by which OP asks for more than the stop gives
@@ -120,7 +120,7 @@ class TravelStop(StemTerm):
         return f"The stem {places} while the command goes on."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        low, high = about(parameters["stop_low"]), about(parameters["stop_high"])
+        low, high = about_value(parameters["stop_low"]), about_value(parameters["stop_high"])
         return FieldTest(
             do="Where the process allows it, loop in manual: take OP to 0 % and to 100 %.",
             fails=f"the stem stays between {low} and {high}",

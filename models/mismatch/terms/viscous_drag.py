@@ -17,7 +17,7 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 MATERIAL_S = 0.7  # a slip that takes less is how good valves are
@@ -98,7 +98,7 @@ class ViscousDrag(StemTerm):
                 "63 % of the "
                 "step."
             ),
-            fails=f"about {about(parameters['tau_v'])}",
+            fails=f"about {about_value(parameters['tau_v'])}",
             passes=f"within {MATERIAL_S} s",
         )
 

@@ -15,7 +15,13 @@ from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.terms._common import (
+    ReadingTerm,
+    about_value,
+    either_sign,
+    number,
+    size,
+)
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.4  # of travel; positioners are set to within a quarter of a percent or so
@@ -80,14 +86,13 @@ class ZeroShift(ReadingTerm):
         direction = "low" if number(parameters["zero"]) < 0.0 else "high"
         return (
             f"The position reads {direction} by {size(parameters['zero'])} of travel at "
-            "mid-travel: "
-            "its zero is off, or the bench set of the spring is."
+            "mid-travel: its zero is off, or the bench set of the spring is."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         return FieldTest(
             do="Loop in manual: go to 50 % on the scale at the stem, and read the position.",
-            fails=f"it reads about {about(size(parameters['zero']))} off",
+            fails=f"it reads about {about_value(size(parameters['zero']))} off",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

@@ -16,11 +16,11 @@ from stemwatch.models.mismatch.crossfit import (
     LOOK,
     POLISH,
     Beginning,
-    again,
     better,
     crossfit,
     folds,
     gain,
+    refit,
     scored,
     widened,
 )
@@ -116,7 +116,7 @@ def test_going_on_never_loses_on_a_folds_own_blocks(seed):
     evaluator, layout = prepared()
     begun = at_random(evaluator, layout, seed)
     more = at_random(evaluator, layout, seed + 1).candidates
-    went_on = conclude(evaluator, again(evaluator, begun, POLISH, more))
+    went_on = conclude(evaluator, refit(evaluator, begun, POLISH, more))
     assert (own_losses(evaluator, went_on) <= own_losses(evaluator, begun)).all()
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.term import RecordingSummary, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 
@@ -120,7 +120,7 @@ def test_the_catalogue_holds_all_physics_of_the_valve():
 
 def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
     """Dead time, lag, positioner, speed limit, air supply."""
-    order = {slug: term.order for slug, term in CATALOGUE.items() if term.way is Way.COMMAND}
+    order = {slug: term.order for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.COMMAND}
     assert order == {
         "dead_time": 10,
         "actuator_lag": 20,
@@ -134,7 +134,7 @@ def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
 
 def test_zero_gain_and_re_sticking_are_the_base_s_own_numbers():
     """They are free in every hypothesis."""
-    reading = {slug for slug, term in CATALOGUE.items() if term.way is Way.READING}
+    reading = {slug for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.READING}
     assert reading == {"zero_shift", "span_error", "low_speed_restick"}
 
 

@@ -28,7 +28,7 @@ from stemwatch.models.without_position.suspicion import (
     Suspicion,
     SuspicionLimits,
     WithoutPosition,
-    look,
+    look_at_loop,
     trained_judge,
 )
 from stemwatch.models.without_position.suspicion import suspect as suspect_by
@@ -290,6 +290,6 @@ def test_a_long_record_is_judged_by_its_end() -> None:
     """In the time of a short one, with its S in the same unit."""
     recording = limit_cycle()
     op, pv = (np.tile(recording.get(role).values, 12) for role in (Role.OP, Role.PV))
-    seen = look(loop_of(op, pv))
+    seen = look_at_loop(loop_of(op, pv))
     assert seen.samples <= MOST_SAMPLES
     assert suspect_by(loop_of(op, pv), trained_judge()).score is not None

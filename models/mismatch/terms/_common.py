@@ -9,7 +9,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import RecordingSummary, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -27,7 +27,7 @@ class _Defect:
 class CommandTerm(_Defect):
     """A term that shapes the command and leaves the stem alone."""
 
-    way = Way.COMMAND
+    acts_on = ActsOn.COMMAND
     contains: tuple[str, ...] = ()
 
     def fill(self, stem: Stem, values: Floats) -> None:
@@ -37,7 +37,7 @@ class CommandTerm(_Defect):
 class StemTerm(_Defect):
     """A term that changes the stem and leaves the command as it is."""
 
-    way = Way.STEM
+    acts_on = ActsOn.STEM
     contains: tuple[str, ...] = ()
 
     def shape(
@@ -50,7 +50,7 @@ class StemTerm(_Defect):
 class ReadingTerm(StemTerm):
     """A term that is one of the reading's own numbers."""
 
-    way = Way.READING
+    acts_on = ActsOn.READING
 
 
 def either_sign(*sizes: float) -> Floats:
@@ -98,7 +98,7 @@ def inverse(estimate: Estimate, numerator: float) -> Estimate:
     )
 
 
-def about(estimate: Estimate, times: float = 1.0) -> str:
+def about_value(estimate: Estimate, times: float = 1.0) -> str:
     """``times`` an estimate with two figures and its interval, for a test by hand:
     "7.0 s (6.6 to 7.5)"."""
     if estimate.value is None:

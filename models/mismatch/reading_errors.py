@@ -13,7 +13,7 @@ import numpy as np
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, gain, scored
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -31,7 +31,7 @@ LEAST_ZERO = 0.4  # percent, all through a drift
 
 
 @dataclass(frozen=True)
-class Off:
+class ReadingError:
     """A number of the reading that is materially off."""
 
     term: Term
@@ -53,12 +53,12 @@ def values_of(slug: str, candidate: Floats) -> Floats:
 
 def findings(
     evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term]
-) -> tuple[list[Off], Fitted]:
+) -> tuple[list[ReadingError], Fitted]:
     """What is off, and ``fitted`` with the gain held at 1 where that is not a finding.
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
-    offs: list[Off] = []
+    offs: list[ReadingError] = []
     for slug, (coordinate, largest) in COORDINATES.items():
         if slug not in terms or (slug == "zero_shift" and _explained(fitted, offs)):
             continue
@@ -66,11 +66,11 @@ def findings(
         if reading_error is not None:
             offs.append(reading_error)
         elif slug == "span_error":
-            fitted = without(evaluator, fitted, coordinate, largest)
+            fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
 
 
-def _explained(fitted: Fitted, offs: list[Off]) -> bool:
+def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
     the stroke, and a drift that began or ended at zero is off in between."""
     if any(reading_error.term.slug == "span_error" for reading_error in offs):
@@ -83,21 +83,21 @@ def _explained(fitted: Fitted, offs: list[Off]) -> bool:
     return least < LEAST_ZERO or abs(half) > abs(zero)
 
 
-def without(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest: float) -> Fitted:
+def without_error(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest: float) -> Fitted:
     """``fitted`` with one base coordinate held at neutral, refitted."""
     layout = pinned(fitted.layout, coordinate, largest)
     start = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
-    return conclude(evaluator, again(evaluator, start, CAREFUL))
+    return conclude(evaluator, refit(evaluator, start, CAREFUL))
 
 
 def _dropped(
     evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, largest: float
-) -> Off | None:
+) -> ReadingError | None:
     value = fitted.candidates.mean(axis=0)[[coordinate]]
     if not term.material(value, evaluator.summary):
         return None
-    neutral_fit = without(evaluator, fitted, coordinate, largest)
+    neutral_fit = without_error(evaluator, fitted, coordinate, largest)
     advantage = gain(evaluator, neutral_fit, fitted)
     if not convincing(advantage, evaluator.told, term.slug):
         return None
-    return Off(term, advantage, neutral_fit)
+    return ReadingError(term, advantage, neutral_fit)
