@@ -18,8 +18,12 @@ from stemwatch.models.studies.loops.draws import STORIES, draw_loop
 from stemwatch.models.studies.loops.examples import example
 from stemwatch.models.studies.loops.training import train
 from stemwatch.models.without_position import trained_weights
-from stemwatch.models.without_position.common_phase import common_phase_surrogate
-from stemwatch.models.without_position.features import NAMES, dominant_period, evidence
+from stemwatch.models.without_position.features import (
+    NAMES,
+    common_phase_surrogate,
+    dominant_period,
+    evidence,
+)
 from stemwatch.models.without_position.hammerstein import element, held_out
 from stemwatch.models.without_position.network import KERNELS, LoopNetwork, packed, unpacked
 from stemwatch.models.without_position.suspicion import (
