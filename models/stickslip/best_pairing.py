@@ -54,8 +54,8 @@ class Pairing:
 
     @classmethod
     def of(cls, recording: Recording, first_look: FirstLook | None = None) -> Pairing | None:
-        """``None`` where one of the two hardly moves, or nothing can be scored. ``look`` is a first
-        look at the recording where there was one."""
+        """``None`` where one of the two hardly moves, or nothing can be scored. ``first_look`` is a
+        first look at the recording where there was one."""
         first_look = first_look or FirstLook.at(recording)
         if first_look is None or float(np.ptp(first_look.evaluator.problem.mv)) <= 0.0:
             return None
