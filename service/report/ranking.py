@@ -146,7 +146,7 @@ def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discove
     return discoveries([valve.screening.mismatch for valve in ranked], context.p_elsewhere)
 
 
-def counted(ranked: Sequence[RankedValve]) -> WorkCounts:
+def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:
     """How many valves need work, and where the others stand."""
     if isinstance(ranked, Ranking):
         return ranked.counts

@@ -25,7 +25,8 @@ def defects_key(mismatch: Mismatch) -> dict[str, str]:
 
 
 def named_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
-    """Whether a screening names any effect; never NULL. ``of`` is the table or an alias of it."""
+    """Whether a screening names any effect; never NULL. ``source`` is the table or an alias of
+    it."""
     words = [Finding.NAMED.value, Finding.CANDIDATES.value]
     return func.coalesce(source.mismatch_finding.in_(words), False)
 
