@@ -22,15 +22,17 @@ FEWEST_BARS = 24  # that a picture has room for, so that a few are not drawn as 
 def spectra_map(group: OscillationGroup) -> Markup:
     """Powers of each member over the period, each loop's largest the darkest, the likeliest source
     first."""
-    shown = min(len(group.members), MOST_ROWS)
+    row_count = min(len(group.members), MOST_ROWS)
     bands = len(group.periods_s)
-    width, foot = LEFT + CELL * bands + 24, TOP + ROW * shown
-    name = f"Spectra of {shown} loops; what they have in common is near {duration(group.period_s)}"
+    width, foot = LEFT + CELL * bands + 24, TOP + ROW * row_count
+    name = (
+        f"Spectra of {row_count} loops; what they have in common is near {duration(group.period_s)}"
+    )
     parts = [
         f'<svg class="map" viewBox="0 0 {width} {foot + BOTTOM}" width="{width}" '
         f'height="{foot + BOTTOM}" role="img" aria-label="{escape(name)}">'
     ]
-    for row in range(shown):
+    for row in range(row_count):
         y = TOP + ROW * row
         loop = printable(group.members[row].loop)
         short = loop if len(loop) <= LONGEST_NAME else loop[: LONGEST_NAME - 1] + "…"
@@ -42,10 +44,10 @@ def spectra_map(group: OscillationGroup) -> Markup:
             if power >= 0.02
         ]
     for k in (0, bands // 3, 2 * bands // 3, bands - 1):
-        said = escape(duration(float(f"{group.periods_s[k]:.2g}")))
+        period_text = escape(duration(float(f"{group.periods_s[k]:.2g}")))
         x = LEFT + CELL * k + CELL // 2
         parts.append(
-            f'<text class="axis" x="{x}" y="{foot + 14}" text-anchor="middle">{said}</text>'
+            f'<text class="axis" x="{x}" y="{foot + 14}" text-anchor="middle">{period_text}</text>'
         )
     return Markup("".join([*parts, "</svg>"]))
 
@@ -72,9 +74,11 @@ def _bars(levels: Sequence[float], name: str, said: Sequence[str]) -> Markup:
     width = BAR * max(len(levels), FEWEST_BARS)
     titles = [f"<title>{escape(printable(sentence))}</title>" for sentence in said]
     bars = "".join(
-        f'<rect class="heat" x="{BAR * at}" y="{HEIGHT * (1.0 - level / top):.1f}" '
+        f'<rect class="heat" x="{BAR * index}" y="{HEIGHT * (1.0 - level / top):.1f}" '
         f'width="{BAR - 2}" height="{max(HEIGHT * level / top, 0.5):.1f}">{title}</rect>'
-        for at, (level, title) in enumerate(zip(levels, titles or [""] * len(levels), strict=True))
+        for index, (level, title) in enumerate(
+            zip(levels, titles or [""] * len(levels), strict=True)
+        )
     )
     return Markup(
         f'<svg class="map" viewBox="0 0 {width} {HEIGHT}" width="{width}" height="{HEIGHT}" '

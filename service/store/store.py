@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from types import MappingProxyType, TracebackType
 from typing import Self
@@ -16,6 +16,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.work_decision import WorkCounts
@@ -250,7 +251,11 @@ class Store:
                 failures.append(SaveFailure(valve=screening.valve, reason="not tried: no answer"))
                 continue
             try:
-                with Session(self.transactions.writers) as session, session.begin():
+                with (
+                    interrupts_held(),
+                    Session(self.transactions.writers) as session,
+                    session.begin(),
+                ):
                     number = screenings.write_screening(
                         session, screening, run_id, baselines_of.get(screening.valve)
                     )
@@ -281,6 +286,13 @@ class Store:
         """What is kept of a screening for its pictures; empty where nothing is."""
         with self.transactions.reading() as session:
             return pictures.read_pictures(session, screening)
+
+    def work_compared(
+        self, valves: Collection[str], until_run: int | None = None
+    ) -> list[AroundWork]:
+        """``around_work`` of each of ``valves`` that has it, as it was known at ``until_run``."""
+        with self.transactions.reading() as session:
+            return pictures.read_work_compared(session, valves, until_run)
 
     def around_work(self, valve: str) -> AroundWork | None:
         """The last work on the valve with what is kept of the windows before and after it."""
@@ -356,8 +368,11 @@ class Store:
         them named an effect beside S and J since the last work."""
         with self.transactions.reading("reading the evidence of weeks") as session:
             windows = evidence.read_evidence(session, valves)
-        told = {valve: evidence_of_weeks(of_it) for valve, of_it in windows.items()}
-        return {valve: of_it for valve, of_it in told.items() if of_it is not None}
+        evidence_of_valve = {
+            valve: evidence_of_weeks(windows_of_valve)
+            for valve, windows_of_valve in windows.items()
+        }
+        return {valve: of_it for valve, of_it in evidence_of_valve.items() if of_it is not None}
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""

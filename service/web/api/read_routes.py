@@ -263,8 +263,8 @@ def run_answer(run: StoredRun, deps: Dependencies) -> shapes.RunAnswer:
 
 def finite(value: object) -> float | None:
     """A number that JSON has, or ``None``."""
-    known = isinstance(value, int | float) and math.isfinite(value)
-    return float(value) if known and isinstance(value, int | float) else None
+    is_finite = isinstance(value, int | float) and math.isfinite(value)
+    return float(value) if is_finite and isinstance(value, int | float) else None
 
 
 def _estimated(estimate: Estimate) -> shapes.Estimated:

@@ -36,14 +36,14 @@ def test_a_run_over_loops_without_position_finds_their_group(stemwatch, tmp_path
         write_export(tmp_path / f"{day}.csv", START + timedelta(days=day))
         asked = ("screen", tmp_path / f"{day}.csv", "--db", f"sqlite:///{tmp_path / 'kept.db'}")
         assert stemwatch(*asked, "--out", out, "--workers", "1").status == 0
-    found = {one["valve"]: one for one in json.loads((out / "valves.json").read_text())}
-    assert found["LIC104"]["oscillates_with"] == []
+    results = {load["valve"]: load for load in json.loads((out / "valves.json").read_text())}
+    assert results["LIC104"]["oscillates_with"] == []
     for name in NAMES[:3]:
-        (group,) = found[name]["oscillates_with"]
+        (group,) = results[name]["oscillates_with"]
         assert sorted(group["loops"]) == sorted(NAMES[:3])
         assert abs(group["period_s"] - 400.0) < 20.0
         assert (group["windows"], group["first_found"]) == (2, START.isoformat())
-        assert found[name]["verdict"] == "undetermined"
+        assert results[name]["verdict"] == "undetermined"
     page = (out / "report.html").read_text()
     assert "Loops that oscillate together" in page
     assert "3 loops oscillate with 6.7 min" in page

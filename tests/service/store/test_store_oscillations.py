@@ -57,7 +57,7 @@ def test_a_group_comes_back_whole_and_is_recognised_the_next_day(
     assert (linked.windows, linked.first_found) == (2, START)
     (kept,) = store.oscillations(NOW)
     assert kept.group == linked
-    assert [one.at for one in kept.history] == [START + DAY, START + 2 * DAY]
+    assert [item.at for item in kept.history] == [START + DAY, START + 2 * DAY]
     assert kept.history[0].source == "FIC-1"
     (of_loop,) = store.oscillations_of("TIC-2", NOW)
     assert (of_loop.source, of_loop.windows) == ("FIC-1", 2)
@@ -70,9 +70,9 @@ def test_a_later_run_that_does_not_find_it_ends_it(
     """A run over one of its loops alone does not; after one over most of them it is over."""
     store.keep_oscillations(screened(store, make_screening, START), [group()])
     screened(store, make_screening, START + DAY, LOOPS[:1])
-    assert [one.over for one in store.oscillations(NOW)] == [False]
+    assert [oscillation.over for oscillation in store.oscillations(NOW)] == [False]
     screened(store, make_screening, START + 2 * DAY, LOOPS[1:])
-    assert [one.over for one in store.oscillations(NOW)] == [True]
+    assert [oscillation.over for oscillation in store.oscillations(NOW)] == [True]
     assert store.oscillations_of("FIC-1", NOW) == []
 
 
@@ -87,7 +87,10 @@ def test_the_same_window_again_replaces_its_groups(
     again = screened(store, make_screening, START)
     store.keep_oscillations(again, [replace(group(), outside=0.7)])
     kept = store.oscillations(NOW)
-    assert sorted((one.run_id, one.group.outside) for one in kept) == [(first, 0.1), (again, 0.7)]
+    assert sorted((item.run_id, item.group.outside) for item in kept) == [
+        (first, 0.1),
+        (again, 0.7),
+    ]
 
 
 def test_undated_groups_are_kept_by_run(store: Store, make_screening: MakeScreening) -> None:

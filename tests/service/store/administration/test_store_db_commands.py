@@ -42,7 +42,7 @@ def without_seconds(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: without_seconds(one) for key, one in value.items() if key != "seconds"}
     if isinstance(value, list):
-        return [without_seconds(one) for one in value]
+        return [without_seconds(item) for item in value]
     if isinstance(value, str) and value.startswith("{"):
         return without_seconds(json.loads(value))
     return value
@@ -81,8 +81,8 @@ def test_one_site_on_two_engines_gives_one_report(
 
 def results_of(url: str) -> dict[str, list[dict[str, object]]]:
     """Screenings and indicators in a database, without times of day and durations."""
-    found = rows_of(url)
-    return {name: without_seconds(found[name]) for name in ("valves", "screenings", "indicators")}
+    result = rows_of(url)
+    return {name: without_seconds(result[name]) for name in ("valves", "screenings", "indicators")}
 
 
 def test_a_report_is_compared_with_its_numbers() -> None:

@@ -25,8 +25,8 @@ TABLES = set(metadata.tables)
 
 
 def tables(engine: Engine) -> set[str]:
-    found = set(inspect(engine).get_table_names()) - {"alembic_version"}
-    return {name for name in found if not is_partition(name)}
+    results = set(inspect(engine).get_table_names()) - {"alembic_version"}
+    return {name for name in results if not is_partition(name)}
 
 
 def test_migrations_and_models_agree(store_url: str) -> None:

@@ -73,9 +73,9 @@ def test_a_copy_has_every_value(new_database: NewDatabase, origin: str, target: 
     """Each table comes over with every row and value, and the copy works on."""
     first, second = new_database(origin), new_database(target)
     with database_at(first, "0010"):
-        told = copy(DatabaseUrl(first), DatabaseUrl(second))
+        result = copy(DatabaseUrl(first), DatabaseUrl(second))
     assert rows_of(first) == rows_of(second)
-    assert {2} == {one.rows for one in told.values()}
+    assert {2} == {item.rows for item in result.values()}
     numbers_go_on(second)
 
 

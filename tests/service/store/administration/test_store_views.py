@@ -42,12 +42,12 @@ def test_the_columns_of_version_1_never_change(store: Store) -> None:
     """Names and order of every column, as the first release of the views had them."""
     with store.transactions.reading() as session:
         inspector = inspect(session.connection())
-        found = {
+        results = {
             name: " ".join(column["name"] for column in inspector.get_columns(name))
             for name in inspector.get_view_names()
             if name.startswith("stemwatch_")
         }
-    assert found == COLUMNS
+    assert results == COLUMNS
     assert tuple(COLUMNS) == NAMES
 
 
