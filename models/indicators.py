@@ -67,7 +67,7 @@ def of_repair(repaired: Prediction) -> list[Indicator]:
     """What a valve that does not stick would change in its loop."""
     error = repaired.predicted["error_std"]
     return [
-        *_one("control_error_std", repaired.recorded.error_std, error.unit),
+        *_single_indicator("control_error_std", repaired.recorded.error_std, error.unit),
         *_estimated("control_error_std_repaired", error),
         *_estimated("variance_from_sticking_percent", repaired.fall("error_std", squared=True)),
         *_estimated("control_error_from_sticking", repaired.saved("error_mean")),
