@@ -110,7 +110,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class DrawnLoop:
+class LoopOfAnyKind:
     """A loop of any kind, whose valve sticks; a ``quick`` one counts only where it turns often."""
 
     loop: PlantLoop
@@ -118,10 +118,10 @@ class DrawnLoop:
     quick: bool
 
 
-def evidence_of_valve(valve: StudiedValve | DrawnLoop) -> list[ArchiveEvidence]:
+def evidence_of_valve(valve: StudiedValve | LoopOfAnyKind) -> list[ArchiveEvidence]:
     """One valve as it is, stored late, stored slowly, and in pieces; a healthy one also with a
     noisy PV. A drawn loop as it is; a quick one only where it turns so often that it may count."""
-    if isinstance(valve, DrawnLoop):
+    if isinstance(valve, LoopOfAnyKind):
         recording = on_own_clock(simulate_loop(valve.loop, valve.seed).recording)
         archive = even_archive(recording)
         per_turn = np.nan if archive is None else archive.per_turn
@@ -192,11 +192,11 @@ def run_archive_limits(
     sticking ones of all kinds of loops as they are, and the quick ones of ``QUICK_AMONG`` times as
     many."""
     evidence_at: dict[int, list[ArchiveEvidence]] = {}
-    items: list[StudiedValve | DrawnLoop] = [*draw_valves(valves_each, seed)]
+    items: list[StudiedValve | LoopOfAnyKind] = [*draw_valves(valves_each, seed)]
     plain = LOOPS_EACH * valves_each
     loops = draw_sticky(plain + QUICK_AMONG * valves_each, seed)
     items += [
-        DrawnLoop(loop, 1000 * seed + index, index >= plain) for index, loop in enumerate(loops)
+        LoopOfAnyKind(loop, 1000 * seed + index, index >= plain) for index, loop in enumerate(loops)
     ]
     for index, evidence in map_items(executor, evidence_of_valve, items):
         evidence_at[index] = evidence
