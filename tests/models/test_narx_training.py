@@ -15,6 +15,7 @@ from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.stages import train_members
 from stemwatch.models.narx.training import LEAST_ON_GPU, device_for, train
 from stemwatch.models.recording import Recording, Role, Signal
+from tests.models.stick_slip_element import stick_slip
 
 N = 3600
 # (S, J, noise) in percent, the four shapes twice: deadband, undershoot, no offset, overshoot.
@@ -28,19 +29,6 @@ VALVES = [
     (5.0, 4.0, 0.20),
     (7.0, 2.5, 0.15),
 ]
-
-
-def stick_slip(u: np.ndarray, S: float, J: float) -> np.ndarray:
-    """The canonical two-level friction element, written anew for these tests."""
-    breakaway, sliding = (S + J) / 2, (S - J) / 2
-    y, moving, side = [u[0]], False, 1
-    for k in range(1, u.size):
-        if moving and side * (u[k] - u[k - 1]) <= 0:
-            moving = False
-        if not moving and abs(u[k] - y[-1]) > breakaway:
-            moving, side = True, 1 if u[k] > y[-1] else -1
-        y.append(u[k] - side * sliding if moving else y[-1])
-    return np.array(y)
 
 
 def command(rng: np.random.Generator, n: int) -> np.ndarray:
