@@ -181,18 +181,18 @@ def unknown(reason: str) -> Estimate:
 
 def without_mv(valve: str) -> Screening:
     """A valve whose stem position nobody records."""
-    whole = screening(valve, Verdict.UNDETERMINED, S=3.0, J=1.0, seed=5)
-    assert whole.recording is not None
-    signals: dict[Role, Signal] = dict(whole.recording.signals)
+    complete = screening(valve, Verdict.UNDETERMINED, S=3.0, J=1.0, seed=5)
+    assert complete.recording is not None
+    signals: dict[Role, Signal] = dict(complete.recording.signals)
     del signals[Role.MV]
-    return replace(whole, recording=replace(whole.recording, signals=signals))
+    return replace(complete, recording=replace(complete.recording, signals=signals))
 
 
 def unreadable(valve: str) -> Screening:
     """A valve whose source made no sense."""
-    whole = screening(valve, Verdict.UNDETERMINED, samples=10)
+    complete = screening(valve, Verdict.UNDETERMINED, samples=10)
     return replace(
-        whole,
+        complete,
         reason="exports/broken.csv: line 1: expected a header with a time column, found binary "
         "data; export the tags again as text.",
         advice="Export the tags again and rerun.",

@@ -33,9 +33,9 @@ def store(sqlite_template: Path, tmp_path: Path) -> Iterator[Store]:
 @pytest.fixture(scope="session")
 def _made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("made") / "store.db"
-    with open_store(f"sqlite:///{path}") as made:
-        example_plant.fill(made)
-        example_plant.write_samples(made)
+    with open_store(f"sqlite:///{path}") as created:
+        example_plant.fill(created)
+        example_plant.write_samples(created)
     return path
 
 
