@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stemwatch.models.indicators import Indicator
+from stemwatch.models.screening_result import Indicator
 from stemwatch.service.presenter.cost_of_sticking import (
     CostOfSticking,
     Prices,
@@ -53,11 +53,11 @@ def test_without_a_price_it_is_variance() -> None:
 def test_each_price_is_for_what_it_says() -> None:
     """730 hours a month: a unit of deviation, a share of the time, full strokes; ends add up."""
     money = cost(Prices(per_unit_hour=10.0)).money
-    assert (money.value, money.low) == (pytest.approx(3650.0), pytest.approx(2920.0))
-    assert (money.high, money.unit) == (pytest.approx(5110.0), "EUR")
+    assert [money.value, money.low, money.high] == pytest.approx([3650.0, 2920.0, 5110.0])
+    assert money.unit == "EUR"
     assert cost(Prices(per_hour_off_target=100.0)).money.value == pytest.approx(14_600.0)
     worse = cost(Prices(per_stroke=2.0)).money
-    assert (worse.value, worse.high) == (pytest.approx(-730.0), pytest.approx(1460.0))
+    assert [worse.value, worse.high] == pytest.approx([-730.0, 1460.0])
     both = cost(Prices(per_unit_hour=10.0, per_stroke=2.0))
     assert both.money.value == pytest.approx(2920.0)
     assert both.sentence.endswith("That is 2,920 EUR (1,752 to 6,570) a month.")
