@@ -35,7 +35,8 @@ class RankedValve:
     """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report.
 
     ``stands`` is whether its effects stand among all valves of the run; ``None`` where nothing
-    was named; ``finding`` is the finding in the words that every output uses.
+    was named; ``confirmed`` what the windows of weeks confirm; ``finding`` is the finding in the
+    words that every output uses.
     """
 
     rank: int
@@ -45,6 +46,7 @@ class RankedValve:
     trend: Change
     finding: PresentedFinding
     stands: bool | None = None
+    confirmed: tuple[str, ...] | None = None
     plots: Callable[[], ValvePlots | None] = lambda: None
 
     @property
@@ -79,14 +81,21 @@ class Ranking(Sequence[RankedValve]):
     ) -> None:
         self._screenings, self._context, self._evidence = screenings, context, evidence
         notes = [light(screening) for screening in screenings]
-        run = discoveries([note.mismatch for note in notes], context.p_elsewhere)
+        run = discoveries(
+            [note.mismatch for note in notes],
+            context.p_elsewhere,
+            [context.facts(note.valve).by_window for note in notes],
+        )
         decided = [
-            decide(note, stands=stands) for note, stands in zip(notes, run.standing, strict=True)
+            decide(note, stands=stands, confirmed=confirmed)
+            for note, stands, confirmed in zip(notes, run.standing, run.confirmed, strict=True)
         ]
         keys = [_key(note, of_it) for note, of_it in zip(notes, decided, strict=True)]
         self._order = sorted(range(len(notes)), key=lambda place: keys[place])
         self.discovered: Discoveries = replace(
-            run, standing=tuple(run.standing[place] for place in self._order)
+            run,
+            standing=tuple(run.standing[place] for place in self._order),
+            confirmed=tuple(run.confirmed[place] for place in self._order),
         )
         self.verdicts = tuple(of_it.verdict for of_it in decided)
         self.counts = count_valves(
@@ -115,7 +124,9 @@ class Ranking(Sequence[RankedValve]):
         place = self._order[at]
         screening = self._screenings[place]
         facts = self._context.facts(screening.valve)
-        finding = present(screening, stands=self.discovered.standing[at], run=self.discovered)
+        stands, confirmed = self.discovered.standing[at], self.discovered.confirmed[at]
+        remark = self.discovered.remark(facts.by_window) if stands is False else ""
+        finding = present(screening, stands=stands, confirmed=confirmed, held_back=remark)
         return RankedValve(
             rank=at + 1,
             anchor=self._anchors[at],
@@ -125,7 +136,8 @@ class Ranking(Sequence[RankedValve]):
                 screening, finding.decision.verdict, facts.previous, facts.weeks
             ),
             finding=finding,
-            stands=self.discovered.standing[at],
+            stands=stands,
+            confirmed=confirmed,
             plots=partial(self._evidence, place),
         )
 
@@ -143,7 +155,11 @@ def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discove
     """What stands of all that was named in the run of ``ranked``."""
     if isinstance(ranked, Ranking):
         return ranked.discovered
-    return discoveries([valve.screening.mismatch for valve in ranked], context.p_elsewhere)
+    return discoveries(
+        [valve.screening.mismatch for valve in ranked],
+        context.p_elsewhere,
+        [valve.facts.by_window for valve in ranked],
+    )
 
 
 def counted(ranked: Sequence[RankedValve]) -> WorkCounts:

@@ -1,8 +1,11 @@
-"""Which of the effects that a stored screening names are defects, without reading its mismatch.
+"""Which defects stand of what a stored screening names, without reading its mismatch.
 
 Physics that belongs to the machine (``Effect.inherent``) is named but asks for no work. The slugs
 of the others are one more key in the JSON of a mismatch; one that an older version stored lacks it,
-and all its effects count as defects.
+and all its effects count as defects. Why they do not stand among all valves of the run is another
+key. What the windows of weeks confirm, once the run was finished, is a key in the JSON of its
+evidence; it is there where the valve has a history that decides, and then says which defects stand,
+whatever this window names.
 """
 
 from __future__ import annotations
@@ -13,10 +16,11 @@ from typing import Any
 from sqlalchemy import JSON, ColumnElement, and_, case, func, not_, type_coerce
 
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.tables import ScreeningRow
 
 KEY = "defects"
+HELD_BACK = "held_back"
+CONFIRMED = "confirmed"
 
 
 def defects_key(mismatch: Mismatch) -> dict[str, str]:
@@ -30,6 +34,19 @@ def named_column(of: Any = ScreeningRow) -> ColumnElement[bool]:
     return func.coalesce(of.mismatch_finding.in_(words), False)
 
 
+def remark_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
+    """The remark as an SQL column, read only for screenings with named effects, since the JSON is
+    long; NULL where there is none. ``of`` is the table of screenings or an alias of it."""
+    kept = type_coerce(of.mismatch, JSON)[HELD_BACK].as_string()
+    return case((named_column(of), kept), else_=None).label(HELD_BACK)
+
+
+def remark_of(stored: Any) -> str:
+    """The remark in a stored mismatch; empty where the effects stand or nothing was named."""
+    remark = stored.get(HELD_BACK) if isinstance(stored, dict) else None
+    return remark if isinstance(remark, str) else ""
+
+
 def defects_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
     """What ``defects_key`` stored, as an SQL column; NULL where nothing was named or an older
     version stored it. Read only where effects are named, since the JSON is long."""
@@ -37,10 +54,38 @@ def defects_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
     return case((named_column(of), kept), else_=None).label(KEY)
 
 
+def confirmed_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
+    """The slugs that the windows of weeks confirm and that stand, with blanks between them, as an
+    SQL column; NULL where the valve has no history that decides."""
+    kept: ColumnElement[str | None] = type_coerce(of.evidence, JSON)[CONFIRMED].as_string()
+    return kept.label(CONFIRMED)
+
+
+def confirmed_of(evidence: Any) -> tuple[str, ...] | None:
+    """The same from a stored evidence."""
+    kept = evidence.get(CONFIRMED) if isinstance(evidence, dict) else None
+    return tuple(kept.split()) if isinstance(kept, str) else None
+
+
+def standing_columns(of: Any = ScreeningRow) -> tuple[ColumnElement[str | None], ...]:
+    """The columns beside ``mismatch_slugs`` from which ``standing_defects`` are told."""
+    return remark_column(of), defects_column(of), confirmed_column(of)
+
+
+def standing_defects(row: Any) -> tuple[str, ...]:
+    """The defects that stand of a row with ``mismatch_slugs`` and ``standing_columns``: confirmed
+    by the windows of weeks, or without a history named and not held back."""
+    if row.confirmed is not None:
+        return tuple(row.confirmed.split())
+    return () if row.held_back else defects_of(row.mismatch_slugs, row.defects)
+
+
 def defective_column(of: Any = ScreeningRow) -> ColumnElement[bool]:
-    """Whether a defect is named that stands among all valves of its run; never NULL."""
+    """Whether there is a defect that stands, as ``standing_defects`` tells it; never NULL."""
     stands = not_(func.coalesce(remark_column(of), "") != "")
-    return and_(named_column(of), stands, func.coalesce(defects_column(of), "all") != "")
+    newest = and_(named_column(of), stands, func.coalesce(defects_column(of), "all") != "")
+    confirmed = confirmed_column(of)
+    return case((confirmed.is_not(None), confirmed != ""), else_=newest)
 
 
 def defects_of(slugs: Sequence[str] | None, stored: str | None) -> tuple[str, ...]:
