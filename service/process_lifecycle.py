@@ -134,14 +134,14 @@ def asked_to_stop(stop: Callable[[], object], *, last: bool = False) -> Iterator
         if os.read(reader, 1) == _ASKED:
             stop()
 
-    def asked(*_: object) -> None:
+    def on_signal(*_: object) -> None:
         if not written:
             written.append(os.write(writer, _ASKED))
 
     written: list[int] = []
     heard = threading.Thread(target=wait_and_stop, name="stop", daemon=True)
     heard.start()
-    before = {number: signal.signal(number, asked) for number in _ENDING}
+    before = {number: signal.signal(number, on_signal) for number in _ENDING}
     try:
         yield
     finally:
@@ -169,22 +169,22 @@ def ending_on_sigterm() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread receives signals
         return
-    before, told = signal.signal(signal.SIGTERM, end), sys.unraisablehook
+    before, previous_hook = signal.signal(signal.SIGTERM, end), sys.unraisablehook
 
-    def again(lost: sys.UnraisableHookArgs) -> None:
+    def raise_again(lost: sys.UnraisableHookArgs) -> None:
         """Python drops what is raised in a finaliser or a callback of C: ask once more."""
         if not isinstance(lost.exc_value, Terminated):
-            told(lost)
+            previous_hook(lost)
             return
         asking = threading.Timer(_ASK_AGAIN_S, os.kill, (os.getpid(), signal.SIGTERM))
         asking.daemon = True
         asking.start()
 
-    sys.unraisablehook = again
+    sys.unraisablehook = raise_again
     try:
         yield
     finally:
-        sys.unraisablehook = told
+        sys.unraisablehook = previous_hook
         signal.signal(signal.SIGTERM, before)
 
 

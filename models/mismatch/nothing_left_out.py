@@ -47,8 +47,9 @@ def doubt(
     agree = _agree(alone.S, refitted.S, open_percent) and _agree(alone.J, refitted.J, open_percent)
     if not agree and not _as_good_by_free_runs(evaluator, fitted, best, naive):
         return (
-            f"S and J alone are {alone.S.value:.2g} and {alone.J.value:.2g} %, fitted together "
-            f"with the reading's zero and gain {refitted.S.value:.2g} and {refitted.J.value:.2g} %"
+            "Two other fits to this recording contradict each other (S and J alone: "
+            f"{alone.S.value:.2g} and {alone.J.value:.2g} %; with the reading's zero and gain: "
+            f"{refitted.S.value:.2g} and {refitted.J.value:.2g} %)"
         )
     told = (shown.heldout.fit_naive, shown.heldout.fit_extended, shown.followed)
     fits = [fit for fit in told if fit is not None]

@@ -64,15 +64,15 @@ def score_baseline(
             "network's interval or train a new baseline"
         )
     usable = believable(op, mv, usable)
-    inside = usable & _inside(network, op)
-    outside_share = 1.0 - inside.sum() / usable.sum() if usable.any() else 0.0
-    plan = plan_run(inside, horizon or network.reference_horizon)
+    in_range = usable & _in_trained_range(network, op)
+    outside_share = 1.0 - in_range.sum() / usable.sum() if usable.any() else 0.0
+    plan = plan_run(in_range, horizon or network.reference_horizon)
     scored = plan >= PlanStep.RUN
     samples = int(scored.sum())
     reason = _objection(network, samples, float(outside_share))
     if reason is not None:
         return BaselineScore(reason=reason, samples=samples, outside_share=float(outside_share))
-    known_op, known_mv = (np.where(inside, signal, np.nan) for signal in (op, mv))
+    known_op, known_mv = (np.where(in_range, signal, np.nan) for signal in (op, mv))
     simulated = run_plan(network, known_op, known_mv, plan)
     rmse = float(np.sqrt(np.mean((simulated[scored] - mv[scored]) ** 2)))
     comparable = horizon in (None, network.reference_horizon)
@@ -95,7 +95,7 @@ def _checked(op: Floats, mv: Floats, usable: Bools) -> tuple[Floats, Floats, Boo
     return op, mv, usable
 
 
-def _inside(network: NarxNetwork, op: Floats) -> Bools:
+def _in_trained_range(network: NarxNetwork, op: Floats) -> Bools:
     low, high = network.ranges["op"]
     margin = _RANGE_MARGIN * (high - low)
     with np.errstate(invalid="ignore"):

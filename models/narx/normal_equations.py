@@ -39,7 +39,7 @@ def normal_matrices(
         return partial(_one_by_one, valves, runs, hidden, members), samples
     limits = clamps(valves, members, device)
     return partial(
-        _together, segment_blocks(valves, horizon, members, device), limits, hidden
+        _all_at_once, segment_blocks(valves, horizon, members, device), limits, hidden
     ), samples
 
 
@@ -55,7 +55,7 @@ def _longest_first(runs: _Runs) -> _Runs:
     return starts[order], lengths[order]
 
 
-def _together(
+def _all_at_once(
     pieces: list[SegmentBlock], limits: Clamps, hidden: int, flat: Tensor, _: Tensor
 ) -> Tensor:
     return torch_batch.normal_matrix(pieces, Weights.split(flat, hidden), limits)

@@ -94,7 +94,7 @@ def _curves(source: HistorianFile) -> dict[str, str]:
     from stemwatch.models.quality import assess
     from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 
-    found = {}
+    curves = {}
     for valve in measured:
         try:
             assessment = assess(on_own_clock(source.read(valve)), Limits())
@@ -102,5 +102,5 @@ def _curves(source: HistorianFile) -> dict[str, str]:
             continue  # screening the valve says why
         curve = None if assessment.obstacles else find_stroke_curve(assessment.recording)
         if curve is not None and curve.proposal():
-            found[valve.valve] = curve.proposal()
-    return found
+            curves[valve.valve] = curve.proposal()
+    return curves

@@ -109,9 +109,9 @@ class MailCatcher:
         text = pages.get_template(TEMPLATE).render(
             mails=self.caught[::-1][:_SHOWN], count=len(self.caught)
         )
-        fresh = self.list_file.with_suffix(".new")
-        fresh.write_text(text, encoding="utf-8", newline="\n")
-        fresh.replace(self.list_file)
+        new_file = self.list_file.with_suffix(".new")
+        new_file.write_text(text, encoding="utf-8", newline="\n")
+        new_file.replace(self.list_file)
 
 
 class _Handler:

@@ -85,9 +85,9 @@ class ServiceProcess:
         assert self._process.stdout is not None
         assert self._address is not None
         async for line in self._process.stdout:
-            said = line.decode("utf-8", "replace").rstrip()
-            self._say(said)
-            if (match := _ADDRESS.match(said)) and not self._address.done():
+            log_line = line.decode("utf-8", "replace").rstrip()
+            self._say(log_line)
+            if (match := _ADDRESS.match(log_line)) and not self._address.done():
                 self._address.set_result(match[1])
         if not self._address.done():
             self._address.set_exception(self._sentence(await self._process.wait()))

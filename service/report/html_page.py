@@ -125,28 +125,28 @@ def told_limit(counts: dict[Verdict, int]) -> int:
 
 def plot_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, get plots."""
-    wanted = sum(counts[verdict] for verdict in ALWAYS_WITH_PLOTS)
-    return min(max(wanted, ALWAYS_PLOTTED), MOST_PLOTTED)
+    valves_with_plots = sum(counts[verdict] for verdict in ALWAYS_WITH_PLOTS)
+    return min(max(valves_with_plots, ALWAYS_PLOTTED), MOST_PLOTTED)
 
 
 def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> Iterator[PlottedValve]:
-    limit, told = plot_limit(counts), told_limit(counts)
-    return (_plot(valve, limit) for valve in islice(ranked, told))
+    limit, limit_text = plot_limit(counts), told_limit(counts)
+    return (_plot(valve, limit) for valve in islice(ranked, limit_text))
 
 
 def _plot(valve: RankedValve, limit: int) -> PlottedValve:
     plotted = valve.rank <= limit
     evidence = (valve.evidence or plots_of(valve.screening)) if plotted else NOTHING_DRAWN
     if not plotted:
-        why = (
+        reason = (
             f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
             "small; run a report of this valve alone to see its plots."
         )
     else:
-        nothing = "There is nothing to plot: no samples could be read."
-        why = nothing if evidence.chart is None else ""
+        no_samples = "There is nothing to plot: no samples could be read."
+        reason = no_samples if evidence.chart is None else ""
     mismatch = _view(valve, evidence, valve.finding.held_back)
-    return PlottedValve(valve=valve, chart=evidence.chart, why_not=why, mismatch=mismatch)
+    return PlottedValve(valve=valve, chart=evidence.chart, why_not=reason, mismatch=mismatch)
 
 
 def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchView | None:
@@ -200,6 +200,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "group_headline": oscillation_words.headline,
         "group_cost": oscillation_words.cost,
         "group_begun": lambda group: oscillation_words.begun(group, context.tz),
+        "group_seen": oscillation_words.seen,
         "oscillates_with": lambda loop: oscillation_words.of_loops(
             context.groups, loop, context.tz
         ),

@@ -70,12 +70,12 @@ def test_the_proposed_mapping_loads_and_screens(
     assert loaded.problems == ()
     assert list(loaded.valves) == ["FIC-104"]
 
-    found = tmp_path / "found.json"
+    results = tmp_path / "found.json"
     status = stemwatch(
-        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", found, "--workers", 1
+        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
     )
     assert status.status == 0, status.said
-    (valve,) = json.loads(found.read_text(encoding="utf-8"))
+    (valve,) = json.loads(results.read_text(encoding="utf-8"))
     assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
 
 
@@ -103,12 +103,12 @@ def test_a_curve_from_op_to_stroke_is_proposed_and_used(stemwatch, tmp_path: Pat
     op = np.linspace(70.0, 80.0, 9)
     np.testing.assert_allclose(curve.command(op), 2.0 * (op - 50.0), atol=2.5)
 
-    found = tmp_path / "found.json"
+    results = tmp_path / "found.json"
     screened = stemwatch(
-        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", found, "--workers", 1
+        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
     )
     assert screened.status == 0, screened.said
-    (valve,) = json.loads(found.read_text(encoding="utf-8"))
+    (valve,) = json.loads(results.read_text(encoding="utf-8"))
     assert valve["verdict"] == "sticky"
     assert "The plant file gives this curve." in " ".join(valve["provenance"]["decisions"])
     assert valve["mismatch"]["stroke_curve"]["proposal"] == ""
@@ -198,10 +198,10 @@ def test_a_plant_file_is_written_beside_the_export_or_elsewhere_and_never_over_a
         assert f"stemwatch screen --plant {plant}" in seen.out
         loaded = load_plant(plant)
         assert loaded.problems == ()
-        found = tmp_path / f"{plant.parent.name}.json"
-        command = ("screen", "--plant", plant, "--out", tmp_path / "out", "--json", found)
+        results = tmp_path / f"{plant.parent.name}.json"
+        command = ("screen", "--plant", plant, "--out", tmp_path / "out", "--json", results)
         assert stemwatch(*command, "--workers", 1).status == 0
-        (valve,) = json.loads(found.read_text(encoding="utf-8"))
+        (valve,) = json.loads(results.read_text(encoding="utf-8"))
         assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
     beside.write_text("# filled in by hand\n", encoding="utf-8")
     again = stemwatch("inspect", one_valve, "--write", beside)

@@ -32,11 +32,11 @@ class Influx:
 
     def parse(self, source: LayoutInput) -> RawTable:
         rows = source.rows(",")
-        marked = [row[0].startswith("#") for row in rows.cells]
-        first = marked.index(False) if False in marked else len(marked)
-        if any(marked[first:]):
+        is_annotation = [row[0].startswith("#") for row in rows.cells]
+        first = is_annotation.index(False) if False in is_annotation else len(is_annotation)
+        if any(is_annotation[first:]):
             return self._tables(source, rows)
-        if first == len(marked):
+        if first == len(is_annotation):
             raise UnreadableSource(
                 f"{source.name}: expected a header with _time and _value after the lines with #"
             )

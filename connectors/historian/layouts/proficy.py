@@ -87,7 +87,7 @@ class ProficyCsv:
             table.columns,
             table.numbers,
             table.header,
-            self._where(source, table.header, line),
+            self._narrow_columns(source, table.header, line),
             separator=",",
             layout="Proficy Historian CSV, section [Data]",
             day_first=False,
@@ -97,7 +97,7 @@ class ProficyCsv:
         lines = ["" if ln.startswith("*") else ln for ln in source.document.lines[begin:end]]
         return split_rows(lines, ",", begin + 1, source.notes)
 
-    def _where(self, source: LayoutInput, header: list[str], line: int) -> NarrowColumns:
+    def _narrow_columns(self, source: LayoutInput, header: list[str], line: int) -> NarrowColumns:
         return NarrowColumns(
             tag=required_column(header, TAG_NAMES, source, line),
             time=(required_column(header, _TIMES, source, line),),

@@ -14,20 +14,20 @@ _SPIKED = 0.06
 
 
 def archived(
-    signals: tuple[Floats, Floats, Floats], first: int, every: int, rng: np.random.Generator
+    signals: tuple[Floats, Floats, Floats], first: int, stride: int, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats]:
     """OP, PV and SP, (n,) each, as stored once in ``every`` scans from scan ``first`` on."""
-    averaged = every > 1 and rng.random() < _AVERAGED
-    count = (signals[0].size - first) // every
-    op, pv, sp = (_thinned(signal[first:], every, count, averaged) for signal in signals)
+    averaged = stride > 1 and rng.random() < _AVERAGED
+    count = (signals[0].size - first) // stride
+    op, pv, sp = (_thinned(signal[first:], stride, count, averaged) for signal in signals)
     if rng.random() < _SPIKED:
-        at = rng.integers(0, pv.size, 1 + pv.size // 400)
-        pv[at] += rng.standard_normal(at.size) * 3.0 * np.std(pv)
+        bad_samples = rng.integers(0, pv.size, 1 + pv.size // 400)
+        pv[bad_samples] += rng.standard_normal(bad_samples.size) * 3.0 * np.std(pv)
     op, pv = _compressed(op, rng), _compressed(pv, rng)
     if rng.random() < _HELD:
-        held = rng.random(count) < rng.uniform(0.1, 0.6)
-        held[0] = False
-        last = np.maximum.accumulate(np.where(held, 0, np.arange(count)))
+        is_held = rng.random(count) < rng.uniform(0.1, 0.6)
+        is_held[0] = False
+        last = np.maximum.accumulate(np.where(is_held, 0, np.arange(count)))
         op, pv, sp = op[last], pv[last], sp[last]
     if rng.random() < _LATE:
         late = 1 if rng.random() < 0.5 else -1
@@ -36,8 +36,8 @@ def archived(
     return op, pv, sp
 
 
-def _thinned(values: Floats, every: int, count: int, averaged: bool) -> Floats:
-    values = values[: count * every].reshape(count, every)
+def _thinned(values: Floats, stride: int, count: int, averaged: bool) -> Floats:
+    values = values[: count * stride].reshape(count, stride)
     return np.asarray(values.mean(axis=1) if averaged else values[:, 0].copy())
 
 
@@ -47,14 +47,14 @@ def _compressed(values: Floats, rng: np.random.Generator) -> Floats:
     if rng.random() > _COMPRESSED:
         return values
     deviation = float(rng.uniform(0.02, 0.25)) * float(np.std(values))
-    kept = [0]
+    stored = [0]
     for k, value in enumerate(values):
-        if abs(value - values[kept[-1]]) > deviation:
-            if k - 1 > kept[-1]:
-                kept.append(k - 1)  # so that a straight line does not smear a jump
-            kept.append(k)
+        if abs(value - values[stored[-1]]) > deviation:
+            if k - 1 > stored[-1]:
+                stored.append(k - 1)  # so that a straight line does not smear a jump
+            stored.append(k)
     places = np.arange(values.size)
     if rng.random() < 0.5:
-        return np.asarray(np.interp(places, kept, values[kept]))
-    last = np.searchsorted(kept, places, side="right") - 1
-    return np.asarray(values[kept][last])
+        return np.asarray(np.interp(places, stored, values[stored]))
+    last = np.searchsorted(stored, places, side="right") - 1
+    return np.asarray(values[stored][last])

@@ -60,25 +60,25 @@ def draw_loop(seed: int, index: int, story: str = "") -> DrawnLoop:
     """
     rng = np.random.default_rng([seed, index])
     for _ in range(_TRIES):
-        loop, slips = _drawn(rng, story, index % 2 == 0)
+        loop, slips = _draw(rng, story, index % 2 == 0)
         if slips >= FEWEST_SLIPS or not loop.sticky:
             return loop
     raise RuntimeError(f"no loop of seed {seed}, place {index} moved its stem {FEWEST_SLIPS} times")
 
 
-def _drawn(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, int]:
+def _draw(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, int]:
     """One loop, and how often its stem broke away in the record."""
-    drawn = str(rng.choice(list(STORIES), p=list(STORIES.values())))
-    story = story or drawn
+    drawn_story = str(rng.choice(list(STORIES), p=list(STORIES.values())))
+    story = story or drawn_story
     S = float(np.exp(rng.uniform(np.log(1.0), np.log(8.0)))) if sticks else 0.0
     J = S * float(rng.choice([0.0, rng.uniform(0.1, 0.9), 1.0, rng.uniform(1.0, 1.2)]))
-    every = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
+    stride = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
     count = int(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST))))
-    signals, stem = _run(rng, story, S, J, WARM_UP + every * count)
-    op, pv, sp = archived(signals, WARM_UP, every, rng)
+    signals, stem = _run(rng, story, S, J, WARM_UP + stride * count)
+    op, pv, sp = archived(signals, WARM_UP, stride, rng)
     moves = np.diff(stem[WARM_UP:]) != 0.0
     slips = int(np.count_nonzero(moves[1:] & ~moves[:-1]))
-    loop = DrawnLoop(op=op, pv=pv, sp=sp, interval_s=float(every), S=S, J=J, story=story)
+    loop = DrawnLoop(op=op, pv=pv, sp=sp, interval_s=float(stride), S=S, J=J, story=story)
     return loop, slips
 
 
@@ -183,13 +183,17 @@ def _disturbances(
     if rng.random() < 0.15:
         load += rng.uniform(0.3, 3.0) * stepped(time, rng.uniform(5.0, 30.0) * period, rng)
     if "load" in stories:
-        more = rng.uniform(0.5, 3.0) * coloured(time.size, period * rng.uniform(0.5, 6.0), rng)
-        load += more * now_and_then(time.size, 30.0 * period, rng)
+        coloured_noise = rng.uniform(0.5, 3.0) * coloured(
+            time.size, period * rng.uniform(0.5, 6.0), rng
+        )
+        load += coloured_noise * now_and_then(time.size, 30.0 * period, rng)
     if "saturated" in stories:
         load += wave(time, period, rng) * float(rng.uniform(2.0, 6.0))
-    for story in stories & {"wave", "neighbour"}:
+    for wave_story in stories & {"wave", "neighbour"}:
         amplitude = float(np.exp(rng.uniform(np.log(0.5), np.log(5.0))))
-        shape = wave(time, period, rng) if story == "wave" else _neighbour(time.size, period, rng)
+        shape = (
+            wave(time, period, rng) if wave_story == "wave" else _neighbour(time.size, period, rng)
+        )
         if rng.random() < 0.3:
             push += amplitude * numbers.process_gain * 0.5 * shape
         else:
@@ -226,18 +230,18 @@ def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
         pv_filter=0.0,
         gap=0.0,
     )
-    nothing = np.zeros(scans)
+    zeros = np.zeros(scans)
     load = 0.5 * coloured(scans, 5.0 * lag, rng)
     start = np.full(scans, 50.0)
     start[: scans // 50 + 1] = 50.0 + S
-    read, _ = run_scans(numbers, start, load, nothing, nothing, rng.standard_normal(2048))
-    away = read[1] - np.mean(read[1])
-    return np.asarray(away / max(float(np.std(away)), 1e-6))
+    read, _ = run_scans(numbers, start, load, zeros, zeros, rng.standard_normal(2048))
+    deviation = read[1] - np.mean(read[1])
+    return np.asarray(deviation / max(float(np.std(deviation)), 1e-6))
 
 
-def _slewed(values: Floats, most: float) -> Floats:
+def _slewed(values: Floats, most_step: float) -> Floats:
     """The values followed at no more than ``most`` a scan."""
     followed = values.copy()
     for k in range(1, values.size):
-        followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most, most)
+        followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most_step, most_step)
     return followed

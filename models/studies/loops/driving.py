@@ -11,31 +11,31 @@ from stemwatch.models.recording import Floats
 def coloured(count: int, time: float, rng: np.random.Generator) -> Floats:
     """(count,) noise of unit variance with this correlation time, in scans."""
     pole = float(np.exp(-1.0 / max(time, 0.05)))
-    drawn = rng.standard_normal(count) * np.sqrt(1.0 - pole * pole)
-    return np.asarray(lfilter([1.0], [1.0, -pole], drawn))
+    innovations = rng.standard_normal(count) * np.sqrt(1.0 - pole * pole)
+    return np.asarray(lfilter([1.0], [1.0, -pole], innovations))
 
 
-def stepped(time: Floats, apart: float, rng: np.random.Generator) -> Floats:
+def stepped(time: Floats, mean_gap: float, rng: np.random.Generator) -> Floats:
     """(n,) steps between -1 and 1, on average ``apart`` scans from each other."""
-    times = np.cumsum(apart * (0.3 + 0.7 * rng.exponential(1.0, 4000)))
+    times = np.cumsum(mean_gap * (0.3 + 0.7 * rng.exponential(1.0, 4000)))
     times = times[times < time.size]
     heights = np.concatenate([[0.0], rng.uniform(-1.0, 1.0, times.size)])
     return np.asarray(heights[np.searchsorted(times, time, side="right")])
 
 
-def now_and_then(count: int, apart: float, rng: np.random.Generator) -> Floats:
+def now_and_then(count: int, mean_gap: float, rng: np.random.Generator) -> Floats:
     """(count,) ones, or in one record of four stretches of ones and noughts."""
     if rng.random() > 0.25:
         return np.ones(count)
-    return np.asarray(coloured(count, apart, rng) > rng.uniform(-0.7, 0.3), dtype=np.float64)
+    return np.asarray(coloured(count, mean_gap, rng) > rng.uniform(-0.7, 0.3), dtype=np.float64)
 
 
 def wave(time: Floats, period: float, rng: np.random.Generator) -> Floats:
     """A sine, a triangle, a saw, or a wave between sine and square, whose phase wanders; now and
     then it comes and goes. Its period is drawn around ``period``."""
-    own = period * float(np.exp(rng.uniform(np.log(0.7), np.log(6.0))))
-    walk = np.cumsum(rng.standard_normal(time.size)) * np.sqrt(1.0 / own)
-    phase = 2.0 * np.pi * (time / own + rng.uniform()) + rng.uniform(0.02, 0.5) * walk
+    own_period = period * float(np.exp(rng.uniform(np.log(0.7), np.log(6.0))))
+    walk = np.cumsum(rng.standard_normal(time.size)) * np.sqrt(1.0 / own_period)
+    phase = 2.0 * np.pi * (time / own_period + rng.uniform()) + rng.uniform(0.02, 0.5) * walk
     kind = rng.choice(["sine", "sine", "square", "triangle", "saw"])
     if kind == "sine":
         shape = np.sin(phase)
@@ -44,5 +44,5 @@ def wave(time: Floats, period: float, rng: np.random.Generator) -> Floats:
     else:
         shape = sawtooth(phase, 0.5 if kind == "triangle" else rng.uniform(0.55, 0.95))
     if rng.random() < 0.3:  # its size wanders
-        shape = shape * np.exp(0.4 * coloured(time.size, 5.0 * own, rng))
-    return np.asarray(shape * now_and_then(time.size, 10.0 * own, rng))
+        shape = shape * np.exp(0.4 * coloured(time.size, 5.0 * own_period, rng))
+    return np.asarray(shape * now_and_then(time.size, 10.0 * own_period, rng))

@@ -21,7 +21,7 @@ def upsert(
     key: Sequence[str],
     *,
     update: bool = True,
-    where: Any = None,
+    condition: Any = None,
     returning: Any = None,
 ) -> Executable:
     """The statement that inserts ``values`` into ``table``. An existing row with the same ``key``
@@ -34,10 +34,10 @@ def upsert(
     changed = {name: insert.excluded[name] for name in values[0] if name not in key}
     if update and changed:
         statement = insert.on_conflict_do_update(
-            index_elements=key, index_where=where, set_=changed
+            index_elements=key, index_where=condition, set_=changed
         )
     else:
-        statement = insert.on_conflict_do_nothing(index_elements=key, index_where=where)
+        statement = insert.on_conflict_do_nothing(index_elements=key, index_where=condition)
     return statement if returning is None else statement.returning(returning)
 
 

@@ -28,17 +28,17 @@ def defects_key(mismatch: Mismatch) -> dict[str, str]:
     return {KEY: " ".join(effect.slug for effect in mismatch.defects)}
 
 
-def named_column(of: Any = ScreeningRow) -> ColumnElement[bool]:
-    """Whether a screening names any effect; never NULL. ``of`` is the table or an alias of it."""
+def named_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
+    """Whether a screening names any effect; never NULL. ``source``: the table or an alias of it."""
     words = [Finding.NAMED.value, Finding.CANDIDATES.value]
-    return func.coalesce(of.mismatch_finding.in_(words), False)
+    return func.coalesce(source.mismatch_finding.in_(words), False)
 
 
-def remark_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
+def remark_column(source: Any = ScreeningRow) -> ColumnElement[str | None]:
     """The remark as an SQL column, read only for screenings with named effects, since the JSON is
-    long; NULL where there is none. ``of`` is the table of screenings or an alias of it."""
-    kept = type_coerce(of.mismatch, JSON)[HELD_BACK].as_string()
-    return case((named_column(of), kept), else_=None).label(HELD_BACK)
+    long; NULL where there is none. ``source`` is the table of screenings or an alias of it."""
+    kept = type_coerce(source.mismatch, JSON)[HELD_BACK].as_string()
+    return case((named_column(source), kept), else_=None).label(HELD_BACK)
 
 
 def remark_of(stored: Any) -> str:
@@ -47,17 +47,17 @@ def remark_of(stored: Any) -> str:
     return remark if isinstance(remark, str) else ""
 
 
-def defects_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
+def defects_column(source: Any = ScreeningRow) -> ColumnElement[str | None]:
     """What ``defects_key`` stored, as an SQL column; NULL where nothing was named or an older
     version stored it. Read only where effects are named, since the JSON is long."""
-    kept = type_coerce(of.mismatch, JSON)[KEY].as_string()
-    return case((named_column(of), kept), else_=None).label(KEY)
+    kept = type_coerce(source.mismatch, JSON)[KEY].as_string()
+    return case((named_column(source), kept), else_=None).label(KEY)
 
 
-def confirmed_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
+def confirmed_column(source: Any = ScreeningRow) -> ColumnElement[str | None]:
     """The slugs that the windows of weeks confirm and that stand, with blanks between them, as an
     SQL column; NULL where the valve has no history that decides."""
-    kept: ColumnElement[str | None] = type_coerce(of.evidence, JSON)[CONFIRMED].as_string()
+    kept: ColumnElement[str | None] = type_coerce(source.evidence, JSON)[CONFIRMED].as_string()
     return kept.label(CONFIRMED)
 
 
@@ -67,9 +67,9 @@ def confirmed_of(evidence: Any) -> tuple[str, ...] | None:
     return tuple(kept.split()) if isinstance(kept, str) else None
 
 
-def standing_columns(of: Any = ScreeningRow) -> tuple[ColumnElement[str | None], ...]:
+def standing_columns(source: Any = ScreeningRow) -> tuple[ColumnElement[str | None], ...]:
     """The columns beside ``mismatch_slugs`` from which ``standing_defects`` are told."""
-    return remark_column(of), defects_column(of), confirmed_column(of)
+    return remark_column(source), defects_column(source), confirmed_column(source)
 
 
 def standing_defects(row: Any) -> tuple[str, ...]:
@@ -80,11 +80,11 @@ def standing_defects(row: Any) -> tuple[str, ...]:
     return () if row.held_back else defects_of(row.mismatch_slugs, row.defects)
 
 
-def defective_column(of: Any = ScreeningRow) -> ColumnElement[bool]:
+def defective_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
     """Whether there is a defect that stands, as ``standing_defects`` tells it; never NULL."""
-    stands = not_(func.coalesce(remark_column(of), "") != "")
-    newest = and_(named_column(of), stands, func.coalesce(defects_column(of), "all") != "")
-    confirmed = confirmed_column(of)
+    stands = not_(func.coalesce(remark_column(source), "") != "")
+    newest = and_(named_column(source), stands, func.coalesce(defects_column(source), "all") != "")
+    confirmed = confirmed_column(source)
     return case((confirmed.is_not(None), confirmed != ""), else_=newest)
 
 

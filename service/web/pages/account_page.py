@@ -48,7 +48,7 @@ def change_password(
     try:
         if not confirm(deps.store, user, form.secret("present"), now=now, address=address):
             return _page(
-                request, deps, current_user, said="The present password is wrong.", status=422
+                request, deps, current_user, message="The present password is wrong.", status=422
             )
         check_password(new, user.name)
         if new != form.secret("again"):
@@ -56,7 +56,7 @@ def change_password(
         deps.store.accounts.set_password(user.id, hash_password(new), now)
     except (WeakPassword, TooMany, Busy) as error:
         status = 429 if isinstance(error, TooMany) else 422
-        return _page(request, deps, current_user, said=str(error), status=status)
+        return _page(request, deps, current_user, message=str(error), status=status)
     note_about(request, "password")
     agent = request.headers.get("user-agent", "")
     answer = back(request, "/account", "password")
@@ -95,7 +95,7 @@ def make_token(
             days=days or None,
         )
     except tokens.BadToken as error:
-        return _page(request, deps, current_user, said=str(error), status=422)
+        return _page(request, deps, current_user, message=str(error), status=422)
     return _page(request, deps, current_user, secret=secret)
 
 
@@ -124,12 +124,12 @@ def _page(
     deps: Dependencies,
     current_user: CurrentUser,
     *,
-    said: str = "",
+    message: str = "",
     secret: str = "",
     status: int = 200,
 ) -> HTMLResponse:
     now = deps.now
-    own = deps.store.api_tokens.all(current_user.user)
+    own_tokens = deps.store.api_tokens.all(current_user.user)
     return deps.renderer.page(
         request,
         "account_page.html",
@@ -138,10 +138,10 @@ def _page(
         open_alerts=deps.open_alerts(),
         user=_user(deps, current_user),
         sessions=sessions_of(deps.store, current_user.user, now),
-        tokens=[token for token in own if token.is_open(now)],
+        tokens=[token for token in own_tokens if token.is_open(now)],
         scopes=scopes_of(current_user.role),
         lifetimes=LIFETIMES_DAYS,
-        said=said,
+        said=message,
         secret=secret,
         shortest=SHORTEST,
         longest=LONGEST,

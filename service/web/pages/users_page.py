@@ -28,13 +28,13 @@ def user_list(request: Request, deps: Deps) -> HTMLResponse:
 @router.post("/users/invite")
 def invite(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> HTMLResponse:
     """A one-time link for a new user; it is shown on this one page and never again."""
-    note = form.text("note", most=200)
+    note = form.text("note", longest=200)
     role, now = _role(form), deps.now
     note_about(request, f"invite {note}" if note else "invite")
     secret, link = make_link(
         deps.store, OneTimeLinkKind.INVITATION, role, made_by=current_user.name, now=now, note=note
     )
-    return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
+    return _page(request, deps, new_link=link, address=address_of(secret, _base_url(request)))
 
 
 @router.post("/users/password")
@@ -54,7 +54,7 @@ def new_password(
         user=user.id,
         note=user.name,
     )
-    return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
+    return _page(request, deps, new_link=link, address=address_of(secret, _base_url(request)))
 
 
 @router.post("/users/role")
@@ -95,7 +95,7 @@ def withdraw(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
 
 
 def _page(
-    request: Request, deps: Dependencies, *, made: OneTimeLink | None = None, address: str = ""
+    request: Request, deps: Dependencies, *, new_link: OneTimeLink | None = None, address: str = ""
 ) -> HTMLResponse:
     open_links = deps.store.access_links.open(deps.now)
     return deps.renderer.page(
@@ -106,7 +106,7 @@ def _page(
         users=deps.store.accounts.all(),
         links=[link for link in open_links if link.kind is not OneTimeLinkKind.FIRST],
         roles=list(UserRole),
-        made=made,
+        made=new_link,
         address=address,
     )
 
@@ -121,10 +121,10 @@ def _user(request: Request, deps: Dependencies, form: Form) -> User:
 
 
 def _role(form: Form) -> UserRole:
-    given = form.text("role", needed="a role")
-    if given not in list(UserRole):
-        raise HTTPException(422, f"{', '.join(UserRole)} is expected, received {given!r}")
-    return UserRole(given)
+    role_text = form.text("role", needed="a role")
+    if role_text not in list(UserRole):
+        raise HTTPException(422, f"{', '.join(UserRole)} is expected, received {role_text!r}")
+    return UserRole(role_text)
 
 
 def _unless_last(change: Callable[[], object]) -> None:

@@ -15,10 +15,10 @@ from stemwatch.models.recording import Role
 
 
 def roles_of(*tags: tuple[str, str, str]) -> dict[str, Role | None]:
-    found = propose_roles(
+    result = propose_roles(
         [(tag, unit, text, None) for tag, unit, text in tags], stem="file", mv_is_output=False
     )
-    return {one.tag: one.role for one in found}
+    return {item.tag: item.role for item in result}
 
 
 @pytest.mark.parametrize(
@@ -77,16 +77,19 @@ def test_cv_needs_percent_and_a_neighbour() -> None:
 
 def test_two_outputs_of_one_loop_are_not_chosen_between() -> None:
     """Two equal candidates are both left open."""
-    found = roles_of(("A.OP", "%", ""), ("A.OUT", "%", ""))
-    assert found == {"A.OP": None, "A.OUT": None}
+    result = roles_of(("A.OP", "%", ""), ("A.OUT", "%", ""))
+    assert result == {"A.OP": None, "A.OUT": None}
 
 
 def test_position_transmitter_is_paired_by_number() -> None:
     """ZT-101 belongs to FIC-101 when no other loop has the number."""
-    found = propose_roles(
+    result = propose_roles(
         [("FIC-101.OP", "%", "", None), ("ZT-101", "%", "", None)], stem="f", mv_is_output=False
     )
-    assert [(one.role, one.valve) for one in found] == [(Role.OP, "FIC-101"), (Role.MV, "FIC-101")]
+    assert [(item.role, item.valve) for item in result] == [
+        (Role.OP, "FIC-101"),
+        (Role.MV, "FIC-101"),
+    ]
 
 
 def export() -> str:
@@ -135,9 +138,9 @@ def test_inspection_sees_lines_instead_of_samples(open_text) -> None:
 
 def test_inspection_is_plain_data(source: HistorianFile) -> None:
     """The inspection serialises to JSON."""
-    plain = json.loads(json.dumps(source.inspect().to_dict()))
-    assert plain["tags"][0]["role"] == "op"
-    assert plain["start"] == "2026-01-05T06:00:00+00:00"
+    loaded = json.loads(json.dumps(source.inspect().to_dict()))
+    assert loaded["tags"][0]["role"] == "op"
+    assert loaded["start"] == "2026-01-05T06:00:00+00:00"
 
 
 def test_plant_toml_is_valid_and_asks_for_what_is_open(open_text) -> None:

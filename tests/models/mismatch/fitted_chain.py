@@ -63,13 +63,13 @@ def evaluator_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
 
 def candidate(layout: CoordinateLayout, S=4.0, J=1.2, base=None, **terms) -> Floats:
     """Coordinates of S and J in percent, other coordinates of the base, and those of terms."""
-    made = np.zeros(layout.size)
-    made[base_coordinate.S_PERCENT], made[base_coordinate.RATIO] = S, J / S
+    result = np.zeros(layout.size)
+    result[base_coordinate.S_PERCENT], result[base_coordinate.RATIO] = S, J / S
     for place, value in (base or {}).items():
-        made[place] = value
+        result[place] = value
     for slug, values in terms.items():
-        made[layout.places[slug]] = values
-    return made
+        result[layout.places[slug]] = values
+    return result
 
 
 def simulated_by_chain(

@@ -59,7 +59,7 @@ def searches(seed):
 @settings(max_examples=5, deadline=None)
 def test_a_search_finds_in_company_what_it_finds_alone(seed):
     """To the last bit: the same candidates, the same losses, in the order of the searches."""
-    alone = [conclude(evaluator(), one) for one in searches(seed)]
+    alone = [conclude(evaluator(), item) for item in searches(seed)]
     in_step = conclude(evaluator(), together(searches(seed)))
     assert len(alone) == len(in_step) == len(KINDS) + 1
     for one, other in zip(alone, in_step, strict=True):
@@ -92,10 +92,12 @@ def test_a_search_that_fails_is_not_taken_for_done():
 @given(st.lists(st.integers(1, 3 * LANES), min_size=1, max_size=12))
 def test_every_candidate_runs_once_in_as_few_batches_as_can_be(counts):
     """Batches keep the order, are no larger than the lanes, and differ by one at most."""
-    made = list(batches(counts))
-    ran = [(lot, i) for batch in made for lot, part in batch for i in range(*part.indices(10**6))]
+    as_list = list(batches(counts))
+    ran = [
+        (lot, i) for batch in as_list for lot, part in batch for i in range(*part.indices(10**6))
+    ]
     assert ran == [(lot, i) for lot, count in enumerate(counts) for i in range(count)]
-    sizes = [sum(part.stop - part.start for _, part in batch) for batch in made]
+    sizes = [sum(part.stop - part.start for _, part in batch) for batch in as_list]
     assert len(sizes) == -(-sum(counts) // LANES)
     assert max(sizes) <= LANES
     assert max(sizes) - min(sizes) <= 1

@@ -51,10 +51,10 @@ def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
     """The slack is as wide as the archive's door where that can be told, and never absurd."""
     true = simulated_by_chain(noise=noise, seed=seed)
     recording, stored = archived(true, deviation)
-    found = door(recording.mv.values, stored)
-    assert NARROWEST_DOOR <= found <= WIDEST_DOOR
+    result = door(recording.mv.values, stored)
+    assert NARROWEST_DOOR <= result <= WIDEST_DOOR
     error = np.abs(recording.mv.values - true.mv.values)
-    assert np.mean(error > found) < 0.02
+    assert np.mean(error > result) < 0.02
 
 
 def test_slack_stands_at_drawn_values_only():
@@ -108,9 +108,9 @@ def test_a_resting_stem_is_put_where_it_was_measured():
 
 def test_a_lag_is_named_through_a_door():
     """Where one sample in ten is stored, three seconds of lag are still seen, and as long."""
-    found = explain(archived(simulated_by_chain(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
-    assert any("actuator_lag" in one.members for one in found.effects)
-    assert found.restated.S.value == pytest.approx(4.0, abs=0.6)
+    explanation = explain(archived(simulated_by_chain(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
+    assert any("actuator_lag" in effect.members for effect in explanation.effects)
+    assert explanation.restated.S.value == pytest.approx(4.0, abs=0.6)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

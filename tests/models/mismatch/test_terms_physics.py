@@ -270,11 +270,11 @@ def test_terms_that_share_a_table_add_to_it_and_clear_empties_it():
     """Two laws of friction or force can be found together."""
     stems = Stems.neutral(1, 100, 1.0)
     (stem,) = stems.each
-    for place in (40.0, 60.0):
-        CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, place, 3.0]))
+    for index in (40.0, 60.0):
+        CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, index, 3.0]))
     CATALOGUE["flow_force"].fill(stem, np.array([2.0]))
     CATALOGUE["dwell_dependent_breakaway"].fill(stem, np.array([0.5]))
-    at_40, at_60 = (int(place - stem_number.PLACE_LOW) for place in (40.0, 60.0))
+    at_40, at_60 = (int(index - stem_number.PLACE_LOW) for index in (40.0, 60.0))
     assert stem.friction[at_40] == pytest.approx(1.5)
     assert stem.friction[at_60] == pytest.approx(1.5)
     assert stem.force[int(100.0 - stem_number.PLACE_LOW)] == pytest.approx(-2.0)

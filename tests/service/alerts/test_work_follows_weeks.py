@@ -43,8 +43,9 @@ def named(*slugs: str, p_value: float = 1e-5) -> Mismatch:
     """These effects, as probable as this by chance."""
     effects = tuple(
         Effect(
-            slug=slug, members=(slug,), sentence=f"There is {slug}.", where="", check=f"Mend {slug}.",
-            decide="", parameters={}, evidence=EffectEvidence(mean=0.2, t=5.0, share=0.4),
+            slug=slug, members=(slug,), sentence=f"There is {slug}.", where="", decide="",
+            check=f"Mend {slug}.", parameters={},
+            evidence=EffectEvidence(mean=0.2, t=5.0, share=0.4),
         )
         for slug in slugs
     )  # fmt: skip

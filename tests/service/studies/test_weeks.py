@@ -29,8 +29,8 @@ def valve(hidden, *named, S=4.0):
                 start=at - timedelta(hours=1),
                 named=((slug,),) if slug else (),
                 scores=tuple(
-                    EffectScore(slug=one, mean=0.0, t=0.0, strength=0.0)
-                    for one in ("dead_time", "flow_force", "zero_shift")
+                    EffectScore(slug=item, mean=0.0, t=0.0, strength=0.0)
+                    for item in ("dead_time", "flow_force", "zero_shift")
                 ),
                 S=size,
                 J=size,
