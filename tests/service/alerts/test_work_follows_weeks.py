@@ -107,7 +107,7 @@ def test_every_output_has_the_verdict_of_the_weeks(
     lines = either_store.ranking(RankingFilter()).lines
     assert {line.valve for line in lines if line.verdict is Verdict.DEFECTIVE} == DEFECTIVE
     assert [line.valve for line in lines] == [one.screening.valve for one in ranking]
-    assert either_store.run(run).counts["defective"] == len(DEFECTIVE)
+    assert either_store.run(run).counts[Verdict.DEFECTIVE] == len(DEFECTIVE)
     for valve in WINDOWS:
         newest = either_store.s_and_j(valve)[-1]
         assert (newest.verdict is Verdict.DEFECTIVE) is (valve in DEFECTIVE)
