@@ -32,6 +32,7 @@ from stemwatch.models.fit_window import (
     window_sentence,
 )
 from stemwatch.models.limits import Limits
+from stemwatch.models.loop_pace import at_loop_pace
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
@@ -159,7 +160,8 @@ def _fit_or_reason(case: Case, limits: Limits) -> _Fitted | Screening:
 
 def _fit(case: Case, limits: Limits) -> _Fitted:
     started = time.perf_counter()
-    case = replace(case, recording=in_percent(case.recording))
+    paced = at_loop_pace(in_percent(case.recording), round(limits.fitted_samples))
+    case = replace(case, recording=paced)
     on_own = on_own_clock(case.recording)
     assessment = assess(on_own, limits)
     recording, masked, stretch = on_own, assessment.recording, None

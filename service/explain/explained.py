@@ -82,13 +82,14 @@ def explain_recording(
     samples as a screening fits. ``known_curve`` is how OP strokes the valve, where the plant file
     says it.
     """
+    from stemwatch.models.loop_pace import at_loop_pace
     from stemwatch.models.stickslip.stored_range import in_percent
 
-    by_window = None
+    by_window, limits = None, limits or Limits()
     try:
-        mismatch, by_window = _explained(recording, narx, limits or Limits(), known_curve)
-        # What is drawn beside the runs is in percent, as they are.
-        recording = in_percent(recording)
+        # As a screening reads it; what is drawn beside the runs is so, too.
+        recording = at_loop_pace(in_percent(recording), round(limits.fitted_samples))
+        mismatch, by_window = _explained(recording, narx, limits, known_curve)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
         mismatch = not_testable(reason)

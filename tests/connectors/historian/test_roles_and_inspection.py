@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stemwatch.connectors.historian import HistorianFile, propose_valves
+from stemwatch.connectors.historian.proposed_plant import ProposedSource, plant_toml
 from stemwatch.connectors.historian.tags.roles import propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.models.recording import Role
@@ -146,7 +147,8 @@ def test_inspection_is_plain_data(source: HistorianFile) -> None:
 def test_plant_toml_is_valid_and_asks_for_what_is_open(open_text) -> None:
     """The proposal parses, maps what is certain and asks for the position in a comment."""
     text = export().replace("FIC1.ZT", "FIC1.MV")
-    proposal = open_text(text, "plant.csv").inspect().plant_toml("boiler")
+    seen = open_text(text, "plant.csv").inspect()
+    proposal = plant_toml([ProposedSource("boiler", seen.source, (seen,))])
     plant = tomllib.loads(proposal)
     assert plant["sources"][0]["name"] == "boiler"
     (valve,) = plant["valves"]
@@ -159,7 +161,9 @@ def test_plant_toml_is_valid_and_asks_for_what_is_open(open_text) -> None:
 
 def test_plant_toml_maps_a_certain_position(source: HistorianFile) -> None:
     """A position that leaves no doubt is mapped."""
-    (valve,) = tomllib.loads(source.inspect().plant_toml())["valves"]
+    seen = source.inspect()
+    proposal = plant_toml([ProposedSource("historian", seen.source, (seen,))])
+    (valve,) = tomllib.loads(proposal)["valves"]
     assert valve["tags"]["mv"]["tag"] == "FIC1.ZT"
 
 
