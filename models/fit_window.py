@@ -67,8 +67,8 @@ def choose_fit_window(recording: Recording, samples: int) -> FitWindow | None:
 
 def telling_windows(recording: Recording, samples: int, most_windows: int) -> tuple[FitWindow, ...]:
     """The record cut into equal windows of ``samples`` samples and a little more, in order of time;
-    of more than ``most`` those with the most useful movement of OP, as ``choose_fit_window`` counts
-    it. None where OP is not known."""
+    of more than ``most_windows`` those with the most useful movement of OP, as
+    ``choose_fit_window`` counts it. None where OP is not known."""
     count = len(recording) // max(samples, 2)
     movement = _Movement.of(recording)
     if movement is None or count < 1:
@@ -130,8 +130,7 @@ def window_sentence(stretch: FitWindow, recording: Recording) -> str:
         window_text = f"{part.start:%Y-%m-%d %H:%M:%S} to {part.end:%Y-%m-%d %H:%M:%S} UTC"
     return (
         f"The models are fitted to {window_text}, {stretch.length / len(recording):.0%} of the "
-        "record: "
-        f"where OP works the valve most, turning round {times(stretch.turns)} by at least "
+        f"record: where OP works the valve most, turning round {times(stretch.turns)} by at least "
         f"{stretch.turn_percent:.2g} %. Data quality and movement are those of the whole record."
     )
 

@@ -77,8 +77,7 @@ def seconds_of(value: float, unit: str, unit_s: float) -> float:
         known_quantities = ", ".join(repr(quantity) for quantity in POWER_OF_TIME)
         raise ValueError(
             f"the unit {unit!r} has no power of time: one of {known_quantities} expected; add "
-            "it to "
-            "POWER_OF_TIME in models/own_clock.py"
+            "it to POWER_OF_TIME in models/own_clock.py"
         )
     return value if power == 0 else value * unit_s if power == 1 else value / unit_s
 
@@ -95,8 +94,8 @@ def estimate_in_seconds(estimate: Estimate, unit_s: float) -> Estimate:
 
 
 def duration(own_time: float, unit_s: float, spec: str = ".0f") -> str:
-    """``own`` units of ``unit_s`` seconds in words: "12 s" by ``spec`` where the clock is one of
-    seconds, "3.4 ms" on a faster and "2.5 h" on a slower one."""
+    """``own_time`` units of ``unit_s`` seconds in words: "12 s" by ``spec`` where the clock is one
+    of seconds, "3.4 ms" on a faster and "2.5 h" on a slower one."""
     seconds = own_time * unit_s
     if is_of_seconds(unit_s):
         return f"{seconds:{spec}} s"
@@ -105,7 +104,7 @@ def duration(own_time: float, unit_s: float, spec: str = ".0f") -> str:
 
 
 def long_time(own_time: float, unit_s: float) -> str:
-    """``own`` units of time in words: minutes on a clock of seconds."""
+    """``own_time`` units of time in words: minutes on a clock of seconds."""
     return (
         f"{own_time * unit_s / 60.0:.0f} minutes"
         if is_of_seconds(unit_s)
@@ -119,7 +118,7 @@ def is_of_seconds(unit_s: float) -> bool:
 
 
 def rate(own_rate: float, unit_s: float, spec: str = ".1f") -> str:
-    """``own`` percent a unit in words, as ``duration``: "0.5 %/s", "3 %/min"."""
+    """``own_rate`` percent a unit in words, as ``duration``: "0.5 %/s", "3 %/min"."""
     speed = own_rate / unit_s
     if is_of_seconds(unit_s):
         return f"{speed:{spec}} %/s"
@@ -134,7 +133,7 @@ def between(low: str, high: str) -> str:
 
 
 def parts_of_time(own_time: float, unit_s: float, parts: int) -> tuple[str, ...]:
-    """Names of so many equal parts of ``own`` units of time: "minute 0 to 8" and so on."""
+    """Names of so many equal parts of ``own_time`` units of time: "minute 0 to 8" and so on."""
     seconds = own_time * unit_s
     factor, name = 60.0, "minute"
     if unit_s >= SLOW and seconds >= LEAST_SAID * 86400.0:

@@ -189,8 +189,7 @@ def reversed_obstacles(recording: Recording) -> list[Obstacle]:
         Obstacle(
             "position_reversed",
             f"the position falls when OP rises (correlation {correlated:.2f}), and no curve "
-            "from OP "
-            "to stroke follows it",
+            "from OP to stroke follows it",
             "Check which tag is this valve's position; if it counts the other way, give its values "
             "at 0 % and 100 % of OP (low, high) the other way round.",
         )
@@ -205,8 +204,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
             Obstacle(
                 "op_not_followed",
                 f"the position makes {share(moves_alone)} of its way while OP stands still: "
-                "something "
-                "else moves this valve",
+                "something else moves this valve",
                 "Map the output that goes to this valve: not that of a manual station that does "
                 "not track, nor of the other valve of a split range.",
             )
@@ -233,7 +231,8 @@ def wiring_obstacles(
     """Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
 
     ``recording`` in percent of travel both, read through its curve; ``as_stored`` what it was where
-    its OP was taken for stored late and brought forward; ``look`` a first look at ``recording``.
+    its OP was taken for stored late and brought forward; ``first_look`` a first look at
+    ``recording``.
     """
     pairing = Pairing.of(recording, first_look)
     # Most valves need no second look.
@@ -241,7 +240,7 @@ def wiring_obstacles(
         return []
     at_most = pairing.explained(BEFORE)
     nearest = min(at_most, pairing.explained(AFTER), key=lambda candidate: candidate.left)
-    if nearest.left < SWAPPED_FROM:
+    if nearest.left < SWAPPED_FROM or pairing.slips_to_its_command:
         return []
     controller = behind_controller(recording)
     exchanged = np.inf
@@ -333,8 +332,7 @@ def _clocks_apart(recording: Recording, samples: float) -> Obstacle:
     return Obstacle(
         "clocks_apart",
         f"the position moves about {difference_text} {direction}: their clocks differ, or one "
-        "of the two was "
-        "exported for another time",
+        "of the two was exported for another time",
         "Export OP and position for the same time from one archive, and compare a step.",
     )
 
@@ -387,8 +385,7 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
             Obstacle(
                 "position_still",
                 f"the position shows nothing but its noise while OP moved over {op_swing:.1f} "
-                "%: either "
-                "the stem is stuck fast or this is not the position of this valve",
+                "%: either the stem is stuck fast or this is not the position of this valve",
                 STUCK_REMEDY,
             )
         ]
@@ -512,8 +509,7 @@ def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[
             Obstacle(
                 "compressed",
                 f"the historian compressed the position: {share(drawn_share)} of its moving "
-                "samples were "
-                "drawn between stored points, which hides when the stem slipped",
+                "samples were drawn between stored points, which hides when the stem slipped",
                 "Export raw values with compression off (or its deviation below 0.1 %).",
             )
         )

@@ -1,5 +1,5 @@
-"""Rules for our processes: no traceback on Ctrl-C while starting, an orderly end on SIGTERM, an end
-with the parent; how workers are created; and whether the process of a stored name has ended.
+"""Rules for our processes: no traceback on Ctrl-C while starting, an orderly end, an end with the
+parent; how workers are created; and whether the process of a stored name has ended.
 
 A terminal sends Ctrl-C to the whole process group. A process that is still importing would print a
 traceback, and one whose parent was killed would wait for work for ever.
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 _ORPHANED = 3
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 _ASKED = b"1"
-_ASK_AGAIN_S = 0.05
-_terminated = threading.Event()
-INTERRUPTED = 128 + 2  # the status of a command that Ctrl-C ended
-TERMINATED = 128 + 15  # the status of a command that SIGTERM ended
 PRELOADED = "stemwatch.service.executors.worker_preload"
 
 
@@ -151,46 +147,6 @@ def asked_to_stop(stop: Callable[[], object], *, last: bool = False) -> Iterator
         heard.join()
         os.close(reader)
         os.close(writer)
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM, handled in the same way as Ctrl-C."""
-
-
-@contextmanager
-def ending_on_sigterm() -> Iterator[None]:
-    """SIGTERM raises ``Terminated`` in the main thread, whatever handler was inherited. It cannot
-    be passed on as Ctrl-C, which background jobs of a script ignore."""
-
-    def end(*_: object) -> None:
-        _terminated.set()
-        raise Terminated
-
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread receives signals
-        return
-    before, previous_hook = signal.signal(signal.SIGTERM, end), sys.unraisablehook
-
-    def raise_again(lost: sys.UnraisableHookArgs) -> None:
-        """Python drops what is raised in a finaliser or a callback of C: ask once more."""
-        if not isinstance(lost.exc_value, Terminated):
-            previous_hook(lost)
-            return
-        asking = threading.Timer(_ASK_AGAIN_S, os.kill, (os.getpid(), signal.SIGTERM))
-        asking.daemon = True
-        asking.start()
-
-    sys.unraisablehook = raise_again
-    try:
-        yield
-    finally:
-        sys.unraisablehook = previous_hook
-        signal.signal(signal.SIGTERM, before)
-
-
-def terminated() -> bool:
-    """Whether this command received SIGTERM."""
-    return _terminated.is_set()
 
 
 def process_name() -> str:

@@ -12,10 +12,10 @@ from stemwatch.connectors.archive.valve_columns import (
     ValveColumns,
     bounds_of,
     empty_column,
-    inside,
     local_instants,
     need_op,
     no_samples_error,
+    within_bounds,
 )
 from stemwatch.connectors.connector import (
     WHOLE,
@@ -97,7 +97,7 @@ class DataFrameSource:
         columns: dict[str, Column] = {}
         for role, mapping in valve.tags.items():
             tag = find_tag(recordings, mapping.tag)
-            columns[tag] = inside(self._column(tag, as_mode=role is Role.MODE), bounds)
+            columns[tag] = within_bounds(self._column(tag, as_mode=role is Role.MODE), bounds)
             if role is Role.OP and not columns[tag].file_ns.size:
                 raise no_samples_error(self.where, tag, window, self._contents())
         return assemble(self._loaded(columns), valve, window)

@@ -123,8 +123,7 @@ def checked_options(
     if signal_of_role and Role.OP not in signal_of_role:
         raise ValueError(
             f"{', '.join(role.value for role in signal_of_role)} given without op; say op=, the "
-            "column or "
-            "the samples of the controller output"
+            "column or the samples of the controller output"
         )
     for name, pair in (ranges or {}).items():
         if name not in signals:
@@ -275,8 +274,7 @@ def _one_of_file(path: str, inputs: InputOptions) -> Recording:
         suggestion = nearest(inputs.valve, names)
         raise MappingNeeded(
             f"{path}: there is no valve {inputs.valve!r} among {len(names)}{suggestion}; "
-            "expected one of "
-            f"{_name_list(names)}"
+            f"expected one of {_name_list(names)}"
         )
     raise MappingNeeded(
         f"{path}: holds {len(names)} valves ({_name_list(names)}); say which with "

@@ -70,3 +70,11 @@ def test_the_site_builds_without_a_warning_and_loads_nothing_from_outside(tmp_pa
             r"<(?:script|img|link)[^>]*(?:src|href)=.(https?:)?//", page.read_text("utf-8")
         )
         assert fetched == [], page.name
+
+
+def test_make_docs_and_continuous_integration_end_at_a_warning() -> None:
+    """Strictness counts warnings, which --quiet would drop before they are counted."""
+    assert "strict: true" in (ROOT / "mkdocs.yml").read_text("utf-8")
+    (recipe,) = re.findall(r"bin/mkdocs build[^)]*", (ROOT / "Makefile").read_text("utf-8"))
+    assert recipe == "bin/mkdocs build"
+    assert re.search(r"^make docs ", (ROOT / ".ci" / "run").read_text("utf-8"), re.MULTILINE)

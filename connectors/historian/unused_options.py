@@ -15,8 +15,8 @@ _IS_NOT_USED = " is not used: "
 def say_unused(options: ReadOptions, notes: ReadingNotes, reasons: Mapping[str, str]) -> None:
     """A sentence for each option that the user gave and that nobody marked as used.
 
-    ``why`` has the reason by option; one without a reason is said all the same, so that an option
-    added later cannot be silent.
+    ``reasons`` has the reason by option; one without a reason is said all the same, so that an
+    option added later cannot be silent.
     """
     for name, value in given_options(options).items():
         if name not in notes.used:

@@ -106,7 +106,7 @@ async def _try_block(line: Connection, block: Block) -> list[TriedRegister]:
 
 
 def other_orders(register: TriedRegister) -> tuple[Meaning, ...]:
-    """Byte orders in which the words of ``tried`` give a likely value where the map's does not.
+    """Byte orders in which the words of ``register`` give a likely value where the map's does not.
 
     Empty where the map's order looks likely, or none does.
     """

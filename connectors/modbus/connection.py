@@ -163,7 +163,8 @@ class Connection:
         return self._words(reply, request, looks_alike)
 
     def _words(self, reply: ModbusPDU, request: SentRequest, looks_alike: bool) -> list[int]:
-        """The words of ``reply``; ``alike``: an earlier answer that looks so may still come."""
+        """The words of ``reply``; ``looks_alike``: an earlier answer that looks so may still
+        come."""
         self._silences = 0
         numbered = self.link.kind is LinkKind.TCP and reply.transaction_id != 0
         if reply.isError():

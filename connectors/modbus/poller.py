@@ -115,7 +115,7 @@ class _Poll:
     fault: str = ""
 
     def mark(self, reader: BlockReader, fault: ReadFault, *, fault_is_known: bool = False) -> None:
-        """Mark a block without words; ``known`` where the fault is not of this poll."""
+        """Mark a block without words; ``fault_is_known`` where the fault is not of this poll."""
         self.fault = self.fault or ("" if fault_is_known else fault.reason)
         missing = fault.kind in (FaultKind.NO_CONNECTION, FaultKind.SILENT, FaultKind.NOT_ASKED)
         quality = Quality.MISSING if missing else Quality.BAD

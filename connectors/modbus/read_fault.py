@@ -67,12 +67,12 @@ def silent(timeout_s: float) -> ReadFault:
 
 
 def nonsense(description: str) -> ReadFault:
-    """The fault of an invalid answer; ``what`` describes it."""
+    """The fault of an invalid answer; ``description`` describes it."""
     return ReadFault(FaultKind.NONSENSE, f"nonsense: {description}")
 
 
 def no_connection(reason: str) -> ReadFault:
-    """The fault of no connection; ``why`` is empty where the cause is not known."""
+    """The fault of no connection; ``reason`` is empty where the cause is not known."""
     return ReadFault(
         FaultKind.NO_CONNECTION, f"no connection: {reason}" if reason else "no connection"
     )

@@ -222,7 +222,7 @@ class OpcUaArchive:
         self, tag: str, role: Role, history: History, bounds: tuple[int | None, int | None]
     ) -> Column:
         from stemwatch.connectors.archive.number_column import number_column
-        from stemwatch.connectors.archive.valve_columns import empty_column, inside
+        from stemwatch.connectors.archive.valve_columns import empty_column, within_bounds
         from stemwatch.connectors.historian.times.epoch import ns_of
 
         if not history.times:
@@ -242,7 +242,7 @@ class OpcUaArchive:
             reasons=reasons,
             as_mode=role is Role.MODE,
         )
-        return inside(column, bounds)
+        return within_bounds(column, bounds)
 
 
 def is_bad(codes: NDArray[np.int64]) -> Bools:

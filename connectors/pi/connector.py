@@ -216,7 +216,11 @@ class PiArchive:
     def _column(
         self, tag: str, role: Role, point: PiPoint, values: list[dict[str, object]], window: Window
     ) -> Column:
-        from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
+        from stemwatch.connectors.archive.valve_columns import (
+            bounds_of,
+            empty_column,
+            within_bounds,
+        )
         from stemwatch.connectors.pi.values import column_of
 
         if not values:
@@ -229,7 +233,7 @@ class PiArchive:
             good=self.address.good,
             as_mode=role is Role.MODE,
         )
-        return inside(column, bounds_of(window, self.address.before_s))
+        return within_bounds(column, bounds_of(window, self.address.before_s))
 
     def _point(self, api: PiWebApi, tag: str) -> PiPoint:
         """The point of ``tag``. Raises ``UnknownTag`` with the names that come nearest."""

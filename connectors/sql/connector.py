@@ -73,7 +73,7 @@ class SqlAddress:
         return f"database {self.name}"
 
 
-def beside(url: str, folder: Path) -> str:
+def url_in_folder(url: str, folder: Path) -> str:
     """``url`` with a relative SQLite path counted from ``folder``; any other as it is."""
     name = url.removeprefix(_SQLITE)
     if name == url or not name or name.startswith(("/", ":memory:", "file:")):
@@ -133,7 +133,7 @@ class SqlSettings(ArchiveSettings):
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
         """Of the database; a path in a SQLite URL counts from ``folder``."""
         url = (
-            Secret(text=beside(self.url, folder))
+            Secret(text=url_in_folder(self.url, folder))
             if self.url
             else Secret(variable=self.url_variable or "")
         )
@@ -254,7 +254,11 @@ class SqlArchive:
     def _column(
         self, connection: Connection, tag: str, role: Role, window: Window, notes: ReadingNotes
     ) -> tuple[Column, Instants | None]:
-        from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
+        from stemwatch.connectors.archive.valve_columns import (
+            bounds_of,
+            empty_column,
+            within_bounds,
+        )
         from stemwatch.connectors.sql.query_rows import column_of, instants_of
 
         samples = self._samples(connection, tag, window)
@@ -267,7 +271,7 @@ class SqlArchive:
         column = column_of(tag, samples, instants, options, name, "", as_mode=role is Role.MODE)
         if not instants.in_utc:
             return column, instants
-        return inside(column, bounds_of(window, self.address.before_s)), instants
+        return within_bounds(column, bounds_of(window, self.address.before_s)), instants
 
     def _samples(self, connection: Connection, tag: str, window: Window) -> Samples:
         from stemwatch.connectors.sql.database import run_query

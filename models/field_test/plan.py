@@ -122,13 +122,13 @@ def _planned(
         for i, j in pairs
         if test.pair_probability(i, j) < LEAST_PAIR
     )
-    if tells(test):
+    if is_likely_to_tell(test):
         return replace(plan, kind=PlanKind.TELLS, test=test, undecided=undecided)
     short = replace(plan, kind=PlanKind.CANNOT_TELL, test=test, undecided=undecided)
     return _with_wider(short, models, kinds)
 
 
-def tells(test: DesignedTest) -> bool:
+def is_likely_to_tell(test: DesignedTest) -> bool:
     """Whether the right rival wins so often that the test is worth its time."""
     chance = 1.0 / len(test.models)
     return test.probability >= chance + TELLS * (1.0 - chance)
@@ -161,6 +161,6 @@ def _with_wider(
     for amplitude, duration_s in dict.fromkeys(wider_plans):
         wider = replace(limits, amplitude=amplitude, duration_s=duration_s)
         test = None if wider == limits else design(plan.question, models, wider, plan.op, kinds)
-        if test is not None and tells(test):
+        if test is not None and is_likely_to_tell(test):
             return replace(plan, wider=wider, wider_probability=test.probability)
     return plan

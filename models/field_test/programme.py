@@ -194,7 +194,7 @@ def _moves(down: float, up: float, least_hold_s: float) -> Iterator[Move]:
 
 
 def _after_rests(down: float, up: float, hold_s: float, rest_s: float) -> Iterator[Move]:
-    """The same slow ramp there and back after a rest of ``rest`` holds, twice."""
+    """The same slow ramp there and back after a rest of ``rest_s`` holds, twice."""
     stairs = _stairs(0.0, up, 0.5) if up >= down else _stairs(down, 0.0, 0.5)
     if len(stairs) < 2:
         return

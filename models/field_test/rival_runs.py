@@ -28,9 +28,9 @@ from stemwatch.models.mismatch.evaluator import (
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Words
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.mismatch.terms._common import StemTerm
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import START
 from stemwatch.models.stickslip.parameters import Bounds
@@ -59,11 +59,11 @@ class BreakawayScatter(StemTerm):
     def __init__(self, percent: float) -> None:
         self.percent = percent
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The number of the draw."""
         return (Coordinate(name="draw", low=0.0, high=1e6),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """The first draw."""
         return np.zeros((1, 1))
 
@@ -76,7 +76,7 @@ class BreakawayScatter(StemTerm):
         stem.breakaway += np.repeat(levels, hold)[:size]
         stem.numbers[stem_number.BY_REST] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It is never a finding."""
         return False
 
@@ -134,7 +134,7 @@ class RivalRuns:
             mv_is_percent=True,
             unit_s=question.unit_s,
         )
-        look = Look(
+        summary = RecordingSummary(
             interval_s=self.interval,
             duration_s=n * self.interval,
             op_low=low,
@@ -147,8 +147,8 @@ class RivalRuns:
         )
         return make_evaluator(
             problem,
-            look,
-            base_bounds(problem, look),
+            summary,
+            base_bounds(problem, summary),
             # No model follows a valve more closely than its breakaways repeat.
             max(3.0 * question.sigma, question.scatter, LEAST_DELTA),
             question.restick,

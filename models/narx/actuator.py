@@ -51,7 +51,8 @@ def _bridged(op: Floats) -> Floats:
 def _drive(
     op: Floats, delay: float, up: float, down: float, most_up: float, most_down: float, out: Floats
 ) -> None:
-    """``delay`` in samples, ``up`` and ``down`` the lag's share per sample, ``most`` percent."""
+    """``delay`` in samples, ``up`` and ``down`` the lag's share per sample, the most that it moves
+    in a sample: percent."""
     whole_samples = int(delay)
     fraction = delay - whole_samples
     output = op[0] if op.size else 0.0

@@ -12,10 +12,6 @@ from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.scaling import believable
 from stemwatch.models.recording import Bools, Floats
 
-# Healthy records lay between 1.2 and 1.62 times the reference error, valves with growing stiction
-# at 2.1 and more (46 simulated records, free runs of 100 samples).
-ALARM_RATIO = 1.8
-
 _LEAST_SCORED = 100
 _SAME_INTERVAL = 0.01
 _RANGE_MARGIN = 0.1  # of OP's training range, on either side
@@ -26,8 +22,9 @@ _MOST_OUTSIDE = 0.25
 class BaselineScore:
     """The free run's error on a new record, or ``None`` and the reason why there is none.
 
-    ``rmse`` in MV's unit; ``ratio`` = rmse / the network's ``reference_rmse``: about 1.2 for a
-    valve that has not changed, an alarm from ``ALARM_RATIO`` on. It tells that the valve changed,
+    ``rmse`` in MV's unit; ``ratio`` = rmse / the network's ``reference_rmse``: 1.2 to 1.62 for
+    a valve that had not changed, 2.1 and more where stiction grew (46 simulated records, free runs
+    of 100 samples); ``Limits.baseline_ratio_watch`` lies between. It tells that the valve changed,
     not that it sticks. ``samples`` were scored; ``outside_share`` of the usable ones had an OP
     outside the training range and were left out.
     """

@@ -129,7 +129,7 @@ def normal_matrix(
     ratio: float,
     edge: float,
     steepest: float,
-    longest_step: float,
+    largest_squares: float,
     out: Floats,
 ) -> bool:
     """Fill ``out`` (P + 1, P + 1): ``J'J``, with ``J'r`` in the last column and row, and ``r'r``.
@@ -138,7 +138,8 @@ def normal_matrix(
     ``weights`` (P,). ``runs``: the first samples and the lengths of free runs, each from the two
     measurements before it; neighbours go side by side, so it is quick where they are of a length.
     Derivatives are held within ``steepest``. Returns False, and leaves ``out`` unfinished, as soon
-    as ``r'r`` is above ``most`` or no number: no derivative is taken before all have run.
+    as ``r'r`` is above ``largest_squares`` or no number: no derivative is taken before all have
+    run.
     """
     size, lengths, frame = weights.size, runs[1], (limits, ratio, edge)
     s = _laid_out(weights.reshape((1, size)), hidden)
@@ -146,7 +147,7 @@ def normal_matrix(
     for first in range(0, lengths.size, _LANES):
         steps += _longest(lengths[first : first + _LANES])
     states = np.empty((steps, (_UNITS + hidden) * _LANES))
-    if not _run_all(s, hidden, (level, move, position), runs, frame, longest_step, states):
+    if not _run_all(s, hidden, (level, move, position), runs, frame, largest_squares, states):
         return False
     out[:, :] = 0.0
     lanes_together = max(_LANES, _ON_ONE_THREAD // (size + 1) ** 2)
@@ -273,7 +274,7 @@ def _run_all(
     signals: tuple[Floats, Floats, Floats],
     runs: tuple[Indices, Indices],
     frame: _Frame,
-    longest_step: float,
+    largest_squares: float,
     states: Floats,
 ) -> bool:
     """Run every piece, and keep what the lanes knew at each step; False as ``normal_matrix``."""
@@ -294,7 +295,7 @@ def _run_all(
                     residual = s[_LAST + i] - position[starts[i] + age]
                     s[_RESIDUAL + i] = residual
                     squares += residual * residual
-            if not squares <= longest_step:
+            if not squares <= largest_squares:
                 return False
             for index in range(states.shape[1]):
                 states[step, index] = s[index]
@@ -388,7 +389,7 @@ def _add_rows(
 
 @njit(cache=True)
 def _gradient(s: Floats, hidden: int, i: int, rows: Floats, column: np.uint64) -> None:
-    """What the weights do to one step of lane ``i``, to ``rows`` from ``at`` on."""
+    """What the weights do to one step of lane ``i``, to ``rows`` from ``column`` on."""
     by_value, by_gate = s[_BY_VALUE + i], s[_BY_GATE + i]
     error, move, drift, way_slope = s[_ERROR + i], s[_MOVE + i], s[_DRIFT + i], s[_WAYS + i]
     units = _U(hidden)

@@ -64,8 +64,8 @@ def descend(
     lam, accepted = torch.full_like(loss, damping), torch.zeros_like(loss)
     for _ in range(steps):
         trial = weights + _step(matrix, gradient, lam)
-        largest_gain = torch.where(active, (loss - _shrink(trial, decay)) * samples, -torch.inf)
-        new = _objective(normal(trial, largest_gain), trial, samples, decay)
+        largest_squares = torch.where(active, (loss - _shrink(trial, decay)) * samples, -torch.inf)
+        new = _objective(normal(trial, largest_squares), trial, samples, decay)
         improved = active & (new[2] < loss)
         weights, matrix, gradient, loss = (
             _choose(improved, new_value, old)

@@ -67,9 +67,9 @@ def _one_by_one(
     hidden: int,
     members: int,
     flat: Tensor,
-    most: Tensor,
+    largest_squares: Tensor,
 ) -> Tensor:
-    weights, largest = flat.numpy(), most.numpy()
+    weights, largest = flat.numpy(), largest_squares.numpy()
     size = weights.shape[1] + 1
     matrices = np.zeros((weights.shape[0], size, size))
     for number, matrix in enumerate(matrices):

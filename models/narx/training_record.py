@@ -95,8 +95,7 @@ def _objection(example: NarxExample, usable: Bools, early: Bools) -> str | None:
         if run_samples < least:
             return (
                 f"too few usable samples {purpose}: {run_samples} with two usable ones before "
-                "them, "
-                f"at least {least} needed; take a longer window"
+                f"them, at least {least} needed; take a longer window"
             )
     if _hardly_moves(example.op[training]):
         return (

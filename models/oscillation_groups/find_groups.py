@@ -55,7 +55,8 @@ class FoundGroup:
 def find_groups(
     spectra: LoopSpectra, limits: GroupLimits, of_each_loop: Sequence[LoopOscillation] | None = None
 ) -> list[FoundGroup]:
-    """The groups, the strongest first. ``alone``: ``oscillations(spectra)`` where it is known."""
+    """The groups, the strongest first. ``of_each_loop``: ``oscillations(spectra)`` where it is
+    known."""
     seen = [peak for peak in of_each_loop or oscillations(spectra) if _counts(peak, limits)]
     remaining = spectra.spectra.copy()
     open_ = sorted(seen, key=lambda peak: -peak.share)

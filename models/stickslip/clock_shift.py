@@ -60,7 +60,7 @@ WHOLE = 0.4  # samples: clocks that differ by whole samples are found this near 
 
 def find_op_late(recording: Recording, first_look: FirstLook | None = None) -> float:
     """How late OP was stored against the position, seconds of the recording's clock; 0 where it was
-    not, or where nothing tells. ``look`` is a first look at it where there was one."""
+    not, or where nothing tells. ``first_look`` is a first look at it where there was one."""
     return late_evidence(recording, first_look).late_s(recording.interval_s)
 
 
@@ -177,8 +177,8 @@ class BehindController:
 def behind_controller(
     recording: Recording, output: Role = Role.OP, answering: Role = Role.PV
 ) -> BehindController:
-    """How late the ``output`` is against what it ``answered``, by the controller's law: OP and PV,
-    or two others that may be exchanged for them."""
+    """How late the ``output`` is against the signal ``answering`` it, by the controller's law: OP
+    and PV, or two others that may be exchanged for them."""
     output_signal, pv, sp = recording.get(output), recording.get(answering), recording.get(Role.SP)
     if output_signal is None or pv is None:
         return BehindController()
@@ -245,8 +245,8 @@ def _unexplained(
     op_known: Bools,
     sample_index: NDArray[np.intp],
 ) -> float:
-    """Share of the squares of OP's ``own`` moves (m,) that those of PV and set point ``at`` so many
-    samples before leave, by least squares; NaN where too few are known."""
+    """Share of the squares of ``op_moves`` (m,) that the moves of PV and set point at the samples
+    ``sample_index`` leave, by least squares; NaN where too few are known."""
     first, last = int(sample_index[0]), int(sample_index[-1]) + 1
     both_known = op_known & all_known[first:last]
     if np.count_nonzero(both_known) < FEWEST_MOVES:

@@ -119,7 +119,7 @@ def slope_of_means(
 
     Sticking moves a mean by less than S, and lags hardly at all. ``None`` where OP did not stay
     in several places for long (its means deviate by less than ``spread_percent``), or the means
-    correlate by less than ``together``; the slope is then too low, if anything.
+    correlate by less than ``least_together``; the slope is then too low, if anything.
     """
     mv = recording.mv
     if mv is None:
@@ -180,7 +180,8 @@ def _given_curve(recording: Recording, curve: StrokeCurve | None) -> tuple[Strok
 def _since(
     recording: Recording, earlier: StrokeCurve, new_curve: StrokeCurve | None
 ) -> tuple[StrokeCurve | None, str]:
-    """The curve to use, given the ``earlier`` one and the one ``found`` in this recording alone."""
+    """The curve to use, given the ``earlier`` one and the one ``new_curve`` in this recording
+    alone."""
     before = _over_range(recording, earlier)
     if not _moves(recording):
         return replace(before, remark=EARLIER_USED), ""

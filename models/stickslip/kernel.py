@@ -301,7 +301,7 @@ def _delay(
 
 @njit(cache=True)
 def _charge(residual: float, weight: float) -> float:
-    """The factor ``1 + (r/delta)^2`` of one residual ``off``; ``weight`` = 1/delta^2."""
+    """The factor ``1 + (r/delta)^2`` of one ``residual``; ``weight`` = 1/delta^2."""
     share = residual * residual * weight
     return 1.0 + (share if share < _LARGEST else _LARGEST)
 

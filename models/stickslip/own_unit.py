@@ -85,7 +85,7 @@ def _best(
 
 
 def _moves(stem: Floats, both_scored: Bools) -> Floats:
-    """(m,) moves over ``OVER`` samples where both ends are ``known``, centred."""
+    """(m,) moves over ``OVER`` samples where both ends are scored (``both_scored``), centred."""
     moves = (stem[OVER:] - stem[:-OVER])[both_scored]
     return np.asarray(moves - moves.mean())
 

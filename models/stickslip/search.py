@@ -59,7 +59,7 @@ def refine(
 
 
 class CrossEntropy:
-    """Cross-entropy descent from the candidate ``begun``, one round at a time.
+    """Cross-entropy descent from the candidate ``start``, one round at a time.
 
     Each round draws a population around the mean of the elite, keeps the best quarter, and
     narrows. ``best`` is the best candidate ever seen, so that it is never worse than the first.
@@ -80,7 +80,8 @@ class CrossEntropy:
         return population_drawn
 
     def learn(self, population_drawn: Floats, losses: Floats) -> None:
-        """Update mean and width by the losses (m,) of the candidates ``drawn`` (m, size)."""
+        """Update mean and width by the losses (m,) of the candidates ``population_drawn`` (m,
+        size)."""
         order = np.argsort(losses, kind="stable")
         if losses[order[0]] < self.best.loss:
             self.best = SearchResult(population_drawn[order[0]].copy(), float(losses[order[0]]))

@@ -63,8 +63,7 @@ class StoredRange:
         unit_text = f" {self.unit}" if self.unit else ""
         return (
             f"{name} ({signal.tag}) is read as {self.low:g} to {self.high:g}{unit_text} for 0 "
-            "to 100 %, "
-            "for only so it goes with the other. Give this range in the plant file: "
+            "to 100 %, for only so it goes with the other. Give this range in the plant file: "
             f"low = {self.low:g}, high = {self.high:g}."
         )
 

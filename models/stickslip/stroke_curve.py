@@ -245,7 +245,7 @@ def _round(op: float) -> float:
 
 def shapes_of(op: Floats, knots: Floats, degree: int) -> Floats:
     """(n, degree + 1) Legendre polynomials of ``op`` (n,) over the part of it that was used, by
-    the percentiles of ``known``; straight beyond."""
+    the percentiles of ``knots``; straight beyond."""
     low, high = np.percentile(knots, USED)
     scaled = 2.0 * (op - low) / max(high - low, 1e-9) - 1.0
     clipped = np.clip(scaled, -1.0, 1.0)

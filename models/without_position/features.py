@@ -8,7 +8,6 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.without_position import wave_shapes
-from stemwatch.models.without_position.common_phase import common_phase_surrogate
 from stemwatch.models.without_position.hammerstein import HeldOut, block_means, held_out
 
 PER_PERIOD = (25, 60)  # blocks in a period, at the two scales
@@ -161,3 +160,27 @@ def _beyond_surrogates(
     others = np.array([gains(*common_phase_surrogate(op, pv, rng)) for _ in range(SURROGATES)])
     in_spreads = (own_gains - others.mean(axis=0)) / (others.std(axis=0) + _SPREAD_FLOOR)
     return [float(number) for number in np.arcsinh(in_spreads)]
+
+
+def common_phase_surrogate(
+    op: Floats, pv: Floats, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """``op`` and ``pv`` (n,) with the same random phases added to both spectra.
+
+    Spectra and cross spectrum, and with them every linear model between the two, stay; what a
+    stick-slip element would explain does not. The line through the ends goes first, because a
+    spectrum sees it as a jump, and comes back afterwards. Prichard and Theiler (1994),
+    doi:10.1103/PhysRevLett.73.951.
+    """
+    n = op.size
+    phases = rng.uniform(0.0, 2.0 * np.pi, n // 2 + 1)
+    phases[0] = 0.0
+    if n % 2 == 0:
+        phases[-1] = 0.0
+    turn = np.exp(1j * phases)
+    return _turned(op, turn), _turned(pv, turn)
+
+
+def _turned(values: Floats, turn: np.ndarray) -> Floats:
+    line = np.linspace(values[0], values[-1], values.size)
+    return np.asarray(np.fft.irfft(np.fft.rfft(values - line) * turn, values.size) + line)

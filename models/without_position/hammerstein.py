@@ -71,7 +71,7 @@ def element(op: Floats, S: float, J: float, x: Floats) -> None:
 
 
 def block_means(values: Floats, block_length: int) -> Floats:
-    """(..., n // every) means over blocks of ``every`` samples of the last axis."""
+    """(..., n // block_length) means over blocks of ``block_length`` samples of the last axis."""
     count = values.shape[-1] // block_length
     parts = values[..., : count * block_length].reshape(*values.shape[:-1], count, block_length)
     return np.asarray(parts.mean(axis=-1))
@@ -138,7 +138,8 @@ def held_out(
     ratios: Floats = RATIOS,
     delays: int = DELAYS,
 ) -> HeldOut:
-    """Compare the three models on ``op`` and ``pv`` (n,), without holes, by blocks of ``every``.
+    """Compare the three models on ``op`` and ``pv`` (n,), without holes, by blocks of
+    ``block_length``.
 
     ``sizes`` are the values of S that are tried, percent of OP.
     """

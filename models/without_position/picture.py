@@ -40,7 +40,7 @@ class ElementTraces:
 
 def element_traces(op: Floats, pv: Floats, block_length: int, S: float, J: float) -> ElementTraces:
     """The traces of ``op`` and ``pv`` (n,) with the element of ``S`` and ``J``, percent of OP, and
-    models over blocks of ``every`` samples, each with the delay that it prefers."""
+    models over blocks of ``block_length`` samples, each with the delay that it prefers."""
     stem = np.empty(op.size)
     element(op - op[0], S, J, stem)
     u, x, y = (block_means(values, block_length) for values in (op, stem, pv))

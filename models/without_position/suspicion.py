@@ -95,7 +95,7 @@ class SeenLoop:
     doubt: tuple[str, str] | None = None
 
 
-def look(recording: Recording) -> SeenLoop:
+def look_at_loop(recording: Recording) -> SeenLoop:
     """What ``recording`` shows by OP and PV, whether or not there is a position."""
     unit = recording.op.unit
     doubt = _doubt(recording)
@@ -118,7 +118,7 @@ def suspect(recording: Recording, judge: Judge) -> WithoutPosition:
     Never raises for what a recording holds.
     """
     try:
-        seen = look(recording)
+        seen = look_at_loop(recording)
         suspicion = judge.says(seen)
         if suspicion.verdict is not Suspicion.SUSPECTED or seen.shown is None:
             return suspicion
@@ -209,8 +209,7 @@ def _doubt(recording: Recording) -> tuple[str, str] | None:
     if at_limit_share > MOST_AT_LIMIT:
         return (
             f"OP stands at its limit for {100.0 * at_limit_share:.0f} % of the time, which "
-            "looks like "
-            "sticking whatever the valve does",
+            "looks like sticking whatever the valve does",
             "Record the loop where OP is free to move.",
         )
     if float(np.mean(np.diff(op_known) == 0.0)) > MOST_HELD:

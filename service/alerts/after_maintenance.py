@@ -53,8 +53,7 @@ def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:
     before_work, now = before[0], after[-1]
     return (
         f"After the work of {work.at:%Y-%m-%d} ({work.note}): {_verdict(before_work.S, now.S)} "
-        "S was "
-        f"{before_work.S} of OP span before and is {now.S} now; the valve was "
+        f"S was {before_work.S} of OP span before and is {now.S} now; the valve was "
         f"{before_work.verdict.value} and is "
         f"{now.verdict.value}."
     )

@@ -123,8 +123,7 @@ def _alert_of_device(plant: Plant, device: str, valves: Sequence[str]) -> Raised
         text=(
             f"{len(valves)} valves of {device} have signals without a good sample, while it "
             f"answers ({valve_list}{and_more}). Look first for what they share: a card, a "
-            "gateway behind "
-            "it, a range of registers."
+            "gateway behind it, a range of registers."
         ),
         source=device,
         evidence={"valves": list(valves)},

@@ -67,9 +67,9 @@ class Sender:
         log.warning(
             "message %s for %s: %s", delivery.key, delivery.notifier, words, extra=log_fields
         )
-        self._store.deliveries.failed(delivery.id, words, now + wait(delivery.attempts))
+        self._store.deliveries.failed(delivery.id, words, now + wait_after(delivery.attempts))
 
 
-def wait(attempts: int) -> timedelta:
+def wait_after(attempts: int) -> timedelta:
     """How long until the next attempt after so many: doubled each time, up to an hour."""
     return min(FIRST_WAIT * (1 << min(max(attempts - 1, 0), 12)), LONGEST_WAIT)

@@ -47,7 +47,8 @@ def words_table(title: str, address: RegisterAddress, words: Sequence[int]) -> G
 
 
 def meanings_table(address: RegisterAddress, words: Sequence[int]) -> Grid:
-    """Types down, byte orders across, for the value that begins at ``at``; unlikely ones dim."""
+    """Types down, byte orders across, for the value that begins at ``address``; unlikely ones
+    dim."""
     title = f"the value that begins at {address} ({address.modicon}), in every type and order"
     grid = Grid(title=title, title_justify="left")
     grid.add_column("type", no_wrap=True)

@@ -173,8 +173,7 @@ def explained_file(request: Request) -> Explained:
         names = ", ".join(task.valve for task in candidates[:5]) or "none"
         raise ValueError(
             f"a test is planned for one valve; the file has {len(candidates)} ({names}): give "
-            "its tags "
-            "with --op and --mv, or screen the file and name the valve with --db"
+            "its tags with --op and --mv, or screen the file and name the valve with --db"
         )
     from stemwatch.service.cli.reading import say_unused_options
 

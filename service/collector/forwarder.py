@@ -47,7 +47,7 @@ class Forwarder:
         self._place: Position | None = None  # up to where all is stored, also if noting it failed
 
     def run(self, more_arrived: threading.Event, stop: threading.Event, pause_s: float) -> None:
-        """Store batches until ``stop``, then once more. ``more`` is set when something was
+        """Store batches until ``stop``, then once more. ``more_arrived`` is set when something was
         appended; ``pause_s`` is how long samples are gathered before they are stored."""
         while not stop.wait(pause_s):
             if more_arrived.wait(timeout=1.0):

@@ -24,7 +24,7 @@ class PolledTimes:
     """The stretches of time that were polled, first and last instant in microseconds, by device.
 
     Each stretch runs forward; a clock that is set back, or ahead by more than an hour, begins
-    another. ``known`` is what an earlier process left.
+    another. ``stretches_of_device`` is what an earlier process left.
     """
 
     def __init__(

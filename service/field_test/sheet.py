@@ -202,8 +202,7 @@ def _headline(plan: FieldTestPlan, test: DesignedTest, names: tuple[str, ...]) -
         )
     return (
         f"The right one of {joined(names)} is found with a probability of {share}, "
-        f"{where_text}; each "
-        "is taken to be as likely as the others."
+        f"{where_text}; each is taken to be as likely as the others."
     )
 
 
@@ -303,8 +302,8 @@ def _passes(plan: FieldTestPlan) -> str:
     tolerance = max(3.0 * sigma, 2.0 * plan.question.scatter, 0.2)
     return (
         f"Passed: at each of these instants MV is within {tolerance:.1f} % of one and the same "
-        "column. "
-        "Failed: it follows none of them, or another one each time; then what is wrong is not "
+        "column. Failed: it follows none of them, or another one each time; then what is wrong "
+        "is not "
         "among them, and the recording is worth more than any guess."
     )
 

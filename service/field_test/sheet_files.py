@@ -35,7 +35,7 @@ def write_sheet(sheet: TestSheet, context: ReportContext, folder: Path) -> tuple
     return page, paper
 
 
-def shown(sheet: TestSheet) -> dict[str, Any]:
+def page_values(sheet: TestSheet) -> dict[str, Any]:
     """What the templates of the sheet want beside it."""
     picture, test = picture_of_test(sheet), sheet.test
     return {
@@ -50,7 +50,7 @@ def first_letter_large(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def said(outcome: RivalOutcome) -> str:
+def outcome_sentence(outcome: RivalOutcome) -> str:
     """An outcome in one line."""
     first = f" First: {outcome.then}" if outcome.then else ""
     return f"{first_letter_large(outcome.name)}: {outcome.means}.{first}"
@@ -61,7 +61,10 @@ def html_of(sheet: TestSheet, context: ReportContext) -> bytes:
     env = environment(context, resource)
     page = env.get_template("test_plan.html")
     text = page.render(
-        context=context, signed=SIGNED, styles=Markup(resource("test_plan.css")), **shown(sheet)
+        context=context,
+        signed=SIGNED,
+        styles=Markup(resource("test_plan.css")),
+        **page_values(sheet),
     )
     return text.encode()
 
@@ -172,7 +175,7 @@ def _right(t: Any, sheet: TestSheet) -> list[Any]:
         for k, reading in enumerate(sheet.looks, start=1)
     ]
     shares = [0.06, 0.12, 0.14, *[0.54 / count] * count, 0.14]
-    outcomes = [t.text(said(outcome)) for outcome in sheet.outcomes]
+    outcomes = [t.text(outcome_sentence(outcome)) for outcome in sheet.outcomes]
     return [
         t.heading("Watch"),
         t.grid(rows, [share * width for share in shares]),

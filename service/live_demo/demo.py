@@ -28,7 +28,8 @@ T = TypeVar("T")
 class LiveDemo:
     """The demo in the folder ``out`` with its pages on ``port`` (0 takes a free one).
 
-    ``say`` gets lines for the terminal, ``ready`` the address of the pages once they are served.
+    ``announce`` gets lines for the terminal, ``ready`` the address of the pages once they are
+    served.
     """
 
     def __init__(

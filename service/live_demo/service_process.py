@@ -27,7 +27,8 @@ class ServiceEnded(OSError):
 
 class ServiceProcess:
     """The service for ``plant_file`` on loopback with its log in the file ``log``; use it with
-    ``async with``. ``say`` gets each line that it prints: its address, and how to sign in first."""
+    ``async with``. ``announce`` gets each line that it prints: its address, and how to sign in
+    first."""
 
     def __init__(
         self, plant_file: Path, port: int, log: Path, announce: Callable[[str], None]

@@ -278,7 +278,7 @@ def write(
 
 
 def height_of(flowables: Sequence[Any]) -> float:
-    """How much room ``story`` takes."""
+    """How much room ``flowables`` takes."""
     tall, after = 0.0, 0.0
     for index, part in enumerate(flowables):
         before = part.getSpaceBefore() if index else 0.0

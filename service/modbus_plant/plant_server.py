@@ -128,8 +128,8 @@ def serve_plant(
     """Serve ``loops`` until interrupted, with ``plant.toml`` written into ``folder``.
 
     ``ready`` is called once with the server and the plant file when requests are answered, and
-    ``beside`` runs as long as the server does. Raises ``OSError`` where the address cannot be
-    listened on.
+    ``beside_serving`` runs as long as the server does. Raises ``OSError`` where the address cannot
+    be listened on.
     """
 
     async def run() -> None:
@@ -152,7 +152,7 @@ def serve_plant(
 
 
 async def _until(stop: asyncio.Event, beside_serving: Awaitable[object] | None) -> None:
-    """Wait for ``stop`` or for the end of ``beside``, which may be that it fails."""
+    """Wait for ``stop`` or for the end of ``beside_serving``, which may be that it fails."""
     stopping = asyncio.ensure_future(stop.wait())
     working = stopping if beside_serving is None else asyncio.ensure_future(beside_serving)
     await asyncio.wait({stopping, working}, return_when=asyncio.FIRST_COMPLETED)

@@ -221,8 +221,7 @@ def field_test(screening: Screening) -> str:
     return (
         f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
         f"back; wait after each step, and count those back. Expect about {expected} until it "
-        "moves, "
-        f"by {moves}. A stem that answers the first or second step back passes."
+        f"moves, by {moves}. A stem that answers the first or second step back passes."
     )
 
 

@@ -49,7 +49,7 @@ def cost(group: OscillationGroup) -> str:
     )
 
 
-def begun(group: OscillationGroup, zone: tzinfo) -> str:
+def begin_clause(group: OscillationGroup, zone: tzinfo) -> str:
     """Since when it oscillates; empty where it always did or nobody knows."""
     if group.since is not None:
         return f"since {words.instant(group.since, zone)}"
@@ -66,7 +66,7 @@ def seen(group: OscillationGroup) -> str:
 def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
     """The sentence on a member's page."""
     member = next(candidate for candidate in group.members if candidate.loop == loop)
-    since = begun(group, zone)
+    since = begin_clause(group, zone)
     when = f" {since}" if since else ""
     sentence = f"{words.share(member.share)} of its PV's variance, period {period(group)}"
     if group.source == loop:
@@ -76,8 +76,7 @@ def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
         evidence = f": {', '.join(member.evidence)}" if member.evidence else ""
         return (
             f"Oscillates{when} with {named}{and_more} ({sentence}); of these loops it is the "
-            "likeliest "
-            f"source ({words.share(member.probability)}){evidence}."
+            f"likeliest source ({words.share(member.probability)}){evidence}."
         )
     if not group.source:
         return (
@@ -86,8 +85,7 @@ def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
         )
     return (
         f"Oscillates{when} with {group.source} ({sentence}), where it more likely begins. Look "
-        "there "
-        "first: retuning this loop would not help."
+        "there first: retuning this loop would not help."
     )
 
 

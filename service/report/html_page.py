@@ -41,9 +41,9 @@ from stemwatch.service.report.mismatch_view import (
 from stemwatch.service.report.ranking import (
     RankedValve,
     count_verdicts,
-    counted,
     discovered,
     suspected,
+    work_counts,
 )
 from stemwatch.service.report.report_context import ReportContext
 
@@ -104,7 +104,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
     return page.generate(
         context=context,
         counts=counts,
-        work=counted(ranked),
+        work=work_counts(ranked),
         ranked=ranked,
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
@@ -199,7 +199,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "figure": words.figure,
         "group_headline": oscillation_words.headline,
         "group_cost": oscillation_words.cost,
-        "group_begun": lambda group: oscillation_words.begun(group, context.tz),
+        "group_begun": lambda group: oscillation_words.begin_clause(group, context.tz),
         "group_seen": oscillation_words.seen,
         "oscillates_with": lambda loop: oscillation_words.of_loops(
             context.groups, loop, context.tz

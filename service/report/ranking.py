@@ -162,7 +162,7 @@ def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discove
     )
 
 
-def counted(ranked: Sequence[RankedValve]) -> WorkCounts:
+def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:
     """How many valves need work, and where the others stand."""
     if isinstance(ranked, Ranking):
         return ranked.counts

@@ -10,7 +10,7 @@ from xlsxwriter import Workbook
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.wording import VERDICT_MEANING, finite, printable
-from stemwatch.service.report.ranking import RankedValve, counted, discovered
+from stemwatch.service.report.ranking import RankedValve, discovered, work_counts
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import Cell, SpreadsheetColumn, header_and_rows
 
@@ -176,7 +176,7 @@ def _read_me_parts(
     not_read = [(unread.source, unread.reason) for unread in context.sources_not_read]
     return [
         (printable(context.title), run),
-        ("Work", [("all valves", counted(ranked).sentence)]),
+        ("Work", [("all valves", work_counts(ranked).sentence)]),
         ("Verdicts", [(word.value, text) for word, text in VERDICT_MEANING.items()]),
         ("Hidden physics", [("all valves", physics or "no valve was tested for it")]),
         ("Columns of Ranking", [(column.header, column.meaning) for column in columns]),

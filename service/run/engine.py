@@ -10,9 +10,9 @@ without samples.
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,7 +23,8 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
-from stemwatch.service.process_lifecycle import Terminated, process_name
+from stemwatch.service.interruption import Terminated, interrupts_held, interrupts_let_through
+from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.report import ReportFiles
 from stemwatch.service.report.ranking import light
 from stemwatch.service.run.execute import (
@@ -39,6 +40,8 @@ from stemwatch.service.run.plan import Plan, Request, make_plan, read_tags_with
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
+
+log = logging.getLogger(__name__)
 
 MOST_REASONS = 5  # of a run in which nothing could be read
 
@@ -100,34 +103,40 @@ def screen_now(
     """
     plant, started = request.plant, datetime.now(UTC)
     planned = make_plan(request)
-    run = Run(
-        store=how_to_run.store,
-        number=how_to_run.store.begin_run(
-            command=how_to_run.command,
-            software_version=__version__,
-            settings_digest=plant.settings_digest if plant else "",
-            owner=process_name(),
-        ),
-        started=started,
-        executor=how_to_run.executor,
-        out=how_to_run.out,
-        plant=plant,
-        limits=how_to_run.limits,
-        command=masked_command(how_to_run.command),
-        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
-        new_baseline=how_to_run.new_baseline,
-    )
-    try:
-        if plant is not None:
-            how_to_run.store.save_valves(plant.valves.values())
-        executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
-        brief = tuple(in_brief(result) for result in executed.results)
-        if not any(screening.was_read for screening in brief):
-            raise NothingScreened.of(brief, planned.not_read)
-        report = finish(run, executed, planned.not_read)
-    except BaseException as error:
-        _note_end(run, error)
-        raise
+    with interrupts_held():  # from its row on, the run is this function's to end
+        run = Run(
+            store=how_to_run.store,
+            number=how_to_run.store.begin_run(
+                command=how_to_run.command,
+                software_version=__version__,
+                settings_digest=plant.settings_digest if plant else "",
+                owner=process_name(),
+            ),
+            started=started,
+            executor=how_to_run.executor,
+            out=how_to_run.out,
+            plant=plant,
+            limits=how_to_run.limits,
+            command=masked_command(how_to_run.command),
+            zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
+            new_baseline=how_to_run.new_baseline,
+        )
+        try:
+            with interrupts_let_through():
+                return _screen_planned(run, planned, on_screened)
+        except BaseException as error:
+            _note_end(run, error)
+            raise
+
+
+def _screen_planned(run: Run, planned: Plan, on_screened: OnScreened) -> RunResult:
+    if run.plant is not None:
+        run.store.save_valves(run.plant.valves.values())
+    executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
+    brief = tuple(in_brief(result) for result in executed.results)
+    if not any(screening.was_read for screening in brief):
+        raise NothingScreened.of(brief, planned.not_read)
+    report = finish(run, executed, planned.not_read)
     assert report is not None  # a run of the command line writes one or raises
     return RunResult(
         screenings=executed.results,
@@ -177,6 +186,13 @@ def _note_end(run: Run, error: BaseException) -> None:
     if by_hand:
         terminated = isinstance(error, Terminated)
         reason = "ended by SIGTERM" if terminated else "interrupted by Ctrl-C"
-    with suppress(StoreError):
+    try:
         if run.store.run(run.number).finished is None:
             run.store.queue.finish(run.number, state, reason=reason)
+    except StoreError as refused:
+        log.warning(
+            "run %d is over (%s), which could not be stored: %s. The next run ends it",
+            run.number,
+            reason,
+            refused,
+        )

@@ -50,9 +50,9 @@ def make_chunks(
     """``items`` in order, divided into chunks so that ``workers`` finish at nearly the same time.
 
     Each chunk has the number of remaining items divided by ``PER_WORKER * workers``, rounded up and
-    at most ``most``: guided self-scheduling (Polychronopoulos and Kuck, 1987). With equal chunks
+    at most ``largest``: guided self-scheduling (Polychronopoulos and Kuck, 1987). With equal chunks
     all but one worker could idle during the last one. ``file_of`` names the file that has to be
-    parsed for an item, if any: neighbours of one file go to one worker where ``most`` allows it.
+    parsed for an item, if any: neighbours of one file go to one worker where ``largest`` allows it.
     """
     files = [file_of(item) for item in items]
     chunks: list[tuple[T, ...]] = []
@@ -66,8 +66,8 @@ def make_chunks(
 
 
 def _between_files(files: Sequence[str | None], begin: int, end: int, largest: int) -> int:
-    """``end``, moved to the nearest boundary between two files: after it within ``most`` items of
-    ``begin``, else before it; unchanged where there is none."""
+    """``end``, moved to the nearest boundary between two files: after it within ``largest`` items
+    of ``begin``, else before it; unchanged where there is none."""
 
     def splits_file(index: int) -> bool:
         is_between = 0 < index < len(files) and files[index] is not None

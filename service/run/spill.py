@@ -49,7 +49,7 @@ class ResultSpill(Sequence[Screening]):
         self._order: list[int] | None = None
 
     def add(self, index: int, screening: Screening, evidence: ValvePlots) -> None:
-        """Store the screening at ``place``, and its plots while it is among the worst."""
+        """Store the screening at ``index``, and its plots while it is among the worst."""
         self._where[index] = self._write(screening)
         if evidence.waves is not None:
             if len(self._waves) < MOST_WAVES:
@@ -73,12 +73,12 @@ class ResultSpill(Sequence[Screening]):
         return (self._read(offset) for offset in self._waves)
 
     def at_place(self, index: int) -> Screening:
-        """The screening that was put at ``place``."""
+        """The screening that was put at ``index``."""
         screening: Screening = self._read(self._where[index])
         return screening
 
     def evidence_at(self, index: int) -> ValvePlots | None:
-        """The plots of the screening at ``place``, where they are kept."""
+        """The plots of the screening at ``index``, where they are kept."""
         offset = self._plots.get(index)
         return None if offset is None else self._read(offset)
 

@@ -16,6 +16,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.work_decision import WorkCounts
@@ -250,7 +251,11 @@ class Store:
                 failures.append(SaveFailure(valve=screening.valve, reason="not tried: no answer"))
                 continue
             try:
-                with Session(self.transactions.writers) as session, session.begin():
+                with (
+                    interrupts_held(),
+                    Session(self.transactions.writers) as session,
+                    session.begin(),
+                ):
                     number = screenings.write_screening(
                         session, screening, run_id, baselines_of.get(screening.valve)
                     )

@@ -148,8 +148,8 @@ def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
 def run_archive_limits(
     valves_each: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[ArchiveEvidence]:
-    """``each`` sticking and as many healthy valves, in all ways, and twice as many sticking ones of
-    all kinds of loops as they are."""
+    """``valves_each`` sticking and as many healthy valves, in all ways, and twice as many sticking
+    ones of all kinds of loops as they are."""
     evidence_at: dict[int, list[ArchiveEvidence]] = {}
     items: list[StudiedValve | tuple[PlantLoop, int]] = [*draw_valves(valves_each, seed)]
     items += [

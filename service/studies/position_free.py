@@ -25,7 +25,7 @@ from stemwatch.models.without_position.suspicion import (
     SeenLoop,
     Suspicion,
     SuspicionLimits,
-    look,
+    look_at_loop,
 )
 from stemwatch.service.executors import Executor, map_in_order
 
@@ -173,7 +173,7 @@ class SeenDraw:
 def look_item(item: LoopToDraw) -> list[SeenDraw]:
     """Draw one loop, leave out what it has of a position, and look."""
     recording, S, story = FAMILIES[item.family](item)
-    return [SeenDraw(place=item, story=story, S=S, seen=look(recording))]
+    return [SeenDraw(place=item, story=story, S=S, seen=look_at_loop(recording))]
 
 
 def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:

@@ -195,7 +195,7 @@ class RobustnessBatch:
 
 
 def draw_valves(valves_each: int, seed: int) -> list[StudiedValve]:
-    """``each`` sticking and as many healthy valves, an hour at 1 s with set-point moves."""
+    """``valves_each`` sticking and as many healthy valves, an hour at 1 s with set-point moves."""
     cases = draw_nulls(4 * valves_each, seed, "routine")
     wide = [case for case in cases if STICKING_S[0] <= case.loop.valve.S <= STICKING_S[1]]
     rng = np.random.default_rng([seed, 17])
@@ -320,7 +320,8 @@ def run_robustness(
     executor: Executor,
     on_progress: Callable[[int], None],
 ) -> list[StudyAnswer]:
-    """``each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown way."""
+    """``valves_each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown
+    way."""
     for storage in storages:
         WAYS[storage]
     valves = draw_valves(valves_each, seed)

@@ -86,7 +86,7 @@ def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
 def _followed(job: WatchedValve) -> FollowedValve:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.studies.simulator.hidden import simulate_hidden
-    from stemwatch.models.studies.simulator.hidden.later_windows import windows_of
+    from stemwatch.models.studies.simulator.hidden.draws import windows_of
 
     windows, testable = [], 0
     for index, case in enumerate(windows_of(job.case, job.windows)):

@@ -20,7 +20,7 @@ from stemwatch.models.without_position.features import NAMES
 from stemwatch.models.without_position.suspicion import (
     Judge,
     Suspicion,
-    look,
+    look_at_loop,
     trained_judge,
 )
 
@@ -59,7 +59,7 @@ def auc(sticks: np.ndarray, score: np.ndarray) -> float:
 def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None:
     """One line for each set of loops."""
     sticks = np.array([label for label, _ in loops])
-    seen = [look(recording) for _, recording in loops]
+    seen = [look_at_loop(recording) for _, recording in loops]
     sentences = [judge.says(item) for item in seen]
     score = np.array([item.score or 0.0 for item in sentences])
     gain = np.array([0.0 if item.shown is None else item.shown.values[GAIN] for item in seen])

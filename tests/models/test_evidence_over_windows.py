@@ -157,6 +157,26 @@ def test_an_effect_that_a_window_could_not_have_shown_is_no_evidence_against_it(
     assert finding.of == 2
 
 
+@pytest.mark.parametrize("slug", ["low_speed_restick", "flow_force"])
+def test_where_friction_has_gone_what_showed_by_it_has_gone_too(slug):
+    """After a repair that nobody recorded S is small, and no window could show restick: three of
+    them say that it is gone. Of a flow force they say nothing, nor windows with S as before."""
+
+    def after(S, days):
+        size = Estimate(value=S, low=0.9 * S, high=1.1 * S, unit="%")
+        ends = [BEGIN + day * DAY for day in range(8, 8 + days)]
+        return [WindowEvidence(at=at, start=at - HOUR, S=size) for at in ends]
+
+    worn = [window(day, slug, slug=slug, S=4.0) for day in range(8)]
+    (two,) = lasting_findings([*worn, *after(0.2, 2)])
+    (three,) = lasting_findings([*worn, *after(0.2, 3)])
+    (as_before,) = lasting_findings([*worn, *after(3.0, 3)])
+    of_friction = slug == "low_speed_restick"
+    assert two.holds
+    assert (three.state is FindingState.GONE) is of_friction
+    assert as_before.holds
+
+
 def test_confirmed_comes_before_what_was_only_seen():
     """The order of the findings is that in which people should read them."""
     windows = [window(0, "zero_shift"), window(1, SLUG), window(2, SLUG)]

@@ -13,7 +13,7 @@ from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import NarrowColumns, narrow_table
 from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.tables.rows import Rows
-from stemwatch.connectors.historian.values.stored_text import together
+from stemwatch.connectors.historian.values.stored_text import make_of_rows
 
 _OWN = frozenset(
     ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
@@ -44,7 +44,7 @@ class Influx:
         body = source.body(rows, first + 1, len(header), ",", stops=("#",))
         columns = dict(zip(header, body.columns, strict=True))
         naming = [name for name in columns if name in _NAMING or name not in _OWN]
-        tags = together(
+        tags = make_of_rows(
             [columns[name] for name in naming],
             lambda cells: _tag(dict(zip(naming, cells, strict=True))),
         )

@@ -274,7 +274,7 @@ class _Stream(io.RawIOBase):
 def _chosen(
     request: StoredText, batch: dict[int, pa.Array], rows_before: int, count: int
 ) -> pa.Array | None:
-    """Those of a batch's cells that belong to this column; ``there`` rows came before it."""
+    """Those of a batch's cells that belong to this column; ``rows_before`` rows came before it."""
     import pyarrow as pa
 
     cells = request.of([batch[column_index] for column_index in request.places])

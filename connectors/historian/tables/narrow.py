@@ -12,12 +12,12 @@ from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.values.quality_codes import Family
 from stemwatch.connectors.historian.values.stored_text import (
+    cells_at,
     chosen,
     coded,
     first_filled,
     joined,
     rows_of_each,
-    some,
 )
 from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
@@ -148,7 +148,7 @@ def _firsts(
         return {}
     rows = {tag: int(rows_of_tag[0]) for tag, rows_of_tag in series.items()}
     order = sorted(rows, key=rows.__getitem__)
-    texts = some(columns[column], np.array([rows[tag] for tag in order], dtype=np.int64))
+    texts = cells_at(columns[column], np.array([rows[tag] for tag in order], dtype=np.int64))
     return {tag: text.strip() for tag, text in zip(order, texts, strict=True)}
 
 

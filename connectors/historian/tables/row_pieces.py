@@ -91,7 +91,7 @@ class RowPieces:
         if any(line.count('"') % 2 for line in self.text.head[: self.first_line - 1]):
             raise NotInPieces  # whatever is said of them is said by the reader that sees all
         quotes, widths = ReadingNotes(), ReadingNotes()
-        for block in self._blocks(_Look(quotes, widths)):
+        for block in self._blocks(_Sampler(quotes, widths)):
             self.has_comma = self.has_comma or b"," in block
             self.has_point = self.has_point or b"." in block
             self.has_break = self.has_break or BREAK.encode() in block
@@ -106,7 +106,7 @@ class RowPieces:
         """The rows, ``MARK`` between their cells; the same at every call."""
         return self._blocks(None)
 
-    def _blocks(self, sampler: _Look | None) -> Iterator[bytes]:
+    def _blocks(self, sampler: _Sampler | None) -> Iterator[bytes]:
         line, unfinished = 1, b""
         for index, text in enumerate(self.text.blocks()):
             data, first = unfinished + text, line - unfinished.count(b"\n")
@@ -125,7 +125,7 @@ class RowPieces:
             raise AssertionError("the last rows were left for later")
 
     def _rows(
-        self, data: bytes, first: int, file_goes_on: bool, index: int, sampler: _Look | None
+        self, data: bytes, first: int, file_goes_on: bool, index: int, sampler: _Sampler | None
     ) -> tuple[bytes, bytes]:
         """The rows of ``data``, and what is left for later."""
         if any(f"\n{stop}".encode() in b"\n" + data for stop in self.stops):
@@ -158,7 +158,7 @@ class RowPieces:
         return fitting, unfinished
 
     def _carefully(
-        self, data: bytes, lines: Sequence[int], file_goes_on: bool, sampler: _Look | None
+        self, data: bytes, lines: Sequence[int], file_goes_on: bool, sampler: _Sampler | None
     ) -> tuple[bytes, Sequence[int], bytes]:
         """Rows with quotes inside cells, cells of several lines, quotes that are never closed."""
         texts = data.decode("utf-8").split("\n")[:-1]
@@ -172,7 +172,7 @@ class RowPieces:
         joined = (MARK.join(row).replace("\n", BREAK) + "\n" for row in parsed_rows.cells)
         return "".join(joined).encode("utf-8"), parsed_rows.numbers, unfinished
 
-    def _of_width(self, data: bytes, lines: Sequence[int], sampler: _Look | None) -> bytes:
+    def _of_width(self, data: bytes, lines: Sequence[int], sampler: _Sampler | None) -> bytes:
         """``data`` without the rows that do not count, which are told; the others are counted."""
         signs = np.frombuffer(data, dtype=np.uint8)
         ends = np.flatnonzero(signs == 10)
@@ -206,7 +206,7 @@ class RowPieces:
         self._count(lines, rows_done, ends.size, sampler)
         return b"".join((*parts, data[offset:]))
 
-    def _replacement(self, text: str, number: int, sampler: _Look | None) -> str | None:
+    def _replacement(self, text: str, number: int, sampler: _Sampler | None) -> str | None:
         """What stands for a row of another width, or one like a header; ``None`` where nothing."""
         if MARK not in text and not text.strip():
             return None
@@ -248,7 +248,7 @@ class RowPieces:
                 offset = data.find(start.encode("utf-8"), offset + 1)
         return rows
 
-    def _count(self, lines: Sequence[int], begin: int, end: int, sampler: _Look | None) -> None:
+    def _count(self, lines: Sequence[int], begin: int, end: int, sampler: _Sampler | None) -> None:
         """Rows ``begin`` to ``end`` of a block count."""
         if sampler is None or begin >= end:
             return
@@ -260,7 +260,7 @@ class RowPieces:
 
 
 @dataclass
-class _Look:
+class _Sampler:
     """What the first pass tells of: quotes that are never closed, rows of another width."""
 
     quotes: ReadingNotes

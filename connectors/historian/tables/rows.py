@@ -48,7 +48,7 @@ def whole_rows(
 ) -> tuple[Rows, int]:
     """The rows of lines with quotes, and how many lines they take.
 
-    Where the text ``goes_on`` after ``lines``, a row that may end there is left for later.
+    Where the text ``file_goes_on`` after ``lines``, a row that may end there is left for later.
     """
     cells: list[list[str]] = []
     numbers: list[int] = []

@@ -30,7 +30,7 @@ from stemwatch.connectors.historian.times.time_fields import (
 )
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
-from stemwatch.connectors.historian.values.stored_text import StoredText, some
+from stemwatch.connectors.historian.values.stored_text import StoredText, cells_at
 from stemwatch.models.recording import Bools, Floats
 
 _ROWS_AT_ONCE = 1 << 20
@@ -523,7 +523,7 @@ def _report_unreadable(
     if ok.all():
         return
     rows = np.flatnonzero(~ok)[:5]
-    for row, text in zip(rows.tolist(), some(texts, rows), strict=True):
+    for row, text in zip(rows.tolist(), cells_at(texts, rows), strict=True):
         notes.problem(
             f"line {table.numbers[row]}: {text[:40]!r} is not a time that could be placed; "
             "the row was left out"

@@ -187,7 +187,7 @@ def coded(cells: Sequence[str]) -> tuple[list[str], Kinds]:
 
 
 def rows_of_each(kind_index: Kinds, kinds: int) -> list[Rows]:
-    """The rows of each kind in order; ``which`` (n,) tells the kind of each row."""
+    """The rows of each kind in order; ``kind_index`` (n,) tells the kind of each row."""
     narrow = np.int32 if kind_index.size < 2**31 else np.int64
     counts = np.bincount(kind_index, minlength=kinds)
     order = np.empty(kind_index.size, dtype=narrow)
@@ -209,7 +209,7 @@ def chosen(cells: Sequence[str], rows: Rows) -> Sequence[str]:
     return [cells[row] for row in rows.tolist()]
 
 
-def some(cells: Sequence[str], rows: Rows) -> list[str]:
+def cells_at(cells: Sequence[str], rows: Rows) -> list[str]:
     """The cells of a few rows, in order, read at once."""
     if isinstance(cells, StoredText):
         return cells.at(rows)
@@ -247,12 +247,12 @@ def _filled(columns: list[pa.Array]) -> pa.Array:
     return pc.if_else(blank, columns[1], columns[0])
 
 
-def each(cells: Sequence[str], change: Callable[[str], str]) -> Sequence[str]:
+def change_each(cells: Sequence[str], change: Callable[[str], str]) -> Sequence[str]:
     """Each cell changed alone."""
-    return together([cells], lambda cells_of_row: change(cells_of_row[0]))
+    return make_of_rows([cells], lambda cells_of_row: change(cells_of_row[0]))
 
 
-def together(
+def make_of_rows(
     columns: Sequence[Sequence[str]], make: Callable[[Sequence[str]], str]
 ) -> Sequence[str]:
     """One text of the cells of each row. Of a file in pieces each different row is made once."""

@@ -42,7 +42,7 @@ def run_plant(
     sticking: Floats,
     scans_per_sample: int,
 ) -> tuple[Floats, Floats]:
-    """(m, n) PV and OP as read each ``every`` scans.
+    """(m, n) PV and OP as read each ``scans_per_sample`` scans.
 
     ``loops`` (m, 11), ``links`` (k, 5); ``set_points``, ``loads`` (on the process input) and
     ``noise`` (on PV) are (m, scans), deviations around 50 %; ``sticking`` (m, scans) multiplies S

@@ -156,8 +156,7 @@ def _problem(recording: Recording, train_until: int) -> FitProblem | str:
     if scored_count < LEAST_SAMPLES:
         return (
             f"only {scored_count} usable samples before train_until, {LEAST_SAMPLES} are "
-            "needed; take a "
-            "longer window"
+            "needed; take a longer window"
         )
     if np.ptp(problem.op[:train_until]) == 0.0:
         return "the command does not move before train_until, so nothing can be fitted"

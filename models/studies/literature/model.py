@@ -130,8 +130,7 @@ class KernelModel:
             if not parameter.lower <= value <= parameter.upper:
                 return (
                     f"{parameter.name} = {value:g} {parameter.unit} is outside "
-                    f"{parameter.lower:g} to "
-                    f"{parameter.upper:g}"
+                    f"{parameter.lower:g} to {parameter.upper:g}"
                 )
         return self.relation(parameters)
 

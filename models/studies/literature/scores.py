@@ -29,7 +29,7 @@ class FitScore:
 
 
 def score(simulated: Floats, mv: Floats, is_scored: Bools, resolution: float) -> FitScore | None:
-    """Score where ``counted`` (n,), or ``None`` with fewer than 20 samples or a constant MV.
+    """Score where ``is_scored`` (n,), or ``None`` with fewer than 20 samples or a constant MV.
 
     ``resolution`` in percent: a step of MV up to this is noise.
     """

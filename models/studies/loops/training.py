@@ -46,8 +46,8 @@ def train(
     epochs: int = _EPOCHS,
     window_epochs: int = _WINDOW_EPOCHS,
 ) -> LoopNetwork:
-    """The networks trained on ``examples``, the convolutional one on ``more`` as well: one seed,
-    one result on one machine.
+    """The networks trained on ``examples``, the convolutional one on ``windows_examples`` as well:
+    one seed, one result on one machine.
 
     Loss: cross entropy of the label, and for sticking loops the Gaussian likelihood of
     ln(S/amplitude). One example of ``_HELD_BACK`` only weighs the two networks against each other

@@ -57,7 +57,7 @@ def _steps(integers: NDArray[np.int64]) -> list[int]:
 
 
 def _places(finite: Floats) -> int:
-    """Decimals that keep ``DIGITS_OF_RANGE`` digits of the range of ``known``."""
+    """Decimals that keep ``DIGITS_OF_RANGE`` digits of the range of ``finite``."""
     if not finite.size:
         return 0
     size = float(np.ptp(finite)) or abs(float(finite[0])) or 1.0

@@ -77,7 +77,7 @@ class WebSessions:
             session.execute(delete(SessionRow).where(SessionRow.digest == digest))
 
     def end_others(self, user: int, except_session: str = "") -> None:
-        """End all sessions of a user except ``kept``."""
+        """End all sessions of a user except ``except_session``."""
         with self._transactions.writing("ending sessions") as session:
             session.execute(
                 delete(SessionRow).where(

@@ -43,7 +43,8 @@ class LoginAttempts:
 
     def refused(self, key: str, *, now: datetime, interval: timedelta) -> int:
         """Count an attempt that had to wait; how many there were since that was last asked, at
-        most once in ``every``, and 0 in between. After a pause those before it are among them."""
+        most once in ``interval``, and 0 in between. After a pause those before it are among
+        them."""
         with self._transactions.writing("counting refused attempts to sign in") as session:
             row = _row(session, key, now)
             row.count, row.last = row.count + 1, now

@@ -86,7 +86,7 @@ def use_up(session: Session, digest: str, now: datetime) -> LinkRow | None:
 
 
 def revoke(session: Session, now: datetime, condition: ColumnElement[bool]) -> bool:
-    """Withdraw the valid links that meet ``which``; whether there were any."""
+    """Withdraw the valid links that meet ``condition``; whether there were any."""
     result = session.execute(
         update(LinkRow).where(condition, *_open(now)).values(revoked=now).returning(LinkRow.id)
     )

@@ -90,8 +90,8 @@ class Deliveries:
 
     def claim(self, *, except_notifiers: Collection[str] = ()) -> StoredDelivery | None:
         """Reserve the next due message for a few minutes; ``None`` where none is due but those of
-        the notifiers ``without``. One whose time lies further ahead than any wait is due: the clock
-        was set back since."""
+        the notifiers ``except_notifiers``. One whose time lies further ahead than any wait is due:
+        the clock was set back since."""
         with self._transactions.writing("taking a message") as session:
             now = database_now(session)
             next_try, claimed = DeliveryRow.next_try, DeliveryRow.claimed_until

@@ -27,7 +27,7 @@ def upsert(
     """The statement that inserts ``values`` into ``table``. An existing row with the same ``key``
     is updated, or left as it is with ``update=False``.
 
-    ``where`` is the condition of the unique index over ``key``, if it is a partial index.
+    ``condition`` is the condition of the unique index over ``key``, if it is a partial index.
     """
     # SQLAlchemy compiles a statement of several rows each time, one of a single row only once.
     insert = _insert_into(session, table).values(values[0] if len(values) == 1 else values)

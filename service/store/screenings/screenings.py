@@ -169,7 +169,7 @@ def count_verdicts(session: Session, run_id: int) -> dict[str, int]:
 
 
 def count_overall(session: Session, query: Select[Any]) -> dict[str, int]:
-    """How many of the screenings ``of`` ended in each verdict on their valve."""
+    """How many of the screenings ``query`` ended in each verdict on their valve."""
     defective = defective_column()
     statement = query.with_only_columns(ScreeningRow.verdict, defective, func.count())
     grouped = statement.group_by(ScreeningRow.verdict, defective)

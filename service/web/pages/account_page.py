@@ -59,7 +59,7 @@ def change_password(
         return _page(request, deps, current_user, message=str(error), status=status)
     note_about(request, "password")
     agent = request.headers.get("user-agent", "")
-    answer = back(request, "/account", "password")
+    answer = to_page(request, "/account", "password")
     cookie = begin_session(deps.store, user.id, now=now, address=address, agent=agent)
     set_session(answer, cookie, request.scope)
     return answer
@@ -72,7 +72,7 @@ def end_sessions(
     """Sign out every other browser."""
     note_about(request, "other sessions")
     deps.store.web_sessions.end_others(current_user.user, current_user.session)
-    return back(request, "/account", "sessions")
+    return to_page(request, "/account", "sessions")
 
 
 @router.post("/account/tokens/make")
@@ -110,10 +110,10 @@ def revoke_token(
         raise HTTPException(404, f"You have no token {number}.")
     note_about(request, f"revoke {token.name}")
     deps.store.api_tokens.revoke(token.id, deps.now)
-    return back(request, "/account", "revoked")
+    return to_page(request, "/account", "revoked")
 
 
-def back(request: Request, place: str, done: str) -> RedirectResponse:
+def to_page(request: Request, place: str, done: str) -> RedirectResponse:
     """To a page that says what was done."""
     base = str(request.scope.get("root_path", "")).rstrip("/")
     return RedirectResponse(f"{base}{place}?{urlencode({'done': done})}", 303)

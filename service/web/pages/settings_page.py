@@ -30,7 +30,7 @@ from stemwatch.service.store.runs.schedules import FROM_BROWSER
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.account_page import back
+from stemwatch.service.web.pages.account_page import to_page
 
 # Keys of a schedule that are typed in another unit than seconds: the key, the field, its seconds.
 TIMES = (
@@ -100,7 +100,7 @@ def set_limits(request: Request, deps: Deps, current_user: SignedIn, form: SentF
     for name, value in read.items():
         new_text = "as in the plant file" if value is None else f"{value:g}"
         note_about(request, f"{name} {getattr(now, name):g} -> {new_text}")
-    return back(request, "/settings", "limits")
+    return to_page(request, "/settings", "limits")
 
 
 @router.post("/settings/schedule")
@@ -121,7 +121,7 @@ def set_schedule(request: Request, deps: Deps, current_user: SignedIn, form: Sen
     except BadSetting as error:
         return _page(request, deps, message=f"{error}. Nothing is changed.", status=422)
     deps.actions.set_schedule(schedule, current_user.signature(), deps.now)
-    return back(request, "/settings", "schedule")
+    return to_page(request, "/settings", "schedule")
 
 
 @router.post("/settings/schedule/remove")
@@ -130,7 +130,7 @@ def remove_schedule(
 ) -> Response:
     """Remove a schedule that was made here."""
     deps.actions.remove_schedule(form.text("name", needed="the name of a schedule"))
-    return back(request, "/settings", "unscheduled")
+    return to_page(request, "/settings", "unscheduled")
 
 
 def _seconds(text: str, key: str, field: str, unit_s: float) -> dict[str, float]:
@@ -160,7 +160,7 @@ def _page(
         said=message,
         plant=plant,
         limits=_limits(deps),
-        rules=shown(plant.alerts.model_dump()) if plant else [],
+        rules=shown_keys(plant.alerts.model_dump()) if plant else [],
         schedules=deps.store.schedules.all(),
         authors=deps.store.browser_settings.schedules(),
         areas=deps.store.areas(),
@@ -195,7 +195,7 @@ def _sources(plant: Plant | None) -> list[dict[str, Any]]:
     tables |= {name: archive.model_dump() for name, archive in plant.archives.items()}
     tables |= {name: _keys_of(device) for name, device in plant.devices.items()}
     return [
-        {"name": name, "valves": counts[name], "given": shown(fields)}
+        {"name": name, "valves": counts[name], "given": shown_keys(fields)}
         for name, fields in tables.items()
     ]
 
@@ -210,10 +210,10 @@ def _keys_of(device: Device) -> dict[str, Any]:
 def _notifiers(plant: Plant | None) -> list[tuple[str, Given]]:
     if plant is None:
         return []
-    return [(name, shown(notifier.model_dump())) for name, notifier in plant.notifiers.items()]
+    return [(name, shown_keys(notifier.model_dump())) for name, notifier in plant.notifiers.items()]
 
 
-def shown(keys: Mapping[str, Any], before: str = "") -> Given:
+def shown_keys(keys: Mapping[str, Any], before: str = "") -> Given:
     """Keys and values as text; what could hold a secret is masked, long lists are counted."""
     lines: Given = []
     for key, value in keys.items():
@@ -221,7 +221,7 @@ def shown(keys: Mapping[str, Any], before: str = "") -> Given:
         if value is None or value == [] or key == "name":
             continue
         if isinstance(value, Mapping):
-            lines += shown(value, f"{name}.")
+            lines += shown_keys(value, f"{name}.")
         elif any(word in key.lower() for word in SECRET_WORDS):
             lines.append((name, _masked(str(value))))
         elif isinstance(value, list | tuple) and len(value) > MOST_SHOWN:

@@ -27,7 +27,7 @@ router = APIRouter(include_in_schema=False)
 @router.get("/valve/test-plan")
 def test_plan(request: Request, deps: Deps) -> HTMLResponse:
     """The plan of the valve ``id``; the limits stand in the query."""
-    from stemwatch.service.field_test.sheet_files import shown
+    from stemwatch.service.field_test.sheet_files import page_values
 
     name = deps.need_valve(request.query_params.get("id", ""))
     texts = {field: request.query_params.get(field, "")[:20] for field in FIELDS}
@@ -46,7 +46,7 @@ def test_plan(request: Request, deps: Deps) -> HTMLResponse:
         given=texts,
         refused=refused,
         fields=urlencode({field: text for field, text in texts.items() if text}),
-        **({"sheet": None} if sheet is None else shown(sheet)),
+        **({"sheet": None} if sheet is None else page_values(sheet)),
     )
 
 

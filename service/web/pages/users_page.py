@@ -14,7 +14,7 @@ from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
 from stemwatch.service.web.auth.forms import Form, SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.account_page import back
+from stemwatch.service.web.pages.account_page import to_page
 
 router = APIRouter(include_in_schema=False)
 
@@ -63,7 +63,7 @@ def set_role(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     user, role = _user(request, deps, form), _role(form)
     note_about(request, f"before {user.role}")
     _unless_last(lambda: deps.store.accounts.set_role(user.id, role))
-    return back(request, "/users", "role")
+    return to_page(request, "/users", "role")
 
 
 @router.post("/users/disable")
@@ -72,7 +72,7 @@ def disable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     user = _user(request, deps, form)
     note_about(request, "disable")
     _unless_last(lambda: deps.store.accounts.disable(user.id, deps.now))
-    return back(request, "/users", "disabled")
+    return to_page(request, "/users", "disabled")
 
 
 @router.post("/users/enable")
@@ -81,7 +81,7 @@ def enable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     user = _user(request, deps, form)
     note_about(request, "enable")
     deps.store.accounts.enable(user.id)
-    return back(request, "/users", "enabled")
+    return to_page(request, "/users", "enabled")
 
 
 @router.post("/users/links/withdraw")
@@ -91,7 +91,7 @@ def withdraw(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     note_about(request, f"withdraw link {number}")
     if number > LARGEST_NUMBER or not deps.store.access_links.revoke(number, deps.now):
         raise HTTPException(404, f"There is no link {number} that still lets somebody in.")
-    return back(request, "/users", "withdrawn")
+    return to_page(request, "/users", "withdrawn")
 
 
 def _page(

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.batched_search import conclude, together
+from stemwatch.models.mismatch.batched_search import conclude, run_together
 from stemwatch.models.mismatch.crossfit import CAREFUL, folds, search
 from stemwatch.models.mismatch.evaluator import RunRequest, batches
 from stemwatch.models.mismatch.forces import Forces
@@ -60,7 +60,7 @@ def searches(seed):
 def test_a_search_finds_in_company_what_it_finds_alone(seed):
     """To the last bit: the same candidates, the same losses, in the order of the searches."""
     alone = [conclude(evaluator(), item) for item in searches(seed)]
-    in_step = conclude(evaluator(), together(searches(seed)))
+    in_step = conclude(evaluator(), run_together(searches(seed)))
     assert len(alone) == len(in_step) == len(KINDS) + 1
     for one, other in zip(alone, in_step, strict=True):
         np.testing.assert_array_equal(one.candidate, other.candidate)
@@ -74,8 +74,8 @@ def test_what_asks_for_nothing_is_done_at_once():
         return value
         yield
 
-    assert conclude(evaluator(), together([])) == []
-    assert conclude(evaluator(), together([known(1), known(2)])) == [1, 2]
+    assert conclude(evaluator(), run_together([])) == []
+    assert conclude(evaluator(), run_together([known(1), known(2)])) == [1, 2]
 
 
 def test_a_search_that_fails_is_not_taken_for_done():
@@ -86,7 +86,7 @@ def test_a_search_that_fails_is_not_taken_for_done():
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        conclude(evaluator(), together([*searches(1), wrong()]))
+        conclude(evaluator(), run_together([*searches(1), wrong()]))
 
 
 @given(st.lists(st.integers(1, 3 * LANES), min_size=1, max_size=12))

@@ -12,7 +12,8 @@ from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
 from stemwatch.models.mismatch.compression import NARROWEST_DOOR, WIDEST_DOOR, door
 from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.explain import explain, look_of, problem_of, scores
+from stemwatch.models.mismatch.explain import explain, scores
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
@@ -35,10 +36,10 @@ def bench_with_slack(recording):
     """The evaluator of a compressed recording as ``explain`` makes it."""
     settled = settle(recording)
     problem = problem_of(recording, settled)
-    look = look_of(problem)
-    scatter = first_scatter(look)
-    bounds = base_bounds(problem, look)
-    return make_evaluator(problem, look, bounds, 0.15, CANONICAL, scatter, settled.slack)
+    summary = summary_of(problem)
+    scatter = first_scatter(summary)
+    bounds = base_bounds(problem, summary)
+    return make_evaluator(problem, summary, bounds, 0.15, CANONICAL, scatter, settled.slack)
 
 
 @given(

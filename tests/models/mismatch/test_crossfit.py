@@ -16,11 +16,11 @@ from stemwatch.models.mismatch.crossfit import (
     LOOK,
     POLISH,
     Beginning,
-    again,
     better,
     crossfit,
     folds,
     gain,
+    refit,
     scored,
     widened,
 )
@@ -116,7 +116,7 @@ def test_going_on_never_loses_on_a_folds_own_blocks(seed):
     evaluator, layout = prepared()
     begun = at_random(evaluator, layout, seed)
     more = at_random(evaluator, layout, seed + 1).candidates
-    went_on = conclude(evaluator, again(evaluator, begun, POLISH, more))
+    went_on = conclude(evaluator, refit(evaluator, begun, POLISH, more))
     assert (own_losses(evaluator, went_on) <= own_losses(evaluator, begun)).all()
 
 
@@ -162,7 +162,7 @@ def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
     rich = hypothesis("sensor_drift").plus(term)
     layout, begun = evaluator.layout(rich), beginnings(term, 4.0, 1.0)
     rows = widened(evaluator, rich, simple, term, begun)
-    grid = term.starts(evaluator.look)
+    grid = term.starts(evaluator.summary)
     assert (len(begun) * grid.shape[0], layout.size) == rows.shape
     np.testing.assert_array_equal(layout.bounds.clip(rows), rows)
     place = layout.places[slug]

@@ -10,7 +10,7 @@ import pytest
 
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import scored
-from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, begun, dwelling
+from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, dwelling, refit_with_rise
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.term_selection import neutral
@@ -93,7 +93,7 @@ def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     conclusion = conclude(
         evaluator, neutral(evaluator, found, hypothesis().plus(catalogue()[DWELL]))
     )
-    fitted = begun(evaluator, conclusion, seen)
+    fitted = refit_with_rise(evaluator, conclusion, seen)
     values = fitted.values(DWELL)
     assert np.all(np.abs(values - seen.rise) <= 2.0 * seen.error + 1e-9)
     assert np.all(fitted.candidates[:, 0] < 4.8)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch.explain import explain, scores
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
-from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
@@ -266,7 +266,7 @@ def test_scores_are_those_of_all_terms_that_could_have_shown():
     """Calibration sees mean and t of each admissible term, none of the reading's, all finite."""
     result = scores(simulated("null", 4001)[0])
     refused = {item.slug for item in explained("null", 4001).not_testable}
-    of_stem = {slug for slug, term in catalogue().items() if term.way is not Way.READING}
+    of_stem = {slug for slug, term in catalogue().items() if term.acts_on is not ActsOn.READING}
     assert set(result) == of_stem - refused
     assert all(np.isfinite(pair).all() for pair in result.values())
     assert {} == scores(recorded(command(), None))

@@ -10,8 +10,8 @@ import pytest
 
 from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.explain import look_of, problem_of
 from stemwatch.models.mismatch.held_out import show
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import hypothesis, simulated_by_chain
@@ -21,7 +21,7 @@ from tests.models.mismatch.fitted_chain import hypothesis, simulated_by_chain
 def prepared(*slugs):
     """The scaled evaluator of a valve whose command comes 3 s late, and the terms in question."""
     problem = problem_of(recording := simulated_by_chain(dead_time=[3.0]), settle(recording))
-    evaluator = fit_base(problem, look_of(problem)).evaluator
+    evaluator = fit_base(problem, summary_of(problem)).evaluator
     return evaluator, evaluator.layout(hypothesis(*slugs)), [catalogue()[slug] for slug in slugs]
 
 
@@ -36,7 +36,7 @@ def with_position(evaluator, mv):
     problem = replace(evaluator.problem, mv=mv)
     result = make_evaluator(
         problem,
-        evaluator.look,
+        evaluator.summary,
         evaluator.base_bounds,
         evaluator.delta,
         evaluator.restick,

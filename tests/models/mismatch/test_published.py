@@ -8,14 +8,14 @@ import pytest
 import stemwatch
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.mismatch.term import Look
+from stemwatch.models.mismatch.term import RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls, simulate_hidden
 from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain
 
-LOOK = Look(
+LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=1200.0,
     op_low=30.0,

@@ -13,11 +13,11 @@ from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch import term_selection
 from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, again, gain, scored
+from stemwatch.models.mismatch.crossfit import CAREFUL, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import TermSet
-from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
-from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
     MOST_TERMS,
@@ -40,14 +40,14 @@ from tests.models.mismatch.fitted_chain import (
     simulated_by_chain,
 )
 
-NAMES = [slug for slug, term in catalogue().items() if term.way is not Way.READING]
+NAMES = [slug for slug, term in catalogue().items() if term.acts_on is not ActsOn.READING]
 
 
 def begun(recording: Recording):
     """The base of a recording, and every term that does not belong to the reading."""
     problem = problem_of(recording, settle(recording))
     terms = [catalogue()[slug] for slug in NAMES]
-    return fit_base(problem, look_of(problem)), terms
+    return fit_base(problem, summary_of(problem)), terms
 
 
 @cache
@@ -136,7 +136,7 @@ def test_there_are_no_more_rounds_than_terms_that_may_be_named():
 def went_on(evaluator, simple, rich):
     """``simple`` searched further in the coordinates of ``rich``."""
     begun = conclude(evaluator, neutral(evaluator, simple, rich))
-    return conclude(evaluator, again(evaluator, begun, CAREFUL))
+    return conclude(evaluator, refit(evaluator, begun, CAREFUL))
 
 
 def test_a_first_term_that_the_second_makes_needless_is_dropped():

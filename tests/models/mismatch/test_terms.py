@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 
 CATALOGUE = catalogue()
 everywhere = pytest.mark.parametrize("slug", sorted(CATALOGUE))
-LOOK = Look(
+LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=3600.0,
     op_low=25.0,
@@ -120,7 +120,7 @@ def test_the_catalogue_holds_all_physics_of_the_valve():
 
 def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
     """Dead time, lag, positioner, speed limit, air supply."""
-    order = {slug: term.order for slug, term in CATALOGUE.items() if term.way is Way.COMMAND}
+    order = {slug: term.order for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.COMMAND}
     assert order == {
         "dead_time": 10,
         "actuator_lag": 20,
@@ -134,7 +134,7 @@ def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
 
 def test_zero_gain_and_re_sticking_are_the_base_s_own_numbers():
     """They are free in every hypothesis."""
-    reading = {slug for slug, term in CATALOGUE.items() if term.way is Way.READING}
+    reading = {slug for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.READING}
     assert reading == {"zero_shift", "span_error", "low_speed_restick"}
 
 
@@ -162,9 +162,9 @@ def test_a_richer_term_names_the_simpler_ones_that_it_contains():
 @pytest.mark.parametrize("name", LOOKS)
 def test_starts_are_few_and_lie_within_the_ranges(slug, name):
     """Whatever the sampling and the swing."""
-    term, look = CATALOGUE[slug], LOOKS[name]
-    limits = term.coordinates(look)
-    starts = term.starts(look)
+    term, summary = CATALOGUE[slug], LOOKS[name]
+    limits = term.coordinates(summary)
+    starts = term.starts(summary)
     assert starts.shape[1] == len(limits)
     assert 3 <= starts.shape[0] <= 16
     assert np.unique(starts, axis=0).shape[0] >= 2

@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem, Stems
-from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats
 from tests.models.mismatch.fitted_chain import followed
 
 CATALOGUE = catalogue()
-COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.way is Way.COMMAND)
+COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.COMMAND)
 S, J = 4.0123, 1.2071  # no step of the signals divides them
-LOOK = Look(
+LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=3600.0,
     op_low=25.0,
@@ -53,7 +53,7 @@ def simulated(
     stem.numbers[stem_number.S], stem.numbers[stem_number.J] = levels
     p = op
     for slug, values in terms.items():
-        if CATALOGUE[slug].way is Way.COMMAND:
+        if CATALOGUE[slug].acts_on is ActsOn.COMMAND:
             p = shaped(slug, p, values, dt)
         else:
             CATALOGUE[slug].fill(stem, np.array(values))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, search
-from stemwatch.models.mismatch.reading import pinned
+from stemwatch.models.mismatch.reading_errors import pinned
 from stemwatch.models.mismatch.stiction import MODEL_ERROR
 from stemwatch.models.mismatch.uncertainty import REPLICATES, draws, estimate
 from stemwatch.models.recording import PERCENT

@@ -18,8 +18,12 @@ from stemwatch.models.studies.loops.draws import STORIES, draw_loop
 from stemwatch.models.studies.loops.examples import example
 from stemwatch.models.studies.loops.training import train
 from stemwatch.models.without_position import trained_weights
-from stemwatch.models.without_position.common_phase import common_phase_surrogate
-from stemwatch.models.without_position.features import NAMES, dominant_period, evidence
+from stemwatch.models.without_position.features import (
+    NAMES,
+    common_phase_surrogate,
+    dominant_period,
+    evidence,
+)
 from stemwatch.models.without_position.hammerstein import element, held_out
 from stemwatch.models.without_position.network import KERNELS, LoopNetwork, packed, unpacked
 from stemwatch.models.without_position.suspicion import (
@@ -28,7 +32,7 @@ from stemwatch.models.without_position.suspicion import (
     Suspicion,
     SuspicionLimits,
     WithoutPosition,
-    look,
+    look_at_loop,
     trained_judge,
 )
 from stemwatch.models.without_position.suspicion import suspect as suspect_by
@@ -290,6 +294,6 @@ def test_a_long_record_is_judged_by_its_end() -> None:
     """In the time of a short one, with its S in the same unit."""
     recording = limit_cycle()
     op, pv = (np.tile(recording.get(role).values, 12) for role in (Role.OP, Role.PV))
-    seen = look(loop_of(op, pv))
+    seen = look_at_loop(loop_of(op, pv))
     assert seen.samples <= MOST_SAMPLES
     assert suspect_by(loop_of(op, pv), trained_judge()).score is not None

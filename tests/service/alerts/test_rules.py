@@ -227,6 +227,24 @@ def test_friction_that_shows_twice_is_one_alert(slug: str, alone: bool) -> None:
     assert ("Also seen" in sticky.text) is not alone
 
 
+def test_an_effect_of_friction_has_the_cause_of_a_sticking_stem() -> None:
+    """Before S passes its limit and after: one cause, which is not over while either is there."""
+    windows = [
+        WindowEvidence(at=NOW + timedelta(days=day), named=(("low_speed_restick",),))
+        for day in range(3)
+    ]
+    of_weeks = evidence_of_weeks(windows)
+    well = [screening(n) for n in (4, 3, 2, 1)]
+    seen = ValveRecord(valve=VALVE, screenings=well, by_window=of_weeks, stands=True)
+    raised, closed = apply_rules(seen, RULES)
+    assert [(item.kind, item.cause) for item in raised] == [(AlertKind.MISMATCH, "sticky:FIC-1")]
+    assert "sticky:FIC-1" not in closed
+    play = ValveRecord(valve=VALVE, screenings=well, by_window=evidence(*[True] * 4), stands=True)
+    raised, closed = apply_rules(play, RULES)
+    assert [item.cause for item in raised] == ["mismatch:FIC-1"]
+    assert "sticky:FIC-1" in closed
+
+
 def test_an_effect_that_is_gone_closes_its_alert() -> None:
     """After windows on end without it."""
     well = [screening(n) for n in (4, 3, 2, 1)]

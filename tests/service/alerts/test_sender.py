@@ -11,7 +11,7 @@ import pytest
 import time_machine
 
 from stemwatch.service.alerts.notifiers import NotSent
-from stemwatch.service.alerts.sender import FEWEST_ATTEMPTS, GIVE_UP_AFTER, Sender, wait
+from stemwatch.service.alerts.sender import FEWEST_ATTEMPTS, GIVE_UP_AFTER, Sender, wait_after
 from stemwatch.service.store.alerts.deliveries import LONGEST_WAIT
 from stemwatch.service.store.store import Store, open_store
 
@@ -104,7 +104,7 @@ def test_a_sender_that_died_holds_no_message_for_ever(store: Store, clock) -> No
 
 def test_the_wait_is_bounded() -> None:
     """Doubled each time, never longer than an hour."""
-    waits = [wait(n) for n in range(1, 40)]
+    waits = [wait_after(n) for n in range(1, 40)]
     assert waits[:3] == [timedelta(minutes=n) for n in (1, 2, 4)]
     assert waits == sorted(waits)
     assert waits[-1] == LONGEST_WAIT

@@ -102,14 +102,14 @@ def test_nothing_is_tested_where_there_is_nothing_to_confirm() -> None:
 @pytest.mark.parametrize("slug", sorted(catalogue()))
 def test_every_number_of_an_effect_has_words(slug: str) -> None:
     """A page says "dead time", not "theta"."""
-    from stemwatch.models.mismatch.term import Look
+    from stemwatch.models.mismatch.term import RecordingSummary
 
     term = catalogue()[slug]
-    look = Look(
+    summary = RecordingSummary(
         interval_s=1.0, duration_s=3600.0, op_low=30.0, op_high=60.0, mv_low=30.0, mv_high=60.0,
         sigma=0.05, S=1.0, J=0.5,
     )  # fmt: skip
-    names = term.parameters(np.asarray(term.starts(look))[0])
+    names = term.parameters(np.asarray(term.starts(summary))[0])
     for name in names:
         text = parameter_name(name, slug)
         letters = text not in GREEK and len(text) > 3

@@ -10,7 +10,7 @@ from importlib.resources import files
 import pytest
 
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.web.pages.settings_page import shown
+from stemwatch.service.web.pages.settings_page import shown_keys
 from stemwatch.service.web.site import Check, Site
 from tests.service.web.example_plant import HOSTILE, STICKY
 
@@ -195,7 +195,7 @@ def test_what_could_be_a_secret_is_masked_wherever_it_stands():
         "registers": [{"tag": f"T{k}"} for k in range(9)],
         "to": ["a@plant.org"],
     }
-    result = dict(shown(given))
+    result = dict(shown_keys(given))
     assert "geheim" not in str(result).lower()
     assert result["url"] == "https://hooks.example/***"
     assert result["link.target"] == "10.1.2.3"

@@ -54,7 +54,7 @@ def draw_manual(duration_s: float, warmup_s: float, rng: np.random.Generator) ->
 
 
 def _elsewhere(level: float, rng: np.random.Generator, least: float, most_change: float) -> float:
-    """An opening ``least`` to ``most`` percent away, three times in four towards 50 %."""
+    """An opening ``least`` to ``most_change`` percent away, three times in four towards 50 %."""
     change = float(rng.uniform(least, most_change))
     up = level < 50.0 if rng.random() < 0.75 else level >= 50.0
     return float(np.clip(level + (change if up else -change), _LOW, _HIGH))

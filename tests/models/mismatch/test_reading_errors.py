@@ -10,7 +10,7 @@ import pytest
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import LOOK, crossfit
-from stemwatch.models.mismatch.reading import COORDINATES, findings, pinned, values_of
+from stemwatch.models.mismatch.reading_errors import COORDINATES, findings, pinned, values_of
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import (
     candidate,
