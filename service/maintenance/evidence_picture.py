@@ -65,7 +65,7 @@ def picture_of(
         caption += " Beside it MV against OP, with the stick band of S and J."
         if screening.stroke_curve is not None:
             caption += " The curve from OP to stroke goes through it."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption), reason
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), caption=caption), reason
 
 
 def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
@@ -168,9 +168,9 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
     comparable = recording.mv.unit == recording.op.unit
     shapes = loop_shapes(screening, op, mv) if comparable else LoopShapes()
     band, curve = shapes.band, shapes.curve
-    drawn = [shape for shape in (band, curve) if shape is not None]
-    (x0, x1) = span(op, *(shape[:, 0] for shape in drawn))
-    (y0, y1) = span(mv, *(shape[:, 1] for shape in drawn))
+    lines = [shape for shape in (band, curve) if shape is not None]
+    (x0, x1) = span(op, *(shape[:, 0] for shape in lines))
+    (y0, y1) = span(mv, *(shape[:, 1] for shape in lines))
     if comparable:
         (x0, x1), (y0, y1) = equally_long((x0, x1), (y0, y1), LOOP_WIDTH / (HEIGHT - TOP - FOOT))
     panel = Panel(

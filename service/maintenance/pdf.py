@@ -229,7 +229,7 @@ def _work_done(
         t.text(cut(work.valve, LONGEST_NAME), bold=True, spaceBefore=3.0),
         t.text(f"{instant(work.at, context.tz)}: {cut(work.note, LONGEST_CELL)}"),
         t.text(f"S {compared.sizes[0]}, J {compared.sizes[1]}", bold=True),
-        t.text(f"{windows} {compared.says}" if explain and drawing else windows, 0.86),
+        t.text(f"{windows} {compared.caption}" if explain and drawing else windows, 0.86),
     ]
     if drawing is None:
         return said

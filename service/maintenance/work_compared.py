@@ -39,7 +39,7 @@ class WorkCompared:
     around: AroundWork
     before: WindowLoop | None
     after: WindowLoop | None
-    says: str = (
+    caption: str = (
         "A typical stretch of each window; one percent is as long along both axes. The wider the "
         "loop, the more the stem sticks."
     )
@@ -84,7 +84,7 @@ class WorkCompared:
             width=WIDTH,
             height=HEIGHT,
             marks=tuple(marks),
-            says="MV against OP in the window before the work and in the latest one after it.",
+            caption="MV against OP in the window before the work and in the latest one after it.",
         )
 
 

@@ -123,9 +123,9 @@ def picture_of(weeks: list[Week]) -> Markup | None:
     plot = SmallPlot(
         x_label="days before now",
         y_label="valves",
-        spoken=f"Valves that need work over {len(weeks)} weeks, now "
+        description=f"Valves that need work over {len(weeks)} weeks, now "
         f"{weeks[-1].counts.needs_work} of {weeks[-1].counts.valves}.",
-        drawn=[
+        lines=[
             Drawn(kind, label, days, np.array(counts, dtype=np.float64), dashed=dashed)
             for kind, label, counts, dashed in lines
         ],
