@@ -56,7 +56,7 @@ Mark = DrawnLine | DrawnArea | DrawnText
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """``marks`` in the order in which they are drawn; ``caption`` is for those who do not see it."""
+    """``marks`` in the order of drawing; ``caption`` is for those who do not see it."""
 
     width: float
     height: float
