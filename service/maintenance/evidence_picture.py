@@ -100,16 +100,16 @@ def _over_time(
         traces.append(DrawnTrace("model", simulated[part], 1.0, MODEL_DASH))
     if mv is not None:
         traces.append(DrawnTrace("MV", mv.values[part], 1.2))
-    below = None
+    pv_signal = None
     if mv is None and pv is not None and np.isfinite(pv.values[part]).any():
-        below = pv.in_process_unit()
+        pv_signal = pv.in_process_unit()
     unit = op.unit if mv is None or mv.unit == op.unit else f"{op.unit}, {mv.unit}"
-    height = HEIGHT - TOP - FOOT - (66.0 if below is not None else 0.0)
+    height = HEIGHT - TOP - FOOT - (66.0 if pv_signal is not None else 0.0)
     marks = _panel_over_time(recording, part, traces, unit, TOP, (width, height))
-    if below is not None:
-        shown = [DrawnTrace("PV", below.values[part], 1.2)]
+    if pv_signal is not None:
+        drawn_traces = [DrawnTrace("PV", pv_signal.values[part], 1.2)]
         marks += _panel_over_time(
-            recording, part, shown, below.unit, TOP + height + 36.0, (width, 30.0)
+            recording, part, drawn_traces, pv_signal.unit, TOP + height + 36.0, (width, 30.0)
         )
     names = ", ".join(trace.name for trace in traces)
     return marks, f"{names} over time."
@@ -124,7 +124,7 @@ def _panel_over_time(
     size: tuple[float, float],
 ) -> list[Mark]:
     seconds = recording.time_s[part] - recording.time_s[part.start]
-    scale, what = (60.0, "min") if seconds[-1] > 300.0 else (1.0, "s")
+    scale, time_unit = (60.0, "min") if seconds[-1] > 300.0 else (1.0, "s")
     low, high = span(*[trace.values for trace in traces])
     panel = Panel(
         left=LEFT,
@@ -136,7 +136,7 @@ def _panel_over_time(
         y0=low,
         y1=high,
     )
-    marks = panel.frame(what, printable(unit))
+    marks = panel.frame(time_unit, printable(unit))
     kept_samples = telling_samples([trace.values for trace in traces], POINTS * len(traces))
     for trace in traces:
         marks += panel.lines(

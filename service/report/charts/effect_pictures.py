@@ -379,30 +379,36 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
     )
 
 
-def _points(found: Telltale) -> Iterator[Drawn]:
-    if found.joined:
-        yield Drawn("mv", "recorded", found.x, found.y)
+def _points(seen_telltale: Telltale) -> Iterator[Drawn]:
+    if seen_telltale.joined:
+        yield Drawn("mv", "recorded", seen_telltale.x, seen_telltale.y)
         return
-    stride = -(-found.x.size // MOST_POINTS)
-    kept_points = np.arange(0, found.x.size, stride)
+    stride = -(-seen_telltale.x.size // MOST_POINTS)
+    kept_points = np.arange(0, seen_telltale.x.size, stride)
     for kind, name, group in (
-        ("mv", found.groups[0], found.rising),
-        ("pv", found.groups[1], ~found.rising),
+        ("mv", seen_telltale.groups[0], seen_telltale.rising),
+        ("pv", seen_telltale.groups[1], ~seen_telltale.rising),
     ):
         chosen = kept_points[group[kept_points]]
         if chosen.size:
-            yield Drawn(kind, f"recorded, {name}", found.x[chosen], found.y[chosen], dots=True)
+            yield Drawn(
+                kind,
+                f"recorded, {name}",
+                seen_telltale.x[chosen],
+                seen_telltale.y[chosen],
+                dots=True,
+            )
 
 
-def _course(found: Telltale, reference: Telltale) -> tuple[Floats, Floats]:
+def _course(seen_telltale: Telltale, reference: Telltale) -> tuple[Floats, Floats]:
     """Medians of a cloud over even parts of what the recording covers."""
-    if found.joined:
-        return found.x, found.y
+    if seen_telltale.joined:
+        return seen_telltale.x, seen_telltale.y
     edges = np.linspace(*_bulk(reference.x), BINS + 1)
-    bin_of_point = np.digitize(found.x, edges) - 1
+    bin_of_point = np.digitize(seen_telltale.x, edges) - 1
     x, y = 0.5 * (edges[1:] + edges[:-1]), np.full(BINS, np.nan)
     for k in range(BINS):
-        in_bin = found.y[bin_of_point == k]
+        in_bin = seen_telltale.y[bin_of_point == k]
         if in_bin.size >= FEWEST_IN_BIN:
             y[k] = np.median(in_bin)
     return x, y

@@ -47,10 +47,10 @@ class LoopShapes:
 
 def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
     """The curve and the band over the samples ``op`` (n,) and ``mv`` (n,) in percent."""
-    known, curve = np.isfinite(op) & np.isfinite(mv), screening.stroke_curve
-    if not known.any():
+    both_finite, curve = np.isfinite(op) & np.isfinite(mv), screening.stroke_curve
+    if not both_finite.any():
         return LoopShapes()
-    op, mv = op[known], mv[known]
+    op, mv = op[both_finite], mv[both_finite]
     if curve is None:
         return LoopShapes(band=_band(screening, op, mv, op))
     command = curve.command(op)

@@ -96,11 +96,11 @@ def pack_pictures(pictures: WindowPictures) -> bytes:
     return zlib.compress(json.dumps(as_json, separators=(",", ":"), allow_nan=False).encode(), 9)
 
 
-def unpack_pictures(kept: bytes) -> WindowPictures:
+def unpack_pictures(packed_bytes: bytes) -> WindowPictures:
     """The pictures of ``pack_pictures``; none where a newer version wrote them."""
-    if not kept:
+    if not packed_bytes:
         return WindowPictures()
-    as_json = json.loads(zlib.decompress(kept))
+    as_json = json.loads(zlib.decompress(packed_bytes))
     if as_json["version"] != VERSION:
         return WindowPictures()
     loop = as_json["loop"]

@@ -87,7 +87,11 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
         coming=_coming(schedules),
         weeks=weeks,
         picture=picture_of(weeks),
-        oscillations=[one.group for one in deps.store.oscillations(deps.now) if not one.over],
+        oscillations=[
+            oscillation.group
+            for oscillation in deps.store.oscillations(deps.now)
+            if not oscillation.over
+        ],
         worst=[
             (line, change_since_last_run(line, line.verdict, line.previous, trends.get(line.valve)))
             for line in worst

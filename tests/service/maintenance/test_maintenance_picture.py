@@ -128,8 +128,8 @@ def test_a_hole_is_a_hole():
     panel = Panel(left=0, top=0, width=100, height=50, x0=0, x1=9, y0=0, y1=1)
     y = np.ones(10)
     y[4:6] = np.nan
-    picture_for = panel.lines(np.arange(10.0), y, 1.0)
-    assert [len(line.points) for line in picture_for] == [4, 4]
+    lines = panel.lines(np.arange(10.0), y, 1.0)
+    assert [len(line.points) for line in lines] == [4, 4]
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
