@@ -362,8 +362,8 @@ def fit_stickslip(
 
     The choice is made on the held-out part: ``both`` is kept only where it beats ``sticking``
     (then the actuator matters) and ``actuator`` (then friction matters) block by block.
-    ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``), ``first`` the
-    first look at this recording where there was one.
+    ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``), ``first``
+    the first look at this recording where there was one.
     """
     problem = make_problem(recording) if first is None else first.evaluator.problem
     problem = replace(problem, unsure_degree=unsure_degree)
