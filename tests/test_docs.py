@@ -247,7 +247,7 @@ def _properties(schema: Any) -> Iterator[str]:
 
 
 def _indicator_patterns() -> list[str]:
-    """Names given to ``_single_indicator`` and ``_estimated``; what is filled in later matches anything."""
+    """Names given to ``_single_indicator``, ``_estimated``; what is filled in matches anything."""
     tree = ast.parse((REPOSITORY / "models/indicators.py").read_text("utf-8"))
     calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.args)
     named = (c.args[0] for c in calls if ast.unparse(c.func) in ("_single_indicator", "_estimated"))
