@@ -57,7 +57,7 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
-from stemwatch.models.mismatch.held_out import HeldOutComparison, show
+from stemwatch.models.mismatch.held_out import FirstPart, HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.nothing_left_out import doubt
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
@@ -412,8 +412,9 @@ def _accepted(case: _Case) -> _Hypothesis:
     named = _named(case, terms)
     pinned: set[str] = set()
     worse = ""
+    first = FirstPart(named.evaluator)
     while True:
-        reached, proposed = _whole_record(case, named, terms, pinned)
+        reached, proposed = _whole_record(case, named, terms, pinned, first)
         stand = {effect.slug for effect in reached.effects}
         if stand and not reached.shown.heldout.improves:
             worse = worse or _worse(reached)
@@ -435,7 +436,7 @@ def _accepted(case: _Case) -> _Hypothesis:
 
 
 def _whole_record(
-    case: _Case, named: Named, terms: dict[str, Term], pinned: set[str]
+    case: _Case, named: Named, terms: dict[str, Term], pinned: set[str], first: FirstPart
 ) -> tuple[_Hypothesis, set[str]]:
     """The hypothesis ``named`` on the whole record, and the slugs of all that it holds: terms that
     were needed, and the reading's errors. ``pinned`` are errors of the reading that it must not
@@ -456,7 +457,7 @@ def _whole_record(
         if DRIVE in layout.places
         else [score.term for score in named.needed]
     )
-    shown = show(evaluator, layout, in_turn, case.ceiling, of_drive)
+    shown = show(evaluator, layout, in_turn, case.ceiling, of_drive, first)
     effects, open_end = _standing(case, evaluator, fitted, large, shown.heldout)
     proposed = {candidate.slug for candidate in candidates}
     reached = _Hypothesis(evaluator, layout, fitted, best, drawn, effects, open_end, shown, named)

@@ -14,10 +14,12 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+from numba import njit
 
 from stemwatch.models.fit_window import choose_fit_window
-from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.onsets import Samples
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 UNITS = (4, 16, 64)  # samples
@@ -68,24 +70,19 @@ def _best(
     problem: FitProblem, answers: tuple[tuple[float, float], ...], speeds: tuple[float, ...]
 ) -> tuple[float, Floats]:
     """The least residual of any stem of the grid, standard deviation, and the stem (10,)."""
-    known = problem.scored[OVER:] & problem.scored[:-OVER]
-    mv = _moves(problem.mv, known)
+    ends = np.flatnonzero(problem.scored[OVER:] & problem.scored[:-OVER]) + OVER
+    mv = problem.mv[ends] - problem.mv[ends - OVER]
+    mv -= mv.mean()
     least, best = np.inf, np.zeros(kernel.N_PARAMETERS)
     out = np.empty(problem.op.size)
     ways = [(delay, lag, np.inf) for delay, lag in answers] + [(0.0, 0.0, v) for v in speeds]
     for width, (delay, lag, speed) in product(WIDTHS, ways):
         stem = _stem(width * problem.swing, delay, lag, speed)
         kernel.simulate(problem.op, problem.op, problem.start, 1.0, stem, out)
-        left = _left(_moves(out, known), mv)
+        left = _left(out, ends, OVER, mv)
         if left < least:
             least, best = left, stem
     return least, best
-
-
-def _moves(stem: Floats, known: Bools) -> Floats:
-    """(m,) moves over ``OVER`` samples where both ends are ``known``, centred."""
-    moves = (stem[OVER:] - stem[:-OVER])[known]
-    return np.asarray(moves - moves.mean())
 
 
 def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:
@@ -98,8 +95,15 @@ def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:
     return stem
 
 
-def _left(stem: Floats, mv: Floats) -> float:
-    """Standard deviation of ``mv`` (n,) about its straight line in ``stem`` (n,), both centred."""
-    power = float(stem @ stem)
-    slope = float(stem @ mv) / power if power > 0.0 else 0.0
-    return float(np.std(mv - slope * stem))
+@njit(cache=True)
+def _left(stem: Floats, ends: Samples, over: int, mv: Floats) -> float:
+    """Standard deviation of moves ``mv`` (m,), centred, about their straight line in those of a
+    ``stem`` (n,) over the same ``over`` samples, which end at ``ends`` (m,)."""
+    mean, square, both, own = 0.0, 0.0, 0.0, 0.0
+    for i in range(ends.size):
+        move = stem[ends[i]] - stem[ends[i] - over]
+        mean, square = mean + move, square + move * move
+        both, own = both + move * mv[i], own + mv[i] * mv[i]
+    power = square - mean * mean / ends.size
+    left = own - both * both / power if power > 0.0 else own
+    return float(np.sqrt(max(left, 0.0) / ends.size))
