@@ -32,7 +32,7 @@ BESIDE_THE_CHECKOUT = REPOSITORY.parent / "shared" / "recordings"
 
 # Worker processes import the functions that a test hands them from here. Last, so that a normal
 # installation of the package, and not the checkout, is what the tests run.
-sys.path[:] = [place for place in sys.path if Path(place or ".").resolve() != REPOSITORY.resolve()]
+sys.path[:] = [index for index in sys.path if Path(index or ".").resolve() != REPOSITORY.resolve()]
 sys.path.append(str(REPOSITORY))
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.
@@ -67,8 +67,8 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """With ``STRICT=1`` a skipped test of a browser or a database server counts as failed."""
     report = yield
-    marked = any(item.get_closest_marker(name) for name in MUST_RUN)
-    if STRICT and marked and report.skipped and not hasattr(report, "wasxfail"):
+    marks = any(item.get_closest_marker(name) for name in MUST_RUN)
+    if STRICT and marks and report.skipped and not hasattr(report, "wasxfail"):
         _fail(report)
     return report
 

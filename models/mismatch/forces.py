@@ -45,17 +45,18 @@ class Forces:
         """Room for ``rows`` forces."""
         return cls(op, start, interval_s, np.empty((rows, op.size)), np.empty(op.size))
 
-    def of(self, wanted: Iterable[tuple[Shaping, Floats]]) -> Samples:
-        """(m,) the row of each candidate's force: ``wanted`` are candidates that are shaped alike,
-        each kind with its coordinates (candidates, k). No more in all than there are rows."""
-        asked: list[_Key] = []
+    def of(self, shapings: Iterable[tuple[Shaping, Floats]]) -> Samples:
+        """(m,) the row of each candidate's force: ``shapings`` are candidates that are shaped
+        alike, each kind with its coordinates (candidates, k). No more in all than there are
+        rows."""
+        keys: list[_Key] = []
         making: dict[_Key, tuple[Shaping, Floats]] = {}
         made = self._made
-        for shaping, values in wanted:
+        for shaping, values in shapings:
             slugs, data, size = shaping.slugs, values.tobytes(), values.shape[1] * values.itemsize
             for i, begin in enumerate(range(0, len(data), size)):
                 key = slugs, data[begin : begin + size]
-                asked.append(key)
+                keys.append(key)
                 row = made.pop(key, None)
                 if row is None:
                     making[key] = shaping, values[i]
@@ -63,7 +64,7 @@ class Forces:
                     made[key] = row  # the last to make room, now that it is in use again
         for key, (shaping, own) in making.items():
             made[key] = self._make(self._room(), shaping.terms, own)
-        return np.array([made[key] for key in asked])
+        return np.array([made[key] for key in keys])
 
     def _room(self) -> int:
         """A row that is free, or that of the force that was not asked for the longest."""
@@ -78,7 +79,7 @@ class Forces:
         if len(terms) % 2:
             p, spare = spare, p
         delayed(self.op, self.start, values[0] / self.interval_s, p)
-        for term, place in terms:
-            term.shape(p, self.start, self.interval_s, values[place], spare)
+        for term, coordinate_slice in terms:
+            term.shape(p, self.start, self.interval_s, values[coordinate_slice], spare)
             p, spare = spare, p
         return row

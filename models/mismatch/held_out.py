@@ -52,19 +52,19 @@ class FirstPart:
     def __init__(self, evaluator: Evaluator) -> None:
         self.evaluator = evaluator
         self.blocks = evaluator.problem.training_blocks()
-        self.plain = naive_evaluator(evaluator)
+        self.naive_only = naive_evaluator(evaluator)
 
     @cached_property
     def naive(self) -> Floats:
         """(6,) S and J alone, as others fit them."""
-        return conclude(self.plain, fit_naive(self.plain, self.blocks))
+        return conclude(self.naive_only, fit_naive(self.naive_only, self.blocks))
 
     @cached_property
     def base(self) -> Fitted:
         """S, J and the reading, with the breakaways where they were seen."""
         evaluator = self.evaluator
         layout = evaluator.layout(TermSet())
-        starts = np.vstack((_few(evaluator), beyond_command(evaluator.look, 0.0)))
+        starts = np.vstack((_few_candidates(evaluator), beyond_command(evaluator.summary, 0.0)))
         found = search(evaluator, layout, self.blocks, layout.bounds.clip(starts), CAREFUL)
         return _on_both(layout, conclude(evaluator, found).candidate)
 
@@ -75,7 +75,7 @@ def show(
     terms: Sequence[Term],
     ceiling: Floats | None,
     starts: Floats | None = None,
-    first: FirstPart | None = None,
+    first_part: FirstPart | None = None,
 ) -> HeldOutComparison:
     """Fit naive and extended to the first part only, run both freely over the whole record.
 
@@ -83,15 +83,15 @@ def show(
 
     ``ceiling`` (n,) is the free run of a network that was fitted to the same first part. With
     ``starts`` (m, size), which know the first part alone, the final hypothesis begins there.
-    ``first`` is what other hypotheses of this record were shown with.
+    ``first_part`` is what other hypotheses of this record were shown with.
     """
     problem = evaluator.problem
-    if first is None or first.evaluator is not evaluator:
-        first = FirstPart(evaluator)
-    train, plain, simple = first.blocks, first.plain, first.naive
-    naive = plain.simulate(naive_layout(plain), simple)
+    if first_part is None or first_part.evaluator is not evaluator:
+        first_part = FirstPart(evaluator)
+    train, naive_only, simple = first_part.blocks, first_part.naive_only, first_part.naive
+    naive = naive_only.simulate(naive_layout(naive_only), simple)
     if starts is None:
-        trained = conclude(evaluator, _trained(first, layout, terms))
+        trained = conclude(evaluator, _trained(first_part, layout, terms))
     else:
         trained = conclude(
             evaluator, search(evaluator, layout, train, layout.bounds.clip(starts), CAREFUL)
@@ -114,15 +114,17 @@ def _fit(mv: Floats, run: Floats) -> float | None:
     return 100.0 * (1.0 - _rms(mv - run) / spread)
 
 
-def _trained(first: FirstPart, layout: CoordinateLayout, terms: Sequence[Term]) -> Search[Floats]:
+def _trained(
+    first_part: FirstPart, layout: CoordinateLayout, terms: Sequence[Term]
+) -> Search[Floats]:
     """The extended model fitted to the first part: from a grid of S and J on, term after term, as
     it was found, but from no number that has seen the rest."""
-    evaluator, train, fitted = first.evaluator, first.blocks, first.base
+    evaluator, train, fitted = first_part.evaluator, first_part.blocks, first_part.base
     for term in terms:
         rich = evaluator.layout(fitted.layout.hypothesis.plus(term))
         S, ratio = fitted.candidates[0, [base_coordinate.S_PERCENT, base_coordinate.RATIO]]
-        begun = beginnings(term, float(S), float(S * ratio))
-        starts = widened(evaluator, rich.hypothesis, fitted, term, begun)
+        beginning = beginnings(term, float(S), float(S * ratio))
+        starts = widened(evaluator, rich.hypothesis, fitted, term, beginning)
         fit = yield from search(evaluator, rich, train, starts, CAREFUL)
         fitted = _on_both(rich, fit.candidate)
     start = layout.bounds.clip(fitted.candidates[:1])  # a gain that is no finding is held at 1
@@ -153,17 +155,17 @@ def _running_free(
         size = float(trained[layout.places[term.slug]][0])
         for start in beginnings(term, S, J):
             row = trained.copy()
-            less = max(start.S - start.S_less * size, 0.3 * start.S)
-            jump = min(max(start.J - start.J_less * size, 0.0), less)
-            row[base_coordinate.S_PERCENT] = less
-            row[base_coordinate.RATIO] = jump / max(less, 1e-6)
+            lower_S = max(start.S - start.S_less * size, 0.3 * start.S)
+            jump = min(max(start.J - start.J_less * size, 0.0), lower_S)
+            row[base_coordinate.S_PERCENT] = lower_S
+            row[base_coordinate.RATIO] = jump / max(lower_S, 1e-6)
             rows.append(row)
     free = replace(evaluator, window=0.0)
     starts = layout.bounds.clip(np.vstack(rows))
     for _ in range(2):  # as the naive model is fitted
-        found = conclude(free, search(free, layout, train, starts, NAIVE)).candidate
-        starts = found[None, :]
-    return found
+        best = conclude(free, search(free, layout, train, starts, NAIVE)).candidate
+        starts = best[None, :]
+    return best
 
 
 def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:
@@ -171,9 +173,9 @@ def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:
     return Fitted(layout, np.vstack((candidate, candidate)), np.empty((2, 0)))
 
 
-def _few(evaluator: Evaluator) -> Floats:
+def _few_candidates(evaluator: Evaluator) -> Floats:
     """(m, 6) S and J from a coarse grid."""
-    widths = max(1.2 * evaluator.look.swing, 2.0) * np.linspace(0.02, 1.0, 14) ** 1.8
+    widths = max(1.2 * evaluator.summary.swing, 2.0) * np.linspace(0.02, 1.0, 14) ** 1.8
     parts = np.array(np.meshgrid(widths, (0.0, 0.3, 0.6, 0.9), indexing="ij")).reshape(2, -1).T
     rows = np.zeros((parts.shape[0], base_coordinate.N_BASE))
     rows[:, [base_coordinate.S_PERCENT, base_coordinate.RATIO]] = parts
@@ -219,12 +221,12 @@ def _interval(
     naive: Floats, extended: Floats, mv: Floats, block: NDArray[np.int64]
 ) -> tuple[float, float]:
     """95 % interval of the difference of the fits, in percent, by drawing blocks of time."""
-    numbers, place = np.unique(block, return_inverse=True)
+    numbers, block_index = np.unique(block, return_inverse=True)
     centred = (mv - mv.mean()) ** 2
     squares = (naive**2, extended**2, centred)
-    sums = np.array([np.bincount(place, weights=w, minlength=numbers.size) for w in squares])
+    sums = np.array([np.bincount(block_index, weights=w, minlength=numbers.size) for w in squares])
     rng = np.random.default_rng(5)
-    weights = block_weights(np.bincount(place), REPLICATES, rng)
+    weights = block_weights(np.bincount(block_index), REPLICATES, rng)
     before, after, spread = np.sqrt(np.maximum(sums @ weights.T, 1e-12))
     low, high = np.percentile(100.0 * (before - after) / spread, COVERAGE)
     return float(low), float(high)

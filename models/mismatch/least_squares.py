@@ -48,8 +48,8 @@ def descend(
     for _ in range(rounds):
         slopes = _Slopes(evaluator, layout, seen, best.candidate, index)
         yield [slopes]
-        here = float(evaluator.mean_loss(slopes.losses[:1], blocks)[0])
-        best = SearchResult(best.candidate, here)
+        current_loss = float(evaluator.mean_loss(slopes.losses[:1], blocks)[0])
+        best = SearchResult(best.candidate, current_loss)
         trials = _trials(best.candidate, slopes.normal, slopes.slope, index, low, high, _DAMPING)
         trial = RunRequest(layout, trials)
         yield [trial]
@@ -121,8 +121,8 @@ def _residuals(
     for i in range(samples.size):
         k = samples[i]
         for j in range(rows.shape[0]):
-            off = mv[k] - simulated[k, first + j]
-            rows[j, i] = off - min(max(off, -slack[k]), slack[k])
+            residual = mv[k] - simulated[k, first + j]
+            rows[j, i] = residual - min(max(residual, -slack[k]), slack[k])
     for j in range(rows.shape[0]):
         for i in range(events.size):
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale

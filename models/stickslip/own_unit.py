@@ -56,9 +56,9 @@ def samples_in_unit(recording: Recording) -> int:
     )
     if problem.swing <= 0.0 or np.count_nonzero(problem.scored) < FEWEST_UNITS:
         return 1
-    usual, _ = _best(problem, USUAL, USUAL_SPEEDS)
+    usual_loss, _ = _best(problem, USUAL, USUAL_SPEEDS)
     slow, stem = _best(problem, SLOW, SLOW_SPEEDS)
-    if not slow < SLOWER * usual:
+    if not slow < SLOWER * usual_loss:
         return 1
     needed = max(
         stem[kernel.DEAD_TIME_S] / DELAY, stem[kernel.LAG_UP_S] / LAG, SPEED / stem[kernel.RATE_UP]
@@ -75,13 +75,15 @@ def _best(
     mv -= mv.mean()
     least, best = np.inf, np.zeros(kernel.N_PARAMETERS)
     out = np.empty(problem.op.size)
-    ways = [(delay, lag, np.inf) for delay, lag in answers] + [(0.0, 0.0, v) for v in speeds]
-    for width, (delay, lag, speed) in product(WIDTHS, ways):
+    answers_tried = [(delay, lag, np.inf) for delay, lag in answers] + [
+        (0.0, 0.0, v) for v in speeds
+    ]
+    for width, (delay, lag, speed) in product(WIDTHS, answers_tried):
         stem = _stem(width * problem.swing, delay, lag, speed)
         kernel.simulate(problem.op, problem.op, problem.start, 1.0, stem, out)
-        left = _left(out, ends, OVER, mv)
-        if left < least:
-            least, best = left, stem
+        remaining = _share_left(out, ends, OVER, mv)
+        if remaining < least:
+            least, best = remaining, stem
     return least, best
 
 
@@ -96,7 +98,7 @@ def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:
 
 
 @njit(cache=True)
-def _left(stem: Floats, ends: Samples, over: int, mv: Floats) -> float:
+def _share_left(stem: Floats, ends: Samples, over: int, mv: Floats) -> float:
     """Standard deviation of moves ``mv`` (m,), centred, about their straight line in those of a
     ``stem`` (n,) over the same ``over`` samples, which end at ``ends`` (m,)."""
     mean, square, both, own = 0.0, 0.0, 0.0, 0.0
@@ -105,5 +107,5 @@ def _left(stem: Floats, ends: Samples, over: int, mv: Floats) -> float:
         mean, square = mean + move, square + move * move
         both, own = both + move * mv[i], own + mv[i] * mv[i]
     power = square - mean * mean / ends.size
-    left = own - both * both / power if power > 0.0 else own
-    return float(np.sqrt(max(left, 0.0) / ends.size))
+    remaining = own - both * both / power if power > 0.0 else own
+    return float(np.sqrt(max(remaining, 0.0) / ends.size))

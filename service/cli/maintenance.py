@@ -22,8 +22,8 @@ def maintenance(
 ) -> None:
     """Record maintenance of a valve.
 
-    From then on its baseline is said to describe the valve before the work, and the first window
-    that begins after it becomes the new baseline.
+    From then on its baseline counts as one from before the work, and the first window that begins
+    after it becomes the new baseline.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant
@@ -38,7 +38,7 @@ def maintenance(
     # A plant file knows its valves before any run; an address alone may be mistyped.
     opened = open_existing_store(address) if db else open_store(address)
     with opened as store:
-        if valve not in {known.id for known in store.valves()} and (
+        if valve not in {stored_valve.id for stored_valve in store.valves()} and (
             loaded is None or valve not in loaded.valves
         ):
             raise typer.BadParameter(f"no valve {valve} in this store", param_hint="VALVE")

@@ -20,7 +20,8 @@ def miswiring(
     ] = 10,
     seed: o.Seed = 2034,
     kind: Annotated[
-        list[str] | None, typer.Option(help="Only kinds whose name holds this; several times.")
+        list[str] | None,
+        typer.Option(help="Only kinds whose name contains this; may be given several times."),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
     json_file: o.JsonFile = None,
@@ -38,8 +39,8 @@ def miswiring(
 
     kinds = o.names_that_hold(kind, KINDS, "--kind", "kind")
     views.say_if_not_blind(seed)
-    with views.progress("recordings", loops * len(kinds)) as tell:
-        answers = run_miswiring(loops, seed, kinds, choose_executor(workers), tell)
+    with views.progress("recordings", loops * len(kinds)) as advance:
+        answers = run_miswiring(loops, seed, kinds, choose_executor(workers), advance)
     _print(list(rows(answers)))
     views.write_answers(answers, json_file)
     views.say_read_on("miswiring.md")

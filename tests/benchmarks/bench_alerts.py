@@ -46,12 +46,12 @@ def made_plant(folder: Path, valves: int) -> Plant:
     (folder / "valves.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     text = 'valve_list = "valves.csv"\n[alerts]\nsilent_after_s = 300\n'
     for device in range(DEVICES):
-        listed = ["tag,register,address,type"]
+        listing = ["tag,register,address,type"]
         mine = [number for number in range(valves) if number % DEVICES == device]
         for index, number in enumerate(mine):
             for offset, role in enumerate(ROLES):
-                listed.append(f"FIC-{number:05d}.{role},holding,{3 * index + offset},INT16")
-        (folder / f"plc-{device}.csv").write_text("\n".join(listed) + "\n", encoding="utf-8")
+                listing.append(f"FIC-{number:05d}.{role},holding,{3 * index + offset},INT16")
+        (folder / f"plc-{device}.csv").write_text("\n".join(listing) + "\n", encoding="utf-8")
         text += f'[[devices]]\nname = "plc-{device}"\nhost = "192.0.2.1"\n'
         text += f'registers = "plc-{device}.csv"\n'
     (folder / "plant.toml").write_text(text, encoding="utf-8")
@@ -139,7 +139,7 @@ def write_samples(store: Store, plant: Plant, minutes: int = 6) -> None:
                     at_us=np.full(len(tags), at, dtype=np.int64),
                     values=np.where(bad, np.nan, 50.0),
                     quality=bad.astype(np.uint8),
-                    reasons=tuple("no answer" if one else "" for one in bad),
+                    reasons=tuple("no answer" if item else "" for item in bad),
                 )
             )
         store.sources.note(SourceState(source=device.name, kind="modbus", last_good=NOW))
@@ -155,12 +155,12 @@ def measured(store: Store, name: str) -> Iterator[None]:
         statements += 1
 
     event.listen(store.transactions.readers, "before_cursor_execute", count)
-    began, worked = time.perf_counter(), time.process_time()
+    started, worked = time.perf_counter(), time.process_time()
     try:
         yield
     finally:
         event.remove(store.transactions.readers, "before_cursor_execute", count)
-    took_s, work_s = time.perf_counter() - began, time.process_time() - worked
+    took_s, work_s = time.perf_counter() - started, time.process_time() - worked
     print(f"{took_s:8.2f} s {work_s:8.2f} s work {statements:7d} statements  {name}")
 
 
@@ -170,13 +170,13 @@ def main() -> None:
     parser.add_argument("--valves", type=int, default=5000)
     parser.add_argument("--runs", type=int, default=60)
     parser.add_argument("--url", default="")
-    given = parser.parse_args()
+    result = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        plant = made_plant(folder, given.valves)
-        with open_store(given.url or f"sqlite:///{folder / 'bench.db'}") as store:
-            last = fill(store, plant, given.runs)
-            print(f"{given.valves} valves, {given.runs} runs stored")
+        plant = made_plant(folder, result.valves)
+        with open_store(result.url or f"sqlite:///{folder / 'bench.db'}") as store:
+            last = fill(store, plant, result.runs)
+            print(f"{result.valves} valves, {result.runs} runs stored")
             with measured(store, "which findings stand"):
                 hold_back(store, last)
             with measured(store, "the rules after a run, all alerts new"):

@@ -72,7 +72,7 @@ def write_file(path: Path, kind: Kind, valves: int, samples: int) -> int:
     """An export at 1 s with three tags for each valve, three decimals; bytes before packing. The
     walk of an hour comes again and again."""
     rng = np.random.default_rng(1)
-    began = datetime(2026, 3, 1, tzinfo=UTC)
+    started = datetime(2026, 3, 1, tzinfo=UTC)
     tags = [f"FIC-{101 + n}.{role}" for n in range(valves) for role in ROLES]
     walk = 50.0 + np.cumsum(rng.standard_normal((min(3600, samples), len(tags))) * 0.05, axis=0)
     hour = [[f"{value:.3f}".replace(".", kind.decimal) for value in row] for row in walk.tolist()]
@@ -82,7 +82,7 @@ def write_file(path: Path, kind: Kind, valves: int, samples: int) -> int:
         for first in range(0, samples, len(hour)):
             lines = []
             for second, row in enumerate(hour[: samples - first], first):
-                stamp = (began + timedelta(seconds=second)).strftime(kind.form)
+                stamp = (started + timedelta(seconds=second)).strftime(kind.form)
                 if kind.row:
                     pairs = zip(tags, row, strict=True)
                     lines += [kind.row.format(tag=t, time=stamp, value=v) for t, v in pairs]
@@ -134,8 +134,8 @@ def with_duckdb(path: Path, kind: Kind) -> int:
     with duckdb.connect() as connection:
         connection.execute("SET threads = 1")
         connection.execute("CREATE TABLE t AS SELECT * FROM read_csv(?)", [str(path)])
-        found = connection.execute("SELECT count(*) FROM t").fetchone()
-    return 0 if found is None else int(found[0])
+        result = connection.execute("SELECT count(*) FROM t").fetchone()
+    return 0 if result is None else int(result[0])
 
 
 READERS = {
@@ -157,10 +157,10 @@ def in_own_process(reader: str, kind: str, path: Path, small: Path) -> tuple[flo
 def _read_here(reader: str, kind: str, path: Path, small: Path) -> None:
     read = READERS[reader]
     read(small, KINDS[kind])
-    began, before = time.process_time(), _peak_mb()
+    started, before = time.process_time(), _peak_mb()
     if read(path, KINDS[kind]) == 0:
         raise SystemExit(f"bench_csv: {reader} read nothing")
-    print(time.process_time() - began, _peak_mb() - before)
+    print(time.process_time() - started, _peak_mb() - before)
 
 
 def _peak_mb() -> float:
@@ -183,7 +183,7 @@ def _measure_kind(kind: str, valves: int, hours: float, rounds: int) -> list[dic
         megabytes = write_file(path, KINDS[kind], valves, round(3600 * hours)) / 1e6
         write_file(small, KINDS[kind], valves, 1000)
         readers = [name for name in READERS if kind == "wide" or name != "DuckDB"]
-        found = {
+        results = {
             name: np.median(
                 [in_own_process(name, kind, path, small) for _ in range(rounds)], axis=0
             )
@@ -198,7 +198,7 @@ def _measure_kind(kind: str, valves: int, hours: float, rounds: int) -> list[dic
             "MB_per_s": round(megabytes / float(seconds), 1),
             "peak_MB": round(float(peak)),
         }
-        for name, (seconds, peak) in found.items()
+        for name, (seconds, peak) in results.items()
     ]
 
 

@@ -68,26 +68,26 @@ def for_hours(case: HiddenCase, hours: float) -> HiddenCase:
 
 def judged(case: HiddenCase, recording: Recording, ask: Callable[[Recording], Mismatch]) -> Judged:
     """What ``ask`` says of the recording, beside the truth."""
-    began = time.process_time()
-    said = ask(recording)
-    seconds = time.process_time() - began
+    started = time.process_time()
+    mismatch = ask(recording)
+    seconds = time.process_time() - started
     valve = case.loop.valve
 
     def off(estimate: Estimate, truth: float) -> float:
         return float("nan") if estimate.value is None else abs(estimate.value - truth)
 
     return Judged(
-        names=tuple(effect.members for effect in said.effects),
-        S_off=off(said.restated.S, valve.S_read),
-        J_off=off(said.restated.J, valve.J_read),
+        names=tuple(effect.members for effect in mismatch.effects),
+        S_off=off(mismatch.restated.S, valve.S_read),
+        J_off=off(mismatch.restated.J, valve.J_read),
         seconds=seconds,
     )
 
 
 def as_windows(recording: Recording) -> Mismatch:
     """As ``stemwatch explain`` does."""
-    told = explain_windows(recording, round(Limits().fitted_samples), explain)
-    return explain(recording) if told is None else told.mismatch
+    in_windows = explain_windows(recording, round(Limits().fitted_samples), explain)
+    return explain(recording) if in_windows is None else in_windows.mismatch
 
 
 def main() -> None:
@@ -97,29 +97,29 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=8181)
     parser.add_argument("--nulls", type=int, default=6)
     parser.add_argument("--hours", type=float, default=8.0)
-    asked = parser.parse_args()
-    cases = [draw_effect(slug, 1, asked.seed)[0] for slug in asked.effects]
-    cases += draw_nulls(asked.nulls, asked.seed, "routine")
+    requested = parser.parse_args()
+    cases = [draw_effect(slug, 1, requested.seed)[0] for slug in requested.effects]
+    cases += draw_nulls(requested.nulls, requested.seed, "routine")
     rows = []
     for drawn in cases:
-        case, run = simulate_hidden(for_hours(drawn, asked.hours))
+        case, run = simulate_hidden(for_hours(drawn, requested.hours))
         explain(run.recording.part(0, 400))  # kernels are compiled before the clock runs
         ways = [
             judged(case, run.recording, explain),
             judged(case, run.recording, as_windows),
         ]
         rows.append((case, ways))
-        said = "; ".join(
-            f"{' + '.join('|'.join(one) for one in way.names) or 'nothing'} "
+        text = "; ".join(
+            f"{' + '.join('|'.join(name) for name in way.names) or 'nothing'} "
             f"(S off {way.S_off:.2f}, J off {way.J_off:.2f}, {way.seconds:.1f} s)"
             for way in ways
         )
         shows = "" if case.excited else ", not excited"
-        print(f"{' + '.join(case.hidden) or 'nothing hidden'}{shows}: {said}", flush=True)
-    for place, name in enumerate(("one piece", "windows")):
-        some = [(case, ways[place]) for case, ways in rows if case.hidden]
-        nulls = [ways[place] for case, ways in rows if not case.hidden]
-        every = [ways[place] for _, ways in rows]
+        print(f"{' + '.join(case.hidden) or 'nothing hidden'}{shows}: {text}", flush=True)
+    for index, name in enumerate(("one piece", "windows")):
+        some = [(case, ways[index]) for case, ways in rows if case.hidden]
+        nulls = [ways[index] for case, ways in rows if not case.hidden]
+        every = [ways[index] for _, ways in rows]
         print(
             f"{name}: found {sum(way.right(case.hidden) for case, way in some)} of {len(some)}, "
             f"false {sum(bool(way.names) for way in nulls)} of {len(nulls)}; with nothing hidden S "

@@ -74,9 +74,9 @@ def drawn(seed: int) -> Iterator[PlantLoop]:
 def made(loop: PlantLoop, seed: int) -> Valve:
     """One loop simulated, assessed and fitted."""
     recording = simulate_loop(loop, seed).recording
-    began = time.process_time()
+    started = time.process_time()
     fit = fit_stickslip(recording)
-    seconds = time.process_time() - began
+    seconds = time.process_time() - started
     residual = of_stiction(fit, resynced=False)
     example = NarxExample.of(recording, fit.first_heldout, network_start(fit))
     return Valve(
@@ -102,10 +102,10 @@ def itself(loop: PlantLoop, example: NarxExample, seed: int) -> tuple[float, flo
     ]
     manual = ManualSpan(start_s=0.0, stop_s=loop.duration_s + step, knots=tuple(knots))
     quiet = replace(loop.transmitters, position_noise=0.0)
-    again = replace(loop, manual=(manual,), transmitters=quiet)
+    repeated = replace(loop, manual=(manual,), transmitters=quiet)
     runs = []
     for draw in range(DRAWS):
-        mv = simulate_loop(again, 10**6 * (draw + 1) + seed).recording.mv
+        mv = simulate_loop(repeated, 10**6 * (draw + 1) + seed).recording.mv
         assert mv is not None
         runs.append(mv.values)
     late = example.train_until
@@ -124,9 +124,9 @@ def trained(
     examples: Sequence[NarxExample], batch: int, settings: NarxSettings
 ) -> tuple[Floats, float]:
     """Held-out percents of fit, and seconds of processor time for each valve."""
-    began = time.process_time()
+    started = time.process_time()
     fits = train(examples, replace(settings, valves_per_batch=batch))
-    seconds = (time.process_time() - began) / len(examples)
+    seconds = (time.process_time() - started) / len(examples)
     percents = [fit.heldout.fit_percent if fit.heldout else FLOOR for fit in fits]
     return np.maximum(percents, FLOOR), seconds
 
@@ -148,15 +148,15 @@ def row(
 
 def measure(valves: Sequence[Valve], batches: Sequence[int]) -> list[dict[str, object]]:
     """One row for the element and the valve itself, one for each start and batch size."""
-    stick = np.array([one.stick_percent for one in valves])
-    single, mean = np.array([one.again for one in valves]).T
+    stick = np.array([valve.stick_percent for valve in valves])
+    single, mean = np.array([valve.again for valve in valves]).T
     rows = [
         row("the valve itself", None, single, stick, None),
         row("the valve itself, mean run", None, mean, stick, None),
-        row("stick-slip", None, stick, stick, float(np.mean([one.seconds for one in valves]))),
+        row("stick-slip", None, stick, stick, float(np.mean([valve.seconds for valve in valves]))),
     ]
-    grey = [one.example for one in valves]
-    blind = [replace(one, start=None) for one in grey]
+    grey = [valve.example for valve in valves]
+    blind = [replace(item, start=None) for item in grey]
     count = NarxSettings()
     for name, some, settings in (
         ("NARX, 4 random starts", blind, FOUR),
@@ -173,9 +173,9 @@ def measure(valves: Sequence[Valve], batches: Sequence[int]) -> list[dict[str, o
 def populations(count: int, seed: int) -> dict[str, list[Valve]]:
     """*all*: the first ``count`` loops; *screened*: the first ``count`` that have no obstacle."""
     every: list[Valve] = []
-    for at, loop in enumerate(drawn(seed)):
-        every.append(made(loop, 1000 * seed + at))
-        screened = [one for one in every if one.screened]
+    for index, loop in enumerate(drawn(seed)):
+        every.append(made(loop, 1000 * seed + index))
+        screened = [item for item in every if item.screened]
         if len(every) >= count and len(screened) >= count:
             break
     return {"all": every[:count], "screened": screened[:count]}

@@ -68,8 +68,8 @@ class Stages:
         for name, (module, path) in PLACES.items():
             holder: Any = importlib.import_module(module)
             *outer, last = path.split(".")
-            for one in outer:
-                holder = getattr(holder, one)
+            for item in outer:
+                holder = getattr(holder, item)
             plain = getattr(holder, last)
             setattr(holder, last, self._timed(name, plain))
             self._put_back.append(partial(setattr, holder, last, plain))
@@ -82,18 +82,18 @@ class Stages:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        whole = time.process_time() - self._began
+        complete = time.process_time() - self._began
         for put_back in self._put_back:
             put_back()
-        self.seconds["other"] = max(whole - sum(self.seconds.values()), 0.0)
+        self.seconds["other"] = max(complete - sum(self.seconds.values()), 0.0)
 
     def _timed(self, name: str, plain: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*arguments: Any, **named: Any) -> Any:
-            began = time.process_time()
+            started = time.process_time()
             try:
                 return plain(*arguments, **named)
             finally:
-                self.seconds[name] += time.process_time() - began
+                self.seconds[name] += time.process_time() - started
 
         return timed
 
@@ -126,16 +126,16 @@ class Memory(threading.Thread):
 
 def _family(pid: int) -> list[int]:
     """The process and all that descend from it."""
-    found, waiting = [], [pid]
+    result, waiting = [], [pid]
     while waiting:
-        one = waiting.pop()
-        found.append(one)
-        for task in Path(f"/proc/{one}/task").glob("*/children"):
+        item = waiting.pop()
+        result.append(item)
+        for task in Path(f"/proc/{item}/task").glob("*/children"):
             try:
                 waiting += [int(child) for child in task.read_text().split()]
             except OSError:
                 continue
-    return found
+    return result
 
 
 def _memory(pid: int) -> int:
@@ -163,18 +163,18 @@ def make_archive(folder: Path, form: str, valves: int, hours: float, distinct: i
     if (folder / "plant.toml").is_file():
         return 0.0
     tell(f"making {folder.name}: {valves} valves of {hours:g} h from {distinct or valves} loops")
-    began = time.perf_counter()
+    started = time.perf_counter()
     _stemwatch(
         "simulate-archive", folder, "--format", form, "--valves", valves,
         "--hours", hours, "--distinct", distinct,
     )  # fmt: skip
-    return time.perf_counter() - began
+    return time.perf_counter() - started
 
 
-def tell(said: str) -> None:
+def tell(text: str) -> None:
     """Say what is going on, with the time and the load of the machine."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
-    print(f"{time.strftime('%H:%M:%S')} (load {load:.1f}) {said}", file=sys.stderr, flush=True)
+    print(f"{time.strftime('%H:%M:%S')} (load {load:.1f}) {text}", file=sys.stderr, flush=True)
 
 
 def _stemwatch(*arguments: object) -> None:
@@ -195,7 +195,7 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
             sys.executable, "-m", "stemwatch.service", "screen", "--plant", plant,
             "--out", out, "--db", database, "--workers", workers, "--executor", executor,
         ]  # fmt: skip
-        began = time.perf_counter()
+        started = time.perf_counter()
         process = subprocess.Popen(
             list(map(str, command)),
             env={**os.environ, "OMP_NUM_THREADS": "1"},
@@ -205,13 +205,13 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
         memory = Memory(process.pid)
         memory.start()
         status = process.wait()
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - started
         memory.over.set()
         memory.join()
         if status != 0:
             raise RuntimeError(f"the job ended with status {status}")
         size = (Path(out) / "report.html").stat().st_size
-    found = {
+    results = {
         "seconds": seconds,
         "core_s": sum(memory.spent.values()),
         "memory_mb": memory.together / 1e6,
@@ -219,8 +219,8 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
         "worker_mb": memory.worker / 1e6,
         "page_mb": size / 1e6,
     }
-    tell(", ".join(f"{name} {value:.1f}" for name, value in found.items()))
-    return found
+    tell(", ".join(f"{name} {value:.1f}" for name, value in results.items()))
+    return results
 
 
 def stages_of(archive: Path, valves: int) -> dict[str, float]:
@@ -270,7 +270,7 @@ def growth(folder: Path, args: argparse.Namespace) -> dict[str, Any]:
     """The time and the memory over valves, over samples for each valve, and over workers."""
     most = max(args.growth_valves)
     seen: dict[tuple[int, float, int], dict[str, float]] = {}
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for name, cases in _cases(args).items():
         rows = []
         for size, case in cases.items():
@@ -281,8 +281,8 @@ def growth(folder: Path, args: argparse.Namespace) -> dict[str, Any]:
                 make_archive(archive, "parquet", count, hours, min(count, args.distinct or 20))
                 seen[case] = screen_job(_cut(archive / "plant.toml", valves), workers)
             rows.append({**seen[case], name: size})
-        found[name] = {"rows": rows, **_fitted(name, rows)}
-    return found
+        result[name] = {"rows": rows, **_fitted(name, rows)}
+    return result
 
 
 def _fitted(name: str, rows: list[dict[str, float]]) -> dict[str, float]:
@@ -334,7 +334,7 @@ def machine() -> dict[str, object]:
 def measured(folder: Path, form: str, args: argparse.Namespace) -> dict[str, Any]:
     """The job from one format, whole and by stage."""
     archive = folder / form
-    made = make_archive(archive, form, args.valves, args.hours, args.distinct)
+    result = make_archive(archive, form, args.valves, args.hours, args.distinct)
     job = screen_job(archive / "plant.toml", args.workers)
     stages = stages_of(archive, min(args.stages, args.valves)) if args.stages else {}
     return {
@@ -342,29 +342,29 @@ def measured(folder: Path, form: str, args: argparse.Namespace) -> dict[str, Any
         "valves": args.valves,
         "hours": args.hours,
         "workers": args.workers,
-        "making_s": made,
+        "making_s": result,
         "valves_per_s": args.valves / job["seconds"],
         **job,
         "stages_s_per_valve": stages,
     }
 
 
-def show(found: dict[str, Any]) -> None:
+def show(result: dict[str, Any]) -> None:
     """The tables."""
-    about = found["machine"]
+    about = result["machine"]
     print(f"{about['processor']}, {about['cores']} cores, load {about['load_at_start']} before")
-    if found["jobs"]:
+    if result["jobs"]:
         print(f"\n{'format':9}{'valves':>7}{'hours':>7}{'workers':>9}{'valves/s':>10}{HEAD}")
-    for job in found["jobs"]:
+    for job in result["jobs"]:
         print(f"{job['format']:9}{job['valves']:7d}{job['hours']:7g}{job['workers']:9d}"
               f"{job['valves_per_s']:10.2f}{_row(job)}")  # fmt: skip
-    for job in found["jobs"]:
-        whole = sum(job["stages_s_per_valve"].values())
-        if whole:
-            print(f"\n{job['format']}: {whole:.3f} s of one core for each valve")
+    for job in result["jobs"]:
+        total = sum(job["stages_s_per_valve"].values())
+        if total:
+            print(f"\n{job['format']}: {total:.3f} s of one core for each valve")
         for name, seconds in job["stages_s_per_valve"].items():
-            print(f"  {name:10}{seconds:9.4f} s{100 * seconds / whole:7.1f} %")
-    for name, grown in found.get("growth", {}).items():
+            print(f"  {name:10}{seconds:9.4f} s{100 * seconds / total:7.1f} %")
+    for name, grown in result.get("growth", {}).items():
         print(f"\n{'over ' + name:>14}{HEAD}")
         for row in grown["rows"]:
             print(f"{row[name]:14g}{_row(row)}")

@@ -22,9 +22,9 @@ def _median_us(model, op, repeats):
     model.simulate(op, q, 1.0, float(op[0]))
     seconds = []
     for _ in range(repeats):
-        began = time.perf_counter()
+        started = time.perf_counter()
         model.simulate(op, q, 1.0, float(op[0]))
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.perf_counter() - started)
     return 1e6 * float(np.median(seconds))
 
 
@@ -43,7 +43,7 @@ def commands():
     "model",
     [
         CANONICAL,
-        *(pytest.param(one, marks=pytest.mark.long) for one in EVERY if one is not CANONICAL),
+        *(pytest.param(item, marks=pytest.mark.long) for item in EVERY if item is not CANONICAL),
     ],
     ids=lambda m: m.name,
 )

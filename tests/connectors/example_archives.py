@@ -88,26 +88,26 @@ def narrow_table(kind: Any = None, prefix: str = "FIC1.") -> pa.Table:
 
 def wide_table() -> pa.Table:
     """The recording with a column for each tag, and one of OP's quality."""
-    given = rows()
-    columns: dict[str, Any] = {"time": pa.array([time for time, _ in given])}
+    result = rows()
+    columns: dict[str, Any] = {"time": pa.array([time for time, _ in result])}
     for ending in ENDINGS.values():
-        columns[f"FIC1.{ending}"] = pa.array([values[ending] for _, values in given])
-    bad = ["Bad" if values["OP"] is None else "Good" for _, values in given]
+        columns[f"FIC1.{ending}"] = pa.array([values[ending] for _, values in result])
+    bad = ["Bad" if values["OP"] is None else "Good" for _, values in result]
     columns["FIC1.OP_quality"] = pa.array(bad)
     return pa.table(columns)
 
 
 def valves_table(name: str = "FIC1", days: int = 0) -> pa.Table:
     """The recording with a row for each instant of the valve, ``days`` later."""
-    given = rows()
+    result = rows()
     later = timedelta(days=days)
     columns: dict[str, Any] = {
-        "valve": pa.array([name] * len(given)),
-        "time": pa.array([time + later for time, _ in given], pa.timestamp("ms", tz="UTC")),
+        "valve": pa.array([name] * len(result)),
+        "time": pa.array([time + later for time, _ in result], pa.timestamp("ms", tz="UTC")),
     }
     for column, ending in (("op", "OP"), ("mv", "ZT"), ("pv", "PV")):
-        columns[column] = pa.array([values[ending] for _, values in given])
-    bad = ["Bad" if values["OP"] is None else "Good" for _, values in given]
+        columns[column] = pa.array([values[ending] for _, values in result])
+    bad = ["Bad" if values["OP"] is None else "Good" for _, values in result]
     columns["op_quality"] = pa.array(bad)
     return pa.table(columns)
 
@@ -119,16 +119,16 @@ def write(table: pa.Table, path: Path, **how: Any) -> Path:
     return path
 
 
-def same(one: Recording, other: Recording) -> None:
+def same(item: Recording, other: Recording) -> None:
     """Both recordings hold the same samples at the same instants, for the same reasons."""
-    assert (one.start, one.interval_s, len(one)) == (other.start, other.interval_s, len(other))
-    assert one.signals.keys() == other.signals.keys()
-    for role, signal in one.signals.items():
-        again = other.signals[role]
-        np.testing.assert_array_equal(signal.quality, again.quality)
-        np.testing.assert_array_equal(signal.values, again.values)
-        assert (signal.unit, signal.interval_s) == (again.unit, again.interval_s)
-    assert (one.clock.gaps, one.clock.repeated_times) == (
+    assert (item.start, item.interval_s, len(item)) == (other.start, other.interval_s, len(other))
+    assert item.signals.keys() == other.signals.keys()
+    for role, signal in item.signals.items():
+        repeated = other.signals[role]
+        np.testing.assert_array_equal(signal.quality, repeated.quality)
+        np.testing.assert_array_equal(signal.values, repeated.values)
+        assert (signal.unit, signal.interval_s) == (repeated.unit, repeated.interval_s)
+    assert (item.clock.gaps, item.clock.repeated_times) == (
         other.clock.gaps,
         other.clock.repeated_times,
     )

@@ -40,8 +40,8 @@ def later(recording, role: Role, samples: int):
 
 # Two sticking and two healthy valves in every run.
 PLACES = [
-    place if place in (0, 1, 4, 5) else pytest.param(place, marks=pytest.mark.long)
-    for place in range(8)
+    index if index in (0, 1, 4, 5) else pytest.param(index, marks=pytest.mark.long)
+    for index in range(8)
 ]
 
 
@@ -49,8 +49,8 @@ PLACES = [
 def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
     """Sticking and healthy valves alike; a controller's own scan and the air are the rest."""
     _, recording = recorded(place)
-    found = find_op_late(later(recording, Role.OP, LATE))
-    assert found == pytest.approx(LATE, abs=0.75)
+    late_s = find_op_late(later(recording, Role.OP, LATE))
+    assert late_s == pytest.approx(LATE, abs=0.75)
 
 
 @pytest.mark.parametrize("samples", [4, 11])
@@ -58,8 +58,8 @@ def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
 def test_the_controller_tells_how_late_op_is(place, samples):
     """OP answers PV and set point at once, whatever the valve does."""
     _, recording = recorded(place)
-    told = behind_controller(later(recording, Role.OP, samples))
-    assert told.samples == pytest.approx(samples, abs=0.5)
+    result = behind_controller(later(recording, Role.OP, samples))
+    assert result.samples == pytest.approx(samples, abs=0.5)
     assert behind_controller(recording).samples == 0.0
     assert behind_controller(later(recording, Role.MV, samples)).samples == 0.0
 
@@ -68,7 +68,7 @@ def test_without_pv_or_movement_the_controller_tells_nothing():
     """No PV, a PV that stands still, or a record too short for it."""
     _, recording = recorded(0)
     late = later(recording, Role.OP, LATE)
-    without = {role: one for role, one in late.signals.items() if role is not Role.PV}
+    without = {role: item for role, item in late.signals.items() if role is not Role.PV}
     still = Signal.good(np.full(len(late), 50.0), "PV")
     assert behind_controller(replace(late, signals=without)).samples == 0.0
     assert behind_controller(replace(late, signals={**without, Role.PV: still})).samples == 0.0
@@ -84,12 +84,12 @@ def test_holes_in_the_record_do_not_hide_what_the_controller_tells():
     bad = np.random.default_rng(1).random(n) < 0.03
     hole = (np.arange(n) >= 900) & (np.arange(n) < 960)
     signals = dict(late.signals)
-    for role, gone in ((Role.PV, bad), (Role.OP, hole)):
+    for role, removed in ((Role.PV, bad), (Role.OP, hole)):
         signal = late.signals[role]
         signals[role] = replace(
             signal,
-            values=np.where(gone, np.nan, signal.values),
-            quality=np.where(gone, Quality.BAD, signal.quality),
+            values=np.where(removed, np.nan, signal.values),
+            quality=np.where(removed, Quality.BAD, signal.quality),
         )
     assert behind_controller(replace(late, signals=signals)).samples == LATE
 
@@ -99,8 +99,8 @@ def test_a_pv_with_a_clock_of_its_own_moves_no_command():
     _, recording = recorded(0)
     pv, sp = recording.signals[Role.PV], recording.signals[Role.SP]
     ahead = {
-        role: Signal.good(np.append(one.values[LATE:], np.full(LATE, one.values[-1])), one.tag)
-        for role, one in ((Role.PV, pv), (Role.SP, sp))
+        role: Signal.good(np.append(item.values[LATE:], np.full(LATE, item.values[-1])), item.tag)
+        for role, item in ((Role.PV, pv), (Role.SP, sp))
     }
     early = replace(recording, signals={**recording.signals, **ahead})
     assert behind_controller(early).samples == LATE
@@ -120,14 +120,16 @@ def test_S_and_J_do_not_know_that_the_command_was_stored_late():
     valve, recording = recorded(0)
     options = Options(narx=False)
     plain, late = (
-        screen([Case(recording=one)], options)[0]
-        for one in (recording, later(recording, Role.OP, LATE))
+        screen([Case(recording=item)], options)[0]
+        for item in (recording, later(recording, Role.OP, LATE))
     )
     assert late.verdict is plain.verdict
     assert late.S.value == pytest.approx(plain.S.value, abs=0.15)
     assert late.S.low <= valve.S <= late.S.high
-    assert any("stored" in one and "late" in one for one in late.provenance.decisions)
-    assert "late_command" in [one.slug for one in late.mismatch.record_effects]
+    assert any(
+        "stored" in decision and "late" in decision for decision in late.provenance.decisions
+    )
+    assert "late_command" in [record_effect.slug for record_effect in late.mismatch.record_effects]
     assert late.mismatch.finding is plain.mismatch.finding
 
 

@@ -108,10 +108,10 @@ def test_one_step_prediction_uses_the_measurement_at_every_sample() -> None:
     """One step ahead is a free run that starts again after one sample."""
     net = network()
     op, mv = signals(60)
-    one = net.one_step(op, mv)
+    item = net.one_step(op, mv)
     for t in (2, 17, 59):
-        again = net.free_run(op[t - 2 : t + 1], mv[t - 2 : t + 1])
-        assert one[t] == pytest.approx(again[-1], abs=1e-12)
+        repeated = net.free_run(op[t - 2 : t + 1], mv[t - 2 : t + 1])
+        assert item[t] == pytest.approx(repeated[-1], abs=1e-12)
 
 
 def test_after_a_gap_the_run_starts_again_from_the_measurement() -> None:
@@ -121,12 +121,12 @@ def test_after_a_gap_the_run_starts_again_from_the_measurement() -> None:
     mv[150:160] = np.nan
     usable = np.ones(400, dtype=bool)
     usable[300] = False
-    whole = net.free_run(op, mv, usable)
-    assert np.isnan(whole[150:160]).all()
-    assert np.isnan(whole[300])
-    assert np.array_equal(whole[160:300], net.free_run(op[160:300], mv[160:300]))
-    assert np.array_equal(whole[301:], net.free_run(op[301:], mv[301:]))
-    assert np.array_equal(whole[160:162], mv[160:162])
+    complete = net.free_run(op, mv, usable)
+    assert np.isnan(complete[150:160]).all()
+    assert np.isnan(complete[300])
+    assert np.array_equal(complete[160:300], net.free_run(op[160:300], mv[160:300]))
+    assert np.array_equal(complete[301:], net.free_run(op[301:], mv[301:]))
+    assert np.array_equal(complete[160:162], mv[160:162])
 
 
 def test_numbers_that_cannot_be_measurements_are_gaps() -> None:
@@ -232,10 +232,10 @@ def read_back(data: bytes) -> NarxNetwork | str:
 def test_any_damaged_byte_is_noticed(at: int, flip: int) -> None:
     """Wherever a byte has changed, the bytes are refused or still mean the same network."""
     data = bytearray(network(members=1).to_bytes())
-    whole = bytes(data)
+    complete = bytes(data)
     data[at % len(data)] ^= flip
-    found = read_back(bytes(data))
-    assert "NARX network" in found if isinstance(found, str) else whole == found.to_bytes()
+    back = read_back(bytes(data))
+    assert "NARX network" in back if isinstance(back, str) else complete == back.to_bytes()
 
 
 @pytest.mark.parametrize("data", [b"", b"abc", b"\x00" * 40, b"\xff" * 64])
@@ -305,8 +305,8 @@ def test_a_network_sees_the_command_as_the_actuator_passes_it_on() -> None:
     }
     op, mv = signals()
     passed_on = actuator_output(op, INTERVAL_S, actuator)
-    found = network(actuator=actuator).free_run(op, mv)
-    assert np.array_equal(network().free_run(passed_on, mv), found)
+    result = network(actuator=actuator).free_run(op, mv)
+    assert np.array_equal(network().free_run(passed_on, mv), result)
 
 
 def test_the_actuator_delays_lags_and_limits() -> None:
@@ -396,7 +396,7 @@ def test_running_and_storing_a_network_needs_no_torch() -> None:
         "net.free_run(np.linspace(40, 60, 50), 40.0)\n"
         "assert 'torch' not in sys.modules\n"
     )
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", script], input=network().to_bytes(), capture_output=True, check=False
     )
-    assert (0, b"") == (done.returncode, done.stderr)
+    assert (0, b"") == (process.returncode, process.stderr)

@@ -29,7 +29,10 @@ from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidd
 FACTORS = (0.001, 0.01, 5.0, 60.0)
 # The fastest and the slowest clock in every run; those between where one effect shows them.
 SHORT = (0.001, 60.0)
-IN_LONG = [one if one in SHORT else pytest.param(one, marks=pytest.mark.long) for one in FACTORS]
+IN_LONG = [
+    factor if factor in SHORT else pytest.param(factor, marks=pytest.mark.long)
+    for factor in FACTORS
+]
 QUICK = Options(narx=False)
 HIDDEN = ("dead_time", "rate_limit")
 
@@ -60,24 +63,24 @@ def explained(slug, factor):
     return explain(slower(lasting(slug), factor))
 
 
-def close(found, expected):
-    assert found == pytest.approx(expected, rel=1e-9)
+def close(result, expected):
+    assert result == pytest.approx(expected, rel=1e-9)
 
 
-def same_but_for_time(found, expected, factor):
+def same_but_for_time(result, expected, factor):
     """Names, S and J to the bit; what has a time in it scaled."""
-    assert [one.slug for one in expected.effects] == [one.slug for one in found.effects]
-    assert expected.finding is found.finding
+    assert [item.slug for item in expected.effects] == [item.slug for item in result.effects]
+    assert expected.finding is result.finding
     for stiction in ("naive", "restated"):
-        assert getattr(expected, stiction) == getattr(found, stiction)
-    for before, after in zip(expected.effects, found.effects, strict=True):
+        assert getattr(expected, stiction) == getattr(result, stiction)
+    for before, after in zip(expected.effects, result.effects, strict=True):
         assert before.evidence == after.evidence
-        for name, one in before.parameters.items():
-            power = {"s": 1, "%/s": -1, "rad/s": -1}.get(one.unit, 0)
-            close(after.parameters[name].value, factor**power * one.value)
-            close(after.parameters[name].low, factor**power * one.low)
-            close(after.parameters[name].high, factor**power * one.high)
-    refused = [[one.slug for one in said.not_testable] for said in (expected, found)]
+        for name, item in before.parameters.items():
+            power = {"s": 1, "%/s": -1, "rad/s": -1}.get(item.unit, 0)
+            close(after.parameters[name].value, factor**power * item.value)
+            close(after.parameters[name].low, factor**power * item.low)
+            close(after.parameters[name].high, factor**power * item.high)
+    refused = [[item.slug for item in answer.not_testable] for answer in (expected, result)]
     assert refused[0] == refused[1]
 
 
@@ -85,10 +88,12 @@ def same_but_for_time(found, expected, factor):
     ("slug", "factor"),
     [
         pytest.param(
-            slug, one, marks=[pytest.mark.long] if slug != "dead_time" and one not in SHORT else []
+            slug,
+            factor,
+            marks=[pytest.mark.long] if slug != "dead_time" and factor not in SHORT else [],
         )
         for slug in HIDDEN
-        for one in FACTORS
+        for factor in FACTORS
     ],
 )
 def test_a_screening_does_not_depend_on_how_long_a_second_is(slug, factor):
@@ -116,21 +121,21 @@ def test_an_explanation_does_not_depend_on_how_long_a_second_is(factor):
 
 
 @pytest.mark.parametrize(
-    ("factor", "said"),
+    ("factor", "answer"),
     [(0.001, "ms after its command"), (0.01, "ms after its command"), (60.0, "min after its")],
 )
-def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, said):
+def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, answer):
     """Milliseconds on a fast record, minutes on a slow one."""
     (effect, *_) = screened("dead_time", factor).mismatch.effects
-    assert said in effect.sentence
-    assert said in screened("dead_time", factor).reason
+    assert answer in effect.sentence
+    assert answer in screened("dead_time", factor).reason
 
 
 def test_a_result_keeps_the_recording_with_its_own_seconds():
     """The own clock does not leave the science."""
-    found = screened("dead_time", 0.01)
-    assert found.recording.own_unit_s is None
-    assert 0.01 == found.recording.interval_s == found.seen.interval_s
+    result = screened("dead_time", 0.01)
+    assert result.recording.own_unit_s is None
+    assert 0.01 == result.recording.interval_s == result.seen.interval_s
 
 
 @pytest.mark.parametrize("factor", [0.01, pytest.param(60.0, marks=pytest.mark.long)])
@@ -141,10 +146,10 @@ def test_a_network_is_kept_in_seconds_and_follows_a_later_window(factor):
     for name, value in plain.network.actuator.items():
         close(scaled.network.actuator[name], factor * value)
     ratios = [
-        screen([Case(recording=slower(lasting("dead_time"), one), baseline=network)], QUICK)[0]
+        screen([Case(recording=slower(lasting("dead_time"), item), baseline=network)], QUICK)[0]
         .indicators["baseline_ratio"]
         .value
-        for one, network in ((1.0, plain.network), (factor, scaled.network))
+        for item, network in ((1.0, plain.network), (factor, scaled.network))
     ]
     close(ratios[1], ratios[0])
 
@@ -188,8 +193,8 @@ def test_how_long_a_recording_must_be_is_a_number_of_samples(interval_s):
     """300 of them, at any rate, where the plant does not say."""
 
     def slugs(samples, limits):
-        found = assess(on_own_clock(moved(samples, interval_s)), limits).obstacles
-        return [one.slug for one in found]
+        obstacles = assess(on_own_clock(moved(samples, interval_s)), limits).obstacles
+        return [item.slug for item in obstacles]
 
     assert ["too_short"] == slugs(290, Limits())
     assert [] == slugs(310, Limits())
@@ -199,12 +204,12 @@ def test_how_long_a_recording_must_be_is_a_number_of_samples(interval_s):
 def test_seconds_that_a_plant_asked_for_stay_seconds(interval_s, short):
     """``min_duration_s`` means seconds of the plant."""
     recording = on_own_clock(moved(500, interval_s))
-    found = assess(recording, Limits(min_duration_s=600.0)).obstacles
-    assert short is ("too_short" in [one.slug for one in found])
+    obstacles = assess(recording, Limits(min_duration_s=600.0)).obstacles
+    assert short is ("too_short" in [item.slug for item in obstacles])
 
 
 @pytest.mark.parametrize(
-    ("own", "unit_s", "said"),
+    ("own", "unit_s", "answer"),
     [
         (12.0, 1.0, "12 s"),
         (7200.0, 1.0, "7200 s"),
@@ -216,9 +221,9 @@ def test_seconds_that_a_plant_asked_for_stay_seconds(interval_s, short):
         (5000.0, 60.0, "3.47 d"),
     ],
 )
-def test_a_time_is_said_in_the_unit_of_the_clock(own, unit_s, said):
+def test_a_time_is_said_in_the_unit_of_the_clock(own, unit_s, answer):
     """As ever on a clock of seconds."""
-    assert said == duration(own, unit_s)
+    assert answer == duration(own, unit_s)
 
 
 def test_a_speed_is_said_by_the_second_the_minute_or_the_millisecond():
@@ -245,8 +250,8 @@ def test_a_unit_whose_power_of_time_is_not_known_is_an_error_that_says_where_it_
 
 def test_an_estimate_is_compared_in_own_units_and_said_in_true_ones():
     """What a term's sentence is given."""
-    own = Estimate(value=3.6, low=3.2, high=4.0, unit="s")
-    spoken = SpokenEstimate.of(own, 0.001)
+    estimate = Estimate(value=3.6, low=3.2, high=4.0, unit="s")
+    spoken = SpokenEstimate.of(estimate, 0.001)
     assert (3.6, "3.60 (3.20 to 4.00) ms") == (spoken.value, str(spoken))
-    close(estimate_in_seconds(own, 0.001).high, 0.004)
-    assert str(own) == str(SpokenEstimate.of(own, 1.0))
+    close(estimate_in_seconds(estimate, 0.001).high, 0.004)
+    assert str(estimate) == str(SpokenEstimate.of(estimate, 1.0))

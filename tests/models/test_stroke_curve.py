@@ -67,9 +67,9 @@ def equal_percentage(travel):
 def stuck(command, S: float, J: float):
     """Position of a stem that lets go (S + J)/2 from its command and stays (S - J)/2 behind it."""
     place, mv = command[0], np.empty(command.size)
-    for k, wanted in enumerate(command):
-        if abs(wanted - place) > 0.5 * (S + J):
-            place = wanted - np.sign(wanted - place) * 0.5 * (S - J)
+    for k, expected in enumerate(command):
+        if abs(expected - place) > 0.5 * (S + J):
+            place = expected - np.sign(expected - place) * 0.5 * (S - J)
         mv[k] = place
     return mv
 
@@ -95,9 +95,9 @@ def stored(way: str, S: float, J: float) -> Recording:
 
 @cache
 def curve_of(way: str, S: float, J: float) -> StrokeCurve:
-    found = find_stroke_curve(stored(way, S, J))
-    assert found is not None
-    return found
+    curve = find_stroke_curve(stored(way, S, J))
+    assert curve is not None
+    return curve
 
 
 @cache
@@ -165,9 +165,9 @@ def test_the_slope_is_that_over_the_part_of_op_that_was_used():
 def test_the_sticking_is_that_of_the_plain_recording(way):
     """S and J in percent of travel are the same however OP was stored."""
     naive = fit_stickslip(plain(*STICKING))
-    found = fit_stickslip(in_travel(stored(way, *STICKING), curve_of(way, *STICKING)))
-    assert found.S == pytest.approx(naive.S, abs=0.35)
-    assert found.J == pytest.approx(naive.J, abs=0.4)
+    fit = fit_stickslip(in_travel(stored(way, *STICKING), curve_of(way, *STICKING)))
+    assert fit.S == pytest.approx(naive.S, abs=0.35)
+    assert fit.J == pytest.approx(naive.J, abs=0.4)
 
 
 @pytest.mark.parametrize(
@@ -186,26 +186,26 @@ def test_verdicts_survive_how_op_was_stored(way):
 
 def test_S_and_J_are_in_percent_of_op():
     """On half of OP the same sticking is half as wide in OP, and the interval holds it."""
-    (found,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
-    assert found.S.low <= 2.5 <= found.S.high
-    assert found.J.low <= 0.75 <= found.J.high
-    assert found.S.high - found.S.low < 1.0
+    (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    assert result.S.low <= 2.5 <= result.S.high
+    assert result.J.low <= 0.75 <= result.J.high
+    assert result.S.high - result.S.low < 1.0
 
 
 def test_a_split_range_is_said_in_one_sentence():
     """The curve is told where the recording's decisions are, with what strokes the valve."""
-    (found,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
-    (said,) = [s for s in found.provenance.decisions if "stroked" in s]
-    assert "nearly linear: as if OP 50 to 100 % stroked 0 to 100 %" in said
-    assert found.mismatch.sentence.startswith(said)
-    assert found.mismatch.stroke_curve is not None
+    (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    (text,) = [s for s in result.provenance.decisions if "stroked" in s]
+    assert "nearly linear: as if OP 50 to 100 % stroked 0 to 100 %" in text
+    assert result.mismatch.sentence.startswith(text)
+    assert result.mismatch.stroke_curve is not None
 
 
 def test_a_bend_is_said_with_its_size():
     """An equal percentage is no straight line, and the sentence says how far it is off one."""
-    said = curve_of("equal percentage", *STICKING).sentence()
-    assert "bent by up to" in said
-    assert "as if" not in said
+    text = curve_of("equal percentage", *STICKING).sentence()
+    assert "bent by up to" in text
+    assert "as if" not in text
 
 
 @pytest.mark.parametrize(
@@ -236,8 +236,8 @@ def test_explain_finds_the_curve_by_itself():
 
 def test_explain_refuses_zero_and_span_where_a_curve_holds_them():
     """What the curve was fitted to cannot be a finding, and the reason says so."""
-    found = explain(stored("upper half of a split range", *STICKING))
-    refused = {one.slug: one.reason for one in found.not_testable}
+    explanation = explain(stored("upper half of a split range", *STICKING))
+    refused = {item.slug: item.reason for item in explanation.not_testable}
     assert "curve from OP to stroke" in refused["zero_shift"]
     assert "curve from OP to stroke" in refused["span_error"]
 
@@ -251,8 +251,8 @@ def test_a_position_against_op_that_no_curve_follows_is_refused():
     mixed = 50.0 - 0.5 * (op - op.mean()) + 200.0 * noise
     position = Signal.good(np.clip(mixed, 0.0, 100.0), "OTHER.ZT")
     signals = {**recording.signals, Role.MV: position}
-    (found,) = screen([Case(recording=replace(recording, signals=signals))], QUICK)
-    assert found.verdict is Verdict.UNDETERMINED
+    (result,) = screen([Case(recording=replace(recording, signals=signals))], QUICK)
+    assert result.verdict is Verdict.UNDETERMINED
 
 
 def test_means_tell_the_slope_only_where_op_was_in_several_places():
@@ -294,37 +294,39 @@ def of_window(way: str, known: KnownCurve | None) -> tuple[StrokeCurve | None, s
 
 def still(way: str) -> Recording:
     """A window in which OP hardly moves and the stem rests."""
-    whole = stored(way, *STICKING)
-    mean = float(np.mean(whole.op.values))
-    return changed(whole, op=lambda v: mean + 0.2 * (v - mean), mv=lambda v: np.full(v.size, 55.0))
+    complete = stored(way, *STICKING)
+    mean = float(np.mean(complete.op.values))
+    return changed(
+        complete, op=lambda v: mean + 0.2 * (v - mean), mv=lambda v: np.full(v.size, 55.0)
+    )
 
 
 def test_the_next_window_starts_from_the_curve_that_was_found_before():
     """The same valve once more: nearly the same curve, and nothing to remark."""
     before = curve_of(EQUAL, *STICKING)
-    found, change = of_window(EQUAL, KnownCurve(before))
+    result, change = of_window(EQUAL, KnownCurve(before))
     assert change == ""
-    assert found.remark == ""
+    assert result.remark == ""
     places = np.linspace(*before.used, 20)
-    np.testing.assert_allclose(found.command(places), before.command(places), atol=1.0)
+    np.testing.assert_allclose(result.command(places), before.command(places), atol=1.0)
 
 
 def test_a_window_that_moves_too_little_takes_the_earlier_curve_and_says_so():
     """Where the new window cannot tell a curve of its own."""
     before = curve_of(EQUAL, *STICKING)
-    found, change = stroke_curve_of(still(EQUAL), KnownCurve(before))
+    result, change = stroke_curve_of(still(EQUAL), KnownCurve(before))
     assert change == ""
-    assert found.op == before.op
-    assert "found before is used" in found.sentence()
+    assert result.op == before.op
+    assert "found before is used" in result.sentence()
 
 
 def test_a_curve_that_changed_is_said_with_what_to_ask():
     """A valve that was moved from the lower to the upper half of a split range."""
     before = curve_of("lower half of a split range", *STICKING)
-    found, change = of_window("upper half of a split range", KnownCurve(before))
-    assert found.slope == pytest.approx(2.0, abs=0.1)
+    result, change = of_window("upper half of a split range", KnownCurve(before))
+    assert result.slope == pytest.approx(2.0, abs=0.1)
     assert "not the curve of the window before" in change
-    assert change in found.sentence()
+    assert change in result.sentence()
 
 
 def test_a_plain_valve_that_becomes_a_split_range_is_said_and_back():
@@ -332,8 +334,8 @@ def test_a_plain_valve_that_becomes_a_split_range_is_said_and_back():
     _, change = of_window("upper half of a split range", KnownCurve(None))
     assert "percent for percent of travel; now it is not" in change
     before = curve_of("upper half of a split range", *STICKING)
-    found, change = stroke_curve_of(plain(*STICKING), KnownCurve(before))
-    assert found is None
+    result, change = stroke_curve_of(plain(*STICKING), KnownCurve(before))
+    assert result is None
     assert "OP is percent for percent of travel now" in change
 
 
@@ -344,45 +346,45 @@ def test_a_plain_valve_stays_plain_whatever_is_known_to_be_plain():
 
 def test_a_given_curve_is_used_instead_of_the_estimate():
     """As it stands in the plant file, over the part of OP that the recording used."""
-    given = curve_of_points("50:0 100:100")
-    found, change = of_window("upper half of a split range", KnownCurve(given, given=True))
+    result = curve_of_points("50:0 100:100")
+    answer, change = of_window("upper half of a split range", KnownCurve(result, given=True))
     assert change == ""
-    assert (found.op, found.travel) == (given.op, given.travel)
-    assert found.slope == pytest.approx(2.0)
-    assert "The plant file gives this curve." in found.sentence()
-    assert found.proposal() == ""
+    assert (answer.op, answer.travel) == (result.op, result.travel)
+    assert answer.slope == pytest.approx(2.0)
+    assert "The plant file gives this curve." in answer.sentence()
+    assert answer.proposal() == ""
     percent_for_percent = KnownCurve(curve_of_points("0:0 100:100"), given=True)
     assert of_window("upper half of a split range", percent_for_percent) == (None, "")
 
 
 def test_a_given_curve_that_the_position_does_not_follow_is_said():
     """It is used all the same: a person said so."""
-    found, change = of_window(
+    result, change = of_window(
         "lower half of a split range", KnownCurve(curve_of_points("50:0 100:100"), given=True)
     )
-    assert found.given
+    assert result.given
     assert "does not follow the curve" in change
 
 
 def test_a_change_stands_in_the_reason_of_the_screening():
     """Whoever reads the verdict reads that the positioner was set otherwise."""
-    known = KnownCurve(curve_of("lower half of a split range", *STICKING))
+    known_curve = KnownCurve(curve_of("lower half of a split range", *STICKING))
     recording = stored("upper half of a split range", *STICKING)
     quick = replace(QUICK, mismatch=False)
-    (found,) = screen([Case(recording=recording, known_curve=known)], quick)
-    assert found.verdict is Verdict.STICKY
-    assert "not the curve of the window before" in found.reason
-    assert found.stroke_curve.remark in found.reason
+    (result,) = screen([Case(recording=recording, known_curve=known_curve)], quick)
+    assert result.verdict is Verdict.STICKY
+    assert "not the curve of the window before" in result.reason
+    assert result.stroke_curve.remark in result.reason
 
 
 @pytest.mark.parametrize("way", WAYS)
 def test_a_proposed_curve_is_the_one_that_was_found(way):
     """What stands in the proposal, pasted into the plant file, reads the recording as well."""
-    found = curve_of(way, *STICKING)
-    (points,) = [part for part in found.proposal().split('"') if ":" in part]
+    result = curve_of(way, *STICKING)
+    (points,) = [part for part in result.proposal().split('"') if ":" in part]
     given = curve_of_points(points)
-    places = np.linspace(*found.used, 50)
-    np.testing.assert_allclose(given.command(places), found.command(places), atol=0.7)
+    places = np.linspace(*result.used, 50)
+    np.testing.assert_allclose(given.command(places), result.command(places), atol=0.7)
 
 
 @pytest.mark.parametrize(
@@ -420,6 +422,6 @@ def test_points_are_read_as_they_were_written(places, steps, rises):
     curve = curve_of_points(text)
     if curve is None:
         return
-    again = curve_of_points(points_of(curve))
+    repeated = curve_of_points(points_of(curve))
     op = np.linspace(curve.op[0], curve.op[-1], 40)
-    np.testing.assert_allclose(again.command(op), curve.command(op), atol=0.51)
+    np.testing.assert_allclose(repeated.command(op), curve.command(op), atol=0.51)

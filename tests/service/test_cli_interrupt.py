@@ -49,8 +49,8 @@ def test_an_interrupted_run_leaves_a_usable_database(
     number, status, state, reason = ENDS[by]
     folder, database = tmp_path / "exports", tmp_path / "kept.db"
     folder.mkdir()
-    for place in range(96):
-        os.link(one_valve, folder / f"valve{place:02}.csv")
+    for index in range(96):
+        os.link(one_valve, folder / f"valve{index:02}.csv")
     tags = ("--op", "FIC-104.OP", "--mv", "FIC-104.ZT", "--db", f"sqlite:///{database}")
     more = ("--workers", str(workers), "--out", str(tmp_path / "cut"))
     process = subprocess.Popen(
@@ -78,6 +78,6 @@ def test_an_interrupted_run_leaves_a_usable_database(
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         ended = connection.execute("SELECT state, finished IS NOT NULL FROM runs ORDER BY id")
         assert [(state, 1), ("done", 1)] == ended.fetchall()
-        (said,) = connection.execute("SELECT reason FROM runs ORDER BY id").fetchone()
-        assert said.startswith(reason)
+        (text,) = connection.execute("SELECT reason FROM runs ORDER BY id").fetchone()
+        assert text.startswith(reason)
         assert ("historian",) in connection.execute("SELECT valve FROM screenings").fetchall()

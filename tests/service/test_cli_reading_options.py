@@ -39,7 +39,7 @@ def reading_options() -> dict[str, set[str]]:
     """The reading options of every command."""
     root = typer.main.get_command(app)
     assert isinstance(root, TyperGroup)
-    found = {}
+    results = {}
     for name, command in root.commands.items():
         options = {
             parameter.opts[0]
@@ -47,16 +47,16 @@ def reading_options() -> dict[str, set[str]]:
             if getattr(parameter, "rich_help_panel", None) == READING
         }
         if options:
-            found[name] = options
-    return found
+            results[name] = options
+    return results
 
 
 def test_every_reading_option_of_every_command_has_a_case() -> None:
     """A command or an option that is added later is asked the same."""
-    found = reading_options()
-    assert {name: found.pop(name) for name in OF_WHAT_IS_WRITTEN} == OF_WHAT_IS_WRITTEN
-    assert set(found) == set(CALLS)
-    assert set.union(*found.values()) == set(NEEDLESS) | ALWAYS
+    result = reading_options()
+    assert {name: result.pop(name) for name in OF_WHAT_IS_WRITTEN} == OF_WHAT_IS_WRITTEN
+    assert set(result) == set(CALLS)
+    assert set.union(*result.values()) == set(NEEDLESS) | ALWAYS
 
 
 @pytest.fixture
@@ -76,12 +76,12 @@ def test_an_option_that_is_not_used_is_said_on_the_terminal(
     stemwatch, export: Path, tmp_path: Path, command: str
 ) -> None:
     """All needless options of a command at once: a sentence for each, with the reason."""
-    wanted = [case for option, case in NEEDLESS.items() if option in reading_options()[command]]
+    expected = [case for option, case in NEEDLESS.items() if option in reading_options()[command]]
     call = [part.format(file=export, out=tmp_path / "report") for part in CALLS[command]]
-    outcome = stemwatch(*call, *(part for given, _ in wanted for part in given))
+    outcome = stemwatch(*call, *(part for given, _ in expected for part in given))
     text = " ".join(outcome.said.split())
-    assert wanted
-    assert [begins for _, begins in wanted if begins not in text] == []
+    assert expected
+    assert [begins for _, begins in expected if begins not in text] == []
 
 
 ERRORS = {

@@ -79,10 +79,10 @@ class Clocks:
 def clocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clocks]:
     """Clocks that stand still until they are moved."""
     with time_machine.travel(START, tick=False) as traveller:
-        made = Clocks(traveller)
+        result = Clocks(traveller)
         defaults = ClockWatch.__init__.__kwdefaults__
-        monkeypatch.setitem(defaults, "steady_s", lambda: made.steady_s)
-        yield made
+        monkeypatch.setitem(defaults, "steady_s", lambda: result.steady_s)
+        yield result
 
 
 @pytest.fixture
@@ -131,14 +131,14 @@ def test_no_time_has_two_values_of_which_one_is_good(
     collect(spool, store, seconds(START + timedelta(seconds=120), 30), 200)
     collect(spool, store, seconds(START + timedelta(seconds=60) + step, 30), 300)
     spool.close()
-    found = store.samples.read("plc", "V1.OP")
-    twice = (found.at_us >= microseconds(START + timedelta(seconds=60) + step)) & (
-        found.at_us < microseconds(START + timedelta(seconds=90) + step)
+    samples = store.samples.read("plc", "V1.OP")
+    twice = (samples.at_us >= microseconds(START + timedelta(seconds=60) + step)) & (
+        samples.at_us < microseconds(START + timedelta(seconds=90) + step)
     )
-    assert (found.quality[twice] == Quality.MISSING).all()
-    assert np.isnan(found.values[twice]).all()
-    assert (found.quality[~twice] == Quality.GOOD).all()
-    assert found.at_us.size == 150
+    assert (samples.quality[twice] == Quality.MISSING).all()
+    assert np.isnan(samples.values[twice]).all()
+    assert (samples.quality[~twice] == Quality.GOOD).all()
+    assert samples.at_us.size == 150
     assert store.samples.reasons("plc", "V1.OP") == {CAME_TWICE: 30}
 
 
@@ -147,7 +147,7 @@ def test_any_steps_of_the_clock_leave_no_wrong_value_good(tmp_path: Path, store:
     polled at its time, and no process that begins anew forgets it."""
     draw = random.Random(17)
     for turn in range(60):
-        spool, said = Spool(tmp_path / f"spool-{turn}"), dict[int, set[float]]()
+        spool, answer = Spool(tmp_path / f"spool-{turn}"), dict[int, set[float]]()
         now, value = 1_000_000, 0.0
         for _ in range(draw.randrange(2, 6)):
             # Not by one second: no poll follows another with the same instant.
@@ -156,17 +156,17 @@ def test_any_steps_of_the_clock_leave_no_wrong_value_good(tmp_path: Path, store:
             for _ in range(draw.randrange(1, 15)):
                 now, value = now + 1_000_000, value + 1.0
                 spool.append(one_instant(f"plc {turn}", ["T"], now, np.array([value]), GOOD, [""]))
-                said.setdefault(now, set()).add(value)
+                answer.setdefault(now, set()).add(value)
             assert Forwarder(spool, store.samples).once()
             if draw.random() < 0.5:
                 spool.close()
                 spool = Spool(tmp_path / f"spool-{turn}")
         spool.close()
-        found = store.samples.read(f"plc {turn}", "T")
-        assert found.at_us.tolist() == sorted(said)
-        good = found.quality == Quality.GOOD
-        for at_us, one in zip(found.at_us[good].tolist(), found.values[good], strict=True):
-            assert said[at_us] == {one}, (turn, at_us)
+        samples = store.samples.read(f"plc {turn}", "T")
+        assert samples.at_us.tolist() == sorted(answer)
+        good = samples.quality == Quality.GOOD
+        for at_us, item in zip(samples.at_us[good].tolist(), samples.values[good], strict=True):
+            assert answer[at_us] == {item}, (turn, at_us)
 
 
 def test_a_schedule_goes_on_when_the_clock_ran_ahead(store: Store, clocks: Clocks) -> None:
@@ -211,9 +211,9 @@ def test_a_run_whose_worker_died_is_taken_over_after_the_clock_was_set_back(
     clocks.set(5 * HOUR)
     run = store.queue.claim("a-worker-elsewhere")
     clocks.set(-5 * HOUR)
-    taken = store.queue.claim("another")
-    assert taken is not None
-    assert taken.id == run.id
+    accepted = store.queue.claim("another")
+    assert accepted is not None
+    assert accepted.id == run.id
     assert store.queue.claim("a-third") is None
 
 

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.process_lifecycle import Terminated, asked_to_stop, ending_on_sigterm
+from stemwatch.service.interruption import Terminated, ending_on_signals
+from stemwatch.service.process_lifecycle import asked_to_stop
 from tests.service.live_demo.running_demo import DEMO, Started
 
 SIMULATE = ("simulate", "--modbus", "--what", "healthy", "--count", "1", "--port", "0")
@@ -42,11 +43,11 @@ def test_a_signal_while_the_event_is_locked_stops_all_the_same(number: signal.Si
 
 def test_being_asked_again_and_again_stops_once() -> None:
     """Also when all is being cleared away, and afterwards."""
-    asked: list[int] = []
+    requested: list[int] = []
     over = threading.Event()
 
     def stop() -> None:
-        asked.append(1)
+        requested.append(1)
         over.set()
 
     with asked_to_stop(stop, last=True):
@@ -55,32 +56,40 @@ def test_being_asked_again_and_again_stops_once() -> None:
             signal.raise_signal(signal.SIGINT)
         assert over.wait(60)
     signal.raise_signal(signal.SIGINT)
-    assert asked == [1]
+    assert requested == [1]
 
 
 def test_without_being_asked_nothing_is_stopped() -> None:
     """What ends by itself ends."""
-    asked: list[int] = []
-    with asked_to_stop(lambda: asked.append(1)):
+    requested: list[int] = []
+    with asked_to_stop(lambda: requested.append(1)):
         pass
-    assert asked == []
+    assert requested == []
 
 
 class Late:
     """Something whose clearing away is where the signal arrives."""
 
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
     def __del__(self) -> None:
-        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(self.number)
 
 
-def test_an_end_that_a_finaliser_loses_is_asked_for_again() -> None:
-    """Python drops exceptions there, and a command that lost its SIGTERM would never end."""
-    with ending_on_sigterm(), pytest.raises(Terminated):
-        _lose_it_and_wait()
+@pytest.mark.parametrize(
+    ("number", "raised"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)]
+)
+def test_an_end_that_a_finaliser_loses_is_asked_for_again(
+    number: signal.Signals, raised: type[KeyboardInterrupt]
+) -> None:
+    """Python drops exceptions there, and a command that lost its signal would never end."""
+    with ending_on_signals(), pytest.raises(raised):
+        _lose_it_and_wait(number)
 
 
-def _lose_it_and_wait() -> None:
-    late = Late()
+def _lose_it_and_wait(number: signal.Signals) -> None:
+    late = Late(number)
     del late
     time.sleep(60)
 

@@ -24,13 +24,13 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the PO
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[clusters.Cluster]:
     """A cluster of its own, whose scheduler may be lost."""
-    with clusters.dask_cluster(tmp_path, workers=1) as made:
-        yield made
+    with clusters.dask_cluster(tmp_path, workers=1) as created:
+        yield created
 
 
 def _amid_the_work(cluster: clusters.Cluster, folder: Path, number: int) -> list[Outcome[Any, int]]:
     """Send the scheduler a signal after the first results; all results that came until the end."""
-    batches = [[(place, str(folder))] for place in range(400)]
+    batches = [[(index, str(folder))] for index in range(400)]
     results = outcomes(
         DaskCluster(cluster.host_and_port), squares_slowly, batches, threading.Event()
     )
@@ -40,7 +40,7 @@ def _amid_the_work(cluster: clusters.Cluster, folder: Path, number: int) -> list
         for more in results:
             came += more
     finally:
-        assert all(one.result is not None for one in came), "a valve was blamed"
+        assert all(item.result is not None for item in came), "a valve was blamed"
     return came
 
 
@@ -59,13 +59,13 @@ def test_a_scheduler_that_hangs_is_given_up(
     """It keeps its connections and says nothing, as one does behind a network that is gone."""
     monkeypatch.setattr(dask_cluster, "ASK_S", 0.5)
     monkeypatch.setattr(dask_cluster, "SILENT_S", 3.0)
-    began = time.monotonic()
+    started = time.monotonic()
     try:
         with pytest.raises(ClusterError, match=r"has not answered for 3 s"):
             _amid_the_work(cluster, tmp_path, signal.SIGSTOP)
     finally:
         os.kill(cluster.scheduler.pid, signal.SIGCONT)
-    assert time.monotonic() - began < 120.0
+    assert time.monotonic() - started < 120.0
 
 
 def test_a_busy_scheduler_is_not_given_up(
@@ -73,20 +73,20 @@ def test_a_busy_scheduler_is_not_given_up(
 ) -> None:
     """It is asked again and again while the work takes longer than the time for an answer."""
     monkeypatch.setattr(dask_cluster, "ASK_S", 0.1)
-    asked: list[float] = []
+    requested: list[float] = []
     feel = dask_cluster._Pulse.feel
 
     def noted(pulse: Any) -> None:
-        asked.append(pulse._since_s)
+        requested.append(pulse._since_s)
         feel(pulse)
 
     monkeypatch.setattr(dask_cluster._Pulse, "feel", noted)
-    batches = [[(place, str(tmp_path))] for place in range(20)]
+    batches = [[(index, str(tmp_path))] for index in range(20)]
     executor = DaskCluster(cluster.host_and_port)
     came = [
-        one
+        item
         for each in outcomes(executor, squares_slowly, batches, threading.Event())
-        for one in each
+        for item in each
     ]
-    assert sorted(one.result for one in came) == [place * place for place in range(20)]
-    assert len(set(asked)) > 2, "it was asked more than once"
+    assert sorted(item.result for item in came) == [index * index for index in range(20)]
+    assert len(set(requested)) > 2, "it was asked more than once"

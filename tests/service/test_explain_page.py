@@ -34,27 +34,30 @@ def recording(valve="FV-1", samples=900) -> Recording:
     return Recording(valve=valve, signals=signals, interval_s=1.0)
 
 
-def on_terminal(one: Explained) -> str:
+def on_terminal(item: Explained) -> str:
     """What a terminal of 200 columns shows."""
     terminal = Console(width=200, file=io.StringIO(), record=True)
-    terminal.print(explanation(one), highlight=False)
+    terminal.print(explanation(item), highlight=False)
     return terminal.export_text()
 
 
 @pytest.fixture
-def found() -> list[Explained]:
+def result() -> list[Explained]:
     """One of every verdict, and one that could not be read."""
     read = recording()
-    whole = [
-        Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=one, recording=read)
-        for k, one in enumerate(of_every_kind(read))
+    complete = [
+        Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=item, recording=read)
+        for k, item in enumerate(of_every_kind(read))
     ]
-    return [*whole, Explained(source="x.csv", valve="x", mismatch=not_testable("x.csv: no table."))]
+    return [
+        *complete,
+        Explained(source="x.csv", valve="x", mismatch=not_testable("x.csv: no table.")),
+    ]
 
 
 @pytest.fixture
-def written(found, tmp_path):
-    return write_pages(found, CONTEXT, tmp_path / "out")
+def written(result, tmp_path):
+    return write_pages(result, CONTEXT, tmp_path / "out")
 
 
 def test_the_page_says_everything_in_words(written):
@@ -121,15 +124,15 @@ def test_hostile_names_are_text_and_stay_in_the_folder(tmp_path):
     """A valve's name is no markup, steers no terminal and leads no file elsewhere."""
     read = recording(valve=HOSTILE)
     mismatch = replace(named(read), sentence=HOSTILE)
-    one = Explained(source=HOSTILE, valve=HOSTILE, mismatch=mismatch, recording=read)
-    written = write_pages([one], CONTEXT, tmp_path / "out")
+    explained = Explained(source=HOSTILE, valve=HOSTILE, mismatch=mismatch, recording=read)
+    written = write_pages([explained], CONTEXT, tmp_path / "out")
     page = written.html.read_text("utf-8")
     assert "<img" not in page
     assert "\x07" not in page
     assert {path.parent for path in written.maps} == {tmp_path / "out" / "maps"}
-    said = on_terminal(one)
-    assert "\x07" not in said
-    assert "[bold]" in said
+    text = on_terminal(explained)
+    assert "\x07" not in text
+    assert "[bold]" in text
 
 
 def test_two_recordings_of_one_valve_have_anchors_of_their_own(tmp_path):
@@ -143,11 +146,11 @@ def test_two_recordings_of_one_valve_have_anchors_of_their_own(tmp_path):
 def test_the_page_stays_small_for_a_large_plant():
     """Beyond the limit there are findings and maps, and no overlay."""
     read = recording(samples=60)
-    one = Explained(source="a.csv", valve="FV-1", mismatch=named(read), recording=read)
-    shown = entries([one] * (MOST_PLOTTED + 1))
-    assert shown[MOST_PLOTTED - 1].view.overlay is not None
-    assert shown[MOST_PLOTTED].view.overlay is None
-    assert shown[MOST_PLOTTED].view.before is not None
+    explained = Explained(source="a.csv", valve="FV-1", mismatch=named(read), recording=read)
+    result = entries([explained] * (MOST_PLOTTED + 1))
+    assert result[MOST_PLOTTED - 1].view.overlay is not None
+    assert result[MOST_PLOTTED].view.overlay is None
+    assert result[MOST_PLOTTED].view.before is not None
 
 
 def test_nothing_to_explain_is_said(tmp_path):
@@ -157,9 +160,9 @@ def test_nothing_to_explain_is_said(tmp_path):
     assert written.json.read_text("utf-8").strip() == "[]"
 
 
-def test_the_terminal_says_what_matters(found):
+def test_the_terminal_says_what_matters(result):
     """Verdict word, sentences, what to check, both S, and the fit before and after."""
-    said = " ".join(on_terminal(found[0]).split())
+    text = " ".join(on_terminal(result[0]).split())
     for words in (
         "named FV-0",
         "82 % of the residual lies where the stem falls",
@@ -172,4 +175,4 @@ def test_the_terminal_says_what_matters(found):
         "fit grows by 38 to 51 points",
         "Not testable here: travel stop, flow force",
     ):
-        assert words in said
+        assert words in text

@@ -103,9 +103,9 @@ class NotedServer(PlantServer):
     async def _answer(self, code, start, address, count, registers, values):
         while self._silent.is_set():
             await asyncio.sleep(0.05)
-        said = await super()._answer(code, start, address, count, registers, values)
+        text = await super()._answer(code, start, address, count, registers, values)
         self._served.append((time.time(), tuple(registers)))
-        return said
+        return text
 
 
 class Device:
@@ -146,19 +146,19 @@ class Device:
 
     def cut(self, seconds: float) -> None:
         """Be away for a while: every connection is closed and none is taken."""
-        begun = time.time()
+        started = time.time()
         self.stop()
         time.sleep(seconds)
         self.start()
-        self.down.append((begun, time.time() + _RECONNECT_S))
+        self.down.append((started, time.time() + _RECONNECT_S))
 
     def hang(self, seconds: float) -> None:
         """Say nothing for a while, with every connection open."""
-        begun = time.time()
+        started = time.time()
         self._silent.set()
         time.sleep(seconds)
         self._silent.clear()
-        self.down.append((begun, time.time() + _RECONNECT_S))
+        self.down.append((started, time.time() + _RECONNECT_S))
 
     def place(self, tag: str) -> int:
         """The first register of a tag."""
@@ -210,12 +210,12 @@ class Night:
     def kill(self, between: Callable[[], None] = lambda: None) -> None:
         """SIGKILL to the service and all its processes, and a new start; ``between`` is done while
         it starts."""
-        begun = time.time()
+        started = time.time()
         self.end(signal.SIGKILL)
         self.launch()
         between()
         self.wait()
-        self.dead.append((begun, time.time()))
+        self.dead.append((started, time.time()))
 
     def end(self, number: int) -> None:
         """End the service by a signal."""
@@ -232,35 +232,35 @@ class Night:
 
 def postgres_programs() -> Path:
     """The folder of PostgreSQL's server programs."""
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    in_order = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
     if on_path := shutil.which("initdb"):
-        found.insert(0, Path(on_path))
-    if not found:
+        in_order.insert(0, Path(on_path))
+    if not in_order:
         pytest.skip("no PostgreSQL server programs (initdb): the fault test IS NOT RUN")
-    return found[-1].parent
+    return in_order[-1].parent
 
 
 @pytest.fixture
 def database() -> Iterator[Database]:
     """A PostgreSQL server that runs."""
-    made = Database(postgres_programs())
-    made.start()
+    result = Database(postgres_programs())
+    result.start()
     try:
-        yield made
+        yield result
     finally:
-        made.stop()
-        shutil.rmtree(made.folder, ignore_errors=True)
+        result.stop()
+        shutil.rmtree(result.folder, ignore_errors=True)
 
 
 @pytest.fixture
 def device() -> Iterator[Device]:
     """A device that answers."""
-    made = Device()
-    made.start()
+    result = Device()
+    result.start()
     try:
-        yield made
+        yield result
     finally:
-        made.stop()
+        result.stop()
 
 
 @pytest.mark.long
@@ -269,7 +269,7 @@ def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path:
     """Nothing is lost but what no running service could have seen, and nothing is there twice."""
     (tmp_path / "plant.toml").write_text(device.plant_file(), encoding="utf-8")
     night = Night(tmp_path, database.url)
-    begun = time.time()
+    started = time.time()
     night.start()
     try:
         with open_store(database.url) as store:
@@ -281,7 +281,7 @@ def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path:
             ended = time.time()
             for tag in ("FIC-101.OP", "FIC-101.ZT", "TIC-102.PV"):
                 check_samples(store, tag, night, device)
-            check_runs(store, begun, ended)
+            check_runs(store, started, ended)
     finally:
         night.end(signal.SIGKILL)
 
@@ -308,49 +308,49 @@ def bad_hour(number: int, database: Database, device: Device, night: Night, stor
 
 def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
     """Each instant at which the service ran, once; what the device said, as it said it."""
-    found = store.samples.read("plc-1", tag)
-    assert found.at_us.size > 100, tag
-    steps = np.diff(found.at_us)
+    samples = store.samples.read("plc-1", tag)
+    assert samples.at_us.size > 100, tag
+    steps = np.diff(samples.at_us)
     assert (steps > 0).all()
-    assert (found.at_us % EVERY_US == 0).all()
+    assert (samples.at_us % EVERY_US == 0).all()
     holes = [
-        (found.at_us[place] / 1e6, found.at_us[place + 1] / 1e6)
-        for place in np.flatnonzero(steps > EVERY_US)
+        (samples.at_us[index] / 1e6, samples.at_us[index + 1] / 1e6)
+        for index in np.flatnonzero(steps > EVERY_US)
     ]
     # Only while nobody polled: from the kill, with the poll that it interrupted, to the first poll
     # of the next collector. Neither the database nor the device leaves a hole.
     assert len(holes) <= len(night.dead), holes
-    for begun, end in holes:
-        kill, served = min(night.dead, key=lambda dead: abs(dead[0] - begun))
-        assert kill - 0.3 <= begun <= kill + 0.3, (tag, begun, kill)
+    for started, end in holes:
+        kill, served = min(night.dead, key=lambda dead: abs(dead[0] - started))
+        assert kill - 0.3 <= started <= kill + 0.3, (tag, started, kill)
         assert end <= served + 15.0, (tag, end, served)
-    bad = found.at_us[found.quality != 0] / 1e6
+    bad = samples.at_us[samples.quality != 0] / 1e6
     known = device.down + holes
     lost = [at for at in bad if not inside((at, at), known)]
     # A poll that a busy machine could not make in time says so itself.
     late = store.samples.reasons("plc-1", tag)
-    said = sum(count for why, count in late.items() if "not polled" in why or "no answer" in why)
-    assert len(lost) <= said, late
-    check_answers(found, tag, night, device, said)
+    total = sum(count for why, count in late.items() if "not polled" in why or "no answer" in why)
+    assert len(lost) <= total, late
+    check_answers(samples, tag, night, device, total)
 
 
-def check_answers(found: Samples, tag: str, night: Night, device: Device, late: int) -> None:
+def check_answers(result: Samples, tag: str, night: Night, device: Device, late: int) -> None:
     """Every answer of the device is in the store once, and nothing else is there as good.
 
     An answer is on its way when the service is killed or the connection is cut; one that came
     after its time is a bad sample that says so, and no more than ``late`` of them are there.
     """
-    missing, invented = compared(found, tag, night, device)
+    missing, invented = compared(result, tag, night, device)
     assert len(missing) <= late, (tag, missing[:5])
     assert not invented, (tag, "not what the device said", invented[:5])
 
 
 def compared(
-    found: Samples, tag: str, night: Night, device: Device
+    result: Samples, tag: str, night: Night, device: Device
 ) -> tuple[list[tuple[float, float]], list[float]]:
     """Answers that are not in the store, and instants of good samples that were no answer."""
-    good = found.quality == 0
-    at_s, values = found.at_us[good] / 1e6, found.values[good]
+    good = result.quality == 0
+    at_s, values = result.at_us[good] / 1e6, result.values[good]
     place = device.place(tag)
     free = np.ones(at_s.size, dtype=bool)
     missing = []
@@ -370,7 +370,7 @@ def on_its_way(when: float, night: Night, device: Device) -> bool:
     """Whether an answer met a kill, or the moment in which the device closed its connections or
     spoke again to somebody who no longer waited."""
     kills = [kill for kill, _ in night.dead]
-    cuts = [begun for begun, _ in device.down]
+    cuts = [started for started, _ in device.down]
     back = [end - _RECONNECT_S for _, end in device.down]
     moments = [*kills, *cuts, *back]
     return any(abs(when - moment) < 0.5 for moment in moments)
@@ -383,9 +383,9 @@ def check_runs(store: Store, begun: float, ended: float) -> None:
     assert len(runs) >= 2
     for before, after in pairwise(runs):
         missed = round((after.due - before.due).total_seconds() / 10.0) - 1
-        said = re.match(r"(\d+) instants before it", after.reason)
+        text = re.match(r"(\d+) instants before it", after.reason)
         skipped = after.state is RunState.SKIPPED
-        assert skipped or missed == (int(said[1]) if said else 0), (before, after)
+        assert skipped or missed == (int(text[1]) if text else 0), (before, after)
     # The schedule begins when the service first opens the store, and ends with the service.
     assert begun - 10.0 <= runs[0].due.timestamp() <= begun + 60.0
     assert ended - 30.0 <= runs[-1].due.timestamp() <= ended
@@ -408,7 +408,7 @@ def check_runs(store: Store, begun: float, ended: float) -> None:
 
 
 def inside(stretch: TagSamples, known: list[TagSamples]) -> bool:
-    return any(begun <= stretch[0] and stretch[1] <= end for begun, end in known)
+    return any(started <= stretch[0] and stretch[1] <= end for started, end in known)
 
 
 def answers(store: Store) -> bool:

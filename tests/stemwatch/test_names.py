@@ -37,7 +37,7 @@ def test_a_name_that_is_not_there_says_so() -> None:
         sw.sceen  # type: ignore[attr-defined]  # noqa: B018
 
 
-@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda item: item.__name__)
 def test_every_function_says_arguments_result_errors_and_an_example(function: object) -> None:
     """Each argument is described by its name."""
     assert inspect.isfunction(function)
@@ -49,13 +49,13 @@ def test_every_function_says_arguments_result_errors_and_an_example(function: ob
     assert arguments <= set(described)
 
 
-@pytest.mark.parametrize("module", [functions, recording], ids=lambda one: one.__name__)
+@pytest.mark.parametrize("module", [functions, recording], ids=lambda item: item.__name__)
 def test_the_examples_run(module: object) -> None:
     """Each prints what stands below it."""
     assert inspect.ismodule(module)
-    done = doctest.testmod(module)
-    assert done.attempted > 0
-    assert done.failed == 0
+    result = doctest.testmod(module)
+    assert result.attempted > 0
+    assert result.failed == 0
 
 
 def test_the_front_door_loads_no_networks_and_no_service() -> None:
@@ -66,6 +66,8 @@ def test_the_front_door_loads_no_networks_and_no_service() -> None:
         "found._repr_html_(), found.to_dict()\n"
         "print([n for n in ('torch', 'fastapi', 'sqlalchemy', 'matplotlib') if n in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "[]"
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip() == "[]"

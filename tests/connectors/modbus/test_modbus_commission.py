@@ -29,13 +29,16 @@ from tests.connectors.modbus.loopback_servers import (
 
 def test_every_type_and_order_is_shown_and_the_right_one_looks_likely() -> None:
     """-37.625 word-swapped: of the four orders of FLOAT32 one is likely."""
-    found = list(meanings([0x8000, 0xC216, 0, 0]))
-    floats = {m.order: m for m in found if m.kind is DataType.FLOAT32}
+    as_list = list(meanings([0x8000, 0xC216, 0, 0]))
+    floats = {m.order: m for m in as_list if m.kind is DataType.FLOAT32}
     assert floats[ByteOrder.CDAB].value == -37.625
     assert [order for order, m in floats.items() if m.likely] == [ByteOrder.CDAB]
-    kinds = {m.kind for m in found}
+    kinds = {m.kind for m in as_list}
     assert kinds == set(DataType)
-    assert {m.order for m in found if m.kind is DataType.INT16} == {ByteOrder.ABCD, ByteOrder.BADC}
+    assert {m.order for m in as_list if m.kind is DataType.INT16} == {
+        ByteOrder.ABCD,
+        ByteOrder.BADC,
+    }
 
 
 def test_what_does_not_fit_is_left_out() -> None:
@@ -76,11 +79,11 @@ def test_a_map_is_tried_register_by_register_where_the_device_refuses() -> None:
         async with serving(sim_device(1, behaviour)) as served:
             return await try_map(device(tcp(served.port), *registers))
 
-    position, gone, right, swapped = asyncio.run(run())
+    position, removed, right, swapped = asyncio.run(run())
     assert (position.words, position.reading.value) == ((250,), 25.0)
-    assert (gone.words, gone.fault) == ((), "exception 2 (illegal data address)")
+    assert (removed.words, removed.fault) == ((), "exception 2 (illegal data address)")
     assert right.reading.value == -37.625
-    assert other_orders(right) == other_orders(gone) == other_orders(position) == ()
+    assert other_orders(right) == other_orders(removed) == other_orders(position) == ()
     assert [(m.order, m.value) for m in other_orders(swapped)] == [(ByteOrder.CDAB, -37.625)]
 
 

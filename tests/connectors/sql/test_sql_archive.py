@@ -99,7 +99,7 @@ def test_a_tag_is_bound_and_never_part_of_the_text(history_url: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("query", "found"),
+    ("query", "result"),
     [
         ("DELETE FROM history", "begins with 'delete'"),
         (QUERY + "; DROP TABLE history", "several statements"),
@@ -118,11 +118,11 @@ def test_a_tag_is_bound_and_never_part_of_the_text(history_url: str) -> None:
         (QUERY.replace("quality", '"update"'), ""),
     ],
 )
-def test_which_templates_are_taken(query: str, found: str) -> None:
+def test_which_templates_are_taken(query: str, result: str) -> None:
     """One SELECT with the three parameters; words in quotes and comments are no statement."""
     fault = mistake_in(query)
-    assert (fault is None) if not found else (fault is not None and found in fault.found)
-    if found:
+    assert (fault is None) if not result else (fault is not None and result in fault.found)
+    if result:
         with pytest.raises(UnreadableSource, match="the query cannot be used"):
             address("sqlite://", query=query or " ").open()
 
@@ -161,10 +161,10 @@ def test_texts_are_compared_as_they_are_written(tmp_path: Path) -> None:
 def test_a_password_is_shown_nowhere(tmp_path: Path, monkeypatch) -> None:
     """Not in the address as it is logged, and not where the database cannot be reached."""
     url = "postgresql://reader:geheim@127.0.0.1:1/plant"
-    given = address(url)
-    assert "geheim" not in repr(given) + str(given)
+    result = address(url)
+    assert "geheim" not in repr(result) + str(result)
     with pytest.raises(ConnectorError) as failed:
-        given.open().read(made.valve())
+        result.open().read(made.valve())
     assert "did not answer" in str(failed.value)
     assert "geheim" not in str(failed.value)
     monkeypatch.delenv("HISTORY_URL", raising=False)

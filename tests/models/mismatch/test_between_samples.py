@@ -51,8 +51,8 @@ def cycling(period: int, *, hours: float = 2.0, width: float = S, seed: int = 1)
 
 def kept(recording: Recording, every: int, *, mean: bool = False) -> Recording:
     def less(values: Floats) -> Floats:
-        whole = values[: values.size // every * every].reshape(-1, every)
-        return np.asarray(whole.mean(axis=1) if mean else whole[:, 0])
+        complete = values[: values.size // every * every].reshape(-1, every)
+        return np.asarray(complete.mean(axis=1) if mean else complete[:, 0])
 
     mv = recording.mv
     assert mv is not None
@@ -61,15 +61,15 @@ def kept(recording: Recording, every: int, *, mean: bool = False) -> Recording:
 
 def reported(values: Floats, deviation: float) -> Floats:
     held, last = values.copy(), values[0]
-    for place, value in enumerate(values):
+    for index, value in enumerate(values):
         last = value if abs(value - last) > deviation else last
-        held[place] = last
+        held[index] = last
     return held
 
 
 def screened(recording: Recording) -> Screening:
-    (found,) = screen([Case(recording=recording)], Options(narx=False, mismatch=False))
-    return found
+    (result,) = screen([Case(recording=recording)], Options(narx=False, mismatch=False))
+    return result
 
 
 @pytest.mark.parametrize("mean", [False, True])
@@ -83,10 +83,10 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     assert archive is not None
     assert archive.kind is (ArchiveKind.AVERAGES if mean else ArchiveKind.SNAPSHOTS)
     assert archive.levels is not None
-    found = screened(slow)
-    assert found.S.value == pytest.approx(archive.levels.S)
-    assert found.J.value == pytest.approx(archive.levels.J)
-    assert abs(found.S.value - S) < 0.05 * S
+    result = screened(slow)
+    assert result.S.value == pytest.approx(archive.levels.S)
+    assert result.J.value == pytest.approx(archive.levels.J)
+    assert abs(result.S.value - S) < 0.05 * S
     without = replace(archive, levels=None)
     missed = without.missed_by(plain.evaluator.problem, plain.evaluator.simulate(plain.candidate))
     fitted = [Estimate(value=v, low=v, high=v, unit=PERCENT) for v in (plain.S, plain.J)]
@@ -94,10 +94,10 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     assert restored[0].value == pytest.approx(plain.S + missed)
     assert restored[1].value == pytest.approx(plain.J + missed)
     assert abs(plain.S + missed - S) < 0.12 * S
-    assert found.S.low is not None
-    assert found.S.high is not None
-    assert found.S.low <= S <= found.S.high
-    assert any("are read from" in told for told in found.provenance.decisions)
+    assert result.S.low is not None
+    assert result.S.high is not None
+    assert result.S.low <= S <= result.S.high
+    assert any("are read from" in decision for decision in result.provenance.decisions)
     assert "are restored by" in without.sentence(missed)
 
 
@@ -105,9 +105,9 @@ def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
     """A sample every second of a loop that takes 50 s: the fit's own numbers, to the bit."""
     plain = cycling(50)
     assert find_archive(plain) is None
-    fit, found = fit_stickslip(plain), screened(plain)
-    assert found.S.value == fit.S
-    assert found.J.value == fit.J
+    fit, result = fit_stickslip(plain), screened(plain)
+    assert result.S.value == fit.S
+    assert result.J.value == fit.J
 
 
 def test_where_the_sampling_is_too_slow_a_bound_is_given_and_the_interval_that_would_do() -> None:
@@ -133,9 +133,9 @@ def test_reports_by_exception_hide_what_is_smaller() -> None:
     op = op - np.linspace(0.0, op[-1] - op[0], op.size)
     mv = op + 0.02 * rng.standard_normal(op.size)
     assert screened(recorded(op, mv, 1.0)).verdict is Verdict.HEALTHY
-    found = screened(recorded(reported(op, 1.0), reported(mv, 1.0), 1.0))
-    assert found.verdict is Verdict.UNDETERMINED
-    assert "reports by exception to 1 %" in found.reason
+    result = screened(recorded(reported(op, 1.0), reported(mv, 1.0), 1.0))
+    assert result.verdict is Verdict.UNDETERMINED
+    assert "reports by exception to 1 %" in result.reason
 
 
 def test_reports_by_exception_widen_what_they_leave_open() -> None:
@@ -147,8 +147,8 @@ def test_reports_by_exception_widen_what_they_leave_open() -> None:
     assert archive is not None
     assert archive.kind is ArchiveKind.REPORTS
     assert archive.deviation == pytest.approx(0.5, abs=0.05)
-    found = screened(held)
-    for estimate, truth in ((found.S, S), (found.J, J)):
+    result = screened(held)
+    for estimate, truth in ((result.S, S), (result.J, J)):
         assert estimate.low is not None
         assert estimate.high is not None
         assert estimate.low <= truth <= estimate.high
@@ -190,10 +190,10 @@ def test_what_is_found_does_not_depend_on_how_long_a_second_is(seed: int, factor
     slow = kept(cycling(50, hours=0.5, seed=seed), 5)
     assert slow.mv is not None
     other = recorded(slow.op.values, slow.mv.values, factor * slow.interval_s)
-    found, again = find_archive(slow), find_archive(other)
-    assert found is not None
-    assert again is not None
-    assert (found.kind, found.per_turn) == (again.kind, again.per_turn)
+    result, repeated = find_archive(slow), find_archive(other)
+    assert result is not None
+    assert repeated is not None
+    assert (result.kind, result.per_turn) == (repeated.kind, repeated.per_turn)
 
 
 def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both() -> None:
@@ -215,8 +215,8 @@ def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both
 def test_a_valve_kept_every_second_keeps_the_numbers_of_its_fit(place: int) -> None:
     """Its slips are seen a sample late, and would have S larger by a tenth and more."""
     simulated = simulate_loop(draw_sticky(24, 5)[place], 5 + place)
-    (found,) = screen([Case(recording=simulated.recording)], Options(narx=False, mismatch=False))
-    assert not any("slips" in sentence for sentence in found.provenance.decisions)
-    assert found.S.low is not None
-    assert found.S.high is not None
-    assert found.S.low <= simulated.truth.S <= found.S.high
+    (result,) = screen([Case(recording=simulated.recording)], Options(narx=False, mismatch=False))
+    assert not any("slips" in sentence for sentence in result.provenance.decisions)
+    assert result.S.low is not None
+    assert result.S.high is not None
+    assert result.S.low <= simulated.truth.S <= result.S.high

@@ -10,7 +10,7 @@ import pytest
 
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import scored
-from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, begun, dwelling
+from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, dwelling, refit_with_rise
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.term_selection import neutral
@@ -50,10 +50,10 @@ def test_the_rise_of_the_breakaways_is_seen(rise):
 
     Between two samples of a quick ramp the force is not known, which flattens the slope.
     """
-    evaluator, found = base_of(
+    evaluator, result = base_of(
         simulated_by_chain(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6
     )
-    seen = dwelling(evaluator, found)
+    seen = dwelling(evaluator, result)
     assert seen is not None
     assert seen.z >= LEAST_Z
     assert 0.25 * rise < seen.rise < 1.2 * rise
@@ -85,13 +85,15 @@ def test_too_few_breakaways_tell_nothing():
 
 def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     """What the breakaways showed stays in the model; S and J shrink by what was the rise's."""
-    evaluator, found = base_of(
+    evaluator, result = base_of(
         simulated_by_chain(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0
     )
-    seen = dwelling(evaluator, found)
+    seen = dwelling(evaluator, result)
     assert seen is not None
-    plain = conclude(evaluator, neutral(evaluator, found, hypothesis().plus(catalogue()[DWELL])))
-    fitted = begun(evaluator, plain, seen)
+    conclusion = conclude(
+        evaluator, neutral(evaluator, result, hypothesis().plus(catalogue()[DWELL]))
+    )
+    fitted = refit_with_rise(evaluator, conclusion, seen)
     values = fitted.values(DWELL)
     assert np.all(np.abs(values - seen.rise) <= 2.0 * seen.error + 1e-9)
     assert np.all(fitted.candidates[:, 0] < 4.8)
@@ -101,24 +103,24 @@ def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
 def test_hidden_dwell_is_named_with_its_events(place):
     """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer."""
     recording, S, J, rise = simulated(place)
-    found = explain(recording)
-    (one,) = found.effects
-    assert DWELL == one.slug
-    assert one.evidence.events_z >= LEAST_Z
-    assert "breakaways together" in one.evidence.note
-    assert one.parameters["b"].low <= one.parameters["b"].value <= one.parameters["b"].high
-    assert one.parameters["b"].value == pytest.approx(rise, rel=0.6)
-    restated = abs(found.restated.S.value - S) + abs(found.restated.J.value - J)
+    explanation = explain(recording)
+    (item,) = explanation.effects
+    assert DWELL == item.slug
+    assert item.evidence.events_z >= LEAST_Z
+    assert "breakaways together" in item.evidence.note
+    assert item.parameters["b"].low <= item.parameters["b"].value <= item.parameters["b"].high
+    assert item.parameters["b"].value == pytest.approx(rise, rel=0.6)
+    restated = abs(explanation.restated.S.value - S) + abs(explanation.restated.J.value - J)
     assert restated < 0.12 * (S + J)
 
 
 def test_dwell_that_predicts_unseen_samples_worse_is_said_and_not_named():
     """The breakaways show it, the free run gets no better for it: the disagreement is told."""
-    found = explain(simulated(0)[0])
-    assert Finding.UNKNOWN is found.finding
-    assert () == found.effects
-    assert "Dwell dependent breakaway would explain" in found.sentence
-    assert found.restated == found.naive
+    explanation = explain(simulated(0)[0])
+    assert Finding.UNKNOWN is explanation.finding
+    assert () == explanation.effects
+    assert "Dwell dependent breakaway would explain" in explanation.sentence
+    assert explanation.restated == explanation.naive
 
 
 @pytest.mark.parametrize("place", [1, pytest.param(7, marks=pytest.mark.long)])

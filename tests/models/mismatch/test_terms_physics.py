@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem, Stems
-from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats
 from tests.models.mismatch.fitted_chain import followed
 
 CATALOGUE = catalogue()
-COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.way is Way.COMMAND)
+COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.COMMAND)
 S, J = 4.0123, 1.2071  # no step of the signals divides them
-LOOK = Look(
+LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=3600.0,
     op_low=25.0,
@@ -53,7 +53,7 @@ def simulated(
     stem.numbers[stem_number.S], stem.numbers[stem_number.J] = levels
     p = op
     for slug, values in terms.items():
-        if CATALOGUE[slug].way is Way.COMMAND:
+        if CATALOGUE[slug].acts_on is ActsOn.COMMAND:
             p = shaped(slug, p, values, dt)
         else:
             CATALOGUE[slug].fill(stem, np.array(values))
@@ -146,11 +146,11 @@ class Chain:
         x = z = (u[0] - self.zero + 0.5 * self.D - 50.0) / self.gain + 50.0
         p = before = float(u[0])
         moving, d, rest = False, 1.0, 0.0
-        whole = int(self.theta / dt)
-        part = self.theta / dt - whole
+        complete = int(self.theta / dt)
+        part = self.theta / dt - complete
         out = [float(u[0])]
         for k in range(1, n):
-            late = (1.0 - part) * u[max(k - whole, 0)] + part * u[max(k - whole - 1, 0)]
+            late = (1.0 - part) * u[max(k - complete, 0)] + part * u[max(k - complete - 1, 0)]
             old = p
             p = self.actuator(p, late, dt)
             seen = p - self.sagging(p - old, dt)
@@ -270,11 +270,11 @@ def test_terms_that_share_a_table_add_to_it_and_clear_empties_it():
     """Two laws of friction or force can be found together."""
     stems = Stems.neutral(1, 100, 1.0)
     (stem,) = stems.each
-    for place in (40.0, 60.0):
-        CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, place, 3.0]))
+    for index in (40.0, 60.0):
+        CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, index, 3.0]))
     CATALOGUE["flow_force"].fill(stem, np.array([2.0]))
     CATALOGUE["dwell_dependent_breakaway"].fill(stem, np.array([0.5]))
-    at_40, at_60 = (int(place - stem_number.PLACE_LOW) for place in (40.0, 60.0))
+    at_40, at_60 = (int(index - stem_number.PLACE_LOW) for index in (40.0, 60.0))
     assert stem.friction[at_40] == pytest.approx(1.5)
     assert stem.friction[at_60] == pytest.approx(1.5)
     assert stem.force[int(100.0 - stem_number.PLACE_LOW)] == pytest.approx(-2.0)
@@ -349,11 +349,11 @@ def test_play_takes_from_the_jump_after_a_reversal_and_not_after_a_restart():
     """The only trace by which play differs from a smaller J."""
     play = 0.8
     up = np.concatenate([np.full(3, 50.0), 50.0 + 0.05 * np.arange(1, 161), np.full(20, 58.0)])
-    again = 58.0 + 0.05 * np.arange(1, 101)
-    down = again[-1] - 0.05 * np.arange(1, 201)
-    op = np.concatenate([up, again, np.full(20, again[-1]), down])
+    repeated = 58.0 + 0.05 * np.arange(1, 101)
+    down = repeated[-1] - 0.05 * np.arange(1, 201)
+    op = np.concatenate([up, repeated, np.full(20, repeated[-1]), down])
     steps = np.abs(np.diff(simulated(op, {"lost_motion": [play]})))
-    restart = steps[up.size : up.size + again.size].max()
-    reversal = steps[up.size + again.size :].max()
+    restart = steps[up.size : up.size + repeated.size].max()
+    reversal = steps[up.size + repeated.size :].max()
     assert restart == pytest.approx(J, abs=0.06)
     assert reversal == pytest.approx(J - play, abs=0.06)

@@ -90,17 +90,17 @@ def whole(link: socket.socket) -> bytes:
 
 def named(monkeypatch, *answers: list[str]) -> list[str]:
     """Makes the name ``hook.example`` lead to each of ``answers`` in turn; the names asked for."""
-    real, asked, left = socket.getaddrinfo, [], list(answers)
+    real, requested, left = socket.getaddrinfo, [], list(answers)
 
     def look_up(host, port, *rest, **more):
         if host != "hook.example":
             return real(host, port, *rest, **more)
-        asked.append(host)
-        found = left.pop(0) if len(left) > 1 else left[0]
-        return [one for address in found for one in real(address, port, *rest, **more)]
+        requested.append(host)
+        results = left.pop(0) if len(left) > 1 else left[0]
+        return [item for address in results for item in real(address, port, *rest, **more)]
 
     monkeypatch.setattr(socket, "getaddrinfo", look_up)
-    return asked
+    return requested
 
 
 @pytest.mark.parametrize(
@@ -142,10 +142,10 @@ def test_the_connection_goes_to_what_was_looked_at(monkeypatch) -> None:
     """A name that is public when it is checked and private when it is used is asked for once: the
     connection goes to the address of the first answer, here one that this test calls public."""
     with receiver(lambda link: link.sendall(TAKEN)) as (port, got):
-        asked = named(monkeypatch, ["127.0.0.1"], ["10.255.255.1"])
+        selection = named(monkeypatch, ["127.0.0.1"], ["10.255.255.1"])
         monkeypatch.setattr(outside, "is_public", lambda address: address == "127.0.0.1")
         to(f"http://hook.example:{port}/").send("k", MESSAGE)
-    assert asked == ["hook.example"]
+    assert selection == ["hook.example"]
     assert f"Host: hook.example:{port}".encode() in got[0]
 
 
@@ -184,28 +184,28 @@ def test_a_receiver_that_dribbles_is_left(monkeypatch) -> None:
                 return
 
     with receiver(answer) as (port, _):
-        began = time.monotonic()
+        started = time.monotonic()
         with pytest.raises(NotSent):
             to(f"http://127.0.0.1:{port}/", allow_private=True).send("k", MESSAGE)
         stop.set()
-    assert time.monotonic() - began < 30.0, "the dribble lasts for a minute"
+    assert time.monotonic() - started < 30.0, "the dribble lasts for a minute"
 
 
 def certificate(folder: Path) -> tuple[Path, Path]:
     """A certificate for 127.0.0.1 that nobody trusts yet, and its key."""
-    made, key = folder / "cert.pem", folder / "key.pem"
+    created, key = folder / "cert.pem", folder / "key.pem"
     names = ["-subj", "/CN=127.0.0.1", "-addext", "subjectAltName=IP:127.0.0.1"]
     command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2"]
-    files = ["-keyout", str(key), "-out", str(made)]
+    files = ["-keyout", str(key), "-out", str(created)]
     subprocess.run([*command, *files, *names], check=True, capture_output=True)
-    return made, key
+    return created, key
 
 
 def test_over_tls_the_certificate_is_checked(monkeypatch, tmp_path: Path) -> None:
     """Nothing is said to a receiver that cannot prove who it is; the body's signature is right."""
-    made, key = certificate(tmp_path)
+    created, key = certificate(tmp_path)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(made, key)
+    context.load_cert_chain(created, key)
 
     def wrap(link: socket.socket) -> socket.socket:
         return context.wrap_socket(link, server_side=True)
@@ -215,7 +215,7 @@ def test_over_tls_the_certificate_is_checked(monkeypatch, tmp_path: Path) -> Non
         with pytest.raises(NotSent, match="certificate verify failed"):
             notifier.send("k", MESSAGE)
         assert got == []
-        monkeypatch.setenv("SSL_CERT_FILE", str(made))
+        monkeypatch.setenv("SSL_CERT_FILE", str(created))
         notifier.send("k", MESSAGE)
     head, _, body = got[0].partition(b"\r\n\r\n")
     signed = hmac.new(SECRET.encode(), body, hashlib.sha256).hexdigest()
@@ -243,11 +243,11 @@ def test_it_is_tried_again_and_no_log_has_a_secret(tmp_path: Path, caplog) -> No
         make_due(store, waiting.id)
         assert sender.send_due() == 1
         assert sender.send_due() == 0
-        said = caplog.text + waiting.error + store.deliveries.recent()[0].error
+        text = caplog.text + waiting.error + store.deliveries.recent()[0].error
     assert len(got) == 2
-    assert all(b"Idempotency-Key: alerts-1" in one for one in got)
+    assert all(b"Idempotency-Key: alerts-1" in item for item in got)
     for secret in (SECRET, "in-the-user", "in-the-path", "in-the-query"):
-        assert secret not in said
+        assert secret not in text
 
 
 def make_due(store: Store, delivery: int) -> None:

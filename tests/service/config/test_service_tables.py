@@ -128,9 +128,9 @@ def test_a_mistake_costs_its_own_entry(tmp_path: Path, text: str, expected: str)
     """What is wrong is left out with a sentence; the valves and the rest stay, and no secret that
     somebody wrote into the file is repeated."""
     plant = load(tmp_path, VALVES + DEVICE + text)
-    said = "\n".join(map(str, plant.problems))
-    assert expected in said
-    assert "geheim" not in said
+    answer = "\n".join(map(str, plant.problems))
+    assert expected in answer
+    assert "geheim" not in answer
     assert set(plant.valves) == {"FIC-1", "FIC-2"}
 
 
@@ -157,6 +157,6 @@ def test_a_faulty_device_leaves_its_valves_out(tmp_path: Path) -> None:
     """One sentence says so; the other valves are watched."""
     plant = load(tmp_path, VALVES + DEVICE.replace('host = "192.0.2.1"', 'hots = "x"'))
     assert set(plant.valves) == {"FIC-1"}
-    said = "\n".join(map(str, plant.problems))
-    assert "hots: found an unknown key" in said
-    assert "its 1 valves are left out (FIC-2)" in said
+    text = "\n".join(map(str, plant.problems))
+    assert "hots: found an unknown key" in text
+    assert "its 1 valves are left out (FIC-2)" in text

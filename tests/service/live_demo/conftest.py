@@ -1,4 +1,4 @@
-"""The browser of the pages' tests, and the demo as a process of its own."""
+"""The live demo as a process of its own."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from pathlib import Path
 import pytest
 
 from tests.service.live_demo.running_demo import Started
-from tests.service.web.conftest import browser as browser
 
 
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[Started]:
     """The live demo at its fastest, in a process group of its own."""
-    made = Started(tmp_path / "demo")
+    result = Started(tmp_path / "demo")
     try:
-        yield made
+        yield result
     finally:
-        made.kill()
+        result.kill()

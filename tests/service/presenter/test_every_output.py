@@ -66,28 +66,28 @@ class Outputs:
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
     """A run with valves of every kind, none of them with hostile letters."""
-    screenings = [one for one in mixed() if "<script>" not in one.valve]
+    screenings = [item for item in mixed() if "<script>" not in item.valve]
     return Outputs(screenings, context(screenings), tmp_path_factory.mktemp("out"))
 
 
 def test_the_finding_reads_the_same_everywhere(outputs: Outputs) -> None:
     """Reason and next step of each valve, whichever way it comes."""
     for valve in outputs.ranking:
-        said, name = valve.finding, valve.screening.valve
-        one, row = outputs.objects[name], outputs.rows[name]
-        assert bare(said.reason) == bare(one["reason"]) == bare(row["reason"])
-        assert bare(said.next_step) == bare(one["advice"]) == bare(row["advice"])
-        assert bare(said.reason) in outputs.report
-        assert bare(said.next_step) in outputs.report
+        answer, name = valve.finding, valve.screening.valve
+        item, row = outputs.objects[name], outputs.rows[name]
+        assert bare(answer.reason) == bare(item["reason"]) == bare(row["reason"])
+        assert bare(answer.next_step) == bare(item["advice"]) == bare(row["advice"])
+        assert bare(answer.reason) in outputs.report
+        assert bare(answer.next_step) in outputs.report
         line = Text.from_markup(views.verdict_line(valve.screening)).plain
-        assert bare(said.reason) in bare(line)
+        assert bare(answer.reason) in bare(line)
         if valve.stands is not False:
-            assert line.startswith(said.decision.verdict.value)
-        if said.decision.has_page:
-            assert bare(said.reason) in outputs.maintenance
-            assert bare(said.reason) in outputs.pdf
-        if said.decision.has_order:
-            assert bare(said.reason) in bare(outputs.orders[name]["long_text"])
+            assert line.startswith(answer.decision.verdict.value)
+        if answer.decision.has_page:
+            assert bare(answer.reason) in outputs.maintenance
+            assert bare(answer.reason) in outputs.pdf
+        if answer.decision.has_order:
+            assert bare(answer.reason) in bare(outputs.orders[name]["long_text"])
 
 
 def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> None:
@@ -114,7 +114,7 @@ def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> No
 
 def test_a_valve_without_a_verdict_has_no_state_of_ne107(outputs: Outputs) -> None:
     """Nor is anything but a healthy one normal."""
-    states = {one["verdict"]: one["ne107"] for one in outputs.objects.values()}
+    states = {item["verdict"]: item["ne107"] for item in outputs.objects.values()}
     assert states["undetermined"] is None
     assert states["sticky"] == states["defective"] == "out of specification"
     assert [verdict for verdict, state in states.items() if state == "normal"] in ([], ["healthy"])
@@ -122,8 +122,8 @@ def test_a_valve_without_a_verdict_has_no_state_of_ne107(outputs: Outputs) -> No
 
 def test_response_figures_are_on_the_page_and_in_json_with_S_and_J(outputs: Outputs) -> None:
     """Dead band is the published S, resolution the published J."""
-    for one in outputs.objects.values():
-        response, known = one["response"], one["stiction"]
+    for item in outputs.objects.values():
+        response, known = item["response"], item["stiction"]
         assert response["dead_band"] == known["S"]
         assert response["resolution"] == known["J"]
         assert bool(response["steps"]) == (known["S"]["value"] is not None)
@@ -144,22 +144,22 @@ def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) ->
 
 def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: Outputs) -> None:
     """What was found and each step of what to check."""
-    (valve,) = [one for one in outputs.ranking if one.screening.valve == "FIC-9"]
+    (valve,) = [item for item in outputs.ranking if item.screening.valve == "FIC-9"]
     effect = valve.finding.effects[0]
-    found = valve.screening.mismatch
+    mismatch = valve.screening.mismatch
     terminal = Console(width=200, file=io.StringIO(), record=True)
-    terminal.print(explanation(Explained(source="a.csv", valve="FIC-9", mismatch=found)))
-    told = {
+    terminal.print(explanation(Explained(source="a.csv", valve="FIC-9", mismatch=mismatch)))
+    answer = {
         "page": outputs.report,
         "terminal": bare(terminal.export_text()),
         "mail": bare(mail_about(valve.screening)),
         "json": bare(" ".join(outputs.objects["FIC-9"]["mismatch"]["effects"][0][key]
                               for key in ("sentence", "check"))),
     }  # fmt: skip
-    for where, text in told.items():
+    for where, text in answer.items():
         assert bare(effect.sentence) in text, where
         assert bare(effect.check) in text, where
-    (sheet,) = [one for one in outputs.book.sheets if one.screening.valve == "FIC-9"]
+    (sheet,) = [sheet for sheet in outputs.book.sheets if sheet.screening.valve == "FIC-9"]
     assert bare(effect.sentence) in outputs.pdf
     for step in sheet.steps:
         assert bare(step.text) in outputs.pdf
@@ -185,7 +185,7 @@ def mail_about(screening: Screening) -> str:
         valve=StoredValve(id=screening.valve), screenings=judged, by_window=weeks, stands=True
     )
     raised = apply_rules(record, AlertRules())[0]
-    (about,) = [one for one in raised if one.kind is AlertKind.MISMATCH]
+    (about,) = [item for item in raised if item.kind is AlertKind.MISMATCH]
     stored = StoredAlert(
         id=1, cause=about.cause, kind=about.kind, severity=about.severity, text=about.text,
         valve=about.valve, source=None, run_id=2, opened=end, seen=end, evidence={},

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -29,8 +27,6 @@ from stemwatch.service.report import (
     write_report,
 )
 
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 EARLIER = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 
@@ -108,7 +104,7 @@ STILL_SEEN = (
 
 
 def indicators(S: float) -> dict[str, Indicator]:
-    found = (
+    results = (
         Indicator(
             name="stickband_percent",
             value=S,
@@ -131,7 +127,7 @@ def indicators(S: float) -> dict[str, Indicator]:
             worse="down",
         ),
     )
-    return {one.name: one for one in found}
+    return {item.name: item for item in results}
 
 
 def screening(
@@ -185,18 +181,18 @@ def unknown(reason: str) -> Estimate:
 
 def without_mv(valve: str) -> Screening:
     """A valve whose stem position nobody records."""
-    whole = screening(valve, Verdict.UNDETERMINED, S=3.0, J=1.0, seed=5)
-    assert whole.recording is not None
-    signals: dict[Role, Signal] = dict(whole.recording.signals)
+    complete = screening(valve, Verdict.UNDETERMINED, S=3.0, J=1.0, seed=5)
+    assert complete.recording is not None
+    signals: dict[Role, Signal] = dict(complete.recording.signals)
     del signals[Role.MV]
-    return replace(whole, recording=replace(whole.recording, signals=signals))
+    return replace(complete, recording=replace(complete.recording, signals=signals))
 
 
 def unreadable(valve: str) -> Screening:
     """A valve whose source made no sense."""
-    whole = screening(valve, Verdict.UNDETERMINED, samples=10)
+    complete = screening(valve, Verdict.UNDETERMINED, samples=10)
     return replace(
-        whole,
+        complete,
         reason="exports/broken.csv: line 1: expected a header with a time column, found binary "
         "data; export the tags again as text.",
         advice="Export the tags again and rerun.",
@@ -211,12 +207,12 @@ def plant(valves: int) -> list[Screening]:
     """``valves`` screenings: about a sixth sticky, a sixth to watch, a ninth undetermined."""
     kinds = {0: Verdict.STICKY, 3: Verdict.WATCH, 7: Verdict.UNDETERMINED}
     sizes = {Verdict.STICKY: 4.0, Verdict.WATCH: 1.1, Verdict.HEALTHY: 0.2}
-    found = []
+    matching = []
     for k in range(valves):
         verdict = kinds.get(k % 9, Verdict.HEALTHY)
         S = sizes.get(verdict, 1.0) * (1 + 0.13 * (k % 7))
-        found.append(screening(f"FV-{100 + k}", verdict, S=S, J=0.45 * S, seed=k))
-    return found
+        matching.append(screening(f"FV-{100 + k}", verdict, S=S, J=0.45 * S, seed=k))
+    return matching
 
 
 SERVICES = ("Reactor feed", "Column reflux", "Steam to reboiler E-104", "Cooling water return")
@@ -240,7 +236,7 @@ def facts(screenings: list[Screening]) -> dict[str, ValveFacts]:
 
 
 def context_of(screenings: list[Screening], **changes: object) -> ReportContext:
-    plain = ReportContext(
+    report_context = ReportContext(
         started=datetime(2026, 3, 2, 12, 30, tzinfo=UTC),
         title="Control valve stiction",
         plant="Nordhafen, refinery 2",
@@ -252,7 +248,7 @@ def context_of(screenings: list[Screening], **changes: object) -> ReportContext:
             SourceNotRead(source="exports/notes.pdf", reason="It is not a table of numbers."),
         ),
     )
-    return replace(plain, **changes)  # type: ignore[arg-type]
+    return replace(report_context, **changes)  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -274,19 +270,6 @@ def make_plant() -> Callable[[int], list[Screening]]:
 def mixed_plant() -> list[Screening]:
     """Twelve ordinary valves, one without MV, one that could not be read."""
     return [*plant(12), without_mv("PV-310"), unreadable("LV-404")]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None and os.environ.get("CI"):
-        pytest.fail("chromium is not on the PATH; continuous integration must have it")
-    if CHROMIUM is None:
-        pytest.skip("chromium is not on the PATH")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture

@@ -57,14 +57,14 @@ def test_csv_xlsx_and_json_say_the_same(written):
     objects = json.loads(written.json.read_text("utf-8"))
     flat, sheet = csv_rows(written.csv), sheet_rows(written.xlsx)
     assert len(objects) == len(flat) == len(sheet) == 14
-    for one, row, cells in zip(objects, flat, sheet, strict=True):
-        assert one["valve"] == row["valve"] == cells["valve"]
-        assert one["verdict"] == row["verdict"] == cells["verdict"]
-        S = one["stiction"]["S"]["value"]
+    for item, row, cells in zip(objects, flat, sheet, strict=True):
+        assert item["valve"] == row["valve"] == cells["valve"]
+        assert item["verdict"] == row["verdict"] == cells["verdict"]
+        S = item["stiction"]["S"]["value"]
         # A workbook keeps 16 significant digits.
         assert S == (cells["S (%)"] and pytest.approx(cells["S (%)"], rel=1e-15))
         assert S == (float(row["S (%)"]) if row["S (%)"] else None)
-        assert one["reason"] == row["reason"] == cells["reason"]
+        assert item["reason"] == row["reason"] == cells["reason"]
 
 
 def test_the_worst_valve_stands_first(written):
@@ -83,10 +83,10 @@ def test_json_objects_follow_the_schema(written):
 
 def test_the_schema_refuses_a_number_without_a_value_or_a_reason(make_screening):
     """An estimate with neither a value nor a reason is not in the contract."""
-    one = to_contract(make_screening("FV-1"))
-    one["stiction"]["S"] |= {"value": None, "reason": None}
+    contract = to_contract(make_screening("FV-1"))
+    contract["stiction"]["S"] |= {"value": None, "reason": None}
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate([one], SCHEMA)
+        jsonschema.validate([contract], SCHEMA)
 
 
 def test_nan_and_infinity_become_null(make_screening):
@@ -96,17 +96,17 @@ def test_nan_and_infinity_become_null(make_screening):
         severity=float("nan"),
         S=Estimate(value=float("inf"), low=1.0, high=float("inf"), unit="%"),
     )
-    one = to_contract(odd)
-    assert one["severity"] is None
-    assert one["indicators"]["fit_percent"]["value"] is None
-    assert one["stiction"]["S"]["value"] is None
-    assert one["stiction"]["S"]["reason"] == "the fit gave no finite number"
-    jsonschema.validate([json.loads(json.dumps(one, allow_nan=False))], SCHEMA)
+    contract = to_contract(odd)
+    assert contract["severity"] is None
+    assert contract["indicators"]["fit_percent"]["value"] is None
+    assert contract["stiction"]["S"]["value"] is None
+    assert contract["stiction"]["S"]["reason"] == "the fit gave no finite number"
+    jsonschema.validate([json.loads(json.dumps(contract, allow_nan=False))], SCHEMA)
 
 
 def test_the_contract_names_its_fields(make_screening):
     """Version 2 has exactly these fields; a reader may rely on them."""
-    one = to_contract(make_screening("FV-1"))
+    contract = to_contract(make_screening("FV-1"))
     later = {
         "mismatch",
         "over_weeks",
@@ -115,14 +115,14 @@ def test_the_contract_names_its_fields(make_screening):
         "response",
         "without_position",
     }  # not in the first reports of this version
-    assert set(SCHEMA["$defs"]["screening"]["required"]) | later == set(one)
-    assert one["version"] == 2
-    assert one["recording"] == "exports/FV-1.csv"
-    assert one["window"]["start"] == "2026-03-02T06:00:00+00:00"
-    assert set(one["residuals"]["narx"]) == {"rmse", "normalised", "fit", "one_step"}
-    assert set(one["residuals"]["stiction"]) == {"rmse", "normalised", "fit"}
-    assert math.isclose(one["residuals"]["stiction"]["fit"], 97.9)
-    assert one["residuals"]["baseline"] is None
+    assert set(SCHEMA["$defs"]["screening"]["required"]) | later == set(contract)
+    assert contract["version"] == 2
+    assert contract["recording"] == "exports/FV-1.csv"
+    assert contract["window"]["start"] == "2026-03-02T06:00:00+00:00"
+    assert set(contract["residuals"]["narx"]) == {"rmse", "normalised", "fit", "one_step"}
+    assert set(contract["residuals"]["stiction"]) == {"rmse", "normalised", "fit"}
+    assert math.isclose(contract["residuals"]["stiction"]["fit"], 97.9)
+    assert contract["residuals"]["baseline"] is None
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -131,15 +131,15 @@ def test_hostile_tags_reach_every_file_as_text(name, make_screening, make_contex
     valves = [make_screening(name, samples=50)]
     context = make_context(valves, valves={name: ValveFacts(description=name, area=name)})
     files = write_report(valves, context, tmp_path)
-    shown = name.translate({0: "�", 7: "�"}).replace("\udce4", "�")
-    assert json.loads(files.json.read_text("utf-8"))[0]["valve"] == shown
-    assert csv_rows(files.csv)[0]["service"].removeprefix("'") == shown
+    changed = name.translate({0: "�", 7: "�"}).replace("\udce4", "�")
+    assert json.loads(files.json.read_text("utf-8"))[0]["valve"] == changed
+    assert csv_rows(files.csv)[0]["service"].removeprefix("'") == changed
     page = files.html.read_text("utf-8")
     assert "<img src=x" not in page
     assert "<script>alert" not in page
     cells = openpyxl.load_workbook(files.xlsx)["Ranking"]
     assert {cell.data_type for row in cells.iter_rows() for cell in row} <= {"s", "n", "d"}
-    assert sheet_rows(files.xlsx)[0]["valve"] == shown
+    assert sheet_rows(files.xlsx)[0]["valve"] == changed
 
 
 @pytest.mark.parametrize("start", ["=1+1", "+1", "-1", "@A1", "\t=1", "\r=1", "＝1"])
@@ -192,9 +192,9 @@ def test_the_workbook_is_ready_to_work_with(written):
         "1/h",
         "%",
     }
-    told = [cell for row in book["Read me"].iter_rows(values_only=True) for cell in row]
-    assert "deadband plus stickband, percent of OP span" in told
-    assert "exports/notes.pdf" in told
+    answer = [cell for row in book["Read me"].iter_rows(values_only=True) for cell in row]
+    assert "deadband plus stickband, percent of OP span" in answer
+    assert "exports/notes.pdf" in answer
 
 
 def test_one_locked_file_does_not_cost_the_others(make_screening, make_context, tmp_path):
@@ -218,5 +218,7 @@ def test_a_report_can_be_written_again(make_screening, make_context, tmp_path):
     valves = [make_screening("FV-1", samples=50)]
     first = write_report(valves, make_context(valves), tmp_path)
     before = [path.read_bytes() for path in (first.html, first.csv, first.xlsx, first.json)]
-    again = write_report(valves, make_context(valves), tmp_path)
-    assert before == [path.read_bytes() for path in (again.html, again.csv, again.xlsx, again.json)]
+    repeated = write_report(valves, make_context(valves), tmp_path)
+    assert before == [
+        path.read_bytes() for path in (repeated.html, repeated.csv, repeated.xlsx, repeated.json)
+    ]

@@ -27,34 +27,40 @@ from stemwatch.service.run.spill import ResultSpill
 def spilled(screenings, plotted: int = MOST_PLOTTED) -> ResultSpill:
     """A spill with every screening, packed, put there last first."""
     spill = ResultSpill(plotted)
-    for place in reversed(range(len(screenings))):
-        spill.add(place, *plots_instead_of_samples(screenings[place]))
+    for index in reversed(range(len(screenings))):
+        spill.add(index, *plots_instead_of_samples(screenings[index]))
     return spill
 
 
 def test_what_is_read_is_what_was_put(mixed_plant) -> None:
     """Screenings come back in the order of their places, without samples that no valve needs."""
     spill = spilled(mixed_plant)
-    assert [one.valve for one in spill] == [one.valve for one in mixed_plant]
-    for back, whole in zip(spill, mixed_plant, strict=True):
-        assert (back.verdict, back.S, back.reason) == (whole.verdict, whole.S, whole.reason)
-        assert back.indicators.keys() == whole.indicators.keys()
-        assert back.window == whole.window
-        assert back.seen == whole.seen
-        assert back.finite_share() == whole.finite_share()
+    assert [item.valve for item in spill] == [item.valve for item in mixed_plant]
+    for back, complete in zip(spill, mixed_plant, strict=True):
+        assert (back.verdict, back.S, back.reason) == (
+            complete.verdict,
+            complete.S,
+            complete.reason,
+        )
+        assert back.indicators.keys() == complete.indicators.keys()
+        assert back.window == complete.window
+        assert back.seen == complete.seen
+        assert back.finite_share() == complete.finite_share()
         if back.recording is not None:
             assert len(back.recording) <= EXCERPT_SAMPLES
-        assert (back.recording is None) == (whole.recording is None or not may_need_work(whole))
+        assert (back.recording is None) == (
+            complete.recording is None or not may_need_work(complete)
+        )
 
 
 def test_the_report_is_the_same_from_a_shelf(mixed_plant, make_context, tmp_path) -> None:
     """Packed results give byte for byte the report of those with all samples."""
     context = make_context(mixed_plant)
-    whole = write_report(mixed_plant, context, tmp_path / "whole")
+    complete = write_report(mixed_plant, context, tmp_path / "whole")
     spill = spilled(mixed_plant)
     from_spill = write_report(spill, context, tmp_path / "spill", spill.evidence)
     for name in ("html", "csv", "json"):
-        assert getattr(whole, name).read_bytes() == getattr(from_spill, name).read_bytes()
+        assert getattr(complete, name).read_bytes() == getattr(from_spill, name).read_bytes()
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -65,8 +71,8 @@ def test_plots_are_kept_of_the_worst(make_screening, severities, plotted) -> Non
     nothing = plots_of(model.without_samples())
     spill = ResultSpill(plotted)
     for index, severity in enumerate(severities):
-        one = replace(model.without_samples(), valve=f"FV-{index:02}", severity=float(severity))
-        spill.add(index, one, nothing)
+        changed = replace(model.without_samples(), valve=f"FV-{index:02}", severity=float(severity))
+        spill.add(index, changed, nothing)
     kept = {index for index in range(len(severities)) if spill.evidence(index) is not None}
     order = sorted(range(len(severities)), key=lambda index: (-severities[index], index))
     assert kept == set(order[:plotted])
@@ -74,15 +80,17 @@ def test_plots_are_kept_of_the_worst(make_screening, severities, plotted) -> Non
 
 def test_an_excerpt_is_the_samples_that_were_there(make_screening) -> None:
     """The excerpt of a long record holds its own samples and traces, and knows the whole."""
-    whole = make_screening("FV-1", Verdict.STICKY, S=5.0, J=1.0, samples=20_000)
-    short = whole.excerpt(500, 900)
+    screening = make_screening("FV-1", Verdict.STICKY, S=5.0, J=1.0, samples=20_000)
+    short = screening.excerpt(500, 900)
     assert len(short.recording) == 400
-    assert np.array_equal(short.recording.op.values, whole.recording.op.values[500:900])
-    if whole.traces.stiction is not None:
-        assert np.array_equal(short.traces.stiction, whole.traces.stiction[500:900], equal_nan=True)
+    assert np.array_equal(short.recording.op.values, screening.recording.op.values[500:900])
+    if screening.traces.stiction is not None:
+        assert np.array_equal(
+            short.traces.stiction, screening.traces.stiction[500:900], equal_nan=True
+        )
     assert short.seen.samples == 20_000
-    assert short.window == whole.window
-    assert short.without_samples().seen == whole.seen
+    assert short.window == screening.window
+    assert short.without_samples().seen == screening.seen
 
 
 @pytest.mark.long
@@ -93,9 +101,9 @@ def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, t
     )
     model = model.without_samples()
     spill = ResultSpill(MOST_PLOTTED)
-    for place in range(1000):
-        verdict = Verdict.STICKY if place % 5 == 0 else Verdict.HEALTHY
-        spill.add(place, replace(model, valve=f"FV-{place:04}", verdict=verdict), evidence)
+    for index in range(1000):
+        verdict = Verdict.STICKY if index % 5 == 0 else Verdict.HEALTHY
+        spill.add(index, replace(model, valve=f"FV-{index:04}", verdict=verdict), evidence)
     files = write_report(spill, make_context([model]), tmp_path, spill.evidence)
     text = files.html.read_text("utf-8")
     assert text.count('<tr role="row" data-anchor=') == 1000
@@ -132,7 +140,7 @@ def test_a_report_holds_few_valves_at_a_time(make_screening, make_context, tmp_p
         make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=100)
     )
     spill = Watched(MOST_PLOTTED)
-    for place in range(80):
-        spill.add(place, replace(model, valve=f"FV-{place:04}"), evidence)
+    for index in range(80):
+        spill.add(index, replace(model, valve=f"FV-{index:04}"), evidence)
     write_report(spill, make_context([model]), tmp_path, spill.evidence)
     assert 1 <= spill.most <= 5

@@ -20,8 +20,8 @@ JSON = {"content-type": "application/json"}
 
 def alert_of(live, valve=STICKY):
     """The open alert of a valve."""
-    (found,) = open_alerts(live.store, valve)
-    return found
+    (result,) = open_alerts(live.store, valve)
+    return result
 
 
 def test_acknowledging_keeps_who_and_why(live, send, client):
@@ -29,8 +29,8 @@ def test_acknowledging_keeps_who_and_why(live, send, client):
     number = str(alert_of(live).id)
     answer = send("/alerts/settle", alert=number, how="acknowledge", text="seen")
     assert answer.status_code == 303
-    found = alert_of(live)
-    assert (found.acknowledged_by, found.comment, found.closed) == (ME, "seen", None)
+    result = alert_of(live)
+    assert (result.acknowledged_by, result.comment, result.closed) == (ME, "seen", None)
     assert "The alert is acknowledged." in client.get(answer.headers["location"]).text
     assert f'id="alert-{number}"' not in client.get("/alerts").text
     assert f'id="alert-{number}"' in client.get("/alerts?state=acknowledged").text
@@ -70,7 +70,7 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
 
 
 @pytest.mark.parametrize(
-    ("fields", "status", "said"),
+    ("fields", "status", "text"),
     [
         ({"alert": "999999", "how": "acknowledge"}, 404, "there is no alert 999999"),
         ({"alert": "x", "how": "acknowledge"}, 422, "the number of an alert"),
@@ -80,18 +80,18 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
         ({"alert": "1", "how": "snooze", "hours": "-3"}, 422, "a number of hours"),
     ],
 )
-def test_a_wrong_form_is_refused_with_a_sentence(send, fields, status, said):
+def test_a_wrong_form_is_refused_with_a_sentence(send, fields, status, text):
     """Nothing is changed, and the reader is told what was expected."""
     answer = send("/alerts/settle", **fields)
     assert answer.status_code == status
-    assert said in answer.text
+    assert text in answer.text
 
 
 def test_maintenance_is_recorded_in_the_plants_time(live, send, client):
     """What is typed as 14:30 in Berlin in March is 13:30 UTC, and shown as 14:30 again."""
     send("/valve/maintenance", valve=STICKY, text="packing", at="2026-03-02T14:30")
-    found = live.store.maintenance(STICKY)[-1]
-    assert f"{found.at:%H:%M %Z}" == "13:30 UTC"
+    result = live.store.maintenance(STICKY)[-1]
+    assert f"{result.at:%H:%M %Z}" == "13:30 UTC"
     assert "2026-03-02 14:30" in client.get("/valve", params={"id": STICKY}).text
 
 
@@ -113,10 +113,10 @@ def test_a_time_that_is_none_is_refused(live, send, at):
 def test_the_fitted_network_becomes_the_baseline(live, send):
     """The page's button uses the network that was fitted last, with its window and the reason."""
     send("/valve/baseline", valve=STICKY, text="after start-up")
-    found = live.store.baseline(STICKY)
-    assert found.network == b"newer"
-    assert found.reason == f"chosen by {ME}: after start-up"
-    assert found.window[1] == NOW
+    result = live.store.baseline(STICKY)
+    assert result.network == b"newer"
+    assert result.reason == f"chosen by {ME}: after start-up"
+    assert result.window[1] == NOW
 
 
 def test_a_valve_without_a_network_has_no_baseline_to_set(send):

@@ -42,9 +42,9 @@ def plant(tmp_path: Path) -> Plant:
     return loaded
 
 
-def said(found: list[Check]) -> dict[str, str]:
+def said(result: list[Check]) -> dict[str, str]:
     """What the parts that do not work say, by name."""
-    return {one.name: one.says for one in found if not one.ok}
+    return {item.name: item.says for item in result if not item.ok}
 
 
 def test_a_service_that_works_is_alive_ready_and_healthy(live: Site, client_of) -> None:
@@ -58,11 +58,11 @@ def test_a_service_that_works_is_alive_ready_and_healthy(live: Site, client_of) 
 
 def test_a_device_that_is_away_is_no_reason_not_to_be_ready(live: Site, client_of) -> None:
     """The others go on: only ``/healthz`` complains of it, and ``/ready`` does not name it."""
-    found = (
+    results = (
         Check(name="collector", ok=True, vital=True),
         Check(name="device plc-1", ok=False, says="no connection"),
     )
-    client = client_of(replace(live, checks=lambda: found))
+    client = client_of(replace(live, checks=lambda: results))
     assert client.get("/ready").status_code == 200
     assert "plc-1" not in client.get("/ready").text
     assert client.get("/healthz").status_code == 503
@@ -70,8 +70,8 @@ def test_a_device_that_is_away_is_no_reason_not_to_be_ready(live: Site, client_o
 
 def test_a_vital_part_that_does_not_work_is_the_reason(live: Site, client_of) -> None:
     """``/ready`` says which part and why; the process is alive nevertheless."""
-    found = (Check(name="scheduler", ok=False, says="looked at 90 s ago", vital=True),)
-    client = client_of(replace(live, checks=lambda: found))
+    results = (Check(name="scheduler", ok=False, says="looked at 90 s ago", vital=True),)
+    client = client_of(replace(live, checks=lambda: results))
     answer = client.get("/ready")
     assert answer.status_code == 503
     assert {"name": "scheduler", "ok": False, "says": "looked at 90 s ago"} in answer.json()[
@@ -107,9 +107,9 @@ def test_the_scheduler_and_the_collector_have_to_speak(store: Store, plant: Plan
     store.sources.note(SourceState(source="plc-1", kind="modbus", updated=old))
     assert set(said(health_checks(store, plant, scheduler))) == {"collector", "device plc-1"}
     store.sources.note(SourceState(source="plc-1", kind="modbus", fault="192.0.2.1 is away"))
-    found = said(health_checks(store, plant, scheduler))
-    assert list(found) == ["device plc-1"]
-    assert "192.0.2.1" not in found["device plc-1"]
+    result = said(health_checks(store, plant, scheduler))
+    assert list(result) == ["device plc-1"]
+    assert "192.0.2.1" not in result["device plc-1"]
 
 
 def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
@@ -118,12 +118,12 @@ def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
     ended.start()
     ended.join()
     scheduler = Scheduler(store, "UTC")
-    (found,) = [
+    (result,) = [
         health_check
         for health_check in health_checks(store, plant, scheduler, [ended])
         if health_check.name == "runner"
     ]
-    assert (found.ok, found.vital) == (False, True)
+    assert (result.ok, result.vital) == (False, True)
 
 
 def test_a_database_that_cannot_be_written_is_a_reason(store: Store, plant: Plant) -> None:
@@ -137,13 +137,13 @@ def test_a_database_that_cannot_be_written_is_a_reason(store: Store, plant: Plan
     raw.close()
     with pytest.raises(StoreError, match="full"):
         store.add_note("FIC-101", datetime.now(UTC), "x" * 1_000_000)
-    (found,) = [
+    (result,) = [
         health_check
         for health_check in health_checks(store, plant, scheduler)
         if health_check.name == "store"
     ]
-    assert (found.ok, found.vital) == (False, True)
-    assert found.says == "the database cannot be written; the log says why"
+    assert (result.ok, result.vital) == (False, True)
+    assert result.says == "the database cannot be written; the log says why"
     raw = store.transactions.readers.raw_connection()
     raw.execute("PRAGMA max_page_count = 1000000")
     raw.close()

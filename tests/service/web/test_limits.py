@@ -77,8 +77,8 @@ def test_a_body_whose_length_is_given_twice_is_refused_before_it_is_read(address
     with talking(address, head) as link:
         link.sendall(CHUNK)
         text = ""
-        while "twice" not in text and (found := link.recv(4096)):
-            text += found.decode()
+        while "twice" not in text and (result := link.recv(4096)):
+            text += result.decode()
     assert text.startswith("HTTP/1.1 400 ")
     assert "gives the length of its body twice" in text
 
@@ -132,15 +132,15 @@ def test_half_a_header_is_waited_for_only_so_long(address, monkeypatch) -> None:
     """A letter now and then sets no new deadline; the answer says why the connection ends."""
     monkeypatch.setattr(http_server, "HEADER_S", 0.5)
     with talking(address, "GET / HTTP/1.1\r\nHost: 127") as link:
-        began = time.monotonic()
+        started = time.monotonic()
         link.settimeout(0.1)
-        found = b""
-        while not found and time.monotonic() - began < PATIENCE_S:
+        result = b""
+        while not result and time.monotonic() - started < PATIENCE_S:
             try:
-                found = link.recv(100)
+                result = link.recv(100)
             except TimeoutError:
                 link.sendall(b".")
-        assert found.startswith(b"HTTP/1.1 408 ")
+        assert result.startswith(b"HTTP/1.1 408 ")
 
 
 def test_nothing_at_all_is_waited_for_only_so_long(address, monkeypatch) -> None:
@@ -180,8 +180,8 @@ def test_an_answer_waits_only_so_long_for_its_reader(monkeypatch) -> None:
         time.sleep(2.0)
         got = 0
         try:
-            while found := link.recv(2**20):
-                got += len(found)
+            while result := link.recv(2**20):
+                got += len(result)
         except ConnectionError:
             pass
         assert got < 64 * 2**20
@@ -194,11 +194,11 @@ def test_a_slow_reader_gets_all_of_an_answer(monkeypatch) -> None:
         serving_app(_long_answer, fresh=True) as base,
         httpx.stream("GET", base, trust_env=False, timeout=PATIENCE_S) as answer,
     ):
-        began, got = time.monotonic(), 0
+        started, got = time.monotonic(), 0
         for piece in answer.iter_raw(2**20):
             got += len(piece)
             time.sleep(0.04)
-        assert time.monotonic() - began > 2.0
+        assert time.monotonic() - started > 2.0
         assert got == 64 * 2**20
 
 
@@ -217,8 +217,10 @@ def test_pages_are_answered_however_many_wait_with_half_a_header(live, monkeypat
                 assert status_of(asking) == 200
         for link in idle[:80]:
             assert status_of(link) in (503, 0)
-        said = [message for message in caplog.messages if "the most that pages may have" in message]
-        assert len(said) <= 2  # the filter belongs to the process, and a minute may end here
+        sentences = [
+            message for message in caplog.messages if "the most that pages may have" in message
+        ]
+        assert len(sentences) <= 2  # the filter belongs to the process, and a minute may end here
 
 
 def test_where_all_connections_are_worked_on_one_more_is_refused(monkeypatch) -> None:
@@ -262,7 +264,7 @@ def test_a_line_that_strangers_can_cause_is_said_rarely_and_counted() -> None:
         return logging.LogRecord("x", logging.WARNING, "x.py", 1, text, values, None)
 
     assert filter_.filter(record("%d open", 1))
-    assert not any(filter_.filter(record("%d open", one)) for one in range(5))
+    assert not any(filter_.filter(record("%d open", item)) for item in range(5))
     assert filter_.filter(record("something else"))
     now[0] = 61.0
     last = record("%d open", 9)

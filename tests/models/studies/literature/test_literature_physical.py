@@ -144,18 +144,18 @@ def fixed_step_lugre(op, interval_s, valve, y0, step_s=2e-5):
 def test_karnopp_is_the_fixed_step_integration(valve):
     """The adaptive integration and one of 0.1 ms steps give the same stem within 0.05 %."""
     op = zigzag(60.0, 0.5)
-    found = run(karnopp(valve), op, 0.5)
+    process = run(karnopp(valve), op, 0.5)
     expected = fixed_step_karnopp(op, 0.5, valve, float(op[0]))
-    assert np.max(np.abs(found - expected)) < 0.05
+    assert np.max(np.abs(process - expected)) < 0.05
 
 
 def test_lugre_is_the_fixed_step_integration():
     """The adaptive integration and one of 0.02 ms steps give the same stem within 0.05 %."""
     valve = on_bench(SET_B)
     op = zigzag(16.0, 0.5, period_s=6.0)
-    found = run(lugre(valve), op, 0.5)
+    process = run(lugre(valve), op, 0.5)
     expected = fixed_step_lugre(op, 0.5, valve, float(op[0]))
-    assert np.max(np.abs(found - expected)) < 0.05
+    assert np.max(np.abs(process - expected)) < 0.05
 
 
 @pytest.mark.parametrize("make", [classical, karnopp, lugre, dahl])
@@ -185,8 +185,8 @@ def test_classical_and_karnopp_agree():
     """A band of a millionth of a metre per second is no more than a way to find rest."""
     op = zigzag(200.0, 1.0)
     for valve in (on_bench(SET_A), on_bench(SET_B), LIGHT):
-        found, expected = run(karnopp(valve), op, 1.0), run(classical(valve), op, 1.0)
-        assert np.max(np.abs(found - expected)) < 0.05
+        result, expected = run(karnopp(valve), op, 1.0), run(classical(valve), op, 1.0)
+        assert np.max(np.abs(result - expected)) < 0.05
 
 
 def test_dahl_has_no_jump():
@@ -318,9 +318,11 @@ def band_and_jump(valve, ramp=1.0, interval_s=0.05):
     moved[: up.size + 5] = False
     S = up[-1] - down[int(np.argmax(moved)) - up.size]
     held = np.concatenate((up, np.full(200, up[-1]), up[-1] + np.arange(0.0, 20.0, 0.05)))
-    again = run(karnopp(valve), held, interval_s, y0=0.0)[up.size + 199 :]
-    slip = int(np.argmax(np.diff(again) > 0.01))
-    return float(S), float(again[slip + 1 + round(0.3 / interval_s)] - again[slip] - 0.3 * ramp)
+    repeated = run(karnopp(valve), held, interval_s, y0=0.0)[up.size + 199 :]
+    slip = int(np.argmax(np.diff(repeated) > 0.01))
+    return float(S), float(
+        repeated[slip + 1 + round(0.3 / interval_s)] - repeated[slip] - 0.3 * ramp
+    )
 
 
 @pytest.mark.parametrize("kinetic_share", [0.6, 0.8333])

@@ -45,15 +45,15 @@ def trained(case: PaperCase) -> tuple[Trained, int]:
     u = training_input()
     y = case.respond(u)
     with one_thread():
-        found = train_from_fitted(u, y, fit_S_J(u, y), SEEDS)
-        return found, int(np.argmin(run_errors(found.step, found.weights, u, y)))
+        result = train_from_fitted(u, y, fit_S_J(u, y), SEEDS)
+        return result, int(np.argmin(run_errors(result.step, result.weights, u, y)))
 
 
 def errors_on(case: PaperCase, inputs: list[Floats]) -> Floats:
     """RMSE of the chosen network's free runs."""
-    found, chosen = trained(case)
+    result, chosen = trained(case)
     truths = [case.respond(u) for u in inputs]
-    runs = simulate(found.step, found.weights[[chosen]], inputs, truths)[0]
+    runs = simulate(result.step, result.weights[[chosen]], inputs, truths)[0]
     return rmse(runs, np.stack(truths))
 
 
@@ -62,8 +62,8 @@ def errors_on(case: PaperCase, inputs: list[Floats]) -> Floats:
 def test_the_papers_sine_is_followed_within_a_two_hundredth(case: PaperCase) -> None:
     """RMSE at most 0.005 of the amplitude, in the free run."""
     u, y = sine_of(case)
-    found, chosen = trained(case)
-    run = simulate(found.step, found.weights[[chosen]], [u], [y])[0, 0]
+    result, chosen = trained(case)
+    run = simulate(result.step, result.weights[[chosen]], [u], [y])[0, 0]
     assert rmse(run, y) <= 0.005
 
 
@@ -88,10 +88,10 @@ def test_four_in_five_new_inputs_are_followed_closely(case: PaperCase) -> None:
 @by_case
 def test_training_betters_the_start_on_its_record(case: PaperCase) -> None:
     """The chosen seed's free run over the record is better than any start's."""
-    found, _ = trained(case)
+    result, _ = trained(case)
     u = training_input()
     y = case.respond(u)
-    before, after = (run_errors(found.step, w, u, y) for w in (found.starts, found.weights))
+    before, after = (run_errors(result.step, w, u, y) for w in (result.starts, result.weights))
     assert after.min() < before.min()
 
 
@@ -108,11 +108,11 @@ def test_the_sine_alone_does_not_tell_the_breakaway_level() -> None:
     case = CASES[2]
     u, y = sine_of(case)
     with one_thread():
-        found = train_from_fitted(u, y, fit_S_J(u, y), 1)
+        result = train_from_fitted(u, y, fit_S_J(u, y), 1)
     inputs = unseen("other sines", EACH)
     truths = [case.respond(v) for v in inputs]
-    on_others = rmse(simulate(found.step, found.weights, inputs, truths)[0], np.stack(truths))
-    assert rmse(simulate(found.step, found.weights, [u], [y])[0, 0], y) < 1e-4
+    on_others = rmse(simulate(result.step, result.weights, inputs, truths)[0], np.stack(truths))
+    assert rmse(simulate(result.step, result.weights, [u], [y])[0, 0], y) < 1e-4
     assert np.median(on_others) > 0.01
 
 
@@ -161,5 +161,5 @@ def test_more_seeds_leave_the_first_start_as_it_is() -> None:
     case = CASES[1]
     u, y = sine_of(case)
     with one_thread():
-        one, two = (train_from_fitted(u, y, (0.6, 0.3), seeds) for seeds in (1, 2))
-    assert np.array_equal(one.starts[0], two.starts[0])
+        item, two = (train_from_fitted(u, y, (0.6, 0.3), seeds) for seeds in (1, 2))
+    assert np.array_equal(item.starts[0], two.starts[0])

@@ -29,10 +29,10 @@ def test_two_services_never_get_the_same_run(store: Store, store_url: str) -> No
         put(store, schedule=f"s{minute}", due=DUE)
     with closing(open_store(store_url)) as other, ThreadPoolExecutor(8) as pool:
         stores = [store, other] * 16
-        claimed = list(pool.map(lambda one: one[1].queue.claim(f"w{one[0]}"), enumerate(stores)))
-    counted = Counter(run.id for run in claimed if run is not None)
-    assert len(counted) == 24
-    assert set(counted.values()) == {1}
+        claimed = list(pool.map(lambda item: item[1].queue.claim(f"w{item[0]}"), enumerate(stores)))
+    counts = Counter(run.id for run in claimed if run is not None)
+    assert len(counts) == 24
+    assert set(counts.values()) == {1}
 
 
 def test_an_instant_of_a_schedule_is_queued_once(store: Store) -> None:
@@ -66,8 +66,8 @@ def test_a_silent_worker_loses_its_run_and_a_living_one_keeps_it(store: Store) -
     put(store, who="Ann")
     run = store.queue.claim("dead")
     assert store.queue.claim("next") is None
-    taken = store.queue.claim("next", silent_after=NOT_AT_ALL)
-    assert (taken.id, taken.started) == (run.id, run.started)
+    accepted = store.queue.claim("next", silent_after=NOT_AT_ALL)
+    assert (accepted.id, accepted.started) == (run.id, run.started)
     assert store.queue.beat(run.id, "dead") is None
     assert store.queue.beat(run.id, "next").id == run.id
 
@@ -88,8 +88,8 @@ def test_planning_again_gives_what_is_left(store: Store) -> None:
     store.queue.mark(run, "A", ValveState.SET_ASIDE, "a second time changes nothing")
     store.queue.mark(run, "C", ValveState.SET_ASIDE, "no result after 5 s")
     assert store.queue.plan(run, ["A", "B", "C"]) == ["B"]
-    found = store.run(run)
-    assert (found.total, found.done, found.set_aside) == (3, 2, 1)
+    process = store.run(run)
+    assert (process.total, process.done, process.set_aside) == (3, 2, 1)
     assert store.queue.set_aside(run) == [("C", "no result after 5 s")]
     assert store.queue.valves_done(run) == ["A"]
 
@@ -125,9 +125,9 @@ def test_the_end_counts_verdicts(store: Store, make_screening) -> None:
     store.queue.claim("w")
     screening: Screening = make_screening()
     store.save(screening, run_id)
-    done = store.queue.finish(run_id, RunState.DONE, report="reports/run-1")
-    assert dict(done.counts) == {screening.verdict: 1}
-    assert (done.state, done.report) == (RunState.DONE, "reports/run-1")
+    result = store.queue.finish(run_id, RunState.DONE, report="reports/run-1")
+    assert dict(result.counts) == {screening.verdict: 1}
+    assert (result.state, result.report) == (RunState.DONE, "reports/run-1")
     assert store.queue.going() == []
 
 
@@ -156,19 +156,19 @@ def test_schedules_of_the_file_follow_the_file(store: Store) -> None:
     store.schedules.note("daily", DUE, DUE)
     store.schedules.note("h", DUE, DUE)
     store.schedules.take_from_file([daily, ScreeningSchedule(name="h", every_s=1800.0)])
-    kept = {one.schedule.name: one for one in store.schedules.all()}
+    kept = {schedule.schedule.name: schedule for schedule in store.schedules.all()}
     assert (kept["daily"].last_due, kept["h"].last_due) == (DUE, None)
     store.schedules.take_from_file([daily])
-    assert [kept.schedule.name for kept in store.schedules.all()] == ["daily"]
+    assert [schedule.schedule.name for schedule in store.schedules.all()] == ["daily"]
 
 
 def test_a_run_whose_process_was_killed_is_taken_over_at_once(store: Store, monkeypatch) -> None:
     """It waits for nobody; the run of a process that may live waits until that has been silent."""
-    gone, alive = put(store, who="Ann"), put(store, who="Ann")
+    removed, alive = put(store, who="Ann"), put(store, who="Ann")
     store.queue.claim("killed")
     store.queue.claim("alive")
     monkeypatch.setattr(queue, "has_ended", lambda owner: owner == "killed")
-    assert store.queue.claim("next").id == gone
+    assert store.queue.claim("next").id == removed
     assert store.queue.claim("next") is None
     assert store.queue.beat(alive, "alive") is not None
 

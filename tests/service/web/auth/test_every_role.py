@@ -64,8 +64,8 @@ def app(live) -> FastAPI:
 
 def test_every_route_declares_its_right(app):
     """A route without a line in the table fails here; so does a line without a route."""
-    found = {f"{method} {path}" for method, path in routes_of(app.routes)}
-    assert sorted(found) == sorted(ROUTE_OPERATIONS)
+    result = {f"{method} {path}" for method, path in routes_of(app.routes)}
+    assert sorted(result) == sorted(ROUTE_OPERATIONS)
     assert {*ROUTE_OPERATIONS.values()} == {*Operation} - {Operation.UNDECLARED}
 
 
@@ -132,7 +132,7 @@ def test_nobody_gets_what_the_table_does_not_allow(live, app, role, way):
         due = expected(name, current_user, is_form="data" in sent)
         if due:
             assert answer.status_code in due, name
-            others = {one for mine, one in NAMES.items() if mine is not role}
+            others = {item for mine, item in NAMES.items() if mine is not role}
             assert not [data for data in (STICKY, *others) if data in answer.text], name
         elif PERMISSIONS[operation].least is not None:
             assert answer.status_code not in (401, 403), name
@@ -234,16 +234,18 @@ def test_every_change_and_every_refusal_is_in_the_audit_log(live, app):
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": "s"}, headers=headers)
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": ""}, headers=headers)
     ask(app, "POST", "/api/v1/runs", json={}, headers={"authorization": f"Bearer {BEGINS}x"})
-    found = live.store.audit.read(AuditFilter())[::-1]
-    said = [(one.who, one.how, one.action, one.about, one.outcome.value) for one in found]
+    result = live.store.audit.read(AuditFilter())[::-1]
+    sentences = [
+        (item.who, item.how, item.action, item.about, item.outcome.value) for item in result
+    ]
     me = NAMES[UserRole.ENGINEER]
-    assert said == [
+    assert sentences == [
         (me, "session", "manage users", "", "refused"),
         (me, "token test", "add a note", f"id {STICKY}", "done"),
         (me, "token test", "add a note", f"id {STICKY}", "failed"),
         ("", "a bad token", "begin a run", "", "refused"),
     ]
-    assert {one.address for one in found} == {"127.0.0.1"}
+    assert {item.address for item in result} == {"127.0.0.1"}
 
 
 def test_strangers_cannot_fill_the_audit_log(live, app):

@@ -134,10 +134,10 @@ def test_new_users_are_made_only_where_the_plant_file_says_so(live: Site, tmp_pa
         assert who(client, (HEADER, "n. ewcomer")) == "N. Ewcomer"
         refused = client.post("/runs/begin", headers={HEADER: "N. Ewcomer"}, data={"mark": "x"})
         assert refused.status_code == 403
-    made = live.store.accounts.find("N. Ewcomer")
-    assert made is not None
-    assert made.role is UserRole.VIEWER
-    assert made.created_by == "proxy"
+    result = live.store.accounts.find("N. Ewcomer")
+    assert result is not None
+    assert result.role is UserRole.VIEWER
+    assert result.created_by == "proxy"
 
 
 def test_forms_need_their_token_as_with_a_session(live: Site, tmp_path: Path) -> None:
@@ -174,7 +174,7 @@ def test_a_token_and_a_session_work_beside_it(
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "answer"),
     [
         ('user_header = "X-Remote-User"', "trusted_proxies as well"),
         ('user_header = "Cookie"\ntrusted_proxies = ["127.0.0.1"]', "a header of its own"),
@@ -188,11 +188,11 @@ def test_a_token_and_a_session_work_beside_it(
     ],
 )
 def test_a_plant_file_that_would_believe_anybody_is_refused(
-    tmp_path: Path, text: str, said: str
+    tmp_path: Path, text: str, answer: str
 ) -> None:
     """The service does not start with it; each mistake is said with its line."""
     file = tmp_path / "plant.toml"
     file.write_text(f"[service]\n{text}\n", encoding="utf-8")
     with pytest.raises(PlantFileError) as refused:
         load_plant(file, environment={})
-    assert said in str(refused.value)
+    assert answer in str(refused.value)

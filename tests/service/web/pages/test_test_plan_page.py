@@ -22,10 +22,10 @@ def open_to_question(filled: Store) -> Store:
     """The small plant, whose sticky valve leaves lag and dead time open, a healthy one nothing."""
     run = filled.begin_run(software_version="1")
     for valve, question in ((STICKY, QUESTION), (HEALTHY, replace(QUESTION, models=()))):
-        found = replace(
+        changed = replace(
             named(), finding=Finding.CANDIDATES, open_question=question, p_value=0.001, runs=None
         )
-        filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=found), run)
+        filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=changed), run)
     return filled
 
 
@@ -45,8 +45,8 @@ def test_plan_is_shown_with_its_sheet_and_as_one_page_to_print(
     """Sentences, picture, table, and the same as PDF."""
     page = client.get("/valve/test-plan", params={"id": STICKY, **QUICK})
     assert page.status_code == 200
-    for said in ("is found with a probability of", "stemwatch never writes to a plant", "<svg"):
-        assert said in page.text
+    for text in ("is found with a probability of", "stemwatch never writes to a plant", "<svg"):
+        assert text in page.text
     paper = client.get("/valve/test-plan/sheet", params={"id": STICKY, **QUICK})
     assert paper.headers["content-type"] == "application/pdf"
     assert paper.content.startswith(b"%PDF")
