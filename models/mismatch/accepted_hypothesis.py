@@ -268,7 +268,7 @@ def _effects(
             effect(
                 evaluator,
                 reading.term,
-                (reading.term.slug,),
+                reading.members,
                 values_of(reading.term.slug, best),
                 np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
                 reading.advantage,
