@@ -29,7 +29,7 @@ BEYOND = 4.0  # times the recorded value, from which on a drawn loop is not the 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class LoopChange:
     """What is changed; the rest stays as it was fitted. S and J in percent of OP."""
 
     S: float | None = None
@@ -46,7 +46,7 @@ class Change:
         return replace(fitted, S=S, J=J)
 
 
-REPAIRED = Change(S=0.0, J=0.0)
+REPAIRED = LoopChange(S=0.0, J=0.0)
 NUMBERS = (
     "error_std",
     "error_mean",
@@ -124,7 +124,7 @@ def figures_of(run: LoopRun, target_band: float | None = None) -> LoopFigures:
     )
 
 
-def predict(loop: FittedLoop, change: Change, target_band: float | None = None) -> Prediction:
+def predict(loop: FittedLoop, change: LoopChange, target_band: float | None = None) -> Prediction:
     """What ``loop`` would have done with ``change``."""
 
     def figures(run: LoopRun) -> LoopFigures:

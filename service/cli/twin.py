@@ -59,16 +59,16 @@ def twin(
     fitted S and J. What else moved the loop is kept and played again, so that each change shows
     what it would have done on the same day, with a 90 % interval.
     """
-    from stemwatch.models.closed_loop.what_if import Change
+    from stemwatch.models.closed_loop.what_if import LoopChange
     from stemwatch.service.cli import views
     from stemwatch.service.twin.loop_twin import to_object, usual_changes, what_ifs
 
     read, screening = _screened(_request(id_or_file, recording))
     loop = _twin_of(read, screening)
-    asked = Change(
+    asked = LoopChange(
         S=S, J=J, gain_times=gain_times, reset_times=reset_times, knocker=_knocker(knock)
     )
-    changes = [("as asked", asked)] if asked != Change() else usual_changes(loop)
+    changes = [("as asked", asked)] if asked != LoopChange() else usual_changes(loop)
     rows = what_ifs(loop, changes)
     views.out.print(_on_terminal(read.valve, loop, rows), highlight=False)
     if json_file is not None:

@@ -13,7 +13,7 @@ from stemwatch.models.closed_loop.fitted_loop import LoopRun
 from stemwatch.models.closed_loop.what_if import (
     NUMBERS,
     REPAIRED,
-    Change,
+    LoopChange,
     LoopFigures,
     figures_of,
     predict,
@@ -84,15 +84,15 @@ def _judged(loop: PlantLoop, seed: int) -> ForetoldLoop:
     half = replace(valve, S=valve.S / 2.0, J=valve.J / 2.0)
     changes = (
         ("repaired", REPAIRED, replace(loop, valve=replace(valve, S=0.0, J=0.0))),
-        ("half the friction", Change(S=S / 2.0, J=J / 2.0), replace(loop, valve=half)),
+        ("half the friction", LoopChange(S=S / 2.0, J=J / 2.0), replace(loop, valve=half)),
         (
             "half the gain",
-            Change(gain_times=0.5),
+            LoopChange(gain_times=0.5),
             replace(loop, controller=replace(controller, gain=controller.gain / 2.0)),
         ),
         (
             "twice the reset time",
-            Change(reset_times=2.0),
+            LoopChange(reset_times=2.0),
             replace(loop, controller=replace(controller, reset_s=2.0 * controller.reset_s)),
         ),
     )

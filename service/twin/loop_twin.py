@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stemwatch.models.closed_loop.fitted_loop import FittedLoop, FittedValve, Knocker, fit_loop
-from stemwatch.models.closed_loop.what_if import REPAIRED, Change, Prediction, predict
+from stemwatch.models.closed_loop.what_if import REPAIRED, LoopChange, Prediction, predict
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
@@ -20,7 +20,7 @@ class WhatIf:
     """A change in words, and what the loop would have done with it."""
 
     name: str
-    change: Change
+    change: LoopChange
     prediction: Prediction
 
 
@@ -34,7 +34,7 @@ def loop_twin(recording: Recording, screening: Screening) -> FittedLoop | str:
     return valve if isinstance(valve, str) else fit_loop(recording, valve)
 
 
-def usual_changes(loop: FittedLoop) -> list[tuple[str, Change]]:
+def usual_changes(loop: FittedLoop) -> list[tuple[str, LoopChange]]:
     """Repair, packing of half the friction, two other tunings, and a knocker."""
     S, J = loop.valve.S, loop.valve.J
     knocker = Knocker(height=KNOCK_OF_S * S, every_s=KNOCK_EVERY_S, for_s=KNOCK_FOR_S)
@@ -42,18 +42,18 @@ def usual_changes(loop: FittedLoop) -> list[tuple[str, Change]]:
         ("repaired: S = J = 0", REPAIRED),
         (
             f"half the friction: S {figure(S / 2, 2)} %",
-            Change(S=S / 2.0, J=J / 2.0),
+            LoopChange(S=S / 2.0, J=J / 2.0),
         ),
-        ("controller gain halved", Change(gain_times=0.5)),
-        ("reset time doubled", Change(reset_times=2.0)),
+        ("controller gain halved", LoopChange(gain_times=0.5)),
+        ("reset time doubled", LoopChange(reset_times=2.0)),
         (
             f"knocker {figure(knocker.height, 2)} %, {knocker.for_s:g} of {knocker.every_s:g} s",
-            Change(knocker=knocker),
+            LoopChange(knocker=knocker),
         ),
     ]
 
 
-def what_ifs(loop: FittedLoop, changes: list[tuple[str, Change]]) -> list[WhatIf]:
+def what_ifs(loop: FittedLoop, changes: list[tuple[str, LoopChange]]) -> list[WhatIf]:
     """Each change with its prediction."""
     return [
         WhatIf(name=name, change=change, prediction=predict(loop, change))

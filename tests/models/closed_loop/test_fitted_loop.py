@@ -11,7 +11,7 @@ from stemwatch.models.closed_loop import kernel
 from stemwatch.models.closed_loop.controller_law import controller_law
 from stemwatch.models.closed_loop.fitted_loop import FittedValve, Knocker, fit_loop
 from stemwatch.models.closed_loop.process_model import process_model
-from stemwatch.models.closed_loop.what_if import REPAIRED, Change, figures_of, predict
+from stemwatch.models.closed_loop.what_if import REPAIRED, LoopChange, figures_of, predict
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.stickslip import kernel as element
@@ -126,7 +126,7 @@ def test_a_repair_is_foretold(integrates: bool) -> None:
     real = 100.0 * (1.0 - (truth.error_std / told.recorded.error_std) ** 2)
     assert fall.low <= real <= fall.high
     assert fall.high - fall.low < 40.0
-    assert predict(loop, Change()).as_it_is.error_std == pytest.approx(
+    assert predict(loop, LoopChange()).as_it_is.error_std == pytest.approx(
         told.recorded.error_std, rel=0.2
     )
 
@@ -135,7 +135,7 @@ def test_a_knocker_moves_the_stem_and_saves_nothing_for_a_good_valve() -> None:
     """Pulses make travel; that is what they cost."""
     loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
-    told = predict(loop, Change(knocker=Knocker(height=5.0, every_s=10.0, for_s=2.0)))
+    told = predict(loop, LoopChange(knocker=Knocker(height=5.0, every_s=10.0, for_s=2.0)))
     assert told.predicted["travel_per_hour"].value > 3.0 * told.recorded.travel_per_hour
 
 
