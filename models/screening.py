@@ -51,6 +51,7 @@ from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
+from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS, op_within_steps
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stored_range import in_percent
@@ -103,6 +104,7 @@ class _Fitted:
     masked: Recording
     stretch: FitWindow | None
     late_s: float  # by which OP was brought forward in ``masked``
+    within_steps: bool  # whether PV and set point told OP within its coarse steps
     curve: StrokeCurve | None
     curve_changed: str  # how, against what was known of it, or nothing
     fit: StickSlipFit | None
@@ -164,16 +166,19 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     assessment = assess(own, limits)
     recording, masked, stretch = own, assessment.recording, None
     curve = fit = archive = None
-    changed, late_s = "", 0.0
+    changed, late_s, within_steps = "", 0.0, False
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(own, assessment, limits)
         look = FirstLook.at(masked)
         late = late_evidence(masked, look)
         late_s = late.late_s(masked.interval_s)
         as_stored, masked = masked, brought_forward(masked, late_s)
-        curve, changed = stroke_curve_of(masked, case.known_curve)
-        found = [] if curve else reversed_obstacles(masked)
-        commanded = in_travel(masked, curve)
+        # What network and traces show is OP as it was stored; what is fitted is where it was.
+        told = op_within_steps(masked)
+        finer, within_steps = (told.recording, True) if told is not None else (masked, False)
+        curve, changed = stroke_curve_of(finer, case.known_curve)
+        found = [] if curve else reversed_obstacles(finer)
+        commanded = in_travel(finer, curve)
         look = look if commanded is as_stored else FirstLook.at(commanded)
         # An OP that answers PV as a controller does is no position, however late it is.
         may_be_swapped = late_s > 0.0 and not late.by_controller
@@ -190,6 +195,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         masked=masked,
         stretch=stretch,
         late_s=late_s,
+        within_steps=within_steps,
         curve=curve,
         curve_changed=changed,
         fit=fit,
@@ -295,6 +301,7 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
                 curve=fitted.curve,
                 look_for_curve=fitted.case.known_curve is None,
                 late_s=fitted.late_s,
+                look_within_steps=fitted.within_steps,
                 restore=fitted.archive is not None,
                 archive=fitted.archive,
             )
@@ -354,6 +361,7 @@ def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     if fitted.late_s:
         sentences += [late_effect(fitted.late_s, fitted.recording.unit_s).sentence]
     sentences += [one for one in [scan_sentence(fitted.recording)] if one]
+    sentences += [WITHIN_STEPS] if fitted.within_steps else []
     sentences += [fitted.curve.sentence()] if fitted.curve is not None else []
     if fitted.archive is not None and fitted.fit is not None:
         sentences.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))

@@ -61,7 +61,12 @@ from stemwatch.models.mismatch.held_out import HeldOutComparison, show
 from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
 from stemwatch.models.mismatch.nothing_left_out import doubt
 from stemwatch.models.mismatch.reading import COORDINATES, Off, findings, values_of, without
-from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
+from stemwatch.models.mismatch.record_effects import (
+    RecordSettled,
+    late_effect,
+    settle,
+    with_op_told,
+)
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
 from stemwatch.models.mismatch.term import Look, Term, Way
@@ -75,6 +80,7 @@ from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import LATE
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
@@ -116,6 +122,7 @@ def explain(
     ceiling: Floats | None = None,
     curve: StrokeCurve | None = None,
     late_s: float | None = None,
+    look_within_steps: bool = True,
     look_for_curve: bool = True,
     restore: bool = True,
     archive: Archive | None = None,
@@ -126,6 +133,7 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here, unless ``look_for_curve`` says that there is none. ``late_s`` is how
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
+    ``look_within_steps``: whether PV and set point may tell an OP that has coarse steps.
     ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
     ``archive`` is that archive where it is known, else it is looked for.
     """
@@ -137,6 +145,9 @@ def explain(
         recording = brought_forward(recording, late_s)
         effects = (late_effect(late_s, recording.unit_s), *settled.effects)
         settled = replace(settled, effects=effects)
+    told = op_within_steps(recording) if look_within_steps else None
+    if told is not None:
+        recording, settled = told.recording, with_op_told(settled, told)
     if curve is None and look_for_curve:
         curve = find_stroke_curve(recording)
     if recording.mv is not None and recording.mv.unit != PERCENT:
@@ -231,7 +242,13 @@ def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
     told = settled.real | (settled.slack > 0.0)
     block = np.where(problem.scored & told, np.arange(n) * n_blocks // n, -1)
     sigma = max(_noise(recording, settled), settled.sigma_floor, LEAST_SIGMA)
-    return replace(problem, block=block.astype(np.int64), n_blocks=n_blocks, sigma=sigma)
+    return replace(
+        problem,
+        block=block.astype(np.int64),
+        n_blocks=n_blocks,
+        sigma=sigma,
+        op_open=settled.op_open,
+    )
 
 
 def _noise(recording: Recording, settled: RecordSettled) -> float:
