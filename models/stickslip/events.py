@@ -42,8 +42,8 @@ def slip_events(fit: StickSlipFit) -> SlipEvents:
     """The slips of the recording, measured against its way and its command."""
     problem = fit.evaluator.problem
     jumps = jumps_from_rest(problem.mv, problem.op, problem.sigma)
-    way = travel(problem.mv, max(5.0 * problem.sigma, 0.1))
-    share = float(np.abs(jumps.sizes).sum()) / max(way, 1e-9)
+    path = travel(problem.mv, max(5.0 * problem.sigma, 0.1))
+    share = float(np.abs(jumps.sizes).sum()) / max(path, 1e-9)
     if not jumps.count:
         return SlipEvents(0, 0.0, 0.0)
     gain, zero = 1.0 + fit.candidate[coordinate.GAIN], fit.candidate[coordinate.ZERO]

@@ -61,10 +61,10 @@ def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDe
     """
     if not present or present[0] is None:
         return AlertDecision.LEAVE
-    told = [answer for answer in present if answer is not None]
-    if told[0] and sum(told[: rules.of_runs]) >= rules.raise_after_runs:
+    answers = [answer for answer in present if answer is not None]
+    if answers[0] and sum(answers[: rules.of_runs]) >= rules.raise_after_runs:
         return AlertDecision.RAISE
-    last = told[: rules.clear_after_runs]
+    last = answers[: rules.clear_after_runs]
     if len(last) == rules.clear_after_runs and not any(last):
         return AlertDecision.CLEAR
     return AlertDecision.LEAVE
@@ -80,12 +80,12 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
     raised: list[RaisedAlert] = []
     closed: list[str] = []
     for kind, present, text in _findings(record, rules):
-        told = [
+        answers = [
             None if _worked_on(record, screening) else present(screening) for screening in judged
         ]
-        verdict = alert_decision(told, rules)
+        verdict = alert_decision(answers, rules)
         if kind is AlertKind.MISMATCH:
-            verdict = _of_physics(record, told, verdict)
+            verdict = _of_physics(record, answers, verdict)
         if verdict is AlertDecision.RAISE:
             alert = _raised(record.valve, kind, text(judged[0]), judged[0])
             if kind is AlertKind.MISMATCH and record.by_window is not None:
@@ -98,11 +98,11 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
 
 
 def _of_physics(
-    record: ValveRecord, told: Sequence[bool | None], by_runs: AlertDecision
+    record: ValveRecord, answers: Sequence[bool | None], by_runs: AlertDecision
 ) -> AlertDecision:
     """An effect beside friction is raised where the windows of weeks confirm it and it stands among
     all valves of the run; what was only seen once closes nothing either."""
-    if not told or told[0] is None:
+    if not answers or answers[0] is None:
         return AlertDecision.LEAVE
     if record.by_window is not None and record.by_window.confirmed:
         return AlertDecision.RAISE if record.stands else AlertDecision.LEAVE
@@ -148,14 +148,19 @@ def one_per_cause(
         valve = by_kind[kind].valve or ""
         leads = _leads(by_kind[kind])
         lead = next(
-            (one for one in leads if one in by_kind or cause(one, valve) in still_open), None
+            (
+                leading_kind
+                for leading_kind in leads
+                if leading_kind in by_kind or cause(leading_kind, valve) in still_open
+            ),
+            None,
         )
         if lead is not None:
             spoken_for.setdefault(lead, []).append(by_kind[kind])
             joined.append(cause(kind, valve))
-    gone = {alert.kind for alerts in spoken_for.values() for alert in alerts}
-    left = [by_kind[kind] for kind in LEADS if kind in by_kind and kind not in gone]
-    return [_with_evidence(alert, spoken_for.get(alert.kind, ())) for alert in left], joined
+    merged_kinds = {alert.kind for alerts in spoken_for.values() for alert in alerts}
+    lead_kinds = [by_kind[kind] for kind in LEADS if kind in by_kind and kind not in merged_kinds]
+    return [_with_evidence(alert, spoken_for.get(alert.kind, ())) for alert in lead_kinds], joined
 
 
 def _leads(alert: RaisedAlert) -> tuple[AlertKind, ...]:
@@ -166,19 +171,20 @@ def _leads(alert: RaisedAlert) -> tuple[AlertKind, ...]:
     return FOLLOWS.get(alert.kind, ())
 
 
-def _with_evidence(alert: RaisedAlert, beside: Sequence[RaisedAlert]) -> RaisedAlert:
+def _with_evidence(alert: RaisedAlert, merged: Sequence[RaisedAlert]) -> RaisedAlert:
     """The alert with what else points to its cause."""
-    if not beside:
+    if not merged:
         return alert
     name, _, _ = alert.text.partition(": ")
-    said = [one.text.removeprefix(f"{name}: ") for one in beside]
+    texts = [other.text.removeprefix(f"{name}: ") for other in merged]
     evidence = {
         **alert.evidence,
         "findings": [
-            {"kind": one.kind.value, "text": text} for one, text in zip(beside, said, strict=True)
+            {"kind": other.kind.value, "text": text}
+            for other, text in zip(merged, texts, strict=True)
         ],
     }
-    text = f"{alert.text} Also seen: {' '.join(said)}"
+    text = f"{alert.text} Also seen: {' '.join(texts)}"
     return replace(alert, text=text, evidence=evidence)
 
 
@@ -187,7 +193,7 @@ def _worked_on(record: ValveRecord, judged: JudgedScreening) -> bool:
     start, end = judged.window
     if start is None or end is None:
         return False
-    return any(start < at < end for at in record.worked_at)
+    return any(start < work_time < end for work_time in record.worked_at)
 
 
 def cause(kind: AlertKind, valve: str) -> str:
@@ -267,5 +273,5 @@ def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreen
 def severity_of(kind: AlertKind, criticality: int) -> AlertSeverity:
     """How urgent: by how much the plant needs the valve; what sticks before what changes."""
     order = (AlertSeverity.LOW, AlertSeverity.MEDIUM, AlertSeverity.HIGH)
-    place = criticality - 1 - (kind is not AlertKind.STICKY)
-    return order[min(max(place, 0), 2)]
+    level = criticality - 1 - (kind is not AlertKind.STICKY)
+    return order[min(max(level, 0), 2)]

@@ -25,7 +25,7 @@ SLUG = "flow_force"
 
 def window(day, *named, mean=0.0, t=0.0, slug=SLUG, S=None, anew="", start=None):
     """An hour on ``day``; each of ``named`` is a slug, or a class of slugs."""
-    classes = tuple((one,) if isinstance(one, str) else tuple(one) for one in named)
+    classes = tuple((item,) if isinstance(item, str) else tuple(item) for item in named)
     at = BEGIN + day * DAY
     error = 0.1
     size = None if S is None else Estimate(value=S, low=S - 2 * error, high=S + 2 * error, unit="%")
@@ -132,7 +132,7 @@ def test_a_change_that_a_window_tells_begins_anew():
 def test_the_same_minutes_twice_are_no_second_witness():
     """A run that is repeated, or windows that overlap, confirm nothing."""
     hourly = [
-        window(place / 240, SLUG, start=BEGIN + place / 240 * DAY - HOUR) for place in range(6)
+        window(index / 240, SLUG, start=BEGIN + index / 240 * DAY - HOUR) for index in range(6)
     ]
     (finding,) = lasting_findings(hourly)
     assert finding.of == 1
@@ -160,7 +160,10 @@ def test_an_effect_that_a_window_could_not_have_shown_is_no_evidence_against_it(
 def test_confirmed_comes_before_what_was_only_seen():
     """The order of the findings is that in which people should read them."""
     windows = [window(0, "zero_shift"), window(1, SLUG), window(2, SLUG)]
-    assert [one.slug for one in lasting_findings(windows)] == [SLUG, "zero_shift"]
+    assert [lasting_finding.slug for lasting_finding in lasting_findings(windows)] == [
+        SLUG,
+        "zero_shift",
+    ]
 
 
 def test_pooled_S_lies_between_and_is_surer_than_one_window():

@@ -42,8 +42,8 @@ def values(recording: Recording, role: Role):
 
 
 def told(recording: Recording) -> list[str]:
-    found = assess(recording, Limits())
-    obstacles = found.obstacles or wiring_obstacles(found.recording)
+    assessment = assess(recording, Limits())
+    obstacles = assessment.obstacles or wiring_obstacles(assessment.recording)
     return [obstacle.slug for obstacle in obstacles]
 
 
@@ -75,8 +75,8 @@ def test_clocks_that_are_minutes_apart_are_told_and_by_how_much(recording, late,
     """A position two minutes late or early is found, or does not go with OP at all."""
     at = np.clip(np.arange(len(recording)) - late, 0, len(recording) - 1)
     apart = wired(recording, mv=values(recording, Role.MV)[at])
-    found = assess(apart, Limits())
-    obstacles = found.obstacles or wiring_obstacles(found.recording)
+    assessment = assess(apart, Limits())
+    obstacles = assessment.obstacles or wiring_obstacles(assessment.recording)
     assert obstacles[0].slug in ("clocks_apart", "position_unrelated")
     if obstacles[0].slug == "clocks_apart":
         assert how in obstacles[0].reason

@@ -76,7 +76,7 @@ def store(plant: Plant) -> Iterator[Store]:
 def screened(valve: str, hour: int, verdict: Verdict, ratio: float | None) -> Screening:
     op = Signal.good(np.zeros(60), "OP")
     estimate = Estimate(value=2.0, low=1.8, high=2.2, unit="%")
-    found = (
+    results = (
         {}
         if ratio is None
         else {"baseline_ratio": Indicator(name="", value=ratio, unit="", meaning="")}
@@ -85,7 +85,7 @@ def screened(valve: str, hour: int, verdict: Verdict, ratio: float | None) -> Sc
     return Screening(
         valve=valve, verdict=verdict, reason="", advice="Check.", shape=None, severity=50.0,
         confidence=0.9, S=estimate, J=Estimate.unknown("few"), residuals={},
-        quality=DataQuality(grade="A"), indicators=found,
+        quality=DataQuality(grade="A"), indicators=results,
         recording=Recording(valve=valve, signals={Role.OP: op}, interval_s=1.0, start=start),
     )  # fmt: skip
 
@@ -235,6 +235,6 @@ def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
         numbers += run(store, plant, hour, sticky=["V3"], left=["V3"])
     (alert,) = open_alerts(store)
     assert numbers == [alert.id]
-    assert [one["kind"] for one in alert.evidence["findings"]] == ["baseline"]
+    assert [finding["kind"] for finding in alert.evidence["findings"]] == ["baseline"]
     assert "Also seen: The valve moves otherwise than it did" in alert.text
     assert alert.text.count("V3") == 1
