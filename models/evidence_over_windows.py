@@ -17,8 +17,9 @@ confirm it where
 
 the second as Stouffer et al. (1949) combine tests. What chance names more often (``HARDER`` in
 ``mismatch.acceptance_limits``: play, and dwell, which scatter of the breakaways imitates) needs one
-window more: three that agree, or two and the others. Work on the valve, and a change that a window
-itself tells (``begins_anew``), let everything begin from the start.
+window more: three that agree, or two and the others. Where an effect is of friction itself and S
+falls below half of what it was with it, a window says that it is not there. Work on the valve, and
+a change that a window itself tells (``begins_anew``), let everything begin from the start.
 
 How often that is wrong: `stemwatch prove-weeks` counts valves with nothing hidden on which anything
 is confirmed within 30 daily windows.
@@ -44,6 +45,17 @@ AGREE = 2
 LEAST_MEAN, LEAST_T = 0.02, 1.2
 FEWEST_OTHERS = 3  # windows that can confirm what one has named
 LEFT_OUT_BY_CHANCE = 0.05
+# How friction itself shows beside S and J: on a valve that sticks they have its cause.
+OF_FRICTION = frozenset(
+    {
+        "asymmetric_slip",
+        "dwell_dependent_breakaway",
+        "growing_stiction",
+        "low_speed_restick",
+        "position_dependent_friction",
+    }
+)
+FRICTION_GONE = 0.5  # of S in the windows that name such an effect: with less it cannot be there
 FEWEST_WITHOUT = 3  # windows on end without it, before a confirmed effect is gone
 # Of one window's error, the part that all windows share: no stem is exactly the element. With it
 # 94 % of the pooled intervals of 26 simulated valves with an effect held the truth (development
@@ -198,7 +210,10 @@ def _spoken_for(windows: Sequence[WindowEvidence]) -> list[str]:
 
 def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | None:
     """The effect from its first window to the last one that could have shown it."""
-    windows_tested = [window for window in windows if window.looked_for(slug)]
+    felt = _friction_with(slug, windows)
+    windows_tested = [
+        window for window in windows if window.looked_for(slug) or _is_free(window.S, felt)
+    ]
     names = [window.names(slug) for window in windows_tested]
     first = next((index for index, named in enumerate(names) if named), None)
     if first is None:
@@ -232,6 +247,22 @@ def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | 
         t=t,
         p_value=_chance(slug, recent),
     )
+
+
+def _friction_with(slug: str, windows: Sequence[WindowEvidence]) -> float:
+    """The median S of the windows that name an effect of friction itself, percent; 0 for any
+    other."""
+    known = [
+        window.S.value
+        for window in windows
+        if window.names(slug) and window.S is not None and window.S.value is not None
+    ]
+    return float(np.median(known)) if known and slug in OF_FRICTION else 0.0
+
+
+def _is_free(S: Estimate | None, felt: float) -> bool:
+    """Whether S lies, with its interval, below ``FRICTION_GONE`` of what was ``felt``."""
+    return S is not None and S.high is not None and S.high < FRICTION_GONE * felt
 
 
 def _chance(slug: str, windows: Sequence[WindowEvidence]) -> float:

@@ -240,7 +240,7 @@ def wiring_obstacles(
         return []
     at_most = pairing.explained(BEFORE)
     nearest = min(at_most, pairing.explained(AFTER), key=lambda candidate: candidate.left)
-    if nearest.left < SWAPPED_FROM:
+    if nearest.left < SWAPPED_FROM or pairing.slips_to_its_command:
         return []
     controller = behind_controller(recording)
     exchanged = np.inf

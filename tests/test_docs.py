@@ -62,7 +62,7 @@ def _commands() -> dict[str, click.Command]:
     for name, command in group.commands.items():
         inner = getattr(command, "commands", None)  # a group, such as modbus
         commands |= (
-            {f"{name} {verb}": one for verb, one in inner.items()} if inner else {name: command}
+            {f"{name} {verb}": item for verb, item in inner.items()} if inner else {name: command}
         )
     return commands
 

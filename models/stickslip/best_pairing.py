@@ -17,8 +17,10 @@ from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.signal_pairing import first_order_lag
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.events import events_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipEvaluator, actuator_grid
 from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.stickslip.rests import Rests
 
 # Samples by which a command may be brought forward: never by more than nothing, for then the stem
 # would move first; and a little more, where only clocks differ.
@@ -63,6 +65,15 @@ class Pairing:
         stuck[coordinate.S_PERCENT] = NEVER_MOVES * problem.swing
         still_loss = _loss(evaluator, problem, stuck[None, :])
         return cls(evaluator, _elements(evaluator, base), still_loss) if still_loss > 0.0 else None
+
+    @property
+    def slips_to_its_command(self) -> bool:
+        """Whether the slips alone show that the stem is this command's, now and not minutes ago:
+        it rests while the command goes on, and jumps towards it."""
+        problem = self.evaluator.problem
+        if not Rests.of(problem).of_position:
+            return False
+        return events_of(problem, self.candidates[0]).of_this_command
 
     def explained(self, samples: Sequence[float]) -> BestShift:
         """The best over commands brought forward by each of ``samples``."""

@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
-from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, one_per_cause
+from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, cause, one_per_cause
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
@@ -118,8 +118,9 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
         found, closed = apply_rules(seen, plant.alerts)
         of_valve, spoken_for = one_per_cause(found, open_before - set(closed))
         raised += of_valve
-        joined_now += [cause for cause in spoken_for if cause in open_before]
-        ended += [cause for cause in closed if cause in open_before]
+        joined_now += [one for one in spoken_for if one in open_before]
+        ended += [one for one in closed if one in open_before]
+        joined_now += [one for one in _causes_by_kind(of_valve) if one in open_before]
     for valve in awaiting_aftermath(store, valves_done):
         note_result_of_work(store, valve)
     groups = _groups(raised, plant)
@@ -137,6 +138,13 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     # What was raised alone before and is part of a common cause now is told once, by that.
     new = [alert for alert in raised if alert.cause not in joined]
     return store.alerts.raise_all([*common, *new])
+
+
+def _causes_by_kind(raised: Iterable[RaisedAlert]) -> list[str]:
+    """The causes that alerts would have by their kind alone, where they have another: an alert that
+    is open under such a one is part of the alert now."""
+    both = [(cause(alert.kind, alert.valve or ""), alert.cause) for alert in raised]
+    return [by_kind for by_kind, now in both if by_kind != now]
 
 
 def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[RaisedAlert]]:
@@ -209,11 +217,11 @@ def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> Raised
 def _ended_causes(causes: set[str], seen: set[str], plant: Plant) -> set[str]:
     """Common causes that a run saw enough valves of to say that they are over."""
     ended: set[str] = set()
-    for cause in causes:
-        *_, group_kind, name = cause.split(":", 3)
+    for one in causes:
+        *_, group_kind, name = one.split(":", 3)
         members = {
             v.id for v in plant.valves.values() if (group_kind, name) in _places(plant, v.id)
         }
         if len(members & seen) * 2 > len(members):
-            ended.add(cause)
+            ended.add(one)
     return ended

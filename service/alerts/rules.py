@@ -13,6 +13,7 @@ from datetime import UTC, datetime, tzinfo
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.evidence_over_windows import OF_FRICTION
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
@@ -91,10 +92,21 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
             if kind is AlertKind.MISMATCH and record.by_window is not None:
                 effects = [finding.slug for finding in record.by_window.confirmed]
                 alert = replace(alert, evidence={**alert.evidence, "effects": effects})
+                if _is_friction(record):
+                    alert = replace(alert, cause=cause(AlertKind.STICKY, record.valve.id))
             raised.append(alert)
         elif verdict is AlertDecision.CLEAR:
             closed.append(cause(kind, record.valve.id))
+    if _is_friction(record):  # not over, though the stem does not stick beyond its limit
+        closed = [one for one in closed if one != cause(AlertKind.STICKY, record.valve.id)]
     return raised, closed
+
+
+def _is_friction(record: ValveRecord) -> bool:
+    """Whether what is confirmed beside S and J is how friction itself shows: it has the cause of a
+    sticking stem, and its alert becomes that of one."""
+    confirmed = () if record.by_window is None else record.by_window.confirmed
+    return bool(confirmed) and {finding.slug for finding in confirmed} <= OF_FRICTION
 
 
 def _of_physics(
@@ -121,16 +133,6 @@ FOLLOWS = {
     AlertKind.GROWN: (AlertKind.STICKY,),
     AlertKind.BASELINE: (AlertKind.STICKY, AlertKind.MISMATCH, AlertKind.GROWN),
 }
-# How friction itself shows beside S and J: on a valve that sticks they have its cause.
-OF_FRICTION = frozenset(
-    {
-        "asymmetric_slip",
-        "dwell_dependent_breakaway",
-        "growing_stiction",
-        "low_speed_restick",
-        "position_dependent_friction",
-    }
-)
 
 
 def one_per_cause(

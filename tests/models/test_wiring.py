@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -68,6 +69,35 @@ def test_a_limit_cycle_whose_pv_goes_with_op_better_than_its_stem_is_not_doubted
     assert told(cycling) == []
     filtered = np.convolve(values(cycling, Role.OP), np.full(4, 0.25))[: len(cycling)]
     assert "tags_swapped" in told(wired(cycling, pv=filtered))
+
+
+@cache
+def slipping() -> Recording:
+    """A flow loop whose stem slips without offset: PV goes with OP twice as well as the stem does,
+    for the loop is quick and nothing sticks in PV."""
+    return simulate_loop(draw_sticky(15, 6161)[14], 6_161_514).recording
+
+
+def test_a_stem_that_rests_and_jumps_towards_its_command_is_not_doubted() -> None:
+    """Whatever else goes with OP: it is the command's, and at this time. The same position a minute
+    late rests and jumps at other times, and is doubted."""
+    recording = slipping()
+    pairing = Pairing.of(recording)
+    assert pairing is not None
+    assert pairing.slips_to_its_command
+    assert pairing.explained(BEFORE).left > 0.3
+    assert told(recording) == []
+    mv = values(recording, Role.MV)
+    late = wired(recording, mv=np.concatenate((np.full(60, mv[0]), mv[:-60])))
+    assert told(late) != []
+
+
+def test_another_pv_does_not_make_a_slipping_stem_doubtful() -> None:
+    """A PV that repeats OP through a filter."""
+    recording = slipping()
+    op = values(recording, Role.OP)
+    filtered = np.convolve(op, np.full(4, 0.25))[: op.size]
+    assert told(wired(recording, pv=filtered)) == []
 
 
 @pytest.mark.parametrize(("late", "how"), [(120, "after OP"), (-120, "before OP")])

@@ -198,7 +198,8 @@ def _row(session: Session, alert: int) -> AlertRow:
 
 
 def _raise(session: Session, alert: RaisedAlert) -> int | None:
-    """Open the alert and return its number; ``None`` where one with this cause is open."""
+    """Open the alert and return its number; ``None`` where one with this cause is open, which then
+    says that the stem sticks where it said less."""
     now = datetime.now(UTC)
     if alert.valve is not None:
         ensure_valve(session, alert.valve)
@@ -206,9 +207,18 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
         update(AlertRow)
         .where(AlertRow.cause == alert.cause, AlertRow.closed.is_(None))
         .values(seen=now)
-        .returning(AlertRow.id)
+        .returning(AlertRow.id, AlertRow.kind)
     ).first()
     if reopened is not None:
+        if alert.kind is AlertKind.STICKY and reopened.kind != alert.kind.value:
+            says_more = {
+                "kind": alert.kind.value,
+                "severity": alert.severity.value,
+                "text": alert.text,
+                "run_id": alert.run_id,
+                "evidence": dict(alert.evidence),
+            }
+            session.execute(update(AlertRow).where(AlertRow.id == reopened.id).values(says_more))
         return None
     empty = ("closed_why", "acknowledged_by", "comment", "snoozed_by")
     values = {

@@ -18,7 +18,7 @@ from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant, load_plant
-from stemwatch.service.store.alerts.alerts import AlertKind
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import ValveState
@@ -157,7 +157,7 @@ def test_one_that_leaves_its_baseline_is_its_own_alert(store: Store, plant: Plan
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "said"),
+    ("before", "after", "text"),
     [
         ((4.0, 3.5, 4.5), (0.5, 0.3, 0.7), "It helped"),
         ((0.5, 0.3, 0.7), (4.0, 3.5, 4.5), "It got worse"),
@@ -166,7 +166,7 @@ def test_one_that_leaves_its_baseline_is_its_own_alert(store: Store, plant: Plan
     ],
 )
 def test_the_run_after_maintenance_says_whether_it_helped(
-    store: Store, plant: Plant, before, after, said: str
+    store: Store, plant: Plant, before, after, text: str
 ) -> None:
     """Both intervals are named, once, whatever runs follow; before the next run nothing is said."""
 
@@ -187,7 +187,7 @@ def test_the_run_after_maintenance_says_whether_it_helped(
     look(2, after)
     look(3, before)
     (note,) = store.notes("V1")
-    assert said in note.note
+    assert text in note.note
     assert "packing renewed" in note.note
     assert note.who == "stemwatch"
 
@@ -238,3 +238,22 @@ def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
     assert [finding["kind"] for finding in alert.evidence["findings"]] == ["baseline"]
     assert "Also seen: The valve moves otherwise than it did" in alert.text
     assert alert.text.count("V3") == 1
+
+
+def test_an_alert_of_friction_becomes_that_of_a_sticking_stem(store: Store) -> None:
+    """The same alert says that the stem sticks once it does, with what a person did to it; it
+    never says less again, and nothing new is opened."""
+    stick = RaisedAlert(
+        cause="sticky:V1", kind=AlertKind.STICKY, severity=AlertSeverity.HIGH,
+        text="V1: the stem sticks", valve="V1", run_id=None, evidence={"S": 2.0},
+    )  # fmt: skip
+    restick = replace(
+        stick, kind=AlertKind.MISMATCH, severity=AlertSeverity.LOW, text="V1: small steps"
+    )
+    (number,) = store.alerts.raise_all([restick])
+    store.alerts.acknowledge(number, "K. Berg", "on the list")
+    assert store.alerts.raise_all([stick]) == []
+    assert store.alerts.raise_all([restick]) == []
+    alert = store.alerts.get(number)
+    assert (alert.kind, alert.severity) == (AlertKind.STICKY, AlertSeverity.HIGH)
+    assert (alert.text, alert.comment) == ("V1: the stem sticks", "on the list")
