@@ -56,6 +56,7 @@ def test_op_is_where_it_was_within_its_steps(place):
 
 
 def test_a_fine_op_is_left_as_it_is():
+    """Nothing is looked for where OP has no coarse steps."""
     _, recording = recorded(0)
     assert op_within_steps(on_own_clock(recording)) is None
 
@@ -74,6 +75,7 @@ def test_steps_of_the_controller_itself_are_kept():
 
 
 def test_without_pv_nothing_tells_more_than_the_steps():
+    """The controller answers PV, so without it there is no law."""
     _, recording = recorded(0)
     stored = on_own_clock(in_steps(recording))
     signals = {role: one for role, one in stored.signals.items() if role is not Role.PV}
@@ -81,6 +83,7 @@ def test_without_pv_nothing_tells_more_than_the_steps():
 
 
 def test_holes_of_op_stay_holes_and_those_of_pv_harm_nothing():
+    """No value is made up for a hole, and OP about one of PV is within its steps."""
     _, recording = recorded(1)
     stored = on_own_clock(in_steps(recording))
     op, pv = stored.op.values.copy(), stored.signals[Role.PV].values.copy()
@@ -96,6 +99,7 @@ def test_holes_of_op_stay_holes_and_those_of_pv_harm_nothing():
 
 @pytest.mark.long
 def test_screening_says_so_and_reads_s_as_from_the_fine_op():
+    """S is that of the fine OP, and provenance and record effects have the sentence."""
     valve, recording = recorded(0)
     fine, coarse = screen(
         [Case(recording=recording), Case(recording=in_steps(recording))], Options(narx=False)
@@ -110,6 +114,7 @@ def test_screening_says_so_and_reads_s_as_from_the_fine_op():
 
 @pytest.mark.long
 def test_explain_alone_says_so():
+    """Without a screening before it, the step is among the record effects with the sentence."""
     _, recording = recorded(1)
     told = explain(in_steps(recording)).record_effects
     (steps,) = (effect for effect in told if effect.slug == "quantisation")
