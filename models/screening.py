@@ -37,6 +37,7 @@ from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
+from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -179,6 +180,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         resolved = op_within_steps(masked)
         finer = masked if resolved is None else resolved.recording
         curve, changed = stroke_curve_of(finer, case.known_curve)
+        curve = refined(finer, curve)
         obstacles = [] if curve else reversed_obstacles(finer)
         commanded = in_travel(finer, curve)
         first_look = first_look if commanded is as_stored else FirstLook.at(commanded)

@@ -62,6 +62,7 @@ from stemwatch.models.mismatch.record_effects import (
     settle,
     with_steps_resolved,
 )
+from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
 from stemwatch.models.mismatch.term import ActsOn
@@ -114,7 +115,7 @@ def explain(
     if resolved is not None:
         recording, settled = resolved.recording, with_steps_resolved(settled, resolved)
     if curve is None and look_for_curve:
-        curve = find_stroke_curve(recording)
+        curve = refined(recording, find_stroke_curve(recording))
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:

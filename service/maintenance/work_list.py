@@ -52,9 +52,9 @@ class WorkList:
     @property
     def done_title(self) -> str:
         """What stands over ``done``."""
-        some = self.worked > len(self.done)
-        more = f" ({len(self.done)} newest of {self.worked})" if some else ""
-        return f"Before and after the last work{more}"
+        only_newest = self.worked > len(self.done)
+        count_text = f" ({len(self.done)} newest of {self.worked})" if only_newest else ""
+        return f"Before and after the last work{count_text}"
 
     @property
     def counts(self) -> str:

@@ -150,8 +150,8 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
     named): effects that are held back are no finding.
     """
     mismatch = screening.mismatch
-    standing = () if mismatch is None or stands is False else mismatch.effects
-    effects = tuple(effect for effect in standing if not effect.inherent)
+    named_effects = () if mismatch is None or stands is False else mismatch.effects
+    effects = tuple(effect for effect in named_effects if not effect.inherent)
     kinds = kinds_of(
         screening.verdict,
         shape=screening.shape,
@@ -166,7 +166,7 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
         severity=severity_of(screening.verdict, screening.severity, kinds),
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,
-        inherent=tuple(effect for effect in standing if effect.inherent),
+        inherent=tuple(effect for effect in named_effects if effect.inherent),
     )
 
 
@@ -194,7 +194,7 @@ def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:
 def obstacle_kind(reason: str) -> str:
     """The kind of an undetermined verdict by its ``reason``; ``recording`` for all that no work
     at the valve would mend."""
-    return next((kind for said, kind in SAID_OF if said in reason), RECORDING)
+    return next((kind for sentence_part, kind in SAID_OF if sentence_part in reason), RECORDING)
 
 
 def kinds_of(
@@ -230,11 +230,13 @@ def severity_of(verdict: Verdict, measured: float | None, kinds: tuple[str, ...]
     effect beside friction have one of their own, because the screening ranks them by what it could
     not measure.
     """
-    own = [SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)]
+    own_severities = [
+        SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)
+    ]
     judged = finite(measured)
-    if judged is not None and (verdict is not Verdict.UNDETERMINED or not own):
-        own.append(judged)
-    return min(max(own), 100.0) if own else math.nan
+    if judged is not None and (verdict is not Verdict.UNDETERMINED or not own_severities):
+        own_severities.append(judged)
+    return min(max(own_severities), 100.0) if own_severities else math.nan
 
 
 def _has_own_severity(kind: str) -> bool:
@@ -280,15 +282,17 @@ class WorkCounts:
     @property
     def rest(self) -> str:
         """The other valves, those that cannot be judged among them; empty where there are none."""
-        said = []
+        clauses = []
         if self.watch:
-            said.append(f"{self.watch} to watch")
+            clauses.append(f"{self.watch} to watch")
         if self.not_judged:
-            why = f" ({self.orders} with a work order to find out why)" if self.orders else ""
-            said.append(f"{self.not_judged} cannot be judged{why}")
+            reason_clause = (
+                f" ({self.orders} with a work order to find out why)" if self.orders else ""
+            )
+            clauses.append(f"{self.not_judged} cannot be judged{reason_clause}")
         if self.no_work:
-            said.append(f"{self.no_work} without work")
-        return ", ".join(said)
+            clauses.append(f"{self.no_work} without work")
+        return ", ".join(clauses)
 
     @property
     def sentence(self) -> str:
@@ -316,14 +320,14 @@ def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
         states[valve] = min(states.get(valve, decision.state), decision.state, key=rank.index)
         if decision.has_order and not decision.needs_work:
             ordered.add(valve)
-    many = {
+    counts = {
         state: [v for v, its_state in states.items() if its_state is state] for state in WorkState
     }
     return WorkCounts(
         recordings=recordings,
-        needs_work=len(many[WorkState.NEEDS_WORK]),
-        watch=len(many[WorkState.WATCH]),
-        not_judged=len(many[WorkState.NOT_JUDGED]),
-        no_work=len(many[WorkState.NO_WORK]),
-        orders=len(ordered.intersection(many[WorkState.NOT_JUDGED])),
+        needs_work=len(counts[WorkState.NEEDS_WORK]),
+        watch=len(counts[WorkState.WATCH]),
+        not_judged=len(counts[WorkState.NOT_JUDGED]),
+        no_work=len(counts[WorkState.NO_WORK]),
+        orders=len(ordered.intersection(counts[WorkState.NOT_JUDGED])),
     )

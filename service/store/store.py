@@ -372,7 +372,11 @@ class Store:
             valve: evidence_of_weeks(windows_of_valve)
             for valve, windows_of_valve in windows.items()
         }
-        return {valve: of_it for valve, of_it in evidence_of_valve.items() if of_it is not None}
+        return {
+            valve: evidence_found
+            for valve, evidence_found in evidence_of_valve.items()
+            if evidence_found is not None
+        }
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""
@@ -405,8 +409,8 @@ class Store:
         """The groups that oscillate at present of which ``loop`` is a member, without pictures."""
         since = now - timedelta(days=oscillations.SHOWN_DAYS)
         with self.transactions.reading("reading the oscillations of a loop") as session:
-            kept = oscillations.read_oscillations(session, since, loop, pictures=False)
-        return [one.group for one in kept if not one.over]
+            kept_oscillations = oscillations.read_oscillations(session, since, loop, pictures=False)
+        return [oscillation.group for oscillation in kept_oscillations if not oscillation.over]
 
     def previous_finding(
         self, screening: Screening, now: datetime | None = None

@@ -33,15 +33,15 @@ class TestedScreening:
 def remark_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
     """The remark as an SQL column, read only for screenings with named effects, since the JSON is
     long; NULL where there is none. ``of`` is the table of screenings or an alias of it."""
-    kept = type_coerce(of.mismatch, JSON)[KEY].as_string()
+    stored_remark = type_coerce(of.mismatch, JSON)[KEY].as_string()
     named = of.mismatch_finding.in_([Finding.NAMED.value, Finding.CANDIDATES.value])
-    return case((named, kept), else_=None).label(KEY)
+    return case((named, stored_remark), else_=None).label(KEY)
 
 
 def remark_of(stored: Any) -> str:
     """The remark in a stored mismatch; empty where the effects stand or nothing was named."""
-    remark = stored.get(KEY) if isinstance(stored, dict) else None
-    return remark if isinstance(remark, str) else ""
+    text = stored.get(KEY) if isinstance(stored, dict) else None
+    return text if isinstance(text, str) else ""
 
 
 def read_tested(session: Session, run_id: int) -> list[TestedScreening]:
@@ -68,8 +68,8 @@ def write_remarks(session: Session, marks: Mapping[int, str]) -> None:
     """Write new remarks, and remove those that are now empty."""
     rows = select(ScreeningRow).where(ScreeningRow.id.in_(list(marks))).with_for_update()
     for row in session.scalars(rows):
-        kept = row.mismatch
-        if kept is None or kept.get(KEY, "") == marks[row.id]:
+        stored_mismatch = row.mismatch
+        if stored_mismatch is None or stored_mismatch.get(KEY, "") == marks[row.id]:
             continue
-        rest = {key: value for key, value in kept.items() if key != KEY}
-        row.mismatch = rest | ({KEY: marks[row.id]} if marks[row.id] else {})
+        without_remark = {key: value for key, value in stored_mismatch.items() if key != KEY}
+        row.mismatch = without_remark | ({KEY: marks[row.id]} if marks[row.id] else {})
