@@ -53,6 +53,7 @@ OF_FRICTION = frozenset(
         "growing_stiction",
         "low_speed_restick",
         "position_dependent_friction",
+        "slip_overshoot",
     }
 )
 FRICTION_GONE = 0.5  # of S in the windows that name such an effect: with less it cannot be there

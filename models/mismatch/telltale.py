@@ -344,7 +344,7 @@ _SHOWN: Mapping[str, Callable[[Moves], Telltale | None]] = MappingProxyType(
         "span_error": _span,
         "travel_stop": _stopped,
         **dict.fromkeys(("sensor_drift", "growing_stiction", "stem_creep"), _by_time),
-        "low_speed_restick": _by_speed,
+        **dict.fromkeys(("low_speed_restick", "slip_overshoot"), _by_speed),
         **dict.fromkeys(("asymmetric_slip", "lost_motion", "dwell_dependent_breakaway"), _slips),
     }
 )

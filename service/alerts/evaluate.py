@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from zoneinfo import ZoneInfo
 
-from stemwatch.models.false_discovery import significant
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
 from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, cause, one_per_cause
 from stemwatch.service.config import Plant
@@ -29,16 +28,11 @@ def over_weeks(
     store: Store, run_id: int, valves: Sequence[str]
 ) -> dict[str, tuple[EvidenceOfWeeks, bool]]:
     """What the windows of weeks say together of those of ``valves`` on which an effect is followed,
-    and whether what is confirmed stands among all valves of the run: of those that stand, few are
-    expected to be due to chance (``models.false_discovery``). Raises ``StoreError``."""
+    and whether what is confirmed stands among all valves of the run, as was marked when the run
+    ended. Raises ``StoreError``."""
+    confirmed = store.confirmed_in_run(run_id)
     evidence = store.evidence(valves)
-    others = len(store.tested_of_run(run_id)) - len(evidence)
-    p_values = [of_valve.p_value for of_valve in evidence.values()]
-    stands_of_each = significant([*p_values, *[None] * max(others, 0)])
-    return {
-        valve: (evidence[valve], stands)
-        for valve, stands in zip(evidence, stands_of_each, strict=False)
-    }
+    return {valve: (of_valve, valve in confirmed) for valve, of_valve in evidence.items()}
 
 
 def gathered(

@@ -71,11 +71,10 @@ def work_list_of(
 ) -> WorkList:
     """The book of a run. With ``everything`` each valve gets a page, healthy ones too."""
     ranked = rank_valves(screenings, context)
-    discoveries = discovered(ranked, context)
     sheets, others = [], []
     for valve in ranked:
         if everything or valve.decision.has_page:
-            sheets.append(work_sheet_of(valve, discoveries, background, context.tz))
+            sheets.append(work_sheet_of(valve, background, context.tz))
         else:
             screening = valve.screening
             brief = ValveWithoutPage(
@@ -89,7 +88,7 @@ def work_list_of(
         others=tuple(others),
         counted=ranked.counts,
         context=context,
-        discovered=discoveries.sentence,
+        discovered=discovered(ranked, context).sentence,
         done=newest_first(works),
         worked=len(works),
         run=background.run,

@@ -2,9 +2,10 @@
 whether the valve needs work. Every output asks here: report, tables, pages, PDF, mail, terminal.
 
 A valve needs work where its stem sticks, or where a material effect beside friction was named that
-stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. An
-effect that belongs to the machine, as a motor's lag, is named and asks for nothing. Valves
-to watch and those that cannot be judged are counted apart.
+stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. Where
+the valve has a history, that is what its windows of the last weeks confirm, whatever the newest of
+them names. An effect that belongs to the machine, as a motor's lag, is named and asks for nothing.
+Valves to watch and those that cannot be judged are counted apart.
 """
 
 from __future__ import annotations
@@ -107,7 +108,8 @@ class WorkDecision:
     ``verdict`` is the word that every output shows; ``kinds`` has the kind to act on first at its
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
-    how such a machine is made.
+    how such a machine is made. ``lasting`` has the slugs of defects that the windows of weeks
+    confirm and this one does not name: work is planned on them too.
     """
 
     verdict: Verdict
@@ -116,6 +118,7 @@ class WorkDecision:
     confidence: float | None = None
     effects: tuple[Effect, ...] = ()
     inherent: tuple[Effect, ...] = ()
+    lasting: tuple[str, ...] = ()
 
     @property
     def state(self) -> WorkState:
@@ -143,23 +146,31 @@ class WorkDecision:
         return self.needs_work or (self.has_page and self.state is WorkState.NOT_JUDGED)
 
 
-def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
+def decide(
+    screening: Screening, *, stands: bool | None, confirmed: tuple[str, ...] | None = None
+) -> WorkDecision:
     """The decision on ``screening``.
 
     ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
-    named): effects that are held back are no finding.
+    named): effects that are held back are no finding. ``confirmed`` are the slugs that the windows
+    of the last weeks confirm, ``None`` where the valve has no history that decides.
     """
     mismatch = screening.mismatch
     named_effects = () if mismatch is None or stands is False else mismatch.effects
     effects = tuple(effect for effect in named_effects if not effect.inherent)
+    lasting: tuple[str, ...] = ()
+    if confirmed is not None and mismatch is not None:
+        effects = tuple(effect for effect in effects if not _class_of(effect).isdisjoint(confirmed))
+        named_now = frozenset[str]().union(*map(_class_of, effects))
+        lasting = tuple(slug for slug in confirmed if slug not in named_now)
     kinds = kinds_of(
         screening.verdict,
         shape=screening.shape,
         reason=screening.reason,
-        named=tuple(effect.slug for effect in effects),
+        named=(*(effect.slug for effect in effects), *lasting),
         finding=None if mismatch is None else mismatch.finding,
     )
-    verdict = overall_verdict(screening.verdict, named=bool(effects))
+    verdict = overall_verdict(screening.verdict, named=bool(effects or lasting))
     return WorkDecision(
         verdict=verdict,
         kinds=kinds,
@@ -167,7 +178,13 @@ def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,
         inherent=tuple(effect for effect in named_effects if effect.inherent),
+        lasting=lasting,
     )
+
+
+def _class_of(effect: Effect) -> frozenset[str]:
+    """The effect's slug and those that its window could not tell from it."""
+    return frozenset({effect.slug, *effect.members})
 
 
 def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
@@ -182,7 +199,7 @@ def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
 def verdict_before(past: PreviousFinding) -> Verdict:
     """The verdict on the valve that an earlier screening ended in."""
     defects = past.effects if past.defects is None else past.defects
-    return overall_verdict(past.verdict, named=bool(defects) and not past.held_back)
+    return overall_verdict(past.verdict, named=bool(defects))
 
 
 def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:
