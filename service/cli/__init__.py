@@ -143,3 +143,5 @@ def main() -> None:
         if end.code == INTERRUPTED and terminated():
             raise SystemExit(TERMINATED) from None
         raise
+    except KeyboardInterrupt:  # before the command itself began, or after its end
+        raise SystemExit(TERMINATED if terminated() else INTERRUPTED) from None
