@@ -99,8 +99,9 @@ lock: $(VENV)/tools/made ## Write the lock files anew: the versions of constrain
 supply-chain: $(VENV)/can-test $(VENV)/tools/made ## Vulnerabilities, licences, and the bill of materials into dist/
 	@$(BIN)/python -m tests.supply_chain --tools $(VENV)/tools/bin --out dist
 
+# Not with --quiet: it drops the warnings that strict counts.
 docs: $(VENV)/site/made ## The docs as a site in build/docs that needs no network; broken links end it
-	$(call step,Building the docs,$(VENV)/site/bin/mkdocs build --quiet)
+	$(call step,Building the docs,$(VENV)/site/bin/mkdocs build)
 	@echo 'Open build/docs/index.html in a browser.'
 
 clean: ## Remove the environment, caches and build folders

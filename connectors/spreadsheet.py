@@ -30,8 +30,8 @@ def decoded(raw: bytes) -> str:
     except UnicodeDecodeError as error:
         # What was decoded is ``error.object``: the file without its byte order mark.
         line = error.object.count(b"\n", 0, error.start) + 1
-        found = f"the byte 0x{error.object[error.start]:02x}, which is not UTF-8"
-        raise ListFault(line, found, "a file saved as UTF-8") from None
+        found_text = f"the byte 0x{error.object[error.start]:02x}, which is not UTF-8"
+        raise ListFault(line, found_text, "a file saved as UTF-8") from None
 
 
 def separator_of(text: str) -> str:
@@ -53,8 +53,8 @@ def records_of(text: str, separator: str) -> list[tuple[int, list[str]]]:
         try:
             cells = next(reader, None)
         except csv.Error as error:
-            found = f"a row that is not CSV ({error})"
-            raise ListFault(line, found, "quotation marks in pairs") from None
+            found_text = f"a row that is not CSV ({error})"
+            raise ListFault(line, found_text, "quotation marks in pairs") from None
         if cells is None:
             return records
         if not all(map(is_blank, cells)):

@@ -110,10 +110,10 @@ def shape_of(S: float, J: float) -> Shape:
 def undetermined(obstacles: tuple[Obstacle, ...]) -> Decision:
     """No verdict; the reason names the first obstacle and how many more there are."""
     first = obstacles[0]
-    more = f" (and {len(obstacles) - 1} more, see data quality)" if obstacles[1:] else ""
+    and_more = f" (and {len(obstacles) - 1} more, see data quality)" if obstacles[1:] else ""
     return Decision(
         verdict=Verdict.UNDETERMINED,
-        reason=f"Cannot tell: {first.reason}{more}.",
+        reason=f"Cannot tell: {first.reason}{and_more}.",
         advice=first.remedy,
         severity=15.0,
     )
@@ -196,8 +196,8 @@ def _by_bound(
 ) -> Decision:
     """The decision where only a lower bound of S is known: sticky if the bound is, else none."""
     if bound < limits.sticky_S_percent or not friction:
-        why = f"S is at least {_percent(bound)}, and may be much more: {evidence.S.reason}"
-        return _cannot_tell(why, FASTER)
+        reason = f"S is at least {_percent(bound)}, and may be much more: {evidence.S.reason}"
+        return _cannot_tell(reason, FASTER)
     return Decision(
         verdict=Verdict.STICKY,
         reason=(
@@ -210,11 +210,11 @@ def _by_bound(
     )
 
 
-def _watch(evidence: DecisionEvidence, limits: Limits, why: str, confidence: float) -> Decision:
+def _watch(evidence: DecisionEvidence, limits: Limits, reason: str, confidence: float) -> Decision:
     S, J = float(evidence.S.value or 0.0), float(evidence.J.value or 0.0)
     return Decision(
         verdict=Verdict.WATCH,
-        reason=why + evidence.slow,
+        reason=reason + evidence.slow,
         advice=(
             "Screen it again next week; plan a check of packing and positioner if S grows or the "
             "loop begins to cycle."
@@ -239,8 +239,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
-        every = duration(evidence.cycling_s, evidence.unit_s)
-        text += f" The loop oscillates all the same, every {every}."
+        cycle_text = duration(evidence.cycling_s, evidence.unit_s)
+        text += f" The loop oscillates all the same, every {cycle_text}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
     S = float(evidence.S.value or 0.0)
     return Decision(
@@ -299,11 +299,11 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     if S >= limits.watch_S_percent:
         return _some_friction(evidence, low, high, limits)
     if _moved_away(evidence, limits):
-        why = (
+        cause = (
             f"The stem still follows (S {_width(evidence)}), but {evidence.baseline_ratio:.1f} "
             "times worse than in its baseline window."
         )
-        return _watch(evidence, limits, why, 0.5)
+        return _watch(evidence, limits, cause, 0.5)
     if high >= limits.sticky_S_percent:
         because = f": {evidence.sampling}" if evidence.sampling else ""
         return _cannot_tell(
@@ -333,9 +333,9 @@ def beside_friction(mismatch: Mismatch) -> str:
     if not mismatch.effects:
         return ""
     sentence = f" Beside friction: {mismatch.effects[0].sentence}"
-    more = len(mismatch.effects) - 1
-    if more:
-        sentence += f" And {more} more, see what S and J leave out."
+    others = len(mismatch.effects) - 1
+    if others:
+        sentence += f" And {others} more, see what S and J leave out."
     naive, restated = mismatch.naive.S.value, mismatch.restated.S.value
     if naive is None or restated is None:
         return sentence

@@ -17,8 +17,9 @@ confirm it where
 
 the second as Stouffer et al. (1949) combine tests. What chance names more often (``HARDER`` in
 ``mismatch.acceptance_limits``: play, and dwell, which scatter of the breakaways imitates) needs one
-window more: three that agree, or two and the others. Work on the valve, and a change that a window
-itself tells (``begins_anew``), let everything begin from the start.
+window more: three that agree, or two and the others. Where an effect is of friction itself and S
+falls below half of what it was with it, a window says that it is not there. Work on the valve, and
+a change that a window itself tells (``begins_anew``), let everything begin from the start.
 
 How often that is wrong: `stemwatch prove-weeks` counts valves with nothing hidden on which anything
 is confirmed within 30 daily windows.
@@ -44,6 +45,17 @@ AGREE = 2
 LEAST_MEAN, LEAST_T = 0.02, 1.2
 FEWEST_OTHERS = 3  # windows that can confirm what one has named
 LEFT_OUT_BY_CHANCE = 0.05
+# How friction itself shows beside S and J: on a valve that sticks they have its cause.
+OF_FRICTION = frozenset(
+    {
+        "asymmetric_slip",
+        "dwell_dependent_breakaway",
+        "growing_stiction",
+        "low_speed_restick",
+        "position_dependent_friction",
+    }
+)
+FRICTION_GONE = 0.5  # of S in the windows that name such an effect: with less it cannot be there
 FEWEST_WITHOUT = 3  # windows on end without it, before a confirmed effect is gone
 # Of one window's error, the part that all windows share: no stem is exactly the element. With it
 # 94 % of the pooled intervals of 26 simulated valves with an effect held the truth (development
@@ -148,13 +160,13 @@ class LastingFinding:
 def that_count(windows: Iterable[WindowEvidence]) -> list[WindowEvidence]:
     """The windows in order of time since the last one that ``begins_anew``, it included, without
     those that share samples with one before: the same minutes twice are no second witness."""
-    apart: list[WindowEvidence] = []
+    separate: list[WindowEvidence] = []
     for window in sorted(windows, key=lambda window: window.at):
         if window.begins_anew:
-            apart = []
-        if not apart or window.start is None or window.start >= apart[-1].at:
-            apart.append(window)
-    return apart
+            separate = []
+        if not separate or window.start is None or window.start >= separate[-1].at:
+            separate.append(window)
+    return separate
 
 
 def lasting_findings(windows: Iterable[WindowEvidence]) -> tuple[LastingFinding, ...]:
@@ -165,12 +177,17 @@ def lasting_findings(windows: Iterable[WindowEvidence]) -> tuple[LastingFinding,
     most windows speak for, and for no other.
     """
     ordered = that_count(windows)
-    found = [_followed(slug, ordered) for slug in _spoken_for(ordered)]
+    findings = [_followed(slug, ordered) for slug in _spoken_for(ordered)]
     order = list(FindingState)
     return tuple(
         sorted(
-            (finding for finding in found if finding is not None),
-            key=lambda one: (not one.holds, order.index(one.state), -one.named, one.slug),
+            (finding for finding in findings if finding is not None),
+            key=lambda finding: (
+                not finding.holds,
+                order.index(finding.state),
+                -finding.named,
+                finding.slug,
+            ),
         )
     )
 
@@ -183,48 +200,69 @@ def _spoken_for(windows: Sequence[WindowEvidence]) -> list[str]:
         firsts: dict[str, int] = {}
         for members in classes:
             firsts[members[0]] = firsts.get(members[0], 0) + 1
-        most = max(sorted(firsts), key=lambda slug: (sum(slug in c for c in classes), firsts[slug]))
-        slugs.append(most)
-        classes = [members for members in classes if most not in members]
+        strongest = max(
+            sorted(firsts), key=lambda slug: (sum(slug in c for c in classes), firsts[slug])
+        )
+        slugs.append(strongest)
+        classes = [members for members in classes if strongest not in members]
     return slugs
 
 
 def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | None:
     """The effect from its first window to the last one that could have shown it."""
-    shown = [window for window in windows if window.looked_for(slug)]
-    names = [window.names(slug) for window in shown]
+    felt = _friction_with(slug, windows)
+    windows_tested = [
+        window for window in windows if window.looked_for(slug) or _is_free(window.S, felt)
+    ]
+    names = [window.names(slug) for window in windows_tested]
     first = next((index for index, named in enumerate(names) if named), None)
     if first is None:
         return None
     confirmed: int | None = None
     state = FindingState.FIRST_SEEN
-    for index in range(first, len(shown)):
+    for index in range(first, len(windows_tested)):
         begin = max(index + 1 - MEMORY, 0)
-        agreed = _confirms(slug, shown[begin : index + 1], names[begin : index + 1])
+        agreed = _confirms(slug, windows_tested[begin : index + 1], names[begin : index + 1])
         if state in (FindingState.FIRST_SEEN, FindingState.GONE):
             if agreed and (state is FindingState.FIRST_SEEN or names[index]):
                 state, confirmed = FindingState.CONFIRMED, index
-        elif _is_gone(slug, shown[: index + 1], names[: index + 1]):
+        elif _is_gone(slug, windows_tested[: index + 1], names[: index + 1]):
             state = FindingState.GONE
         else:
             state = FindingState.STANDING
     last = max(index for index, named in enumerate(names) if named)
-    if confirmed is None and len(shown) - 1 - last >= MEMORY:
+    if confirmed is None and len(windows_tested) - 1 - last >= MEMORY:
         return None  # one window alone said so, and none of the many since
-    recent = shown[-MEMORY:]
-    mean, t = _together(slug, recent)
+    recent = windows_tested[-MEMORY:]
+    mean, t = _combined(slug, recent)
     return LastingFinding(
         slug=slug,
         state=state,
-        first_seen=shown[first].at,
-        last_seen=shown[last].at,
-        confirmed=None if confirmed is None else shown[confirmed].at,
+        first_seen=windows_tested[first].at,
+        last_seen=windows_tested[last].at,
+        confirmed=None if confirmed is None else windows_tested[confirmed].at,
         named=sum(names[-MEMORY:]),
         of=len(recent),
         mean=mean,
         t=t,
         p_value=_chance(slug, recent),
     )
+
+
+def _friction_with(slug: str, windows: Sequence[WindowEvidence]) -> float:
+    """The median S of the windows that name an effect of friction itself, percent; 0 for any
+    other."""
+    known = [
+        window.S.value
+        for window in windows
+        if window.names(slug) and window.S is not None and window.S.value is not None
+    ]
+    return float(np.median(known)) if known and slug in OF_FRICTION else 0.0
+
+
+def _is_free(S: Estimate | None, felt: float) -> bool:
+    """Whether S lies, with its interval, below ``FRICTION_GONE`` of what was ``felt``."""
+    return S is not None and S.high is not None and S.high < FRICTION_GONE * felt
 
 
 def _chance(slug: str, windows: Sequence[WindowEvidence]) -> float:
@@ -253,32 +291,32 @@ def _confirms(slug: str, recent: Sequence[WindowEvidence], names: Sequence[bool]
 
 def gain_together(slug: str, windows: Sequence[WindowEvidence]) -> bool:
     """Whether the windows that do not name the effect gain by it together."""
-    mean, t = _together(slug, windows)
+    mean, t = _combined(slug, windows)
     return mean is not None and t is not None and mean >= LEAST_MEAN and t >= LEAST_T
 
 
-def _together(
+def _combined(
     slug: str, windows: Sequence[WindowEvidence]
 ) -> tuple[float, float] | tuple[None, None]:
     """Mean gain and pooled t of the windows that do not name the effect."""
     scores = [window.score(slug) for window in windows if not window.names(slug)]
-    known = [score for score in scores if score is not None]
-    if len(known) < FEWEST_OTHERS:
+    known_scores = [score for score in scores if score is not None]
+    if len(known_scores) < FEWEST_OTHERS:
         return None, None
-    mean = sum(score.mean for score in known) / len(known)
-    return mean, sum(score.t for score in known) / math.sqrt(len(known))
+    mean = sum(score.mean for score in known_scores) / len(known_scores)
+    return mean, sum(score.t for score in known_scores) / math.sqrt(len(known_scores))
 
 
 def _is_gone(slug: str, windows: Sequence[WindowEvidence], names: Sequence[bool]) -> bool:
     """Whether so many windows at the end do not name the effect that chance hardly explains it, and
     they do not gain by it together either."""
-    without = next((k for k, named in enumerate(reversed(names)) if named), len(names))
-    before = names[: len(names) - without][-MEMORY:]
+    windows_without = next((k for k, named in enumerate(reversed(names)) if named), len(names))
+    before = names[: len(names) - windows_without][-MEMORY:]
     share = sum(before) / (len(before) + 1.0)
-    enough = math.log(LEFT_OUT_BY_CHANCE) / math.log(max(1.0 - share, 1e-9))
-    if without < min(max(math.ceil(enough), FEWEST_WITHOUT), MEMORY):
+    enough_windows = math.log(LEFT_OUT_BY_CHANCE) / math.log(max(1.0 - share, 1e-9))
+    if windows_without < min(max(math.ceil(enough_windows), FEWEST_WITHOUT), MEMORY):
         return False
-    return not gain_together(slug, windows[len(windows) - without :][-MEMORY:])
+    return not gain_together(slug, windows[len(windows) - windows_without :][-MEMORY:])
 
 
 def pooled_stiction(
@@ -291,9 +329,11 @@ def pooled_stiction(
     of the windows' median error is added in quadrature.
     """
     holding = [finding.slug for finding in findings if finding.holds]
-    alike = [window for window in that_count(windows) if _names_just(window, holding)][-MEMORY:]
-    S = _pooled([window.S for window in alike])
-    J = _pooled([window.J for window in alike])
+    same_names = [window for window in that_count(windows) if _names_just(window, holding)][
+        -MEMORY:
+    ]
+    S = _pooled([window.S for window in same_names])
+    J = _pooled([window.J for window in same_names])
     return None if S is None or J is None else Stiction(S=S, J=J)
 
 
@@ -305,12 +345,20 @@ def _names_just(window: WindowEvidence, slugs: Sequence[str]) -> bool:
 
 def _pooled(estimates: Sequence[Estimate | None]) -> Estimate | None:
     """The random-effects mean of several estimates, with its 95 % interval."""
-    known = [one for one in estimates if one is not None and one.value is not None]
-    known = [one for one in known if one.low is not None and one.high is not None]
-    if len(known) < 2:
+    known_estimates = [
+        estimate for estimate in estimates if estimate is not None and estimate.value is not None
+    ]
+    known_estimates = [
+        estimate
+        for estimate in known_estimates
+        if estimate.low is not None and estimate.high is not None
+    ]
+    if len(known_estimates) < 2:
         return None
-    values = np.array([one.value for one in known], dtype=np.float64)
-    errors = np.array([(one.high or 0.0) - (one.low or 0.0) for one in known]) / (2.0 * _NORMAL_95)
+    values = np.array([estimate.value for estimate in known_estimates], dtype=np.float64)
+    errors = np.array(
+        [(estimate.high or 0.0) - (estimate.low or 0.0) for estimate in known_estimates]
+    ) / (2.0 * _NORMAL_95)
     mean, error = _random_effects(values, np.maximum(errors, 1e-6))
     reach = _NORMAL_95 * math.hypot(error, SHARED * float(np.median(errors)))
     return Estimate(value=mean, low=max(mean - reach, 0.0), high=mean + reach, unit=PERCENT)

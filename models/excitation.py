@@ -81,11 +81,11 @@ def jumps_from_rest(mv: Floats, op: Floats, sigma: float) -> Jumps:
     moved = steps > 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], moved.astype(np.int8), [0]))))
     begins, ends = edges[::2], edges[1::2]
-    rest = begins - np.concatenate(([0], ends[:-1])) if begins.size else begins
-    own = np.abs(np.diff(op))
+    rest_samples = begins - np.concatenate(([0], ends[:-1])) if begins.size else begins
+    op_steps = np.abs(np.diff(op))
     # The command may have moved a sample earlier than the stem shows it.
-    own[1:] = np.maximum(own[1:], own[:-1])
-    jump = (rest >= REST_SAMPLES) & (steps[begins] > 3.0 * own[begins])
+    op_steps[1:] = np.maximum(op_steps[1:], op_steps[:-1])
+    jump = (rest_samples >= REST_SAMPLES) & (steps[begins] > 3.0 * op_steps[begins])
     return Jumps(begins=begins[jump], sizes=np.asarray((mv[ends] - mv[begins])[jump]))
 
 

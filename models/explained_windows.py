@@ -75,21 +75,26 @@ def explain_windows(
         return None
     explanations = [explain(recording.part(window.first, window.last)) for window in windows]
     evidence = tuple(
-        _evidence(recording, window, one) for window, one in zip(windows, explanations, strict=True)
+        _evidence(recording, window, mismatch)
+        for window, mismatch in zip(windows, explanations, strict=True)
     )
     findings = lasting_findings(evidence)
     holding = [finding.slug for finding in findings if finding.holds]
-    seconds = sum(one.seconds for one in explanations)
+    seconds = sum(mismatch.seconds for mismatch in explanations)
     suspected = _suspected(evidence)
     if suspected and not holding and len(recording) // samples <= MOST:
-        whole = explain(recording)
-        seconds += whole.seconds
-        if whole.defects and all(set(one.members) & suspected for one in whole.defects):
-            whole = replace(whole, seconds=seconds)
-            return _as_whole(whole, _began(recording), evidence, findings, suspected)
-    best = _shown(explanations, evidence, holding)
+        whole_mismatch = explain(recording)
+        seconds += whole_mismatch.seconds
+        if whole_mismatch.defects and all(
+            set(effect.members) & suspected for effect in whole_mismatch.defects
+        ):
+            whole_mismatch = replace(whole_mismatch, seconds=seconds)
+            return _as_whole(
+                whole_mismatch, _start_of_recording(recording), evidence, findings, suspected
+            )
+    best = _window_to_show(explanations, evidence, holding)
     # With nothing named, a window that is not free of something bends S and J its own way.
-    clear = bool(holding) or all(one.finding is Finding.NONE for one in explanations)
+    clear = bool(holding) or all(mismatch.finding is Finding.NONE for mismatch in explanations)
     pooled = pooled_stiction(evidence, findings) if clear else None
     shown_window = windows[best]
     mismatch = explanations[best]
@@ -102,12 +107,14 @@ def explain_windows(
     mismatch = replace(
         mismatch,
         runs=None if runs is None else runs.within(shown_window.first, len(recording)),
-        p_value=min((one.p_value for one in findings if one.holds), default=mismatch.p_value),
+        p_value=min(
+            (finding.p_value for finding in findings if finding.holds), default=mismatch.p_value
+        ),
         seconds=seconds,
     )
     return ExplainedWindows(
         mismatch=mismatch,
-        began=_began(recording),
+        began=_start_of_recording(recording),
         shown=shown_window,
         windows=evidence,
         findings=findings,
@@ -117,14 +124,14 @@ def explain_windows(
 
 def _suspected(evidence: Sequence[WindowEvidence]) -> set[str]:
     """The effects that windows gain by together, or that two of them name."""
-    known = {score.slug for window in evidence for score in window.scores}
-    named = {slug: sum(window.names(slug) for window in evidence) for slug in known}
-    return {slug for slug in known if named[slug] >= AGREE or gain_together(slug, evidence)}
+    scored_slugs = {score.slug for window in evidence for score in window.scores}
+    named = {slug: sum(window.names(slug) for window in evidence) for slug in scored_slugs}
+    return {slug for slug in scored_slugs if named[slug] >= AGREE or gain_together(slug, evidence)}
 
 
 def _as_whole(
-    whole: Mismatch,
-    began: datetime,
+    whole_mismatch: Mismatch,
+    recording_began: datetime,
     evidence: tuple[WindowEvidence, ...],
     findings: Sequence[LastingFinding],
     suspected: set[str],
@@ -133,13 +140,13 @@ def _as_whole(
     from it."""
     slugs = tuple(
         next(slug for slug in (effect.slug, *effect.members) if slug in suspected)
-        for effect in whole.defects
+        for effect in whole_mismatch.defects
     )
-    confirmed = tuple(_by_whole(slug, whole, evidence) for slug in slugs)
-    others = tuple(one for one in findings if one.slug not in slugs)
+    confirmed = tuple(_by_whole(slug, whole_mismatch, evidence) for slug in slugs)
+    others = tuple(finding for finding in findings if finding.slug not in slugs)
     return ExplainedWindows(
-        mismatch=whole,
-        began=began,
+        mismatch=whole_mismatch,
+        began=recording_began,
         shown=None,
         windows=evidence,
         findings=(*confirmed, *others),
@@ -147,7 +154,9 @@ def _as_whole(
     )
 
 
-def _by_whole(slug: str, whole: Mismatch, evidence: Sequence[WindowEvidence]) -> LastingFinding:
+def _by_whole(
+    slug: str, whole_mismatch: Mismatch, evidence: Sequence[WindowEvidence]
+) -> LastingFinding:
     looked = [window for window in evidence if window.looked_for(slug)]
     return LastingFinding(
         slug=slug,
@@ -157,37 +166,37 @@ def _by_whole(slug: str, whole: Mismatch, evidence: Sequence[WindowEvidence]) ->
         confirmed=looked[-1].at,
         named=sum(window.names(slug) for window in looked),
         of=len(looked),
-        p_value=1.0 if whole.p_value is None else whole.p_value,
+        p_value=1.0 if whole_mismatch.p_value is None else whole_mismatch.p_value,
     )
 
 
-def _began(recording: Recording) -> datetime:
+def _start_of_recording(recording: Recording) -> datetime:
     return recording.start or NO_DATE
 
 
 def _evidence(recording: Recording, window: FitWindow, mismatch: Mismatch) -> WindowEvidence:
-    start, at = (
-        _began(recording) + timedelta(seconds=sample * recording.interval_s)
+    start, window_end = (
+        _start_of_recording(recording) + timedelta(seconds=sample * recording.interval_s)
         for sample in (window.first, window.last)
     )
-    return WindowEvidence.of(mismatch, at, start=start)
+    return WindowEvidence.of(mismatch, window_end, start=start)
 
 
-def _shown(
+def _window_to_show(
     mismatches: Sequence[Mismatch], evidence: Sequence[WindowEvidence], holding: Sequence[str]
 ) -> int:
     """The window whose defects are most nearly those that hold, and whose finding most others of
     these share; the first of equals."""
 
-    def apart(place: int) -> int:
-        missing = sum(not evidence[place].names(slug) for slug in holding)
-        beyond = sum(not set(members) & set(holding) for members in evidence[place].named)
-        return missing + 2 * beyond
+    def differences(index: int) -> int:
+        missing = sum(not evidence[index].names(slug) for slug in holding)
+        not_confirmed = sum(not set(members) & set(holding) for members in evidence[index].named)
+        return missing + 2 * not_confirmed
 
-    nearest = min(map(apart, range(len(mismatches))))
-    alike = [index for index in range(len(mismatches)) if apart(index) == nearest]
+    nearest = min(map(differences, range(len(mismatches))))
+    closest_windows = [index for index in range(len(mismatches)) if differences(index) == nearest]
     counts = [
-        sum(mismatches[other].finding is mismatches[index].finding for other in alike)
-        for index in alike
+        sum(mismatches[other].finding is mismatches[index].finding for other in closest_windows)
+        for index in closest_windows
     ]
-    return alike[counts.index(max(counts))]
+    return closest_windows[counts.index(max(counts))]

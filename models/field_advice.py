@@ -70,8 +70,10 @@ def check_steps(*texts: str) -> tuple[CheckStep, ...]:
 
 
 def _step(text: str) -> CheckStep:
-    level, colon, said = text.partition(": ")
+    level, colon, level_text = text.partition(": ")
     if not colon or level.upper() not in IsolationLevel.__members__:
-        known = ", ".join(key.lower() for key in IsolationLevel.__members__)
-        raise ValueError(f"{text!r}: a step begins with how far one must go ({known}) and a colon")
-    return CheckStep(IsolationLevel[level.upper()], said)
+        known_levels = ", ".join(key.lower() for key in IsolationLevel.__members__)
+        raise ValueError(
+            f"{text!r}: a step begins with how far one must go ({known_levels}) and a colon"
+        )
+    return CheckStep(IsolationLevel[level.upper()], level_text)

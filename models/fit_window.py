@@ -65,17 +65,17 @@ def choose_fit_window(recording: Recording, samples: int) -> FitWindow | None:
     return movement.window(int(first[int(np.argmax(movement.worth(first, samples)))]), samples)
 
 
-def telling_windows(recording: Recording, samples: int, most: int) -> tuple[FitWindow, ...]:
+def telling_windows(recording: Recording, samples: int, most_windows: int) -> tuple[FitWindow, ...]:
     """The record cut into equal windows of ``samples`` samples and a little more, in order of time;
-    of more than ``most`` those with the most useful movement of OP, as ``choose_fit_window`` counts
-    it. None where OP is not known."""
+    of more than ``most_windows`` those with the most useful movement of OP, as
+    ``choose_fit_window`` counts it. None where OP is not known."""
     count = len(recording) // max(samples, 2)
     movement = _Movement.of(recording)
     if movement is None or count < 1:
         return ()
     length = len(recording) // count
     first = np.arange(count) * length
-    chosen = np.argsort(-movement.worth(first, length), kind="stable")[:most]
+    chosen = np.argsort(-movement.worth(first, length), kind="stable")[:most_windows]
     return tuple(movement.window(int(begin), length) for begin in np.sort(first[chosen]))
 
 
@@ -93,12 +93,12 @@ class _Movement:
     def of(cls, recording: Recording) -> _Movement | None:
         """Of a recording; ``None`` where hardly any OP is known."""
         op, usable = recording.op.values, recording.usable
-        known = np.flatnonzero(np.isfinite(op))
-        if known.size < 3:
+        finite = np.flatnonzero(np.isfinite(op))
+        if finite.size < 3:
             return None
         span = swing(op)
         threshold = max(TURN_SHARE * span, NOISES * noise_sigma(op), SMALLEST_TURN_PERCENT)
-        turns = known[reversals(op[known], threshold)]
+        turns = finite[reversals(op[finite], threshold)]
         path = np.zeros(len(recording) + 1)
         path[turns[1:] + 1] = np.minimum(np.abs(np.diff(op[turns])), span)
         good = np.concatenate(([0], np.cumsum(usable)))
@@ -107,15 +107,15 @@ class _Movement:
     def worth(self, first: NDArray[np.intp], samples: int) -> Floats:
         """(m,) what stretches of ``samples`` samples are worth that begin at ``first`` (m,)."""
         usable = (self.good[first + samples] - self.good[first]) / samples
-        return np.asarray(_worth(self.path, first, samples) * usable)
+        return np.asarray(_worth_of_windows(self.path, first, samples) * usable)
 
     def window(self, begin: int, samples: int) -> FitWindow:
         """The stretch that begins at ``begin``."""
-        inside = np.count_nonzero((self.turns >= begin) & (self.turns < begin + samples))
-        return FitWindow(begin, begin + samples, int(inside), self.threshold)
+        turn_count = np.count_nonzero((self.turns >= begin) & (self.turns < begin + samples))
+        return FitWindow(begin, begin + samples, int(turn_count), self.threshold)
 
 
-def _worth(path: Floats, first: NDArray[np.intp], samples: int) -> Floats:
+def _worth_of_windows(path: Floats, first: NDArray[np.intp], samples: int) -> Floats:
     """(m,) what OP's way in either half is worth, for stretches that begin at ``first`` (m,)."""
     middle = first + samples // 2
     early, late = path[middle] - path[first], path[first + samples] - path[middle]
@@ -125,21 +125,21 @@ def _worth(path: Floats, first: NDArray[np.intp], samples: int) -> Floats:
 def window_sentence(stretch: FitWindow, recording: Recording) -> str:
     """One sentence for the report: which stretch was fitted and why that one."""
     part = recording.part(stretch.first, stretch.last)
-    where = f"samples {stretch.first + 1} to {stretch.last}"
+    window_text = f"samples {stretch.first + 1} to {stretch.last}"
     if part.start is not None and part.end is not None:
-        where = f"{part.start:%Y-%m-%d %H:%M:%S} to {part.end:%Y-%m-%d %H:%M:%S} UTC"
+        window_text = f"{part.start:%Y-%m-%d %H:%M:%S} to {part.end:%Y-%m-%d %H:%M:%S} UTC"
     return (
-        f"The models are fitted to {where}, {stretch.length / len(recording):.0%} of the record: "
-        f"where OP works the valve most, turning round {times(stretch.turns)} by at least "
+        f"The models are fitted to {window_text}, {stretch.length / len(recording):.0%} of the "
+        f"record: where OP works the valve most, turning round {times(stretch.turns)} by at least "
         f"{stretch.turn_percent:.2g} %. Data quality and movement are those of the whole record."
     )
 
 
 def on_whole_clock(trace: Floats, first: int, samples: int) -> Floats:
     """(samples,) a trace of a stretch that begins at ``first``, NaN outside it."""
-    whole = np.full(samples, np.nan)
-    whole[first : first + trace.size] = trace
-    return whole
+    whole_record = np.full(samples, np.nan)
+    whole_record[first : first + trace.size] = trace
+    return whole_record
 
 
 __all__ = [

@@ -53,10 +53,10 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
     over windows of 30 samples, times 1.15 (the bias of that percentile for white noise), and never
     above ``noise_sigma``.
     """
-    whole = noise_sigma(values)
+    sigma_of_all = noise_sigma(values)
     count = values.size // window
     if count < 5:
-        return whole
+        return sigma_of_all
     bent = np.isfinite(np.convolve(values, (1.0, 1.0, 1.0), "valid"))
     windows = zip(np.array_split(values[1:-1], count), np.array_split(bent, count), strict=True)
     # A window in which little was measured tells nothing of the noise.
@@ -64,8 +64,8 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
         noise_sigma(part) for part, finite in windows if np.count_nonzero(finite) >= window // 2
     ]
     if len(parts) < LEAST_WINDOWS:
-        return whole
-    return min(whole, 1.15 * float(np.percentile(parts, 100.0 * share)))
+        return sigma_of_all
+    return min(sigma_of_all, 1.15 * float(np.percentile(parts, 100.0 * share)))
 
 
 def quantum(values: Floats) -> float:
@@ -109,8 +109,8 @@ def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> boo
 
 def longest_repeat(values: Floats) -> int:
     """Length in samples of the longest run of bit-exact repeats (1: none)."""
-    same = np.concatenate(([0], (np.diff(values) == 0.0).astype(np.int8), [0]))
-    edges = np.flatnonzero(np.diff(same))
+    unchanged = np.concatenate(([0], (np.diff(values) == 0.0).astype(np.int8), [0]))
+    edges = np.flatnonzero(np.diff(unchanged))
     return int((edges[1::2] - edges[::2]).max()) + 1 if edges.size else 1
 
 
@@ -120,12 +120,14 @@ def interpolated(values: Floats) -> Bools:
     A swinging-door archive keeps knots and draws lines; a measured signal with noise almost never
     has three points on one line. Flat triples are repeats, not interpolation, and do not count.
     """
-    inside = np.zeros(values.size, dtype=bool)
+    interpolated_samples = np.zeros(values.size, dtype=bool)
     if values.size < 3:
-        return inside
+        return interpolated_samples
     bend = np.abs(values[2:] - 2.0 * values[1:-1] + values[:-2])
     slope = np.abs(values[2:] - values[:-2])
     zero = _zero(values)
     # A float that was printed with few digits bends by its last digit.
-    inside[1:-1] = (bend <= np.maximum(1e-6 * slope, 4.0 * zero)) & (slope > 16.0 * zero)
-    return inside
+    interpolated_samples[1:-1] = (bend <= np.maximum(1e-6 * slope, 4.0 * zero)) & (
+        slope > 16.0 * zero
+    )
+    return interpolated_samples

@@ -46,8 +46,8 @@ def mostly_one_value(longest_repeat: int, samples: int) -> bool:
 
 def repeated(values: Floats) -> NDArray[np.int64]:
     """(m, 2) first and last + 1 of each run of equal values (n,), its first sample included."""
-    same = np.concatenate(([0], (np.diff(values) == 0.0).astype(np.int8), [0]))
-    edges = np.flatnonzero(np.diff(same)).reshape(-1, 2)
+    unchanged = np.concatenate(([0], (np.diff(values) == 0.0).astype(np.int8), [0]))
+    edges = np.flatnonzero(np.diff(unchanged)).reshape(-1, 2)
     return np.column_stack((edges[:, 0], edges[:, 1] + 1)).astype(np.int64)
 
 
@@ -90,14 +90,14 @@ def _usual_of_others(moved: Floats, length: NDArray[np.int64]) -> Floats:
     """(m,) for each run the median of ``moved`` over the others, weighted by ``length``."""
     order = np.argsort(moved, kind="stable")
     total = np.cumsum(length[order])
-    own = length[order]
-    half = 0.5 * (total[-1] - own)
+    own_lengths = length[order]
+    half = 0.5 * (total[-1] - own_lengths)
     before = np.searchsorted(total, half)
-    after = np.searchsorted(total, half + own)
+    after = np.searchsorted(total, half + own_lengths)
     middle = np.where(before < np.arange(order.size), before, np.minimum(after, order.size - 1))
-    usual = np.empty(order.size)
-    usual[order] = np.where(total[-1] > own, moved[order][middle], 0.0)
-    return usual
+    usual_length = np.empty(order.size)
+    usual_length[order] = np.where(total[-1] > own_lengths, moved[order][middle], 0.0)
+    return usual_length
 
 
 def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: bool) -> Bools:
@@ -118,10 +118,10 @@ def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: boo
     for first, last in runs[long]:
         outside[first + 1 : last] = False
     noisy = not compressed and turns_like_noise(mv, runs[long], LEAST_TURNS_EXPLAINED)
-    usual = float(np.percentile(length[~long], 99.0)) if (~long).any() else 1.0
+    usual_length = float(np.percentile(length[~long], 99.0)) if (~long).any() else 1.0
     band = _band(op, mv, outside)
     for first, last in runs[long]:
-        by_noise = noisy and last - first >= LONGER * usual
+        by_noise = noisy and last - first >= LONGER * usual_length
         moved = op[first:last][np.isfinite(op[first:last])]
         # A move of OP that lasts a second or two is over before the stem can answer.
         op_range = float(np.ptp(np.percentile(moved, LASTING))) if moved.size else 0.0

@@ -22,7 +22,7 @@ from stemwatch.models.stickslip.speed_limits import shown_speed_limits
 from stemwatch.models.without_position.suspicion import WithoutPosition
 
 
-def _one(name: str, value: float | None, unit: str) -> list[Indicator]:
+def _single_indicator(name: str, value: float | None, unit: str) -> list[Indicator]:
     """The indicator, or nothing where the number is not known."""
     if value is None or not np.isfinite(value):
         return []
@@ -36,13 +36,13 @@ def in_seconds(indicators: Sequence[Indicator], recording: Recording) -> list[In
     def true(indicator: Indicator) -> Indicator:
         numbers = (indicator.value, indicator.low, indicator.high)
         value, low, high = (
-            None if one is None else seconds_of(one, indicator.unit, recording.unit_s)
-            for one in numbers
+            None if number is None else seconds_of(number, indicator.unit, recording.unit_s)
+            for number in numbers
         )
         assert value is not None
         return replace(indicator, value=value, low=low, high=high)
 
-    return [true(one) for one in indicators]
+    return [true(indicator) for indicator in indicators]
 
 
 def _estimated(name: str, estimate: Estimate) -> list[Indicator]:
@@ -69,22 +69,22 @@ def of_recording(recording: Recording) -> list[Indicator]:
     threshold = max(0.1 * op_swing, 0.2)
     usable = 100.0 * float(recording.usable.mean()) if len(recording) else 0.0
     indicators = [
-        *_one("op_swing_percent", op_swing, "%"),
-        *_one("op_reversals", float(reversals(op, threshold).size), ""),
-        *_one("usable_percent", usable, "%"),
+        *_single_indicator("op_swing_percent", op_swing, "%"),
+        *_single_indicator("op_reversals", float(reversals(op, threshold).size), ""),
+        *_single_indicator("usable_percent", usable, "%"),
     ]
     cycle = signal_oscillation(recording.op, recording.interval_s)
     if cycle is not None and cycle.regular:
-        indicators += _one("loop_period_s", cycle.period_s, "s")
-        indicators += _one("loop_regularity", cycle.regularity, "")
+        indicators += _single_indicator("loop_period_s", cycle.period_s, "s")
+        indicators += _single_indicator("loop_regularity", cycle.regularity, "")
     return indicators
 
 
-def of_suspicion(told: WithoutPosition) -> list[Indicator]:
+def of_suspicion(suspicion: WithoutPosition) -> list[Indicator]:
     """The score of what OP and PV alone say, and the apparent S of a suspicion."""
     return [
-        *_one("sticking_score", told.score, ""),
-        *_estimated("apparent_S_percent", told.apparent_S),
+        *_single_indicator("sticking_score", suspicion.score, ""),
+        *_estimated("apparent_S_percent", suspicion.apparent_S),
     ]
 
 
@@ -96,13 +96,13 @@ def of_movement(problem: FitProblem, events: SlipEvents) -> list[Indicator]:
     count = float(events.count)
     turns = float(reversals(problem.mv, threshold).size)
     return [
-        *_one("slip_count", count, ""),
-        *_one("slips_per_hour", count / hours, "1/h"),
-        *_one("jumped_percent", 100.0 * events.share, "%"),
-        *_one("mv_reversals", turns, ""),
-        *_one("travel_percent", stem_travel, "%"),
-        *_one("travel_per_hour_percent", stem_travel / hours, "%/h"),
-        *_one("position_noise_percent", problem.sigma, "%"),
+        *_single_indicator("slip_count", count, ""),
+        *_single_indicator("slips_per_hour", count / hours, "1/h"),
+        *_single_indicator("jumped_percent", 100.0 * events.share, "%"),
+        *_single_indicator("mv_reversals", turns, ""),
+        *_single_indicator("travel_percent", stem_travel, "%"),
+        *_single_indicator("travel_per_hour_percent", stem_travel / hours, "%/h"),
+        *_single_indicator("position_noise_percent", problem.sigma, "%"),
     ]
 
 
@@ -124,17 +124,19 @@ def of_friction(
     indicators = [
         *_estimated("S_percent", S),
         *_estimated("J_percent", J),
-        *_one("S_of_swing_percent", share, "%"),
-        *_one("S_minus_J_percent", left_behind, "%"),
-        *_one("dead_band_percent", left_behind, "%"),
-        *_one("breakaway_scatter_percent", scatter, "%"),
-        *_one("naive_S_percent", naive_S, "%"),
-        *_one("naive_J_percent", naive_J, "%"),
-        *_one("position_zero_percent", zero, "%"),
+        *_single_indicator("S_of_swing_percent", share, "%"),
+        *_single_indicator("S_minus_J_percent", left_behind, "%"),
+        *_single_indicator("dead_band_percent", left_behind, "%"),
+        *_single_indicator("breakaway_scatter_percent", scatter, "%"),
+        *_single_indicator("naive_S_percent", naive_S, "%"),
+        *_single_indicator("naive_J_percent", naive_J, "%"),
+        *_single_indicator("position_zero_percent", zero, "%"),
     ]
     if op_per_travel != 1.0:
-        indicators += _one("S_of_travel_percent", S.value / op_per_travel, "%")
-        indicators += _one("J_of_travel_percent", (J.value or 0.0) / op_per_travel, "%")
+        indicators += _single_indicator("S_of_travel_percent", S.value / op_per_travel, "%")
+        indicators += _single_indicator(
+            "J_of_travel_percent", (J.value or 0.0) / op_per_travel, "%"
+        )
     return [*indicators, *(_of_actuator(fit) if fit.hypothesis == "both" else [])]
 
 
@@ -142,12 +144,12 @@ def _of_actuator(fit: StickSlipFit) -> list[Indicator]:
     """Dead time, lags and speed limits; only for a fit that needs more than friction."""
     c = fit.candidate
     indicators = [
-        *_one("dead_time_s", float(c[coordinate.DEAD_TIME_S]), "s"),
-        *_one("lag_rising_s", float(c[coordinate.LAG_UP_S]), "s"),
-        *_one("lag_falling_s", float(c[coordinate.LAG_DOWN_S]), "s"),
+        *_single_indicator("dead_time_s", float(c[coordinate.DEAD_TIME_S]), "s"),
+        *_single_indicator("lag_rising_s", float(c[coordinate.LAG_UP_S]), "s"),
+        *_single_indicator("lag_falling_s", float(c[coordinate.LAG_DOWN_S]), "s"),
     ]
     for name, speed in shown_speed_limits(fit).items():
-        indicators += _one(f"speed_{name}_percent_per_s", speed, "%/s")
+        indicators += _single_indicator(f"speed_{name}_percent_per_s", speed, "%/s")
     return indicators
 
 
@@ -157,7 +159,7 @@ def of_residuals(residuals: Mapping[str, Residual | None], ratio: float | None) 
     for name, residual in residuals.items():
         if residual is None:
             continue
-        indicators += _one(f"{name}_rmse_percent", residual.rmse, "%")
-        indicators += _one(f"{name}_fit_percent", residual.fit_percent, "%")
-        indicators += _one(f"{name}_one_step_rmse_percent", residual.one_step, "%")
-    return [*indicators, *_one("baseline_ratio", ratio, "")]
+        indicators += _single_indicator(f"{name}_rmse_percent", residual.rmse, "%")
+        indicators += _single_indicator(f"{name}_fit_percent", residual.fit_percent, "%")
+        indicators += _single_indicator(f"{name}_one_step_rmse_percent", residual.one_step, "%")
+    return [*indicators, *_single_indicator("baseline_ratio", ratio, "")]

@@ -66,8 +66,8 @@ def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     crossings = np.flatnonzero(sign[1:] != sign[:-1])[: 2 * MIN_CROSSINGS]
     if crossings.size < MIN_CROSSINGS:
         return None
-    left, right = acf[crossings], acf[crossings + 1]
-    exact = crossings + left / (left - right)
+    before_crossing, right = acf[crossings], acf[crossings + 1]
+    exact = crossings + before_crossing / (before_crossing - right)
     half = np.diff(exact)
     period = 2.0 * float(half.mean()) * interval_s
     scatter = float(half.std(ddof=1)) * interval_s * 2.0

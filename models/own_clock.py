@@ -40,10 +40,10 @@ def on_own_clock(recording: Recording) -> Recording:
     if recording.own_unit_s is not None:
         return recording
     unit_s = samples_in_unit(recording) * recording.interval_s
-    return replace(_counted(recording, unit_s), own_unit_s=unit_s)
+    return replace(_in_unit(recording, unit_s), own_unit_s=unit_s)
 
 
-def _counted(recording: Recording, unit_s: float) -> Recording:
+def _in_unit(recording: Recording, unit_s: float) -> Recording:
     """``recording`` with all its times divided by ``unit_s``."""
     signals = {
         role: signal
@@ -66,7 +66,7 @@ def off_own_clock(recording: Recording) -> Recording:
     unit_s = recording.own_unit_s
     if unit_s is None:
         return recording
-    return replace(_counted(recording, 1.0 / unit_s), own_unit_s=None)
+    return replace(_in_unit(recording, 1.0 / unit_s), own_unit_s=None)
 
 
 def seconds_of(value: float, unit: str, unit_s: float) -> float:
@@ -74,10 +74,10 @@ def seconds_of(value: float, unit: str, unit_s: float) -> float:
     ``unit_s`` seconds, in true ones. Raises ``ValueError`` for a unit that is not known here."""
     power = POWER_OF_TIME.get(unit)
     if power is None:
-        known = ", ".join(repr(one) for one in POWER_OF_TIME)
+        known_quantities = ", ".join(repr(quantity) for quantity in POWER_OF_TIME)
         raise ValueError(
-            f"the unit {unit!r} has no power of time: one of {known} expected; add it to "
-            "POWER_OF_TIME in models/own_clock.py"
+            f"the unit {unit!r} has no power of time: one of {known_quantities} expected; add "
+            "it to POWER_OF_TIME in models/own_clock.py"
         )
     return value if power == 0 else value * unit_s if power == 1 else value / unit_s
 
@@ -87,25 +87,29 @@ def estimate_in_seconds(estimate: Estimate, unit_s: float) -> Estimate:
     if estimate.value is None:
         return estimate
     value, low, high = (
-        None if one is None else seconds_of(one, estimate.unit, unit_s)
-        for one in (estimate.value, estimate.low, estimate.high)
+        None if number is None else seconds_of(number, estimate.unit, unit_s)
+        for number in (estimate.value, estimate.low, estimate.high)
     )
     return replace(estimate, value=value, low=low, high=high)
 
 
-def duration(own: float, unit_s: float, spec: str = ".0f") -> str:
-    """``own`` units of ``unit_s`` seconds in words: "12 s" by ``spec`` where the clock is one of
-    seconds, "3.4 ms" on a faster and "2.5 h" on a slower one."""
-    seconds = own * unit_s
+def duration(own_time: float, unit_s: float, spec: str = ".0f") -> str:
+    """``own_time`` units of ``unit_s`` seconds in words: "12 s" by ``spec`` where the clock is one
+    of seconds, "3.4 ms" on a faster and "2.5 h" on a slower one."""
+    seconds = own_time * unit_s
     if is_of_seconds(unit_s):
         return f"{seconds:{spec}} s"
     factor, unit = _said_in(seconds, unit_s)
     return f"{seconds / factor:.3g} {unit}"
 
 
-def long_time(own: float, unit_s: float) -> str:
-    """``own`` units of time in words: minutes on a clock of seconds."""
-    return f"{own * unit_s / 60.0:.0f} minutes" if is_of_seconds(unit_s) else duration(own, unit_s)
+def long_time(own_time: float, unit_s: float) -> str:
+    """``own_time`` units of time in words: minutes on a clock of seconds."""
+    return (
+        f"{own_time * unit_s / 60.0:.0f} minutes"
+        if is_of_seconds(unit_s)
+        else duration(own_time, unit_s)
+    )
 
 
 def is_of_seconds(unit_s: float) -> bool:
@@ -113,9 +117,9 @@ def is_of_seconds(unit_s: float) -> bool:
     return FAST < unit_s < SLOW
 
 
-def rate(own: float, unit_s: float, spec: str = ".1f") -> str:
-    """``own`` percent a unit in words, as ``duration``: "0.5 %/s", "3 %/min"."""
-    speed = own / unit_s
+def rate(own_rate: float, unit_s: float, spec: str = ".1f") -> str:
+    """``own_rate`` percent a unit in words, as ``duration``: "0.5 %/s", "3 %/min"."""
+    speed = own_rate / unit_s
     if is_of_seconds(unit_s):
         return f"{speed:{spec}} %/s"
     factor, unit = _speed_said_in(speed, unit_s)
@@ -128,9 +132,9 @@ def between(low: str, high: str) -> str:
     return f"{a} to {high}" if high.endswith(f" {unit}") else f"{low} to {high}"
 
 
-def parts_of_time(own: float, unit_s: float, parts: int) -> tuple[str, ...]:
-    """Names of so many equal parts of ``own`` units of time: "minute 0 to 8" and so on."""
-    seconds = own * unit_s
+def parts_of_time(own_time: float, unit_s: float, parts: int) -> tuple[str, ...]:
+    """Names of so many equal parts of ``own_time`` units of time: "minute 0 to 8" and so on."""
+    seconds = own_time * unit_s
     factor, name = 60.0, "minute"
     if unit_s >= SLOW and seconds >= LEAST_SAID * 86400.0:
         factor, name = 3600.0, "hour"
@@ -145,7 +149,10 @@ def _said_in(seconds: float, unit_s: float) -> tuple[float, str]:
     """The unit in which a time of a fast or of a slow clock is said, and its seconds."""
     if unit_s <= FAST:
         return _FINE[0] if seconds >= 1.0 else _FINE[1]
-    return next((one for one in _COARSE if seconds >= LEAST_SAID * one[0]), _COARSE[-1])
+    return next(
+        (coarse_unit for coarse_unit in _COARSE if seconds >= LEAST_SAID * coarse_unit[0]),
+        _COARSE[-1],
+    )
 
 
 def _speed_said_in(speed: float, unit_s: float) -> tuple[float, str]:
@@ -167,17 +174,18 @@ class SpokenEstimate(Estimate):
         return cls(unit_s=unit_s, **{f.name: getattr(estimate, f.name) for f in fields(Estimate)})
 
     def __str__(self) -> str:
-        plain = Estimate(**{f.name: getattr(self, f.name) for f in fields(Estimate)})
-        said = estimate_in_seconds(plain, self.unit_s)
-        if said.value is None or is_of_seconds(self.unit_s):
-            return str(said)
+        estimate = Estimate(**{f.name: getattr(self, f.name) for f in fields(Estimate)})
+        in_seconds = estimate_in_seconds(estimate, self.unit_s)
+        if in_seconds.value is None or is_of_seconds(self.unit_s):
+            return str(in_seconds)
         if self.unit == "s":
-            factor, unit = _said_in(said.value, self.unit_s)
+            factor, unit = _said_in(in_seconds.value, self.unit_s)
         elif self.unit == "%/s":
-            factor, unit = _speed_said_in(said.value, self.unit_s)
+            factor, unit = _speed_said_in(in_seconds.value, self.unit_s)
         else:
-            return str(said)
+            return str(in_seconds)
         value, low, high = (
-            None if one is None else one / factor for one in (said.value, said.low, said.high)
+            None if number is None else number / factor
+            for number in (in_seconds.value, in_seconds.low, in_seconds.high)
         )
-        return str(replace(said, value=value, low=low, high=high, unit=unit))
+        return str(replace(in_seconds, value=value, low=low, high=high, unit=unit))

@@ -63,20 +63,20 @@ def process_response(recording: Recording) -> ProcessResponse:
     if pv is None:
         return _unknown("no PV was recorded with this valve")
     valve = recording.mv if recording.mv is not None else recording.op
-    both = np.isfinite(pv.values) & np.isfinite(valve.values)
-    if np.count_nonzero(both) < FEWEST_SAMPLES:
+    both_finite = np.isfinite(pv.values) & np.isfinite(valve.values)
+    if np.count_nonzero(both_finite) < FEWEST_SAMPLES:
         return _unknown("PV and valve were recorded together for too short a time", pv.unit)
     step_s = recording.interval_s * (recording.own_unit_s or 1.0)
-    every = max(len(recording) // MOST_SAMPLES, 1)
-    at = np.arange(len(recording))
-    y = np.interp(at, at[both], pv.values[both])[::every]
-    x = np.interp(at, at[both], valve.values[both])[::every]
+    stride = max(len(recording) // MOST_SAMPLES, 1)
+    sample_index = np.arange(len(recording))
+    y = np.interp(sample_index, sample_index[both_finite], pv.values[both_finite])[::stride]
+    x = np.interp(sample_index, sample_index[both_finite], valve.values[both_finite])[::stride]
     low, high = (float(value) for value in np.percentile(y, (1.0, 99.0)))
-    found = _fitted(x, y, step_s * every)
+    response = _fitted(x, y, step_s * stride)
     seen = {"unit": pv.unit, "pv_low": low, "pv_high": high}
-    if isinstance(found, str):
-        return ProcessResponse(gain=Estimate.unknown(found, pv.unit), **seen)  # type: ignore[arg-type]
-    gain, lag_s, delay_s, integrating = found
+    if isinstance(response, str):
+        return ProcessResponse(gain=Estimate.unknown(response, pv.unit), **seen)  # type: ignore[arg-type]
+    gain, lag_s, delay_s, integrating = response
     return ProcessResponse(
         gain=gain,
         lag_s=lag_s,
@@ -102,10 +102,10 @@ def _answer(x: Floats, step_s: float, lag_s: float, delay_s: float, integrating:
         return np.asarray(delayed)
     share = 1.0 - float(np.exp(-step_s / lag_s))
     out = np.empty(x.size)
-    here = float(delayed[0])
+    level = float(delayed[0])
     for k, value in enumerate(delayed.tolist()):
-        here += share * (value - here)
-        out[k] = here
+        level += share * (value - level)
+        out[k] = level
     return out
 
 
@@ -122,8 +122,8 @@ def _fitted(x: Floats, y: Floats, step_s: float) -> tuple[Estimate, float, float
     best: dict[bool, tuple[float, float, float]] = {}
     for lag_s, delay_s, integrating in options:
         columns = _columns(x, step_s, lag_s, delay_s, integrating)
-        left = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
-        cost = float(left @ left)
+        residual = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+        cost = float(residual @ residual)
         if integrating not in best or cost < best[integrating][0]:
             best[integrating] = (cost, lag_s, delay_s)
     integrating = best[True][0] < CLEARLY * best[False][0]
@@ -132,8 +132,8 @@ def _fitted(x: Floats, y: Floats, step_s: float) -> tuple[Estimate, float, float
     if share < LEAST_SHARE:
         return f"the valve explains only {100.0 * max(share, 0.0):.0f} % of what PV did"
     columns = _columns(x, step_s, lag_s, delay_s, integrating)
-    drawn = _drawn(columns, y)
-    low, high = (float(end) for end in np.percentile(drawn, COVERAGE))
+    coefficients = _draw_coefficients(columns, y)
+    low, high = (float(end) for end in np.percentile(coefficients, COVERAGE))
     gain = float(np.linalg.lstsq(columns, y, rcond=None)[0][-1])
     if low <= 0.0 <= high:
         return "which way PV answers the valve cannot be told from the recording"
@@ -154,7 +154,7 @@ def _columns(x: Floats, step_s: float, lag_s: float, delay_s: float, integrating
     return np.column_stack((ones, answer))
 
 
-def _drawn(columns: Floats, y: Floats) -> Floats:
+def _draw_coefficients(columns: Floats, y: Floats) -> Floats:
     """(REPLICATES,) gains by the bootstrap over blocks of time. Seeded."""
     blocks = min(BLOCKS, max(y.size // 10, 2))
     block = np.arange(y.size) * blocks // y.size

@@ -61,53 +61,59 @@ def _drawn_share(recording: Recording) -> float:
     if recording.mv is None:
         return 0.0
     mv, op = recording.mv.values, recording.op.values
-    drawn = interpolated(mv) & ~interpolated(op)
-    moving = np.abs(np.gradient(mv)) > 0 if mv.size > 1 else drawn
+    interpolated_mv = interpolated(mv) & ~interpolated(op)
+    moving = np.abs(np.gradient(mv)) > 0 if mv.size > 1 else interpolated_mv
     usable = np.isfinite(mv) & moving
-    return float(drawn[usable].mean()) if usable.sum() > 20 else 0.0
+    return float(interpolated_mv[usable].mean()) if usable.sum() > 20 else 0.0
 
 
 def _clock_remarks(recording: Recording) -> list[tuple[str, str]]:
-    remarks, clock = [], recording.clock
+    clock_remarks, clock = [], recording.clock
     if clock.gaps:
         longest = duration(clock.longest_gap_s, recording.unit_s)
-        remarks.append(("B", f"{clock.gaps} gaps, the longest {longest}"))
+        clock_remarks.append(("B", f"{clock.gaps} gaps, the longest {longest}"))
     if clock.repeated_times or clock.backward_steps:
         text = f"{clock.repeated_times} repeated times, {clock.backward_steps} steps backward"
-        remarks.append(("B", text))
+        clock_remarks.append(("B", text))
     if clock.jitter_s > 0.1 * recording.interval_s:
         jitter = duration(clock.jitter_s, recording.unit_s, ".2g")
-        remarks.append(("B", f"the clock jitters by {jitter}"))
-    return remarks
+        clock_remarks.append(("B", f"the clock jitters by {jitter}"))
+    return clock_remarks
 
 
-def _remarks(recording: Recording, frozen: float, drawn: float) -> list[tuple[str, str]]:
+def _quality_remarks(
+    recording: Recording, frozen: float, drawn_share: float
+) -> list[tuple[str, str]]:
     """(grade, sentence) for each defect of the data that does not prevent a verdict."""
-    remarks: list[tuple[str, str]] = []
+    found_remarks: list[tuple[str, str]] = []
     bad = 1.0 - float(recording.usable.mean()) - frozen
     if bad > NEGLIGIBLE_SHARE:
-        remarks.append(("C" if bad > 0.1 else "B", f"{share(bad, 1)} of the samples are unusable"))
-    remarks += _clock_remarks(recording)
+        found_remarks.append(
+            ("C" if bad > 0.1 else "B", f"{share(bad, 1)} of the samples are unusable")
+        )
+    found_remarks += _clock_remarks(recording)
     holes = between_pieces(recording)
     if bad > NEGLIGIBLE_SHARE and holes.mean() > PUT_TOGETHER:
         pieces = int(np.sum(np.diff(np.concatenate(([1], holes.astype(np.int8)))) == -1))
         text = f"the recording is put together from {pieces} pieces, each fitted from its own start"
-        remarks.append(("C", text))
+        found_remarks.append(("C", text))
     if 0.0 < frozen <= MOSTLY:
         text = f"the position was frozen for {share(frozen, 1)} of the time, which is left out"
-        remarks.append(("C", text))
-    if drawn > 0.1:
-        remarks.append(("C", f"{share(drawn)} of the moving position samples lie on drawn lines"))
+        found_remarks.append(("C", text))
+    if drawn_share > 0.1:
+        found_remarks.append(
+            ("C", f"{share(drawn_share)} of the moving position samples lie on drawn lines")
+        )
     for signal, name in ((recording.op, "OP"), (recording.mv, "position")):
         step = quantum(signal.values) if signal is not None else 0.0
         if step > 0.2:
-            remarks.append(
+            found_remarks.append(
                 ("C" if step > 0.6 else "B", f"{name} is recorded in steps of {step:.2g} %")
             )
     saturated = sum(at_limits(recording.op.values))
     if recording.op.unit == PERCENT and saturated > 0.05:
-        remarks.append(("C", f"OP is at its limit for {share(saturated)} of the time"))
-    return remarks
+        found_remarks.append(("C", f"OP is at its limit for {share(saturated)} of the time"))
+    return found_remarks
 
 
 def assess(recording: Recording, limits: Limits) -> Assessment:
@@ -119,20 +125,20 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
     recording = without_impossible_values(recording)
     runs = frozen_runs(recording)
     frozen = sum(b - a - 1 for a, b in runs) / max(len(recording), 1)
-    drawn = _drawn_share(recording)
+    drawn_share = _drawn_share(recording)
     if recording.mv is None or not obstacles:
         obstacles = position_obstacles(recording) + obstacles
     unmasked = recording
     if not obstacles:
         if runs:
             recording = _mask(recording, Role.MV, runs)
-        obstacles += record_obstacles(frozen, drawn, limits) or foreign_obstacles(recording)
+        obstacles += record_obstacles(frozen, drawn_share, limits) or foreign_obstacles(recording)
     # Frozen samples are reported as frozen, and not a second time as missing.
     obstacles += length_obstacles(unmasked if frozen > MOSTLY else recording, limits)
     obstacles += movement_obstacles(recording, limits)
-    remarks = _remarks(recording, frozen, drawn) if len(recording) else []
-    reasons = tuple(o.reason for o in obstacles) + tuple(text for _, text in remarks)
-    grade = "D" if obstacles else max((letter for letter, _ in remarks), default="A")
+    quality_remarks = _quality_remarks(recording, frozen, drawn_share) if len(recording) else []
+    reasons = tuple(o.reason for o in obstacles) + tuple(text for _, text in quality_remarks)
+    grade = "D" if obstacles else max((letter for letter, _ in quality_remarks), default="A")
     return Assessment(
         recording=recording,
         quality=DataQuality(grade=grade, reasons=reasons),

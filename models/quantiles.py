@@ -29,13 +29,13 @@ def percentiles(values: _Floats, percents: Sequence[float]) -> list[float]:
     """
     parted, begin, quantiles = values.copy(), 0, []
     for percent in percents:
-        place = (values.size - 1) * (percent / 100.0)
-        below = int(place)
-        parted[begin:].partition(below - begin)
-        begin = below
-        low = float(parted[below])
-        high = float(parted[below + 1 :].min()) if place > below else low
-        quantiles.append(_between(low, high, place - below))
+        position = (values.size - 1) * (percent / 100.0)
+        lower = int(position)
+        parted[begin:].partition(lower - begin)
+        begin = lower
+        low = float(parted[lower])
+        high = float(parted[lower + 1 :].min()) if position > lower else low
+        quantiles.append(_between(low, high, position - lower))
     return quantiles
 
 

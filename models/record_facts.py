@@ -19,41 +19,43 @@ def _unit(signal: Signal) -> str:
 
 def _coarse(name: str, signal: Signal) -> list[str]:
     """Resolution, repeats, codes: what the archive left of the signal."""
-    said = []
+    sentences = []
     finite = signal.values[np.isfinite(signal.values)]
     codes = float(np.mean(signal.quality == Quality.CODE)) if signal.values.size else 0.0
     if codes > 0.01:
-        said.append(f"{name} holds state codes instead of values in {share(codes)} of the samples.")
+        sentences.append(
+            f"{name} holds state codes instead of values in {share(codes)} of the samples."
+        )
     if finite.size < 10:
-        return [*said, f"{name} has hardly any usable sample."]
+        return [*sentences, f"{name} has hardly any usable sample."]
     if float(np.ptp(finite)) == 0.0:
-        return [*said, f"{name} is constant at {finite[0]:.4g}{_unit(signal)}."]
+        return [*sentences, f"{name} is constant at {finite[0]:.4g}{_unit(signal)}."]
     repeats = repeat_share(signal.values)
     if repeats > 0.3:
         run = longest_repeat(signal.values)
-        said.append(
+        sentences.append(
             f"{name} repeats its last value in {share(repeats)} of the samples, up to {run} in a "
             "row: it is coarse, compressed or held."
         )
-    step, far = quantum(signal.values), swing(signal.values)
-    if step > 0.02 * far:
-        said.append(f"{name} is recorded in steps of {step:.3g}{_unit(signal)}.")
-    return said
+    step, swing_percent = quantum(signal.values), swing(signal.values)
+    if step > 0.02 * swing_percent:
+        sentences.append(f"{name} is recorded in steps of {step:.3g}{_unit(signal)}.")
+    return sentences
 
 
 def _cycles(oscillations: dict[Role, Oscillation]) -> list[str]:
     regular = {role: seen for role, seen in oscillations.items() if seen.regular}
     if not regular:
         return ["No regular oscillation was found."]
-    said = []
+    sentences = []
     for role, seen in regular.items():
-        said.append(
+        sentences.append(
             f"{NAMES[role]} oscillates regularly, every {seen.period_s:.3g} s (regularity "
             f"{seen.regularity:.1f}, above 1 is regular)."
         )
     if Role.OP in regular:
-        said.append("A sticking valve, tight tuning and a disturbance can all do this.")
-    return said
+        sentences.append("A sticking valve, tight tuning and a disturbance can all do this.")
+    return sentences
 
 
 def _limits(recording: Recording) -> list[str]:
@@ -62,18 +64,18 @@ def _limits(recording: Recording) -> list[str]:
     op = recording.op.values[np.isfinite(recording.op.values)]
     if not op.size:
         return []
-    said = []
-    for held, where in zip(at_limits(op), ("lower", "upper"), strict=True):
-        if held > 0.05:
-            said.append(f"OP is at its {where} limit for {share(held)} of the time.")
+    sentences = []
+    for limited, end in zip(at_limits(op), ("lower", "upper"), strict=True):
+        if limited > 0.05:
+            sentences.append(f"OP is at its {end} limit for {share(limited)} of the time.")
     if op.min() < -10.0 or op.max() > 110.0:
-        said.append(f"OP runs from {op.min():.4g} to {op.max():.4g}: it is not in percent.")
-    return said
+        sentences.append(f"OP runs from {op.min():.4g} to {op.max():.4g}: it is not in percent.")
+    return sentences
 
 
 def still_seen(recording: Recording) -> tuple[str, ...]:
     """Sentences that hold without a verdict: movement, oscillation, limits, archive."""
-    said = [
+    sentences = [
         f"OP moved over {swing(recording.op.values):.3g}{_unit(recording.op)} in "
         f"{recording.duration_s / 60:.0f} minutes.",
         *_cycles(loop_oscillation(recording)),
@@ -82,8 +84,8 @@ def still_seen(recording: Recording) -> tuple[str, ...]:
     for role in (Role.OP, Role.PV, Role.MV):
         signal = recording.get(role)
         if signal is not None:
-            said += _coarse(NAMES[role], signal)
+            sentences += _coarse(NAMES[role], signal)
     set_point = recording.get(Role.SP)
     if set_point is not None and swing(set_point.values) > 0.0:
-        said.append("The set point moved during the recording.")
-    return tuple(said)
+        sentences.append("The set point moved during the recording.")
+    return tuple(sentences)

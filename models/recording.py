@@ -107,7 +107,7 @@ class Signal:
     @cached_property
     def usable(self) -> Bools:
         """(n,) True where a fit may use the sample: good and finite. Read-only."""
-        return _kept((self.quality == Quality.GOOD) & np.isfinite(self.values))
+        return _read_only((self.quality == Quality.GOOD) & np.isfinite(self.values))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,7 +217,7 @@ class Recording:
     def usable(self) -> Bools:
         """(n,) True where OP and, if there is one, MV may be used by a fit. Read-only."""
         ok = self.op.usable
-        return _kept(ok & self.mv.usable) if self.mv is not None else ok
+        return _read_only(ok & self.mv.usable) if self.mv is not None else ok
 
     @property
     def unit_s(self) -> float:
@@ -263,7 +263,7 @@ def _rounded(seconds: float) -> str:
     return f"{seconds:.3g} s"
 
 
-def _kept(flags: Bools) -> Bools:
+def _read_only(flags: Bools) -> Bools:
     """``flags`` (n,) made read-only, since it is cached and shared."""
     flags.flags.writeable = False
     return flags

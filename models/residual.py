@@ -59,16 +59,18 @@ def typical_percent(fit: StickSlipFit) -> float:
     error, mv = _heldout(fit, resynced=True)
     if error.size < FEWEST:
         return 0.0
-    usual = float(np.median(np.abs(mv - np.median(mv))))
-    return 100.0 * (1.0 - float(np.median(np.abs(error))) / max(usual, 1e-9))
+    typical_move = float(np.median(np.abs(mv - np.median(mv))))
+    return 100.0 * (1.0 - float(np.median(np.abs(error))) / max(typical_move, 1e-9))
 
 
 def of_narx(network: NarxFit | None) -> Residual | None:
     """The network's free run on the held-out part."""
     if network is None or network.heldout is None:
         return None
-    held = network.heldout
-    return Residual(rmse=held.rmse, normalised=held.normalised, one_step=held.one_step_rmse)
+    heldout = network.heldout
+    return Residual(
+        rmse=heldout.rmse, normalised=heldout.normalised, one_step=heldout.one_step_rmse
+    )
 
 
 def of_baseline(baseline: NarxNetwork | None, recording: Recording) -> Compared:

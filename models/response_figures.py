@@ -148,9 +148,9 @@ def response_figures(screening: Screening) -> ResponseFigures:
     if shaping and mismatch is not None and (steps := _steps_run(mismatch, screening)):
         return replace(figures, steps=steps, simulated=slugs)
     steps = tuple(
-        step_figures(_numbers(screening, effects, rising), step_percent, way, rising=rising)
+        step_figures(_numbers(screening, effects, rising), step_percent, step_way, rising=rising)
         for rising in (True, False)
-        for way in StepWay
+        for step_way in StepWay
         for step_percent in STEPS_PERCENT
     )
     return replace(figures, steps=steps, left_out=slugs)
@@ -161,20 +161,20 @@ def _numbers(screening: Screening, effects: tuple[Effect, ...], rising: bool) ->
     rng = np.random.default_rng(SEED)
     curve = screening.stroke_curve
     slope = 1.0 if curve is None else abs(curve.slope)
-    found: dict[str, Estimate] = {}
+    estimates: dict[str, Estimate] = {}
     for effect in effects:
         for parameter, names in IN_FORMULA.get(effect.slug, {}).items():
             if parameter in effect.parameters:
-                found |= {name: effect.parameters[parameter] for name in names}
+                estimates |= {name: effect.parameters[parameter] for name in names}
     if not effects:
-        shown = screening.indicators
-        found = {
-            number: Estimate(value=shown[name].value, unit=shown[name].unit)
+        indicators = screening.indicators
+        estimates = {
+            number: Estimate(value=indicators[name].value, unit=indicators[name].unit)
             for name, number in OF_FIT.items()
-            if name in shown
+            if name in indicators
         }
 
-    def drawn(estimate: Estimate | None, missing: float) -> Floats:
+    def draws_of(estimate: Estimate | None, missing: float) -> Floats:
         if estimate is None or estimate.value is None:
             return np.full(REPLICATES + 1, missing)
         spread = spread_of(estimate)
@@ -182,13 +182,13 @@ def _numbers(screening: Screening, effects: tuple[Effect, ...], rising: bool) ->
             spread = np.full(REPLICATES, estimate.value)
         return np.concatenate(([estimate.value], np.maximum(rng.permutation(spread), 0.0)))
 
-    way = "rising" if rising else "falling"
-    rate = drawn(found.get(f"rate_{way}"), np.inf)
+    direction = "rising" if rising else "falling"
+    rate = draws_of(estimates.get(f"rate_{direction}"), np.inf)
     return StepNumbers(
-        S=drawn(screening.S, 0.0),
-        J=drawn(screening.J, 0.0),
-        theta=drawn(found.get("theta"), 0.0),
-        tau=drawn(found.get(f"tau_{way}"), 0.0),
+        S=draws_of(screening.S, 0.0),
+        J=draws_of(screening.J, 0.0),
+        theta=draws_of(estimates.get("theta"), 0.0),
+        tau=draws_of(estimates.get(f"tau_{direction}"), 0.0),
         rate=np.where(rate >= FREE_PERCENT_PER_S, np.inf, rate) / slope,
         slope=slope,
         interval_s=0.0 if screening.seen is None else screening.seen.interval_s,
@@ -196,17 +196,17 @@ def _numbers(screening: Screening, effects: tuple[Effect, ...], rising: bool) ->
 
 
 def step_figures(
-    numbers: StepNumbers, step_percent: float, way: StepWay, *, rising: bool
+    numbers: StepNumbers, step_percent: float, step_way: StepWay, *, rising: bool
 ) -> StepFigures:
     """The figures of one step by the formula above; the first of ``numbers`` is the value."""
-    from_percent = numbers.J if way is StepWay.SAME else numbers.S
-    missed = np.zeros_like(numbers.J) if way is StepWay.SAME else numbers.S - numbers.J
+    from_percent = numbers.J if step_way is StepWay.SAME else numbers.S
+    missed = np.zeros_like(numbers.J) if step_way is StepWay.SAME else numbers.S - numbers.J
     moves = from_percent < step_percent
     final = step_percent - missed
     settled = np.maximum(from_percent, missed + SETTLED * final)
     return _figures(
         step_percent,
-        way,
+        step_way,
         rising,
         moves,
         gain=numbers.slope * final / step_percent,
@@ -227,14 +227,14 @@ def time_to_go(q: Floats, step_percent: float, numbers: StepNumbers) -> Floats:
         # The way at full speed: as far as the lag alone would go faster.
         fast = np.where(limited, np.maximum(step_percent - np.where(limited, rate, 0) * tau, 0), 0)
         at_full_speed = np.where(limited, np.minimum(bounded, fast) / rate, 0.0)
-        rest = np.maximum(bounded - fast, 0.0)
-        slowing = tau * np.log((step_percent - fast) / (step_percent - fast - rest))
+        remaining = np.maximum(bounded - fast, 0.0)
+        slowing = tau * np.log((step_percent - fast) / (step_percent - fast - remaining))
     return np.asarray(at_full_speed + slowing)
 
 
 def _figures(
     step_percent: float,
-    way: StepWay,
+    step_way: StepWay,
     rising: bool,
     moves: np.ndarray[tuple[int], np.dtype[np.bool_]],
     *,
@@ -248,14 +248,14 @@ def _figures(
 
     def estimate(draws: Floats, unit: str, least: float = 0.0) -> Estimate:
         if not moves[0]:
-            level = "resolution" if way is StepWay.SAME else "dead band"
+            level = "resolution" if step_way is StepWay.SAME else "dead band"
             return Estimate.unknown(f"the stem does not move: the step is within the {level}", unit)
         low, high = interval(draws[moves], float(draws[0]))
         return Estimate(value=float(draws[0]), low=low, high=max(high, least), unit=unit)
 
     return StepFigures(
         step_percent=step_percent,
-        way=way,
+        way=step_way,
         rising=rising,
         moves=float(np.mean(moves)),
         travel_gain=estimate(gain, ""),
@@ -274,9 +274,9 @@ def _steps_run(mismatch: Mismatch, screening: Screening) -> tuple[StepFigures, .
     slope = 1.0 if curve is None else abs(curve.slope)
     models = _drawn_models(question.published, screening, slope)
     return tuple(
-        _run(question, models, step_percent, slope, way, rising=rising)
+        _run(question, models, step_percent, slope, step_way, rising=rising)
         for rising in (True, False)
-        for way in StepWay
+        for step_way in StepWay
         for step_percent in STEPS_PERCENT
     )
 
@@ -316,13 +316,13 @@ def _run(
     models: tuple[RivalModel, ...],
     step_percent: float,
     slope: float,
-    way: StepWay,
+    step_way: StepWay,
     *,
     rising: bool,
 ) -> StepFigures:
     """One step on ``models``, from rest after a stroke either way; the first gives the values."""
     up = 1.0 if rising else -1.0
-    before = up if way is StepWay.SAME else -up
+    before = up if step_way is StepWay.SAME else -up
     size = step_percent * slope
     centre = (
         50.0
@@ -333,18 +333,18 @@ def _run(
     travel = np.concatenate((centre - before * 15.0 + stroke, np.full(SAMPLES, centre + up * size)))
     runs = RivalRuns(question, models, travel, question.interval)
     answers = np.array([runs.predicted(model) for model in models])
-    rest = answers[:, SAMPLES - 1 : SAMPLES]
-    moved = up * (answers[:, SAMPLES:] - rest)
+    final_answers = answers[:, SAMPLES - 1 : SAMPLES]
+    moved = up * (answers[:, SAMPLES:] - final_answers)
     final = moved[:, -1]
     seconds = question.interval * question.unit_s
     least = 0.02 * size
 
-    def first(reached: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> Floats:
-        return np.asarray(seconds * np.argmax(reached, axis=1), dtype=float)
+    def first(is_reached: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> Floats:
+        return np.asarray(seconds * np.argmax(is_reached, axis=1), dtype=float)
 
     return _figures(
         step_percent,
-        way,
+        step_way,
         rising,
         final > least,
         gain=slope * final / size,

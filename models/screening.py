@@ -32,6 +32,7 @@ from stemwatch.models.fit_window import (
     window_sentence,
 )
 from stemwatch.models.limits import Limits
+from stemwatch.models.loop_pace import at_loop_pace
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
@@ -158,29 +159,32 @@ def _fit_or_reason(case: Case, limits: Limits) -> _Fitted | Screening:
 
 
 def _fit(case: Case, limits: Limits) -> _Fitted:
-    began = time.perf_counter()
-    case = replace(case, recording=in_percent(case.recording))
-    own = on_own_clock(case.recording)
-    assessment = assess(own, limits)
-    recording, masked, stretch = own, assessment.recording, None
+    started = time.perf_counter()
+    paced = at_loop_pace(in_percent(case.recording), round(limits.fitted_samples))
+    case = replace(case, recording=paced)
+    on_own = on_own_clock(case.recording)
+    assessment = assess(on_own, limits)
+    recording, masked, stretch = on_own, assessment.recording, None
     curve = fit = archive = None
     changed, late_s = "", 0.0
     if not assessment.obstacles:
-        recording, masked, stretch = _to_fit(own, assessment, limits)
-        look = FirstLook.at(masked)
-        late = late_evidence(masked, look)
+        recording, masked, stretch = _to_fit(on_own, assessment, limits)
+        first_look = FirstLook.at(masked)
+        late = late_evidence(masked, first_look)
         late_s = late.late_s(masked.interval_s)
         as_stored, masked = masked, brought_forward(masked, late_s)
         curve, changed = stroke_curve_of(masked, case.known_curve)
-        found = [] if curve else reversed_obstacles(masked)
+        obstacles = [] if curve else reversed_obstacles(masked)
         commanded = in_travel(masked, curve)
-        look = look if commanded is as_stored else FirstLook.at(commanded)
+        first_look = first_look if commanded is as_stored else FirstLook.at(commanded)
         # An OP that answers PV as a controller does is no position, however late it is.
         may_be_swapped = late_s > 0.0 and not late.by_controller
-        found = found or wiring_obstacles(commanded, as_stored if may_be_swapped else None, look)
-        assessment = with_obstacles(assessment, found)
+        obstacles = obstacles or wiring_obstacles(
+            commanded, as_stored if may_be_swapped else None, first_look
+        )
+        assessment = with_obstacles(assessment, obstacles)
     if not assessment.obstacles:
-        fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0, look)
+        fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0, first_look)
         fit, archive = as_sampled(fit, commanded)
     sample = bootstrap(fit) if fit is not None else None
     return _Fitted(
@@ -195,7 +199,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         fit=fit,
         sample=sample,
         archive=archive,
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - started,
     )
 
 
@@ -282,7 +286,7 @@ def _conclude_or_reason(fitted: _Fitted, network: NarxFit | None, options: Optio
 
 
 def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Screening:
-    began = time.perf_counter()
+    started = time.perf_counter()
     if fitted.fit is None or fitted.sample is None:
         screening = _without_verdict(fitted)
     else:
@@ -302,16 +306,18 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
             fitted, fitted.fit, fitted.sample, network, mismatch, options.limits
         )
     screening = _with_suspicion(screening, fitted)
-    seconds = fitted.seconds + time.perf_counter() - began
+    seconds = fitted.seconds + time.perf_counter() - started
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
 
 
 def _with_suspicion(screening: Screening, fitted: _Fitted) -> Screening:
     """``screening`` with what OP and PV alone say of the valve: where there is no position all that
     can be said, where there is one a cross-check that changes no verdict."""
-    told = suspect(fitted.case.recording, trained_judge())
-    numbers = {one.name: one for one in indicators.of_suspicion(told)}
-    return replace(screening, without_position=told, indicators={**screening.indicators, **numbers})
+    suspicion = suspect(fitted.case.recording, trained_judge())
+    numbers = {indicator.name: indicator for indicator in indicators.of_suspicion(suspicion)}
+    return replace(
+        screening, without_position=suspicion, indicators={**screening.indicators, **numbers}
+    )
 
 
 def _screening(
@@ -353,7 +359,7 @@ def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     sentences = [window_sentence(fitted.stretch, recording)] if fitted.stretch is not None else []
     if fitted.late_s:
         sentences += [late_effect(fitted.late_s, fitted.recording.unit_s).sentence]
-    sentences += [one for one in [scan_sentence(fitted.recording)] if one]
+    sentences += [sentence for sentence in [scan_sentence(fitted.recording)] if sentence]
     sentences += [fitted.curve.sentence()] if fitted.curve is not None else []
     if fitted.archive is not None and fitted.fit is not None:
         sentences.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))
@@ -462,9 +468,9 @@ def _movement(fitted: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[In
     """How the stem moved in the whole recording, whatever part of it was fitted."""
     if fitted.stretch is None:
         return indicators.of_movement(fit.evaluator.problem, events)
-    whole = make_problem(in_travel(fitted.assessment.recording, fitted.curve))
-    evaluator = replace(fit.evaluator, problem=whole)
-    return indicators.of_movement(whole, slip_events(replace(fit, evaluator=evaluator)))
+    whole_problem = make_problem(in_travel(fitted.assessment.recording, fitted.curve))
+    evaluator = replace(fit.evaluator, problem=whole_problem)
+    return indicators.of_movement(whole_problem, slip_events(replace(fit, evaluator=evaluator)))
 
 
 def _traces(fitted: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:

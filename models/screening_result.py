@@ -184,9 +184,11 @@ class Screening:
                 heldout_from=max(runs.heldout_from - first, 0),
             )
             mismatch = replace(mismatch, runs=part if last > first else None)
-        told = self.without_position
-        if told is not None and told.traces is not None:
-            told = replace(told, traces=told.traces.part(first, last) if last > first else None)
+        suspicion = self.without_position
+        if suspicion is not None and suspicion.traces is not None:
+            suspicion = replace(
+                suspicion, traces=suspicion.traces.part(first, last) if last > first else None
+            )
         heldout = traces.heldout_from
         return replace(
             self,
@@ -198,7 +200,7 @@ class Screening:
                 heldout_from=None if heldout is None else max(heldout - first, 0),
             ),
             mismatch=mismatch,
-            without_position=told,
+            without_position=suspicion,
         )
 
 

@@ -61,10 +61,12 @@ def copied_from(recording: Recording) -> Role | None:
         if source is None:
             continue
         usable = mv.usable & source.usable
-        given, copy = source.values[usable], mv.values[usable]
-        if given.size < LEAST_COPIED or not (_is_reading(given) and _is_reading(copy)):
+        source_values, copy = source.values[usable], mv.values[usable]
+        if source_values.size < LEAST_COPIED or not (
+            _is_reading(source_values) and _is_reading(copy)
+        ):
             continue
-        if _same_line(given, copy) or (role is Role.OP and _filtered(given, copy)):
+        if _same_line(source_values, copy) or (role is Role.OP and _filtered(source_values, copy)):
             return role
     return None
 
@@ -81,8 +83,12 @@ def command_is(recording: Recording) -> Role | None:
         if source is None:
             continue
         usable = recording.op.usable & source.usable
-        given, copy = source.values[usable], recording.op.values[usable]
-        if given.size >= LEAST_COPIED and swing(given) > 0.0 and np.array_equal(given, copy):
+        source_values, copy = source.values[usable], recording.op.values[usable]
+        if (
+            source_values.size >= LEAST_COPIED
+            and swing(source_values) > 0.0
+            and np.array_equal(source_values, copy)
+        ):
             return role
     return None
 
@@ -99,10 +105,10 @@ def samples_exchanged(recording: Recording) -> bool:
     op, mv = _pairs(recording)
     if op.size < LEAST_COPIED:
         return False
-    apart = op - mv
-    apart = apart - np.median(apart)
-    power = float(apart @ apart)
-    return power > 0.0 and float(apart[1:] @ apart[:-1]) / power < EXCHANGED
+    difference = op - mv
+    difference = difference - np.median(difference)
+    power = float(difference @ difference)
+    return power > 0.0 and float(difference[1:] @ difference[:-1]) / power < EXCHANGED
 
 
 def moved_without_command(recording: Recording) -> float:
@@ -112,9 +118,9 @@ def moved_without_command(recording: Recording) -> float:
         return 0.0
     least = max(6.0 * noise_sigma(mv), LEAST_MOVE_PERCENT)
     settled = max(round(SETTLED_S / recording.interval_s), 2)
-    way = travel(mv, least)
+    path = travel(mv, least)
     runs = [(first + settled, last) for first, last in repeated(op) if last - first > 2 * settled]
-    return sum(travel(mv[first:last], least) for first, last in runs) / way if way else 0.0
+    return sum(travel(mv[first:last], least) for first, last in runs) / path if path else 0.0
 
 
 def _tolerance(copy: Floats) -> float:
@@ -143,9 +149,9 @@ def _on_a_line(source: Floats, copy: Floats) -> bool:
         if on_line.sum() < LEAST_COPIED or np.ptp(source[on_line]) == 0.0:
             return False
         gain, zero = np.polyfit(source[on_line], copy[on_line], 1)
-        off = np.abs(copy - gain * source - zero)
-        on_line = off <= max(float(np.percentile(off, 90.0)), tolerance)
-    return bool(gain != 0.0 and np.mean(off <= tolerance) > COPIED_SHARE)
+        deviation = np.abs(copy - gain * source - zero)
+        on_line = deviation <= max(float(np.percentile(deviation, 90.0)), tolerance)
+    return bool(gain != 0.0 and np.mean(deviation <= tolerance) > COPIED_SHARE)
 
 
 def _filtered(source: Floats, copy: Floats) -> bool:
@@ -156,23 +162,23 @@ def _filtered(source: Floats, copy: Floats) -> bool:
         return True
     from scipy.optimize import minimize_scalar  # slow to import, and rarely used
 
-    off = [_off_a_line(source, copy, lag) for lag in LAGS]
-    best = float(LAGS[int(np.argmin(off))])
-    about = minimize_scalar(
+    deviations = [_off_a_line(source, copy, lag) for lag in LAGS]
+    best = float(LAGS[int(np.argmin(deviations))])
+    best_lag = minimize_scalar(
         lambda lag: _off_a_line(source, copy, lag),
         bounds=(0.7 * best, 1.4 * best),
         method="bounded",
     )
     settled = copy.size // 10
-    return _on_a_line(first_order_lag(source, float(about.x))[settled:], copy[settled:])
+    return _on_a_line(first_order_lag(source, float(best_lag.x))[settled:], copy[settled:])
 
 
 def _off_a_line(source: Floats, copy: Floats, lag: float) -> float:
     """How far ``copy`` lies off a line over the lagged ``source``, as a sum of squares."""
     lagged = first_order_lag(source, lag)
     columns = np.column_stack((lagged, np.ones(lagged.size)))
-    off = copy - columns @ np.linalg.lstsq(columns, copy, rcond=None)[0]
-    return float(off @ off)
+    residual = copy - columns @ np.linalg.lstsq(columns, copy, rcond=None)[0]
+    return float(residual @ residual)
 
 
 def _without_noise(source: Floats, copy: Floats) -> bool:
@@ -180,9 +186,9 @@ def _without_noise(source: Floats, copy: Floats) -> bool:
     size = copy.size - 1
     columns = np.column_stack((copy[:-1], source[1:], source[:-1], np.ones(size)))
     weights = np.linalg.lstsq(columns, copy[1:], rcond=None)[0]
-    off = np.abs(copy[1:] - columns @ weights)
+    deviation = np.abs(copy[1:] - columns @ weights)
     tolerance = max(2.0 * _tolerance(copy), WITHOUT_NOISE * swing(copy))
-    return bool(np.mean(off <= tolerance) > COPIED_SHARE)
+    return bool(np.mean(deviation <= tolerance) > COPIED_SHARE)
 
 
 def first_order_lag(values: Floats, lag: float) -> Floats:

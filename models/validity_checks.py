@@ -182,14 +182,14 @@ def _content_obstacles(recording: Recording) -> list[Obstacle]:
 
 def reversed_obstacles(recording: Recording) -> list[Obstacle]:
     """A position that runs against OP, where no curve from OP to stroke explains why."""
-    together = correlation(recording)
-    if together > AGAINST:
+    correlated = correlation(recording)
+    if correlated > AGAINST:
         return []
     return [
         Obstacle(
             "position_reversed",
-            f"the position falls when OP rises (correlation {together:.2f}), and no curve from OP "
-            "to stroke follows it",
+            f"the position falls when OP rises (correlation {correlated:.2f}), and no curve "
+            "from OP to stroke follows it",
             "Check which tag is this valve's position; if it counts the other way, give its values "
             "at 0 % and 100 % of OP (low, high) the other way round.",
         )
@@ -198,27 +198,27 @@ def reversed_obstacles(recording: Recording) -> list[Obstacle]:
 
 def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     """A position that does not go with OP at all: a fit would call it sticking."""
-    alone = moved_without_command(recording)
-    if alone > MOVED_WITHOUT_OP:
+    moves_alone = moved_without_command(recording)
+    if moves_alone > MOVED_WITHOUT_OP:
         return [
             Obstacle(
                 "op_not_followed",
-                f"the position makes {share(alone)} of its way while OP stands still: something "
-                "else moves this valve",
+                f"the position makes {share(moves_alone)} of its way while OP stands still: "
+                "something else moves this valve",
                 "Map the output that goes to this valve: not that of a manual station that does "
                 "not track, nor of the other valve of a split range.",
             )
         ]
     # A position that counts the other way is related all the same.
-    together = max(delayed_correlation(recording), -correlation(recording))
-    if together >= UNRELATED or swing(recording.op.values) <= 2.0:
+    correlated = max(delayed_correlation(recording), -correlation(recording))
+    if correlated >= UNRELATED or swing(recording.op.values) <= 2.0:
         return []
     unit_s = recording.unit_s
     later = "two minutes" if is_of_seconds(unit_s) else duration(LONGEST_DELAY_S, unit_s)
     return [
         Obstacle(
             "position_unrelated",
-            f"the position does not go with OP (correlation {max(together, 0.0):.2f} at best, up "
+            f"the position does not go with OP (correlation {max(correlated, 0.0):.2f} at best, up "
             f"to {later} later): it may be another valve's",
             "Check which tag is this valve's position; step OP and see whether it answers.",
         )
@@ -226,64 +226,65 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
 
 
 def wiring_obstacles(
-    recording: Recording, as_stored: Recording | None = None, look: FirstLook | None = None
+    recording: Recording, as_stored: Recording | None = None, first_look: FirstLook | None = None
 ) -> list[Obstacle]:
     """Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
 
     ``recording`` in percent of travel both, read through its curve; ``as_stored`` what it was where
-    its OP was taken for stored late and brought forward; ``look`` a first look at ``recording``.
+    its OP was taken for stored late and brought forward; ``first_look`` a first look at
+    ``recording``.
     """
-    own = Pairing.of(recording, look)
+    pairing = Pairing.of(recording, first_look)
     # Most valves need no second look.
-    if own is None or own.explained(BEFORE[:1]).left < SWAPPED_FROM:
+    if pairing is None or pairing.explained(BEFORE[:1]).left < SWAPPED_FROM:
         return []
-    at_most = own.explained(BEFORE)
-    near = min(at_most, own.explained(AFTER), key=lambda one: one.left)
-    if near.left < SWAPPED_FROM:
+    at_most = pairing.explained(BEFORE)
+    nearest = min(at_most, pairing.explained(AFTER), key=lambda candidate: candidate.left)
+    if nearest.left < SWAPPED_FROM or pairing.slips_to_its_command:
         return []
     controller = behind_controller(recording)
     exchanged = np.inf
     if not controller.rather_than(behind_controller(recording, output=Role.MV), OP_PLAINLY):
-        exchanged = _exchanged(own, near, as_stored or recording, as_stored is not None)
+        exchanged = _exchanged(pairing, nearest, as_stored or recording, as_stored is not None)
     mixed_up = [(Role.OP, Role.MV, exchanged)]
-    far = UNEXPLAINED
-    if near.left >= DOUBTED:
-        far = own.far_away()
+    far_left = UNEXPLAINED
+    if nearest.left >= DOUBTED:
+        far_left = pairing.far_away()
         mixed_up += [
-            (role, instead, _explained(recording, command, position).left / BY_ANOTHER)
-            for role, instead, command, position in OTHERS
-            if not (role is Role.MV and near.left <= FOLLOWS and _is_pv(recording, controller))
+            (role, instead_role, _explained(recording, command, position).left / BY_ANOTHER)
+            for role, instead_role, command, position in OTHERS
+            if not (role is Role.MV and nearest.left <= FOLLOWS and _is_pv(recording, controller))
         ]
-    role, instead, other = min(mixed_up, key=lambda one: one[2])
-    if min(far.left, other) >= at_most.left and near.left <= UNRELATED_LEFT:
+    role, instead_role, other = min(mixed_up, key=lambda candidate: candidate[2])
+    if min(far_left.left, other) >= at_most.left and nearest.left <= UNRELATED_LEFT:
         return []
     # A valve with a slow actuator leaves much to friction alone.
-    before = min(at_most.left, own.by_a_slow_actuator())
-    if far.left < min(ANOTHER_TIME * near.left, RELATED, before, other):
-        return [_clocks_apart(recording, far.samples)]
+    before = min(at_most.left, pairing.by_a_slow_actuator())
+    if far_left.left < min(ANOTHER_TIME * nearest.left, RELATED, before, other):
+        return [_clocks_apart(recording, far_left.samples)]
     if other < before:
-        return [_swapped(role, instead)]
-    return [_unrelated(before)] if min(near.left, before) > UNRELATED_LEFT else []
+        return [_swapped(role, instead_role)]
+    return [_unrelated(before)] if min(nearest.left, before) > UNRELATED_LEFT else []
 
 
 def _is_pv(recording: Recording, controller: BehindController) -> bool:
     """Whether PV is what the controller answers, and the position is not: that PV goes with OP is
     then the controller's doing."""
-    return controller.rather_than(behind_controller(recording, answered=Role.MV), PV_PLAINLY)
+    return controller.rather_than(behind_controller(recording, answering=Role.MV), PV_PLAINLY)
 
 
-def _exchanged(own: Pairing, near: BestShift, recording: Recording, late: bool) -> float:
+def _exchanged(pairing: Pairing, nearest: BestShift, recording: Recording, late: bool) -> float:
     """What OP and MV of ``recording`` leave the other way round, as it compares with what is left
     as they are mapped; nothing speaks for it where the valve hardly sticks either way round.
 
     A position that rests while OP goes on is a stem, however late OP is; an OP that rests while the
     position goes on is one too, if the other way round explains about as much.
     """
-    rests = Rests.of(own.evaluator.problem)
+    rests = Rests.of(pairing.evaluator.problem)
     if rests.of_position:
         return np.inf
     other = _explained(recording, Role.MV, Role.OP)
-    if max(near.S, other.S) < STICKS_PERCENT:
+    if max(nearest.S, other.S) < STICKS_PERCENT:
         return np.inf
     simpler = SWAPPED_AND_LATE if late else SURELY_SWAPPED
     return other.left / (SWAPPED_BY_RESTS if rests.of_command else simpler)
@@ -300,8 +301,8 @@ def _explained(recording: Recording, command: Role, position: Role) -> BestShift
     return UNEXPLAINED if pairing is None else pairing.explained(BEFORE)
 
 
-def _swapped(role: Role, instead: Role) -> Obstacle:
-    first, second = SPOKEN[role], SPOKEN[instead]
+def _swapped(role: Role, instead_role: Role) -> Obstacle:
+    first, second = SPOKEN[role], SPOKEN[instead_role]
     remedy = f"Check which tag is {first} and which is {second}, and map them the other way round."
     if role is Role.MV:
         return Obstacle(
@@ -310,7 +311,7 @@ def _swapped(role: Role, instead: Role) -> Obstacle:
             "another valve's",
             f"{remedy} If they are right, look for this valve's position.",
         )
-    if instead is Role.MV:
+    if instead_role is Role.MV:
         return Obstacle(
             "tags_swapped",
             f"{first} and {second} seem swapped, or {first} is stored late: the position moves "
@@ -326,21 +327,21 @@ def _swapped(role: Role, instead: Role) -> Obstacle:
 
 
 def _clocks_apart(recording: Recording, samples: float) -> Obstacle:
-    apart = duration(abs(samples) * recording.interval_s, recording.unit_s)
-    how = "after OP, later than a stem answers" if samples < 0.0 else "before OP"
+    difference_text = duration(abs(samples) * recording.interval_s, recording.unit_s)
+    direction = "after OP, later than a stem answers" if samples < 0.0 else "before OP"
     return Obstacle(
         "clocks_apart",
-        f"the position moves about {apart} {how}: their clocks differ, or one of the two was "
-        "exported for another time",
+        f"the position moves about {difference_text} {direction}: their clocks differ, or one "
+        "of the two was exported for another time",
         "Export OP and position for the same time from one archive, and compare a step.",
     )
 
 
-def _unrelated(left: float) -> Obstacle:
+def _unrelated(unexplained: float) -> Obstacle:
     return Obstacle(
         "position_unrelated",
         "neither friction nor a slow actuator explains how the position follows OP "
-        f"({share(min(left, 1.0))} is left): it may be another valve's",
+        f"({share(min(unexplained, 1.0))} is left): it may be another valve's",
         "Check which tag is this valve's position; step OP and see whether it answers.",
     )
 
@@ -348,14 +349,14 @@ def _unrelated(left: float) -> Obstacle:
 def unit_obstacles(recording: Recording) -> list[Obstacle]:
     """A command or a position that is not in percent, so that they cannot be compared."""
     obstacles = []
-    for signal, slug, what in (
+    for signal, slug, noun in (
         (recording.op, "op_unit", "of span"),
         (recording.mv, "position_unit", "of travel"),
     ):
-        instead = None if signal is None else not_percent(signal)
-        if signal is not None and instead is not None:
+        other_range = None if signal is None else not_percent(signal)
+        if signal is not None and other_range is not None:
             reason = (
-                f"{signal.tag} {instead}, not in percent {what}, so OP and position cannot be "
+                f"{signal.tag} {other_range}, not in percent {noun}, so OP and position cannot be "
                 "compared"
             )
             obstacles.append(Obstacle(slug, reason, UNIT_REMEDY))
@@ -365,15 +366,15 @@ def unit_obstacles(recording: Recording) -> list[Obstacle]:
 def _still_obstacles(recording: Recording) -> list[Obstacle]:
     """A position that does not move while OP does, or by its noise only."""
     assert recording.mv is not None
-    mv, far = recording.mv.values, swing(recording.op.values)
+    mv, op_swing = recording.mv.values, swing(recording.op.values)
     finite = mv[np.isfinite(mv)]
-    if far <= 2.0 or not finite.size:
+    if op_swing <= 2.0 or not finite.size:
         return []
     if float(np.ptp(finite)) == 0.0:
         return [
             Obstacle(
                 "position_frozen",
-                f"the position did not change by one digit while OP moved over {far:.1f} %: "
+                f"the position did not change by one digit while OP moved over {op_swing:.1f} %: "
                 "either the transmitter is frozen or the stem is stuck fast",
                 STUCK_REMEDY,
             )
@@ -383,8 +384,8 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
         return [
             Obstacle(
                 "position_still",
-                f"the position shows nothing but its noise while OP moved over {far:.1f} %: either "
-                "the stem is stuck fast or this is not the position of this valve",
+                f"the position shows nothing but its noise while OP moved over {op_swing:.1f} "
+                "%: either the stem is stuck fast or this is not the position of this valve",
                 STUCK_REMEDY,
             )
         ]
@@ -457,24 +458,24 @@ def _manual(recording: Recording) -> bool:
     mode = recording.get(Role.MODE)
     if mode is None:
         return False
-    known = mode.values[np.isfinite(mode.values)]
-    return bool(known.size and np.mean(known == 0.0) > 0.5)
+    finite = mode.values[np.isfinite(mode.values)]
+    return bool(finite.size and np.mean(finite == 0.0) > 0.5)
 
 
 def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     """An OP whose movement could not show a sticking stem."""
     op = recording.op.values[np.isfinite(recording.op.values)]
-    far = swing(op)
+    op_swing = swing(op)
     # An OP that is sampled too slowly looks like noise; its turns must not be lost for that.
-    threshold = max(0.1 * far, min(4.0 * noise_sigma(op), 0.5 * far), 0.2)
+    threshold = max(0.1 * op_swing, min(4.0 * noise_sigma(op), 0.5 * op_swing), 0.2)
     turns = int(reversals(op, threshold).size) if op.size else 0
     manual = "the loop was in manual and " if _manual(recording) else ""
     remedy = (
         "Screen a window in which the set point moved or the load changed, or step OP by 2 to "
         "5 % a few times each way."
     )
-    if far < 2.0 * limits.watch_S_percent:
-        reason = f"{manual}OP moved over {far:.1f} % only, so a sticking stem would not show"
+    if op_swing < 2.0 * limits.watch_S_percent:
+        reason = f"{manual}OP moved over {op_swing:.1f} % only, so a sticking stem would not show"
         return [Obstacle("manual" if manual else "op_still", reason, remedy)]
     if turns < limits.min_reversals:
         reason = f"{manual}OP turned round only {times(turns)}; stiction shows at reversals"
@@ -492,7 +493,7 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     return []
 
 
-def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstacle]:
+def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[Obstacle]:
     """A position that the transmitter froze or the historian drew for too long."""
     obstacles = []
     if frozen > 0.5:
@@ -503,12 +504,12 @@ def record_obstacles(frozen: float, drawn: float, limits: Limits) -> list[Obstac
                 "Check the position transmitter and its path to the historian.",
             )
         )
-    if drawn > limits.max_interpolated_share:
+    if drawn_share > limits.max_interpolated_share:
         obstacles.append(
             Obstacle(
                 "compressed",
-                f"the historian compressed the position: {share(drawn)} of its moving samples were "
-                "drawn between stored points, which hides when the stem slipped",
+                f"the historian compressed the position: {share(drawn_share)} of its moving "
+                "samples were drawn between stored points, which hides when the stem slipped",
                 "Export raw values with compression off (or its deviation below 0.1 %).",
             )
         )

@@ -83,10 +83,10 @@ def forecast_wear(days: Sequence[float], S: Sequence[float], limit: float) -> We
     # The first days' level is known from their mean as well as such a mean is.
     first = y[:FIRST].mean() + np.sqrt(error[chosen] / FIRST) * rng.standard_normal(DRAWS)
     rises = float(np.mean(state[:, 0] - first > LEAST_RISE_PERCENT))
-    goes_on = float(np.mean(state[:, 1] > 0.0))
+    share_rising = float(np.mean(state[:, 1] > 0.0))
     if float(state[:, 0].mean()) >= limit:
         reason = f"S is at {limit:g} % already"
-    elif rises < SURE or goes_on < GOES_ON:
+    elif rises < SURE or share_rising < GOES_ON:
         reason = "S does not rise by more than its own scatter"
     else:
         # What rises still does: a worn stem does not heal by itself.
@@ -144,8 +144,8 @@ def _passage(state: Floats, noise: Floats, limit: float, rng: np.random.Generato
     steps = rng.poisson(np.minimum(rate / size, 1e6))
     wear = np.where(noise[:, :1] > 0.0, size * rng.standard_gamma(np.maximum(steps, 1e-9)), rate)
     level = state[:, :1] + np.cumsum(wear, axis=1)
-    reached = level >= limit
-    day = np.where(reached.any(axis=1), reached.argmax(axis=1) + 1.0, np.inf)
+    is_reached = level >= limit
+    day = np.where(is_reached.any(axis=1), is_reached.argmax(axis=1) + 1.0, np.inf)
     low, middle, high = np.percentile(
         day, (INTERVAL_PERCENT[0], 50.0, INTERVAL_PERCENT[1]), method="nearest"
     )

@@ -1,5 +1,5 @@
-"""Rules for our processes: no traceback on Ctrl-C while starting, an orderly end on SIGTERM, an end
-with the parent; how workers are created; and whether the process of a stored name has ended.
+"""Rules for our processes: no traceback on Ctrl-C while starting, an orderly end, an end with the
+parent; how workers are created; and whether the process of a stored name has ended.
 
 A terminal sends Ctrl-C to the whole process group. A process that is still importing would print a
 traceback, and one whose parent was killed would wait for work for ever.
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 _ORPHANED = 3
 _ENDING = (signal.SIGINT, signal.SIGTERM)
 _ASKED = b"1"
-_ASK_AGAIN_S = 0.05
-_terminated = threading.Event()
-INTERRUPTED = 128 + 2  # the status of a command that Ctrl-C ended
-TERMINATED = 128 + 15  # the status of a command that SIGTERM ended
 PRELOADED = "stemwatch.service.executors.worker_preload"
 
 
@@ -134,14 +130,14 @@ def asked_to_stop(stop: Callable[[], object], *, last: bool = False) -> Iterator
         if os.read(reader, 1) == _ASKED:
             stop()
 
-    def asked(*_: object) -> None:
+    def on_signal(*_: object) -> None:
         if not written:
             written.append(os.write(writer, _ASKED))
 
     written: list[int] = []
     heard = threading.Thread(target=wait_and_stop, name="stop", daemon=True)
     heard.start()
-    before = {number: signal.signal(number, asked) for number in _ENDING}
+    before = {number: signal.signal(number, on_signal) for number in _ENDING}
     try:
         yield
     finally:
@@ -151,46 +147,6 @@ def asked_to_stop(stop: Callable[[], object], *, last: bool = False) -> Iterator
         heard.join()
         os.close(reader)
         os.close(writer)
-
-
-class Terminated(KeyboardInterrupt):
-    """SIGTERM, handled in the same way as Ctrl-C."""
-
-
-@contextmanager
-def ending_on_sigterm() -> Iterator[None]:
-    """SIGTERM raises ``Terminated`` in the main thread, whatever handler was inherited. It cannot
-    be passed on as Ctrl-C, which background jobs of a script ignore."""
-
-    def end(*_: object) -> None:
-        _terminated.set()
-        raise Terminated
-
-    if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread receives signals
-        return
-    before, told = signal.signal(signal.SIGTERM, end), sys.unraisablehook
-
-    def again(lost: sys.UnraisableHookArgs) -> None:
-        """Python drops what is raised in a finaliser or a callback of C: ask once more."""
-        if not isinstance(lost.exc_value, Terminated):
-            told(lost)
-            return
-        asking = threading.Timer(_ASK_AGAIN_S, os.kill, (os.getpid(), signal.SIGTERM))
-        asking.daemon = True
-        asking.start()
-
-    sys.unraisablehook = again
-    try:
-        yield
-    finally:
-        sys.unraisablehook = told
-        signal.signal(signal.SIGTERM, before)
-
-
-def terminated() -> bool:
-    """Whether this command received SIGTERM."""
-    return _terminated.is_set()
 
 
 def process_name() -> str:

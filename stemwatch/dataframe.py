@@ -12,10 +12,10 @@ from stemwatch.connectors.archive.valve_columns import (
     ValveColumns,
     bounds_of,
     empty_column,
-    inside,
     local_instants,
     need_op,
     no_samples_error,
+    within_bounds,
 )
 from stemwatch.connectors.connector import (
     WHOLE,
@@ -93,13 +93,13 @@ class DataFrameSource:
                 f"{self.where}: start or stop was given, but the times have no zone; say zone, "
                 "such as 'Europe/Berlin', or cut the frame yourself"
             )
-        everything = self._loaded({tag: empty_column(tag) for tag in self._places})
+        recordings = self._loaded({tag: empty_column(tag) for tag in self._places})
         columns: dict[str, Column] = {}
         for role, mapping in valve.tags.items():
-            tag = find_tag(everything, mapping.tag)
-            columns[tag] = inside(self._column(tag, as_mode=role is Role.MODE), bounds)
+            tag = find_tag(recordings, mapping.tag)
+            columns[tag] = within_bounds(self._column(tag, as_mode=role is Role.MODE), bounds)
             if role is Role.OP and not columns[tag].file_ns.size:
-                raise no_samples_error(self.where, tag, window, self._holds())
+                raise no_samples_error(self.where, tag, window, self._contents())
         return assemble(self._loaded(columns), valve, window)
 
     def _loaded(self, columns: Mapping[str, Column]) -> ValveColumns:
@@ -130,7 +130,7 @@ class DataFrameSource:
         if isinstance(index, pd.PeriodIndex):
             index = index.to_timestamp()
         if interval_s is not None:
-            return self._counted(index, interval_s)
+            return self._row_instants(index, interval_s)
         if not isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
             raise UnreadableSource(
                 NO_TIMES.format(where=self.where, found=_described(index), cure=self._cure())
@@ -145,7 +145,7 @@ class DataFrameSource:
             return local_instants(ns, ok, self._options, self._notes)
         return Instants(ns=ns, ok=ok, in_utc=True, zone="The times are instants in UTC.")
 
-    def _counted(self, index: pd.Index, interval_s: float) -> Instants:
+    def _row_instants(self, index: pd.Index, interval_s: float) -> Instants:
         if isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
             raise ValueError(
                 f"{self.where}: interval_s={interval_s:g} was given, but the index holds times "
@@ -159,14 +159,14 @@ class DataFrameSource:
     def _cure(self) -> str:
         """What to do about an index without times."""
         kinds = self._frame.dtypes
-        for tag, place in self._places.items():
-            if pd.api.types.is_datetime64_any_dtype(kinds.iloc[place]):
+        for tag, column_index in self._places.items():
+            if pd.api.types.is_datetime64_any_dtype(kinds.iloc[column_index]):
                 return f"Column {tag!r} holds times: hand over frame.set_index({tag!r})."
         if pd.api.types.is_string_dtype(self._frame.index.dtype) and len(self._frame):
             return "Turn its texts into times: frame.index = pandas.to_datetime(frame.index)."
         return "Say interval_s, the seconds between rows, or set a column of times as the index."
 
-    def _holds(self) -> str:
+    def _contents(self) -> str:
         index = self._frame.index
         if not len(index):
             return "the frame has no rows"
@@ -177,9 +177,9 @@ def _places(frame: pd.DataFrame, where: str) -> dict[str, int]:
     """The position of each column by its name as text. Raises ``ValueError`` where two share one,
     or there is none."""
     names = [str(name) for name in frame.columns]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"{where}: each column needs a name of its own; twice: {twice}")
+    repeated = sorted({name for name in names if names.count(name) > 1})
+    if repeated:
+        raise ValueError(f"{where}: each column needs a name of its own; twice: {repeated}")
     if not names:
         raise ValueError(f"{where}: the frame has no columns; expected one for OP at least")
     return {name: index for index, name in enumerate(names)}
@@ -188,5 +188,5 @@ def _places(frame: pd.DataFrame, where: str) -> dict[str, int]:
 def _described(index: pd.Index) -> str:
     if isinstance(index, pd.RangeIndex):
         return f"a RangeIndex of {len(index)} rows"
-    shown = f", beginning with {index[0]!r}" if len(index) else ""
-    return f"of type {index.dtype}{shown}"
+    beginning = f", beginning with {index[0]!r}" if len(index) else ""
+    return f"of type {index.dtype}{beginning}"

@@ -125,7 +125,7 @@ def read(
         FIC101: op, mv; 600 samples of 0.5 s (5 min), date not known, 100 % usable
     """
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    inputs = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    inputs = _options_asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     return one_recording(data, inputs)
 
 
@@ -219,15 +219,15 @@ def screen(
     from stemwatch.models.screening import screen as screen_cases
 
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    inputs = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    inputs = _options_asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     options = Options(narx=narx, mismatch=mismatch, limits=_limits(limits))
-    many = is_several(data)
-    read_ones = several(data, inputs) if many else [one_recording(data, inputs)]
+    several_asked = is_several(data)
+    read_ones = several(data, inputs) if several_asked else [one_recording(data, inputs)]
     cases = [Case(recording=item) for item in read_ones if isinstance(item, Recording)]
     fitted = iter(screen_cases(cases, options))
     screenings = [next(fitted) if isinstance(item, Recording) else item for item in read_ones]
     valves, stands = screened(screenings)
-    return ScreenedValves(valves, stands, zone) if many else valves[0]
+    return ScreenedValves(valves, stands, zone) if several_asked else valves[0]
 
 
 @overload
@@ -290,11 +290,11 @@ def explain(
         <Finding.NONE: 'none'>
     """
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    inputs = _asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
-    many = is_several(data)
-    read_ones = several(data, inputs) if many else [one_recording(data, inputs)]
+    inputs = _options_asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    several_asked = is_several(data)
+    read_ones = several(data, inputs) if several_asked else [one_recording(data, inputs)]
     valves, stands = explained([_explained(item, narx) for item in read_ones])
-    return ExplainedValves(valves, stands) if many else valves[0]
+    return ExplainedValves(valves, stands) if several_asked else valves[0]
 
 
 def simulate(
@@ -348,7 +348,7 @@ def simulate(
     return replace(recording, start=start)
 
 
-def _asked(
+def _options_asked(
     signals: Mapping[str, SignalInput | None],
     valve: str,
     interval_s: float | None,
@@ -381,9 +381,11 @@ def _explained(recording: Recording | Screening, narx: bool) -> Explained:
 
 
 def _limits(limits: Mapping[str, float] | None) -> Limits:
-    known = [field.name for field in fields(Limits)]
+    limit_names = [field.name for field in fields(Limits)]
     for name in limits or {}:
-        if name not in known:
-            near = nearest(name, known)
-            raise ValueError(f"limits: {name!r} is no limit{near}; expected some of {known}")
+        if name not in limit_names:
+            suggestion = nearest(name, limit_names)
+            raise ValueError(
+                f"limits: {name!r} is no limit{suggestion}; expected some of {limit_names}"
+            )
     return Limits(**{name: float(value) for name, value in (limits or {}).items()})

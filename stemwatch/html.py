@@ -25,15 +25,15 @@ def screened_card(screening: Screening, finding: PresentedFinding, remark: str) 
 
     ``remark`` says why its named effects are held back; empty where they stand.
     """
-    drawing, why = picture_of(screening, screening.recording, UTC)
+    drawing, reason = picture_of(screening, screening.recording, UTC)
     if screening.recording is not None and screening.recording.start is not None:
-        why += " Times in UTC."
+        reason += " Times in UTC."
     return _rendered(
         "card.html",
         screening=screening,
         finding=finding,
         picture=None if drawing is None else svg_of(drawing),
-        why=why,
+        why=reason,
         view=_view(screening.mismatch, screening.valve, remark),
     )
 
@@ -64,5 +64,5 @@ def _rendered(name: str, **shown: Any) -> str:
 @cache
 def _load(name: str) -> str:
     """A template of this package, or of the report."""
-    own = files("stemwatch").joinpath(name)
-    return own.read_text("utf-8") if own.is_file() else template(name)
+    source = files("stemwatch").joinpath(name)
+    return source.read_text("utf-8") if source.is_file() else template(name)

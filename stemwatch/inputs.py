@@ -119,11 +119,11 @@ def checked_options(
     options: Mapping[str, Any],
 ) -> InputOptions:
     """The arguments after a check. Raises ``ValueError`` where they contradict one another."""
-    given = {Role(name): signal for name, signal in signals.items() if signal is not None}
-    if given and Role.OP not in given:
+    signal_of_role = {Role(name): signal for name, signal in signals.items() if signal is not None}
+    if signal_of_role and Role.OP not in signal_of_role:
         raise ValueError(
-            f"{', '.join(role.value for role in given)} given without op; say op=, the column or "
-            "the samples of the controller output"
+            f"{', '.join(role.value for role in signal_of_role)} given without op; say op=, the "
+            "column or the samples of the controller output"
         )
     for name, pair in (ranges or {}).items():
         if name not in signals:
@@ -134,7 +134,7 @@ def checked_options(
                 "(4, 20) for mA or (0, 1) for a fraction"
             )
     return InputOptions(
-        signals=given,
+        signals=signal_of_role,
         valve=valve,
         ranges=dict(ranges or {}),
         interval_s=interval_s,
@@ -177,11 +177,13 @@ def several(data: object, inputs: InputOptions) -> list[Recording | Screening]:
     screening with the reason."""
     if isinstance(data, str | os.PathLike):
         return _of_path(os.fsdecode(data), inputs)
-    named = data.items() if isinstance(data, Mapping) else [("", item) for item in _listed(data)]
+    named = data.items() if isinstance(data, Mapping) else [("", item) for item in _as_list(data)]
     recordings: list[Recording | Screening] = []
     for index, (name, item) in enumerate(named):
         if isinstance(item, str | os.PathLike):
-            recordings += [_renamed(each, name) for each in _of_path(os.fsdecode(item), inputs)]
+            recordings += [
+                _renamed(recording, name) for recording in _of_path(os.fsdecode(item), inputs)
+            ]
         else:
             recordings.append(_one_or_reason(item, str(name), inputs, index))
     return recordings
@@ -192,14 +194,14 @@ def is_several(data: object) -> bool:
     return isinstance(data, str | os.PathLike | list | tuple | Mapping)
 
 
-def _listed(data: object) -> Sequence[object]:
+def _as_list(data: object) -> Sequence[object]:
     if isinstance(data, list | tuple):
         return data
     raise TypeError(f"received {_described(data)}; {EXPECTED}")
 
 
 def _one_or_reason(
-    frame: object, name: str, inputs: InputOptions, place: int
+    frame: object, name: str, inputs: InputOptions, position: int
 ) -> Recording | Screening:
     """The recording of an entry of a list or dict; a screening with the reason where it cannot be
     read."""
@@ -208,13 +210,15 @@ def _one_or_reason(
     if isinstance(frame, Recording):
         return _renamed(frame, name)
     if not isinstance(frame, pd.DataFrame):
-        where = repr(name) if name else f"entry {place}"
-        raise TypeError(f"{where} is {_described(frame)}; {EXPECTED}")
+        label = repr(name) if name else f"entry {position}"
+        raise TypeError(f"{label} is {_described(frame)}; {EXPECTED}")
     try:
         return one_recording(frame, replace(inputs, valve=name) if name else inputs)
     except ConnectorError as error:
         advice = "Mend the frame or the names of its columns; the other valves are not affected."
-        return failed(name or f"entry {place}", str(error), advice, Provenance(source="DataFrame"))
+        return failed(
+            name or f"entry {position}", str(error), advice, Provenance(source="DataFrame")
+        )
 
 
 def _renamed(recording: Recording | Screening, name: object) -> Recording | Screening:
@@ -267,13 +271,13 @@ def _one_of_file(path: str, inputs: InputOptions) -> Recording:
         return _checked(case.recording, inputs)
     names = [task.tags.valve for task in tasks]
     if inputs.valve:
-        near = nearest(inputs.valve, names)
+        suggestion = nearest(inputs.valve, names)
         raise MappingNeeded(
-            f"{path}: there is no valve {inputs.valve!r} among {len(names)}{near}; expected one of "
-            f"{_some(names)}"
+            f"{path}: there is no valve {inputs.valve!r} among {len(names)}{suggestion}; "
+            f"expected one of {_name_list(names)}"
         )
     raise MappingNeeded(
-        f"{path}: holds {len(names)} valves ({_some(names)}); say which with "
+        f"{path}: holds {len(names)} valves ({_name_list(names)}); say which with "
         f"valve={(names or ['FIC-101'])[0]!r}, or screen them all: stemwatch.screen({path!r})"
     )
 
@@ -283,9 +287,9 @@ def read_options(inputs: InputOptions) -> ReadOptions:
     option_names = set(FileOptions.__annotations__)
     for name in inputs.options:
         if name not in option_names:
-            near = nearest(name, option_names)
+            suggestion = nearest(name, option_names)
             raise TypeError(
-                f"{name!r} is no option of reading{near}; expected {sorted(option_names)}"
+                f"{name!r} is no option of reading{suggestion}; expected {sorted(option_names)}"
             )
     return ReadOptions(zone=inputs.zone, interval_s=inputs.interval_s, **inputs.options)
 
@@ -317,12 +321,12 @@ def _valve_tags(table: DataFrameSource, inputs: InputOptions) -> ValveTags:
     if proposed:
         names = [candidate.valve for candidate in proposed]
         raise MappingNeeded(
-            f"{table.where}: holds {len(names)} valves ({_some(names)}); say which with "
+            f"{table.where}: holds {len(names)} valves ({_name_list(names)}); say which with "
             f"valve={names[0]!r}, or name the columns with op= and mv="
         )
     raise MappingNeeded(
         f"{table.where}: which column is the controller output? Say op= and, where the position "
-        f"is measured, mv=; the columns are {_some(list(columns))}"
+        f"is measured, mv=; the columns are {_name_list(list(columns))}"
     )
 
 
@@ -410,9 +414,13 @@ def _checked(recording: Recording, inputs: InputOptions) -> Recording:
     return recording
 
 
-def _some(names: Sequence[str], most: int = 12) -> str:
-    shown = ", ".join(repr(name) for name in names[:most])
-    return f"{shown} and {len(names) - most} more" if len(names) > most else shown or "none"
+def _name_list(names: Sequence[str], longest: int = 12) -> str:
+    name_text = ", ".join(repr(name) for name in names[:longest])
+    return (
+        f"{name_text} and {len(names) - longest} more"
+        if len(names) > longest
+        else name_text or "none"
+    )
 
 
 def _described(value: object) -> str:

@@ -34,13 +34,15 @@ def screening_figure(screening: Screening, verdict: Verdict) -> Figure:
     figure = _figure()
     recording = _drawable(screening.recording, screening.valve)
     simulated = simulated_run(screening, recording)
-    part, why = part_drawn(recording, simulated)
+    part, reason = part_drawn(recording, simulated)
     mv = recording.mv
     ratios = [1.0] if mv is None else [2.4, 1.0]
     places = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
     time = figure.add_subplot(places[0, 0])
     _over_time(time, recording, part, simulated)
-    time.set_title(f"{screening.valve}: {verdict.value} ({why[0].lower()}{why[1:]})", loc="left")
+    time.set_title(
+        f"{screening.valve}: {verdict.value} ({reason[0].lower()}{reason[1:]})", loc="left"
+    )
     if mv is not None:
         _against_op(figure.add_subplot(places[0, 1]), screening, recording, part)
     return figure
@@ -59,8 +61,8 @@ def mismatch_figure(recording: Recording | None, mismatch: Mismatch) -> Figure:
     axes = figure.add_subplot()
     _over_time(axes, drawable, part, extended)
     if naive is not None:
-        at = drawable.time_s[part] - drawable.time_s[part.start]
-        axes.plot(at, naive[part], color=_NAIVE, linewidth=1.0, label="S and J alone")
+        time_s = drawable.time_s[part] - drawable.time_s[part.start]
+        axes.plot(time_s, naive[part], color=_NAIVE, linewidth=1.0, label="S and J alone")
         axes.legend(loc="best", fontsize="small")
     axes.set_title(f"{drawable.valve}: {mismatch.finding.value.replace('_', ' ')}", loc="left")
     return figure
@@ -81,12 +83,14 @@ def _drawable(recording: Recording | None, valve: str) -> Recording:
 
 
 def _over_time(axes: Any, recording: Recording, part: slice, simulated: Floats | None) -> None:
-    at = recording.time_s[part] - recording.time_s[part.start]
-    axes.plot(at, recording.op.values[part], color=_OP, linewidth=0.9, linestyle="--", label="OP")
+    time_s = recording.time_s[part] - recording.time_s[part.start]
+    axes.plot(
+        time_s, recording.op.values[part], color=_OP, linewidth=0.9, linestyle="--", label="OP"
+    )
     if recording.mv is not None:
-        axes.plot(at, recording.mv.values[part], color=_MV, linewidth=1.4, label="MV")
+        axes.plot(time_s, recording.mv.values[part], color=_MV, linewidth=1.4, label="MV")
     if simulated is not None:
-        axes.plot(at, simulated[part], color=_MODEL, linewidth=1.0, label="model")
+        axes.plot(time_s, simulated[part], color=_MODEL, linewidth=1.0, label="model")
     axes.set_xlabel("time, s")
     axes.set_ylabel(f"{recording.op.unit or 'unit not known'}")
     axes.legend(loc="best", fontsize="small")

@@ -211,10 +211,10 @@ class ExplainedValve:
     def __repr__(self) -> str:
         lines = [printable(self.valve), *_mismatch_lines(self.mismatch, self.remark)]
         if self.S.value is not None:
-            alone = self.mismatch.naive
+            base_fit = self.mismatch.naive
             lines.append(f"  S {self.S}, J {self.J} of OP span")
             if self.mismatch.effects:
-                lines.append(f"  with S and J alone: S {alone.S}, J {alone.J}")
+                lines.append(f"  with S and J alone: S {base_fit.S}, J {base_fit.J}")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -282,8 +282,8 @@ class ScreenedValves(_Valves[ScreenedValve]):
         """
         import pandas as pd
 
-        shown, rows = header_and_rows(self._ranking(), self._context)
-        return pd.DataFrame(list(rows), columns=[column.header for column in shown])
+        columns, rows = header_and_rows(self._ranking(), self._context)
+        return pd.DataFrame(list(rows), columns=[column.header for column in columns])
 
     def to_dict(self) -> list[dict[str, Any]]:
         """The objects of ``valves.json``, the worst first (docs/json.md)."""
@@ -295,21 +295,21 @@ class ScreenedValves(_Valves[ScreenedValve]):
     def __repr__(self) -> str:
         if len(self) == 1:
             return repr(self[0])
-        counted = count_verdicts(self._ranking())
-        verdicts = ", ".join(f"{n} {verdict.value}" for verdict, n in counted.items() if n)
-        many = "1 valve" if len(self) == 1 else f"{len(self)} valves"
-        lines = [f"{many}: {verdicts}" if verdicts else many]
-        listed = self.ranked()[:_MOST_LISTED]
-        width = max((len(valve.valve) for valve in listed), default=0)
-        for rank, valve in enumerate(listed, start=1):
+        counts = count_verdicts(self._ranking())
+        verdicts = ", ".join(f"{n} {verdict.value}" for verdict, n in counts.items() if n)
+        count_text = "1 valve" if len(self) == 1 else f"{len(self)} valves"
+        lines = [f"{count_text}: {verdicts}" if verdicts else count_text]
+        first_valves = self.ranked()[:_MOST_LISTED]
+        width = max((len(valve.valve) for valve in first_valves), default=0)
+        for rank, valve in enumerate(first_valves, start=1):
             numbers = f"S {valve.S}, J {valve.J}"
             if valve.S.value is None:
                 numbers = textwrap.shorten(printable(valve.reason), _WIDTH - 24, placeholder=" ...")
             symbol = VERDICT_SYMBOL[valve.verdict]
             name = printable(valve.valve).ljust(width)
             lines.append(f"{rank:3} {name}  {symbol} {valve.verdict.value:12}  {numbers}".rstrip())
-        if len(self) > len(listed):
-            lines.append(f"    and {len(self) - len(listed)} more: .to_frame() has them all")
+        if len(self) > len(first_valves):
+            lines.append(f"    and {len(self) - len(first_valves)} more: .to_frame() has them all")
         return "\n".join(lines + _wrapped(self.discoveries.sentence))
 
     def _repr_html_(self) -> str:

@@ -32,7 +32,7 @@ BESIDE_THE_CHECKOUT = REPOSITORY.parent / "shared" / "recordings"
 
 # Worker processes import the functions that a test hands them from here. Last, so that a normal
 # installation of the package, and not the checkout, is what the tests run.
-sys.path[:] = [place for place in sys.path if Path(place or ".").resolve() != REPOSITORY.resolve()]
+sys.path[:] = [index for index in sys.path if Path(index or ".").resolve() != REPOSITORY.resolve()]
 sys.path.append(str(REPOSITORY))
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.

@@ -87,8 +87,8 @@ def _again(store: Store, since: float) -> None:
     while time.monotonic() < end:
         try:
             if store.samples.bounds("plc-1", TAGS[0]) is not None:
-                found = store.samples.read("plc-1", TAGS[0])
-                if (found.at_us[found.quality == 0] > since * 1e6).any():
+                samples = store.samples.read("plc-1", TAGS[0])
+                if (samples.at_us[samples.quality == 0] > since * 1e6).any():
                     return
         except StoreError:
             pass  # the database is away
@@ -109,13 +109,16 @@ def _both(database: Database, night: Night) -> None:
 def _report(again_s: dict[str, list[float]], store: Store, night: Night, device: Device) -> int:
     lost = invented = doubled = samples = said_late = 0
     for tag in TAGS:
-        found = store.samples.read("plc-1", tag)
-        missing, wrong = compared(found, tag, night, device)
+        recording = store.samples.read("plc-1", tag)
+        missing, wrong = compared(recording, tag, night, device)
         late = store.samples.reasons("plc-1", tag)
-        said = sum(n for why, n in late.items() if "not polled" in why or "no answer" in why)
-        samples += int((found.quality == 0).sum())
-        lost, said_late = lost + max(0, len(missing) - said), said_late + said
-        invented, doubled = invented + len(wrong), doubled + int((np.diff(found.at_us) <= 0).sum())
+        total = sum(n for why, n in late.items() if "not polled" in why or "no answer" in why)
+        samples += int((recording.quality == 0).sum())
+        lost, said_late = lost + max(0, len(missing) - total), said_late + total
+        invented, doubled = (
+            invented + len(wrong),
+            doubled + int((np.diff(recording.at_us) <= 0).sum()),
+        )
     runs = store.queue.recent(1000, schedule="often")
     person = sum(run.state in (RunState.FAILED, RunState.CANCELLED) for run in runs)
     print("| fault | tried | itself again after, p50 | p99 |\n|---|---|---|---|")

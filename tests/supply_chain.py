@@ -36,16 +36,16 @@ class Looked:
 
     def sentences(self) -> list[str]:
         """One for each thing that somebody should know."""
-        said = [f"VULNERABLE: {one}" for one in self.found]
+        sentences = [f"VULNERABLE: {item}" for item in self.found]
         if self.not_looked_up:
             name, why = next(iter(self.not_looked_up.items()))
-            said.append(
+            sentences.append(
                 f"NOT LOOKED UP: the vulnerabilities of {len(self.not_looked_up)} packages "
                 f"({name}: {why}). Nothing is known of them; look again where a vulnerability "
                 "service can be reached"
             )
-        said.append(f"{self.looked_up} packages were looked up, {len(self.found)} findings.")
-        return said
+        sentences.append(f"{self.looked_up} packages were looked up, {len(self.found)} findings.")
+        return sentences
 
 
 def look_up(answer: str, said: str, packages: int) -> Looked:
@@ -57,26 +57,26 @@ def look_up(answer: str, said: str, packages: int) -> Looked:
         why = next((line for line in reversed(said.splitlines()) if line.strip()), "no answer")
         return Looked([], 0, {f"package {n + 1}": why for n in range(packages)})
     skipped = {entry["name"]: entry["skip_reason"] for entry in entries if "skip_reason" in entry}
-    found = [
+    matching = [
         f"{entry['name']} {entry['version']}: {known['id']}, mended in "
         f"{', '.join(known['fix_versions']) or 'no version yet'}"
         for entry in entries
         for known in entry.get("vulns", ())
     ]
-    return Looked(found, len(entries) - len(skipped), skipped)
+    return Looked(matching, len(entries) - len(skipped), skipped)
 
 
 def refused_licences(licences: Mapping[str, str]) -> list[str]:
     """Packages whose licence is not known or asks for the source of what it is delivered with."""
-    said = []
+    sentences = []
     for name, licence in sorted(licences.items()):
         # "GPL or MIT" may be taken as MIT.
         choices = re.split(r"\s+OR\s+|;", licence)
         if not licence.strip() or licence.strip().upper() == "UNKNOWN":
-            said.append(f"{name}: no licence is stated")
+            sentences.append(f"{name}: no licence is stated")
         elif all(_REFUSED.search(choice) and not _LESSER.search(choice) for choice in choices):
-            said.append(f"{name}: {licence}")
-    return said
+            sentences.append(f"{name}: {licence}")
+    return sentences
 
 
 def _answer(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
@@ -88,16 +88,16 @@ def _vulnerabilities(tools: Path) -> Looked:
     packages = len(re.findall(r"^[a-z0-9]", lock.read_text(encoding="utf-8"), re.M))
     command = [str(tools / "pip-audit"), "-r", str(lock), "--disable-pip", "--require-hashes",
                "--format", "json", "--progress-spinner", "off", "--timeout", "10"]  # fmt: skip
-    done = _answer(command)
-    return look_up(done.stdout, done.stderr, packages)
+    result = _answer(command)
+    return look_up(result.stdout, result.stderr, packages)
 
 
 def _licences(tools: Path) -> dict[str, str]:
     command = [str(tools / "pip-licenses"), "--python", sys.executable, "--from=mixed"]
-    done = _answer([*command, "--format=json"])
-    if done.returncode:
-        raise SystemExit(f"pip-licenses failed: {done.stderr}")
-    return {load["Name"]: load["License"] for load in json.loads(done.stdout)}
+    result = _answer([*command, "--format=json"])
+    if result.returncode:
+        raise SystemExit(f"pip-licenses failed: {result.stderr}")
+    return {load["Name"]: load["License"] for load in json.loads(result.stdout)}
 
 
 def _write_bill(tools: Path, folder: Path) -> int:
@@ -105,9 +105,9 @@ def _write_bill(tools: Path, folder: Path) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     command = [str(tools / "cyclonedx-py"), "requirements", "requirements.lock", "--pyproject"]
     options = ["--output-reproducible", "--of", "JSON", "--output-file", str(folder / BILL)]
-    done = _answer([*command, "pyproject.toml", *options])
-    if done.returncode:
-        raise SystemExit(f"cyclonedx-py failed: {done.stderr}")
+    result = _answer([*command, "pyproject.toml", *options])
+    if result.returncode:
+        raise SystemExit(f"cyclonedx-py failed: {result.stderr}")
     return len(json.loads((folder / BILL).read_text(encoding="utf-8"))["components"])
 
 
@@ -122,7 +122,7 @@ def main() -> None:
     print("\n".join(looked.sentences()))
     licences = _licences(tools)
     refused = refused_licences(licences)
-    print("\n".join(f"LICENCE: {one}" for one in refused))
+    print("\n".join(f"LICENCE: {item}" for item in refused))
     print(f"{len(licences)} licences were read, {len(refused)} refused.")
     parts = _write_bill(tools, arguments.out)
     print(f"{parts} parts are in {arguments.out / BILL}")

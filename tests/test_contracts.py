@@ -33,10 +33,10 @@ def test_the_import_contracts_hold() -> None:
     """Layers point one way, models do no I/O, and the simulator is apart from what is fitted."""
     command = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
     assert command is not None
-    done = subprocess.run(
+    process = subprocess.run(
         [command, "--no-cache"], cwd=REPOSITORY, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert process.returncode == 0, process.stdout + process.stderr
 
 
 def test_models_open_print_and_write_nothing() -> None:

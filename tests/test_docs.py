@@ -98,8 +98,8 @@ def test_every_command_line_that_is_shown_would_be_understood(page: Path) -> Non
                 verb, _, rest = rest.strip().partition(" ")
                 name = f"{name} {verb}"
             assert name in commands, f"{page.name}: stemwatch {name}"
-            shown = set(re.findall(r"(?<!\S)--[a-z-]+", rest))
-            assert shown - _options(commands[name]) - {"--help"} == set(), f"{page.name}: {rest}"
+            distinct = set(re.findall(r"(?<!\S)--[a-z-]+", rest))
+            assert distinct - _options(commands[name]) - {"--help"} == set(), f"{page.name}: {rest}"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)

@@ -42,12 +42,12 @@ def test_no_link_leads_off_the_site(site: ModuleType) -> None:
     assert len(pages) > 30
     for name, page in pages.items():
         file = SimpleNamespace(file=SimpleNamespace(src_uri=name))
-        shown = site.on_page_markdown(page.read_text("utf-8"), page=file)
-        without_code = re.sub(r"```.*?```|`[^`\n]*`", "", shown, flags=re.DOTALL)
+        result = site.on_page_markdown(page.read_text("utf-8"), page=file)
+        without_code = re.sub(r"```.*?```|`[^`\n]*`", "", result, flags=re.DOTALL)
         links = [link for link, _ in LINK.findall(without_code) if "://" not in link]
         assert [link for link in links if link not in on_site] == [], name
-    for place in site.BESIDE:
-        assert (ROOT / place).is_file()
+    for index in site.BESIDE:
+        assert (ROOT / index).is_file()
 
 
 def test_the_site_builds_without_a_warning_and_loads_nothing_from_outside(tmp_path: Path) -> None:
@@ -70,3 +70,11 @@ def test_the_site_builds_without_a_warning_and_loads_nothing_from_outside(tmp_pa
             r"<(?:script|img|link)[^>]*(?:src|href)=.(https?:)?//", page.read_text("utf-8")
         )
         assert fetched == [], page.name
+
+
+def test_make_docs_and_continuous_integration_end_at_a_warning() -> None:
+    """Strictness counts warnings, which --quiet would drop before they are counted."""
+    assert "strict: true" in (ROOT / "mkdocs.yml").read_text("utf-8")
+    (recipe,) = re.findall(r"bin/mkdocs build[^)]*", (ROOT / "Makefile").read_text("utf-8"))
+    assert recipe == "bin/mkdocs build"
+    assert re.search(r"^make docs ", (ROOT / ".ci" / "run").read_text("utf-8"), re.MULTILINE)

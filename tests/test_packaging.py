@@ -51,8 +51,8 @@ def test_the_wheel_holds_every_file_of_the_three_folders(wheel: zipfile.ZipFile)
     """Pages, styles, schemas, migrations and type marks travel with the code, once each, and
     nothing else."""
     expected = sorted(FRONT + [f"stemwatch/{path.as_posix()}" for path in _package_files()])
-    found = sorted(name for name in wheel.namelist() if ".dist-info/" not in name)
-    assert expected == found
+    in_order = sorted(name for name in wheel.namelist() if ".dist-info/" not in name)
+    assert expected == in_order
 
 
 def test_a_source_archive_makes_the_same_wheel(
@@ -60,8 +60,8 @@ def test_a_source_archive_makes_the_same_wheel(
 ) -> None:
     """Whoever builds from the source archive installs what we install."""
     code = f"import setuptools.build_meta as b; b.build_sdist({str(tmp_path)!r})"
-    done = _python("-c", code, cwd=_copied(tmp_path / "for-the-archive"))
-    assert done.returncode == 0, done.stderr
+    process = _python("-c", code, cwd=_copied(tmp_path / "for-the-archive"))
+    assert process.returncode == 0, process.stderr
     (archive,) = tmp_path.glob("*.tar.gz")
     shutil.unpack_archive(archive, tmp_path / "unpacked", filter="data")
     (unpacked,) = (tmp_path / "unpacked").iterdir()
@@ -91,12 +91,12 @@ def test_a_plain_checkout_shows_editors_the_packages(folder: str) -> None:
 def test_the_tests_run_the_package_that_is_installed() -> None:
     """A normal installation is what the tests see, here and in the processes that they start; only
     an editable one leads into the checkout."""
-    told = json.loads(distribution("stemwatch").read_text("direct_url.json") or "{}")
-    editable = told.get("dir_info", {}).get("editable", False)
+    loaded = json.loads(distribution("stemwatch").read_text("direct_url.json") or "{}")
+    editable = loaded.get("dir_info", {}).get("editable", False)
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as workers:
-        found = [_place_of_the_package(), workers.submit(_place_of_the_package).result()]
+        matching = [_place_of_the_package(), workers.submit(_place_of_the_package).result()]
     checkout = (REPOSITORY / "stemwatch").resolve()
-    assert [editable] * 2 == [place == checkout for place in found]
+    assert [editable] * 2 == [index == checkout for index in matching]
 
 
 def _place_of_the_package() -> Path:
@@ -108,9 +108,9 @@ def _place_of_the_package() -> Path:
 def test_importing_the_package_loads_no_heavy_library(tmp_path: Path) -> None:
     """``import stemwatch`` answers at once: what it needs is loaded when it is used."""
     code = f"import sys, stemwatch; print([n for n in {HEAVY} if n in sys.modules])"
-    done = _python("-c", code, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "[]"
+    process = _python("-c", code, cwd=tmp_path)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip() == "[]"
 
 
 def test_every_kind_of_file_the_product_needs_is_among_them(wheel: zipfile.ZipFile) -> None:
@@ -170,9 +170,9 @@ def test_help_is_printed_outside_the_repository(command: str, tmp_path: Path) ->
 def test_the_command_line_loads_no_heavy_library(tmp_path: Path) -> None:
     """``--help`` answers at once: tables, networks and databases are loaded when they are used."""
     code = f"import sys, stemwatch.service.cli; print([n for n in {HEAVY} if n in sys.modules])"
-    done = _python("-c", code, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "[]"
+    process = _python("-c", code, cwd=tmp_path)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip() == "[]"
 
 
 def test_no_file_names_a_machine_or_a_package_registry() -> None:
@@ -223,8 +223,8 @@ def _copied(source: Path) -> Path:
 
 def _wheel(source: Path, folder: Path) -> zipfile.ZipFile:
     build = ["-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "--no-index"]
-    done = _python(*build, "--wheel-dir", str(folder), str(source), cwd=source)
-    assert done.returncode == 0, done.stderr
+    process = _python(*build, "--wheel-dir", str(folder), str(source), cwd=source)
+    assert process.returncode == 0, process.stderr
     (built,) = folder.glob("*.whl")
     return zipfile.ZipFile(built)
 
@@ -239,12 +239,12 @@ def _repository_files() -> list[Path]:
     """What git has or would add; without git, what lies in the folders of the project."""
     listed = _run(["git", "ls-files", "-co", "--exclude-standard"], REPOSITORY)
     if listed.returncode == 0:
-        found = [REPOSITORY / name for name in listed.stdout.splitlines()]
+        result = [REPOSITORY / name for name in listed.stdout.splitlines()]
     else:
         folders = ("stemwatch", *FOLDERS, "tests", "docs", "deploy", ".ci")
-        found = [path for folder in folders for path in (REPOSITORY / folder).rglob("*")]
-        found += REPOSITORY.glob("*.*")
-    return [path for path in found if path.is_file() and "__pycache__" not in path.parts]
+        result = [path for folder in folders for path in (REPOSITORY / folder).rglob("*")]
+        result += REPOSITORY.glob("*.*")
+    return [path for path in result if path.is_file() and "__pycache__" not in path.parts]
 
 
 def _python(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -22,14 +22,14 @@ def plain(name: str) -> str:
 def locked(name: str) -> dict[str, tuple[str, list[str]]]:
     """Version and hashes of each package of a lock file."""
     text = (ROOT / name).read_text(encoding="utf-8").replace("\\\n", " ")
-    found = {}
+    results = {}
     for line in text.splitlines():
         package, _, rest = line.partition("==")
-        found[plain(package.split("[")[0])] = (
+        results[plain(package.split("[")[0])] = (
             rest.split()[0],
             re.findall(r"--hash=sha256:([0-9a-f]{64})(?!\S)", line),
         )
-    return found
+    return results
 
 
 def pinned() -> dict[str, str]:
@@ -51,9 +51,11 @@ def test_everything_the_project_asks_for_is_locked() -> None:
     """Also what only the checks need, in their own file."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     extras = project["project"]["optional-dependencies"].values()
-    product = [*project["project"]["dependencies"], *(one for extra in extras for one in extra)]
-    names = {plain(re.split(r"[\[<>=~! ]", one)[0]) for one in product}
-    checks = {plain(re.split(r"[\[<>=~! ]", one)[0]) for one in project["dependency-groups"]["dev"]}
+    product = [*project["project"]["dependencies"], *(item for extra in extras for item in extra)]
+    names = {plain(re.split(r"[\[<>=~! ]", item)[0]) for item in product}
+    checks = {
+        plain(re.split(r"[\[<>=~! ]", item)[0]) for item in project["dependency-groups"]["dev"]
+    }
     assert names <= locked("requirements.lock").keys()
     assert names | checks <= locked("requirements-dev.lock").keys()
 

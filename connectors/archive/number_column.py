@@ -50,20 +50,20 @@ def number_column(
     with ``reasons`` where the source's own codes leave no doubt. Raises ``UnreadableSource`` where
     codes of unknown meaning differ.
     """
-    notes, why = ReadingNotes(), Counter(reasons or {})
+    notes, reason_counts = ReadingNotes(), Counter(reasons or {})
     quality = np.where(np.isfinite(values), Quality.GOOD, Quality.MISSING).astype(np.uint8)
     infinite = np.isinf(values)
     if infinite.any():
         quality[infinite] = Quality.BAD
-        why["infinite"] += int(infinite.sum())
+        reason_counts["infinite"] += int(infinite.sum())
     if as_mode:
         quality[(quality == Quality.GOOD) & (values != 0.0) & (values != 1.0)] = Quality.CODE
     if codes is not None:
-        bad, counted = bad_by_code(codes, quality == Quality.GOOD, source_name, notes)
-        why.update(counted)
+        bad, code_counts = bad_by_code(codes, quality == Quality.GOOD, source_name, notes)
+        reason_counts.update(code_counts)
     if bad is not None:
         quality[bad & (quality <= Quality.MISSING)] = Quality.BAD
-    return finished(tag, unit, "", ns, ok, values, quality, notes=notes, reasons=why)
+    return finished(tag, unit, "", ns, ok, values, quality, notes=notes, reasons=reason_counts)
 
 
 def bad_by_code(
@@ -83,9 +83,9 @@ def bad_by_code(
         notes=notes,
     )
     bad_words = verdict == Quality.BAD
-    why = {
+    reason_of_code = {
         f"{codes.name} {word.strip()}"[:_SHOWN]: int(n)
         for word, n, bad in zip(codes.words, count_of_code, bad_words, strict=True)
         if bad and n
     }
-    return np.asarray(bad_words[codes.index]), why
+    return np.asarray(bad_words[codes.index]), reason_of_code

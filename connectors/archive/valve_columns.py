@@ -107,7 +107,7 @@ def empty_column(tag: str) -> Column:
     )
 
 
-def inside(column: Column, bounds: Bounds) -> Column:
+def within_bounds(column: Column, bounds: Bounds) -> Column:
     """Only what lies between the bounds: a source may give more than it was asked for."""
     start, stop = bounds
 

@@ -66,7 +66,7 @@ def find_sources(patterns: Iterable[str | Path]) -> FoundSources:
                 paths[path] = None
             else:
                 skipped[path] = reason
-    left_out = sorted((path, why) for path, why in skipped.items() if path not in paths)
+    left_out = sorted((path, reason) for path, reason in skipped.items() if path not in paths)
     return FoundSources(sorted(paths), left_out)
 
 
@@ -87,9 +87,11 @@ def _matches(pattern: str | Path) -> list[Path]:
 
 def _why_nothing(folder: Path) -> str:
     """Why a folder gave no file."""
-    inside = next(folder.rglob("*"), None)
-    what = "the folder is empty" if inside is None else "no file in the folder may be a recording"
-    return f"{what}; expected exports that end in {', '.join(ENDINGS)}"
+    first_entry = next(folder.rglob("*"), None)
+    contents = (
+        "the folder is empty" if first_entry is None else "no file in the folder may be a recording"
+    )
+    return f"{contents}; expected exports that end in {', '.join(ENDINGS)}"
 
 
 def _has_ending(path: Path) -> bool:

@@ -109,7 +109,7 @@ class OpenedFile:
         return any(isinstance(column.cells, StoredText) for column in self.table.columns)
 
     @cached_property
-    def _place(self) -> dict[str, int]:
+    def _column_index_by_tag(self) -> dict[str, int]:
         return {column.tag: index for index, column in enumerate(self.table.columns)}
 
     @cached_property
@@ -134,20 +134,20 @@ class OpenedFile:
         """Read this column and, in the same pass, as many after it as need little memory."""
         if not self.in_pieces or has_been_read(raw.cells):
             return
-        wanted: list[RawColumn] = []
+        to_read: list[RawColumn] = []
         cells = 0
-        for column in self.table.columns[self._place[raw.tag] :]:
+        for column in self.table.columns[self._column_index_by_tag[raw.tag] :]:
             cells += len(column.cells)
-            if wanted and cells > _NUMBERS_AT_ONCE:
+            if to_read and cells > _NUMBERS_AT_ONCE:
                 break
-            wanted.append(column)
-        self._read(wanted)
+            to_read.append(column)
+        self._read(to_read)
 
     def _read(self, columns: Sequence[RawColumn]) -> None:
         """Numbers, quality codes and marks of held values of these in one pass."""
         numbers = [column.cells for column in columns if isinstance(column.cells, StoredText)]
-        beside = [cells for column in columns for cells in (column.quality_codes, column.held)]
-        texts = [cells for cells in beside if isinstance(cells, StoredText)]
+        extra_cells = [cells for column in columns for cells in (column.quality_codes, column.held)]
+        texts = [cells for cells in extra_cells if isinstance(cells, StoredText)]
         if numbers:
             numbers[0].columns.read(numbers, texts, self.decimal)
 
@@ -165,12 +165,14 @@ class OpenedFile:
         """A candidate for each tag, in the file's order."""
         self._all = True
         if self._roles is None:
-            named = [(c.tag, c.unit, c.description, self._own(c)) for c in self.table.columns]
+            named = [
+                (c.tag, c.unit, c.description, self._own_interval_s(c)) for c in self.table.columns
+            ]
             stem = self.path.name.removesuffix(".gz").rsplit(".", 1)[0]
             self._roles = propose_roles(named, stem=stem, mv_is_output=self.table.mv_is_output)
         return self._roles
 
-    def _own(self, raw: RawColumn) -> float | None:
+    def _own_interval_s(self, raw: RawColumn) -> float | None:
         command = parse_tag(raw.tag).role in (Role.OP, Role.SP, Role.MODE)
         return own_interval_s(self.column(raw.tag), command=command)
 
@@ -238,17 +240,17 @@ def _decimal(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
         return options.decimal
     if table.decimal is not None:
         return table.decimal
-    mark, why = decide_decimal((c.cells for c in table.columns), table.separator, name)
-    notes.decide(why)
+    mark, reasoning = decide_decimal((c.cells for c in table.columns), table.separator, name)
+    notes.decide(reasoning)
     return mark
 
 
 def _refuse_empty(opened: OpenedFile) -> None:
     """Not one number in any tag: the reader has not understood the file, or there is nothing."""
     first = opened.table.columns[0]
-    shown = next((cell for cell in first.cells if cell.strip()), "")
+    example = next((cell for cell in first.cells if cell.strip()), "")
     raise UnreadableSource(
         f"{opened.path}: none of the {len(opened.table.columns)} tags has a number that can be "
-        f"used; {first.tag!r} begins with {shown[:40]!r}. Check separator and decimal mark, and "
+        f"used; {first.tag!r} begins with {example[:40]!r}. Check separator and decimal mark, and "
         "that the export holds values"
     )

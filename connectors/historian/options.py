@@ -67,7 +67,7 @@ def given_options(options: ReadOptions) -> dict[str, Any]:
     """What the user said, by name: the options that are not as they are by themselves."""
     default = ReadOptions()
     named = {field.name: getattr(options, field.name) for field in fields(options)}
-    return {name: said for name, said in named.items() if said != getattr(default, name)}
+    return {name: value for name, value in named.items() if value != getattr(default, name)}
 
 
 def _check_policy(name: str, value: object, allowed: tuple[object, ...]) -> None:

@@ -137,33 +137,35 @@ def find_tag(opened: SampleSource, tag_text: str) -> str:
     tags = list(opened.names)
     if tag_text in tags:
         return tag_text
-    plain = tag_text.strip().lower()
-    folded = [tag for tag in tags if tag.lower() == plain]
+    folded_tag = tag_text.strip().lower()
+    folded = [tag for tag in tags if tag.lower() == folded_tag]
     if len(folded) == 1:
         return folded[0]
-    with_unit = [tag for tag in tags if plain.startswith((tag.lower() + " ", tag.lower() + "["))]
+    with_unit = [
+        tag for tag in tags if folded_tag.startswith((tag.lower() + " ", tag.lower() + "["))
+    ]
     if len(with_unit) == 1:
         return with_unit[0]
-    near = difflib.get_close_matches(tag_text, tags, n=3, cutoff=0.4) or tags[:5]
+    close_matches = difflib.get_close_matches(tag_text, tags, n=3, cutoff=0.4) or tags[:5]
     raise UnknownTag(
         f"{opened.source_name}: there is no tag {tag_text!r} among {len(tags)}; the nearest are "
-        f"{', '.join(repr(tag) for tag in near)}"
+        f"{', '.join(repr(tag) for tag in close_matches)}"
     )
 
 
 def _check_samples(opened: SampleSource, op: Column) -> None:
     if not np.isfinite(op.values).any():
-        why = ", ".join(f"{text!r} {n} times" for text, n in list(op.reasons.items())[:4])
+        reason_list = ", ".join(f"{text!r} {n} times" for text, n in list(op.reasons.items())[:4])
         raise ConnectorError(
             f"{opened.source_name}: {op.tag}: no sample of the controller output can be used"
-            f"{f' ({why})' if why else ''}; check the tag"
+            f"{f' ({reason_list})' if reason_list else ''}; check the tag"
         )
 
 
 def _clock(op: Column) -> Timeline:
     """Times that make the clock: all rows, or OP's own where most rows leave it empty."""
-    own = op.ns is op.file_ns or op.ns.size < 0.5 * op.file_ns.size
-    return op.times if own else Timeline(op.file_ns)
+    on_own_clock = op.ns is op.file_ns or op.ns.size < 0.5 * op.file_ns.size
+    return op.times if on_own_clock else Timeline(op.file_ns)
 
 
 def _window_ns(opened: SampleSource, window: Window) -> tuple[int | None, int | None]:
@@ -188,50 +190,52 @@ def _outside_window(opened: SampleSource, op: Column, window: Window) -> str:
 def _signal(
     role: Role, column: Column, mapping: TagMapping, grid: Grid, notes: list[str]
 ) -> Signal:
-    laid = lay_column(column, grid, is_clock=role is Role.OP)
-    if laid.decision:
-        notes.append(laid.decision)
-    own = own_interval_s(column, command=role not in (Role.PV, Role.MV))
-    if own is not None and own <= 1.2 * grid.interval_s:
-        own = None
-    if own is not None:
-        notes.append(f"{column.tag} itself changes only each {own:g} s.")
-    values, quality, unit = _scaled(role, column, mapping, laid, notes)
+    on_grid = lay_column(column, grid, is_clock=role is Role.OP)
+    if on_grid.decision:
+        notes.append(on_grid.decision)
+    own_spacing_s = own_interval_s(column, command=role not in (Role.PV, Role.MV))
+    if own_spacing_s is not None and own_spacing_s <= 1.2 * grid.interval_s:
+        own_spacing_s = None
+    if own_spacing_s is not None:
+        notes.append(f"{column.tag} itself changes only each {own_spacing_s:g} s.")
+    values, quality, unit = _scaled(role, column, mapping, on_grid, notes)
     return Signal(
         values=values,
         quality=quality,
         tag=column.tag,
         unit=unit,
-        interval_s=own,
+        interval_s=own_spacing_s,
         range=mapping.process_range(column.unit),
     )
 
 
 def _scaled(
-    role: Role, column: Column, mapping: TagMapping, laid: Laid, notes: list[str]
+    role: Role, column: Column, mapping: TagMapping, on_grid: Laid, notes: list[str]
 ) -> tuple[Floats, QualityCodes, str]:
     """Percent of the given range, or the values as they are with their unit."""
-    given = canonical(mapping.unit) if mapping.unit else ""
-    if given and column.unit and given != column.unit:
-        notes.append(f"{column.tag}: the unit is {given} as said; the file says {column.unit}.")
+    given_unit = canonical(mapping.unit) if mapping.unit else ""
+    if given_unit and column.unit and given_unit != column.unit:
+        notes.append(
+            f"{column.tag}: the unit is {given_unit} as said; the file says {column.unit}."
+        )
     if mapping.low is None or mapping.high is None:
         if role is Role.MODE:
-            return laid.values, laid.quality, ""
-        return laid.values, laid.quality, _unit(role, column, given, laid, notes)
+            return on_grid.values, on_grid.quality, ""
+        return on_grid.values, on_grid.quality, _unit(role, column, given_unit, on_grid, notes)
     if not (np.isfinite(mapping.low) and np.isfinite(mapping.high)) or mapping.low == mapping.high:
         raise ConnectorError(
             f"{column.tag}: low {mapping.low:g} and high {mapping.high:g} give no range; give the "
             "engineering values at 0 % and 100 %"
         )
-    percent = 100.0 * (laid.values - mapping.low) / (mapping.high - mapping.low)
-    return percent, _in_range(column.tag, percent, laid.quality, notes), PERCENT
+    percent = 100.0 * (on_grid.values - mapping.low) / (mapping.high - mapping.low)
+    return percent, _in_range(column.tag, percent, on_grid.quality, notes), PERCENT
 
 
-def _unit(role: Role, column: Column, given: str, laid: Laid, notes: list[str]) -> str:
-    known = given or column.unit
-    if known or role in (Role.PV, Role.SP):
-        return known
-    finite = laid.values[np.isfinite(laid.values)]
+def _unit(role: Role, column: Column, given_unit: str, on_grid: Laid, notes: list[str]) -> str:
+    known_unit = given_unit or column.unit
+    if known_unit or role in (Role.PV, Role.SP):
+        return known_unit
+    finite = on_grid.values[np.isfinite(on_grid.values)]
     if finite.size and not (
         _PLAIN_PERCENT[0] <= np.percentile(finite, 1)
         and np.percentile(finite, 99) <= _PLAIN_PERCENT[1]
@@ -262,9 +266,9 @@ def _remark_same_values(signals: dict[Role, Signal], notes: list[str]) -> None:
     mv, op = signals.get(Role.MV), signals[Role.OP]
     if mv is None:
         return
-    both = mv.usable & op.usable
-    a, b = mv.values[both], op.values[both]
-    if both.sum() >= 20 and np.ptp(b) > 0 and np.mean(a == b) > 0.995:
+    both_usable = mv.usable & op.usable
+    a, b = mv.values[both_usable], op.values[both_usable]
+    if both_usable.sum() >= 20 and np.ptp(b) > 0 and np.mean(a == b) > 0.995:
         notes.append(
             f"{mv.tag} equals {op.tag} sample for sample: it is the command under another name, "
             "not a measured position."
@@ -272,18 +276,18 @@ def _remark_same_values(signals: dict[Role, Signal], notes: list[str]) -> None:
 
 
 def _provenance(opened: SampleSource, columns: dict[Role, Column], notes: list[str]) -> Provenance:
-    said = list(opened.decisions)
+    sentences = list(opened.decisions)
     for column in columns.values():
-        said += column.decisions
+        sentences += column.decisions
         words = {text: n for text, n in column.reasons.items() if n}
         if words:
-            shown = ", ".join(f"{text!r} {n}" for text, n in sorted(words.items())[:6])
-            said.append(f"{column.tag}: left out as no measurement: {shown}.")
-    said += notes
-    said += [f"Problem: {problem}." for problem in opened.problems]
+            word_counts = ", ".join(f"{text!r} {n}" for text, n in sorted(words.items())[:6])
+            sentences.append(f"{column.tag}: left out as no measurement: {word_counts}.")
+    sentences += notes
+    sentences += [f"Problem: {problem}." for problem in opened.problems]
     return Provenance(
         source=opened.source_name,
         digest=opened.digest,
         layout=opened.layout,
-        decisions=tuple(dict.fromkeys(said)),
+        decisions=tuple(dict.fromkeys(sentences)),
     )

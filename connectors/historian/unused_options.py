@@ -12,16 +12,18 @@ from stemwatch.connectors.historian.times.time_column import Instants
 _IS_NOT_USED = " is not used: "
 
 
-def say_unused(options: ReadOptions, notes: ReadingNotes, why: Mapping[str, str]) -> None:
+def say_unused(options: ReadOptions, notes: ReadingNotes, reasons: Mapping[str, str]) -> None:
     """A sentence for each option that the user gave and that nobody marked as used.
 
-    ``why`` has the reason by option; one without a reason is said all the same, so that an option
-    added later cannot be silent.
+    ``reasons`` has the reason by option; one without a reason is said all the same, so that an
+    option added later cannot be silent.
     """
-    for name, said in given_options(options).items():
+    for name, value in given_options(options).items():
         if name not in notes.used:
-            shown = f"{said:g}" if isinstance(said, float) else f"{said!r}"
-            notes.decide(f"{name} = {shown}{_IS_NOT_USED}{why.get(name, 'nothing asks for it')}.")
+            value_text = f"{value:g}" if isinstance(value, float) else f"{value!r}"
+            notes.decide(
+                f"{name} = {value_text}{_IS_NOT_USED}{reasons.get(name, 'nothing asks for it')}."
+            )
 
 
 def unused_sentences(decisions: tuple[str, ...]) -> list[str]:

@@ -74,11 +74,11 @@ class _Alike:
 
     def read(self, words: np.ndarray[tuple[int], np.dtype[np.uint16]], into: Columns) -> None:
         """Decode, scale and check, in the order of ``Register.read``."""
-        picked = words[self._index]
+        chosen_words = words[self._index]
         if self._swaps:
-            picked = picked.byteswap()
+            chosen_words = chosen_words.byteswap()
         with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like any other
-            raw = picked.astype(">u2").view(self._dtype)[:, 0].astype(np.float64)
+            raw = chosen_words.astype(">u2").view(self._dtype)[:, 0].astype(np.float64)
         with np.errstate(over="ignore", invalid="ignore"):
             values = raw * self._scale + self._offset
         quality = np.zeros(len(values), dtype=np.uint8)
@@ -91,8 +91,8 @@ class _Alike:
         ]
         if self._is_float:
             bad.insert(2, ((raw != 0.0) & (np.abs(raw) < TINY), Quality.CODE, WRONG_ORDER))
-        for where, verdict, reason in bad:
-            for index in np.flatnonzero(where & (quality == Quality.GOOD)).tolist():
+        for register_index, verdict, reason in bad:
+            for index in np.flatnonzero(register_index & (quality == Quality.GOOD)).tolist():
                 quality[index], values[index] = verdict, np.nan
                 into.reasons[self._places[index]] = reason
         into.values[self._places] = values
@@ -122,13 +122,13 @@ class BlockReader:
 
     def read(self, words: Sequence[int], into: Columns) -> None:
         """``words`` are the ``count`` words of the block."""
-        for register, index, own in self._alone:
-            reading = register.read(words[own])
+        for register, index, word_index in self._alone:
+            reading = register.read(words[word_index])
             into.values[index], into.quality[index] = reading.value, reading.quality
             into.reasons[index] = reading.reason
         array = np.array(words, dtype=np.uint16)
-        for alike in self._alike:
-            alike.read(array, into)
+        for group in self._alike:
+            group.read(array, into)
 
 
 def _fits_arrays(register: Register) -> bool:

@@ -69,11 +69,11 @@ class Block:
         def better(halves: tuple[Block, Block]) -> tuple[int, int, float]:
             return sum(half.count not in counts for half in halves), *self._natural(halves)
 
-        left, right = max(cuts, key=better)
-        return left.avoiding(counts) + right.avoiding(counts)
+        lower, right = max(cuts, key=better)
+        return lower.avoiding(counts) + right.avoiding(counts)
 
     def _cuts(self) -> list[tuple[Block, Block]]:
-        places = [i for i in range(1, len(self.registers)) if self._apart(i)]
+        places = [i for i in range(1, len(self.registers)) if self._starts_apart(i)]
         return [(Block(self.registers[:cut]), Block(self.registers[cut:])) for cut in places]
 
     def _natural(self, halves: tuple[Block, Block]) -> tuple[int, float]:
@@ -83,7 +83,7 @@ class Block:
     def _hole(self, index: int) -> int:
         return self.registers[index].first - max(r.stop for r in self.registers[:index])
 
-    def _apart(self, index: int) -> bool:
+    def _starts_apart(self, index: int) -> bool:
         return self.registers[index].first > self.registers[index - 1].first
 
 

@@ -78,12 +78,12 @@ async def try_map(device: Device) -> list[TriedRegister]:
 
     Raises ``ReadFault`` where the device cannot be reached; what it refuses is in the result.
     """
-    tried: dict[str, TriedRegister] = {}
+    registers: dict[str, TriedRegister] = {}
     async with _opened(device.link) as line:
         for block in device.blocks():
             for answer in await _try_block(line, block):
-                tried[answer.register.tag] = answer
-    return [tried[tag] for tag in device.tags]
+                registers[answer.register.tag] = answer
+    return [registers[tag] for tag in device.tags]
 
 
 async def _try_block(line: Connection, block: Block) -> list[TriedRegister]:
@@ -92,26 +92,28 @@ async def _try_block(line: Connection, block: Block) -> list[TriedRegister]:
     except ReadFault as fault:
         halves = block.halves() if fault.splits else None
         if halves is not None:
-            return [tried for half in halves for tried in await _try_block(line, half)]
+            return [register for half in halves for register in await _try_block(line, half)]
         if not await line.reopen():
             raise
         return [TriedRegister(register, fault=fault.reason) for register in block.registers]
-    tried = []
+    registers = []
     for register in block.registers:
         words_of_register = tuple(block.words_of(register, words))
-        tried.append(TriedRegister(register, words_of_register, register.read(words_of_register)))
-    return tried
+        registers.append(
+            TriedRegister(register, words_of_register, register.read(words_of_register))
+        )
+    return registers
 
 
-def other_orders(tried: TriedRegister) -> tuple[Meaning, ...]:
-    """Byte orders in which the words of ``tried`` give a likely value where the map's does not.
+def other_orders(register: TriedRegister) -> tuple[Meaning, ...]:
+    """Byte orders in which the words of ``register`` give a likely value where the map's does not.
 
     Empty where the map's order looks likely, or none does.
     """
-    kind, order = tried.register.kind, tried.register.order
-    if not tried.words or kind.words == 1:
+    kind, order = register.register.kind, register.register.order
+    if not register.words or kind.words == 1:
         return ()
-    orders = [meaning for meaning in meanings(tried.words) if meaning.kind is kind]
+    orders = [meaning for meaning in meanings(register.words) if meaning.kind is kind]
     by_map = next(meaning for meaning in orders if meaning.order is order)
     tiny = kind.is_float and 0.0 < abs(by_map.value) < TINY
     if by_map.likely and not tiny:

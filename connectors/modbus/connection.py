@@ -120,12 +120,12 @@ class Connection:
         """
         request = SentRequest(unit_id, table, first, count)
         # An answer to an earlier request of the same words is as good as to this one.
-        alike = any(request.looks_alike(other) for other in self._unanswered)
-        if alike and self.link.is_rtu:
+        looks_alike = any(request.looks_alike(other) for other in self._unanswered)
+        if looks_alike and self.link.is_rtu:
             raise not_asked(self.link.timeout_s)
         for attempt in range(self.link.retries + 1):
             try:
-                words = await self._ask(request, alike)
+                words = await self._send(request, looks_alike)
             except ReadFault as fault:
                 if fault.answer_may_come and self.link.kind is LinkKind.RTU_OVER_TCP:
                     self._hang_up(fault)
@@ -138,18 +138,20 @@ class Connection:
                 return words
         raise AssertionError  # the loop above returns or raises
 
-    async def _ask(self, request: SentRequest, alike: bool) -> list[int]:
+    async def _send(self, request: SentRequest, looks_alike: bool) -> list[int]:
         from pymodbus.exceptions import ConnectionException, ModbusException
 
         client = self._client
         if client is None or not client.connected:
             raise no_connection(self._why)
         holding = request.table is Table.HOLDING
-        ask = client.read_holding_registers if holding else client.read_input_registers
+        read_registers = client.read_holding_registers if holding else client.read_input_registers
         self._unanswered.note_sent(request)
         self._heard, self._request = 0, request
         try:
-            reply = await ask(request.first, count=request.count, device_id=request.unit_id)
+            reply = await read_registers(
+                request.first, count=request.count, device_id=request.unit_id
+            )
         except ConnectionException as error:
             raise no_connection(_LOST) from error
         except ModbusException as error:
@@ -158,10 +160,11 @@ class Connection:
             self._request = None
         if self.link.pause_s:
             await asyncio.sleep(self.link.pause_s)
-        return self._words(reply, request, alike)
+        return self._words(reply, request, looks_alike)
 
-    def _words(self, reply: ModbusPDU, request: SentRequest, alike: bool) -> list[int]:
-        """The words of ``reply``; ``alike``: an earlier answer that looks so may still come."""
+    def _words(self, reply: ModbusPDU, request: SentRequest, looks_alike: bool) -> list[int]:
+        """The words of ``reply``; ``looks_alike``: an earlier answer that looks so may still
+        come."""
         self._silences = 0
         numbered = self.link.kind is LinkKind.TCP and reply.transaction_id != 0
         if reply.isError():
@@ -174,7 +177,7 @@ class Connection:
             raise nonsense("an answer to another function")
         if len(reply.registers) != request.count:
             raise nonsense("an answer of another length than asked for")
-        if alike and not numbered:
+        if looks_alike and not numbered:
             raise nonsense("an answer without a number that may be to an earlier request")
         self._unanswered.note_answer(request)
         return list(reply.registers)
@@ -203,14 +206,16 @@ class Connection:
     def take_late_answers(self, data: bytes) -> int:
         """How many bytes at the start of ``data`` are answers to earlier requests. These requests
         then count as answered, and what looks like them may be requested again."""
-        taken = 0
-        while frame := self._first_frame(data[taken:]):
-            answered = self._unanswered.answered_by(frame)
-            if answered is None or (self._request and answered.looks_alike(self._request)):
+        late_bytes = 0
+        while frame := self._first_frame(data[late_bytes:]):
+            answered_request = self._unanswered.answered_by(frame)
+            if answered_request is None or (
+                self._request and answered_request.looks_alike(self._request)
+            ):
                 break
-            self._unanswered.note_answer(answered)
-            taken += len(frame)
-        return taken
+            self._unanswered.note_answer(answered_request)
+            late_bytes += len(frame)
+        return late_bytes
 
     def _first_frame(self, data: bytes) -> bytes:
         """The RTU answer at the start of ``data``; empty where there is no complete, valid one."""
@@ -230,8 +235,8 @@ class Connection:
 
     def note_opening(self, error: OSError) -> None:
         """The opening failed with ``error``."""
-        plain = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
-        self._why = plain or type(error).__name__
+        error_text = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
+        self._why = error_text or type(error).__name__
 
     def fail(self, error: Exception) -> None:
         """End the open request at once, rather than at its timeout."""

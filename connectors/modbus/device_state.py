@@ -44,5 +44,5 @@ class DeviceState:
 
 
 def _percentile(values: deque[float], percent: float) -> float | None:
-    kept = list(values)  # at once: another thread may be adding to it
-    return float(np.percentile(kept, percent)) if kept else None
+    snapshot = list(values)  # at once: another thread may be adding to it
+    return float(np.percentile(snapshot, percent)) if snapshot else None

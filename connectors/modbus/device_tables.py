@@ -147,9 +147,9 @@ def link_of(table: DeviceTable) -> Link:
     foreign = _OF_TCP if serial else _OF_SERIAL
     for key in foreign:
         if getattr(table, key) is not None:
-            found = f'{key} beside type = "{table.type.value}"'
+            contradiction = f'{key} beside type = "{table.type.value}"'
             keys = ", ".join(_OF_SERIAL if serial else _OF_TCP)
-            raise TableMistake(key, found, f"{keys}, or another type")
+            raise TableMistake(key, contradiction, f"{keys}, or another type")
     target = table.serial_port if serial else table.host
     if target is None:
         key, example = ("serial_port", "/dev/ttyUSB0") if serial else ("host", "192.168.1.20")
@@ -192,9 +192,11 @@ def register_of(table: RegisterTable, device: DeviceTable) -> Register:
     """
     address = parse_address(table.address, table.memory)
     if address.offset + table.type.words - 1 > LAST_ADDRESS:
-        found = f"{table.address!r}, so that a {table.type.value} ends beyond {LAST_ADDRESS}"
+        address_found = (
+            f"{table.address!r}, so that a {table.type.value} ends beyond {LAST_ADDRESS}"
+        )
         raise TableMistake(
-            "address", found, f"an address up to {LAST_ADDRESS + 1 - table.type.words}"
+            "address", address_found, f"an address up to {LAST_ADDRESS + 1 - table.type.words}"
         )
     unit_id = device.unit_id if table.unit_id is None else table.unit_id
     if unit_id == 0 and device.type is not LinkKind.TCP:
@@ -235,8 +237,8 @@ def _order(table: RegisterTable, device: DeviceTable) -> ByteOrder:
 def _scaling(table: RegisterTable) -> tuple[float, float]:
     """``(scale, offset)`` of ``raw * scale + offset``."""
     if (table.raw is None) != (table.engineering is None):
-        given, other = ("raw", "engineering") if table.raw else ("engineering", "raw")
-        raise TableMistake(given, f"{given} without {other}", "both, or neither")
+        given_end, other = ("raw", "engineering") if table.raw else ("engineering", "raw")
+        raise TableMistake(given_end, f"{given_end} without {other}", "both, or neither")
     if table.raw is None or table.engineering is None:
         scale = 1.0 if table.scale is None else table.scale
         if scale == 0.0:
@@ -279,5 +281,5 @@ def _words(text: str, kind: DataType) -> tuple[int, ...]:
 
 def _check_limits(table: RegisterTable) -> None:
     if table.lowest is not None and table.highest is not None and table.lowest >= table.highest:
-        found = f"lowest = {table.lowest:g} and highest = {table.highest:g}"
-        raise TableMistake("lowest", found, "lowest below highest")
+        limits_found = f"lowest = {table.lowest:g} and highest = {table.highest:g}"
+        raise TableMistake("lowest", limits_found, "lowest below highest")

@@ -114,9 +114,9 @@ class _Poll:
     splits_left: int = _SPLITS_PER_POLL
     fault: str = ""
 
-    def mark(self, reader: BlockReader, fault: ReadFault, *, known: bool = False) -> None:
-        """Mark a block without words; ``known`` where the fault is not of this poll."""
-        self.fault = self.fault or ("" if known else fault.reason)
+    def mark(self, reader: BlockReader, fault: ReadFault, *, fault_is_known: bool = False) -> None:
+        """Mark a block without words; ``fault_is_known`` where the fault is not of this poll."""
+        self.fault = self.fault or ("" if fault_is_known else fault.reason)
         missing = fault.kind in (FaultKind.NO_CONNECTION, FaultKind.SILENT, FaultKind.NOT_ASKED)
         quality = Quality.MISSING if missing else Quality.BAD
         self.columns.mark(reader.places, quality, fault.reason)
@@ -195,9 +195,9 @@ class DevicePoller:
         try:
             batch = await self.poll(at_us)
         except Exception as error:
-            about = {"device": self.device.name}
+            log_fields = {"device": self.device.name}
             text = "device %s: a poll failed in an unforeseen way"
-            log.exception(text, self.device.name, extra=about)
+            log.exception(text, self.device.name, extra=log_fields)
             self._line.close()
             self._reconnect()
             batch = self._all_bad(at_us, f"unforeseen: {type(error).__name__}", Quality.BAD)
@@ -214,7 +214,7 @@ class DevicePoller:
             poll.mark(reader, fault)
             return
         if fault := self._block_plan.resting(block):
-            poll.mark(reader, fault, known=True)
+            poll.mark(reader, fault, fault_is_known=True)
             return
         pieces = block.avoiding(self._line.doubtful(block.unit_id, block.table))
         if len(pieces) > 1:
@@ -246,8 +246,10 @@ class DevicePoller:
                     await self._read(half, poll)
                 return
             self._block_plan.rest(block, fault)
-            about = {"device": self.device.name}
-            log.warning("device %s: %s: %s", self.device.name, block, fault.reason, extra=about)
+            log_fields = {"device": self.device.name}
+            log.warning(
+                "device %s: %s: %s", self.device.name, block, fault.reason, extra=log_fields
+            )
         elif fault.unit_is_silent:
             self._leave_alone(block.unit_id, fault)
         if not await self._line.reopen():

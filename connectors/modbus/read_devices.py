@@ -65,9 +65,9 @@ class _Reader:
             reported: set[KeyPath] = set()
             for details in error.errors(include_url=False):
                 # A union reports each of its branches; the field's description covers them all.
-                place = tuple(details["loc"])[:1]
-                if place not in reported:
-                    reported.add(place)
+                row_key = tuple(details["loc"])[:1]
+                if row_key not in reported:
+                    reported.add(row_key)
                     self._explain(details, model, path, label)
             return None
 
@@ -75,45 +75,47 @@ class _Reader:
         self, details: ErrorDetails, model: type[BaseModel], path: KeyPath, label: str
     ) -> None:
         key = str(details["loc"][0]) if details["loc"] else ""
-        where, name = (*path, key), f"{label}.{key}"
+        key_path, name = (*path, key), f"{label}.{key}"
         fields = {field.alias or name: field for name, field in model.model_fields.items()}
         if details["type"] == "extra_forbidden":
             self.add_problem(
-                where, name, "an unknown key", either_of(fields) + nearest(key, fields)
+                key_path, name, "an unknown key", either_of(fields) + nearest(key, fields)
             )
             return
-        found = "nothing" if details["type"] == "missing" else _described(details["input"])
+        found_text = "nothing" if details["type"] == "missing" else _described(details["input"])
         expected = fields[key].description if key in fields else None
-        self.add_problem(where, name, found, expected or details["msg"])
+        self.add_problem(key_path, name, found_text, expected or details["msg"])
 
 
 def read_devices(
     tables: Sequence[Mapping[str, Any]],
     line_of: LineOf = lambda path: None,
     file: str = "plant.toml",
-    at: KeyPath = ("devices",),
+    devices_path: KeyPath = ("devices",),
     folder: Path | None = None,
 ) -> DeviceMap:
     """The devices that ``tables`` (the value of ``[[devices]]``) describe.
 
     ``line_of`` gives the line of a key path such as ``("devices", 0, "registers", 3, "address")``;
-    ``at`` is where ``tables`` stand in it; ``folder`` is where lists of registers are looked for
-    (``registers = "registers.csv"``), the current one if left out. Nothing is raised for what is
-    wrong in them: it is left out, and stands in ``problems`` with its file and line, what was found
-    and what was expected.
+    ``devices_path`` is where ``tables`` stand in it; ``folder`` is where lists of registers are
+    looked for (``registers = "registers.csv"``), the current one if left out. Nothing is raised for
+    what is wrong in them: it is left out, and stands in ``problems`` with its file and line, what
+    was found and what was expected.
     """
     reader = _Reader(file, line_of, folder or Path())
     devices: dict[str, Device] = {}
     for index, table in enumerate(tables):
-        path = (*at, index)
+        path = (*devices_path, index)
         name = table.get("name")
-        label = f"{at[-1]}[{name if isinstance(name, str) and name.strip() else index + 1}]"
+        label = (
+            f"{devices_path[-1]}[{name if isinstance(name, str) and name.strip() else index + 1}]"
+        )
         device = _device(reader, table, path, label)
         if device is None:
             continue
         if device.name in devices:
-            found = f"{device.name!r}, which an earlier device has already"
-            reader.add_problem((*path, "name"), f"{label}.name", found, "a name of its own")
+            found_text = f"{device.name!r}, which an earlier device has already"
+            reader.add_problem((*path, "name"), f"{label}.name", found_text, "a name of its own")
             continue
         devices[device.name] = device
     return DeviceMap(tuple(devices.values()), tuple(reader.problems))
@@ -167,7 +169,7 @@ def _rows(
     used, which is noted as a problem."""
     registers = table.get("registers")
     if isinstance(registers, str) and registers.strip():
-        return _listed(reader, registers.strip(), path, label)
+        return _rows_of_list(reader, registers.strip(), path, label)
     tables = registers if isinstance(registers, list) else []
     return [
         _Row(
@@ -178,7 +180,7 @@ def _rows(
     ]
 
 
-def _listed(reader: _Reader, name: str, path: KeyPath, label: str) -> list[_Row] | None:
+def _rows_of_list(reader: _Reader, name: str, path: KeyPath, label: str) -> list[_Row] | None:
     try:
         register_list = read_register_list(reader.folder / name)
     except ListUnusable as mistake:
@@ -191,8 +193,8 @@ def _listed(reader: _Reader, name: str, path: KeyPath, label: str) -> list[_Row]
             key = f"column {mistake.key}" if mistake.key else "row"
             reader.at_line(name, mistake.line).add_problem((), key, mistake.found, mistake.expected)
         return None
-    for line, what, expected in register_list.faulty:
-        reader.at_line(name, line).add_problem((), "row", what, expected)
+    for line, found, expected in register_list.faulty:
+        reader.at_line(name, line).add_problem((), "row", found, expected)
     if not register_list.rows:
         reader.add_problem(
             (*path, "registers"), f"{label}.registers", f"no row in {name!r}", "one or more"
@@ -204,28 +206,28 @@ def _listed(reader: _Reader, name: str, path: KeyPath, label: str) -> list[_Row]
     ]
 
 
-def _name(table: Mapping[str, Any], place: int) -> str | int:
+def _name(table: Mapping[str, Any], index: int) -> str | int:
     tag = table.get("tag")
-    return tag if isinstance(tag, str) and tag.strip() else place + 1
+    return tag if isinstance(tag, str) and tag.strip() else index + 1
 
 
 def _registers(rows: Sequence[_Row], device: DeviceTable) -> tuple[Register, ...]:
     registers: dict[str, Register] = {}
-    for register, row in _each(rows, device):
+    for register, row in _each_register(rows, device):
         if register.tag in registers:
-            found = f"{register.tag!r}, which an earlier register of this device has already"
+            found_text = f"{register.tag!r}, which an earlier register of this device has already"
             row.reader.add_problem(
-                (*row.path, "tag"), f"{row.label}.tag", found, "a tag of its own"
+                (*row.path, "tag"), f"{row.label}.tag", found_text, "a tag of its own"
             )
         else:
             registers[register.tag] = register
     return tuple(registers.values())
 
 
-def _each(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register, _Row]]:
+def _each_register(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register, _Row]]:
     """Each register that is right, with its row."""
     for row in rows:
-        say, inner, label = row.reader.add_problem, row.path, row.label
+        add_problem, inner, label = row.reader.add_problem, row.path, row.label
         read: RegisterTable | None = row.reader.table(RegisterTable, row.table, inner, label)
         if read is None:
             continue
@@ -233,9 +235,9 @@ def _each(rows: Sequence[_Row], device: DeviceTable) -> Iterator[tuple[Register,
             yield register_of(read, device), row
         except TableMistake as mistake:
             key = (*inner, mistake.key)
-            say(key, f"{label}.{mistake.key}", mistake.found, mistake.expected)
+            add_problem(key, f"{label}.{mistake.key}", mistake.found, mistake.expected)
         except AddressError as error:
-            say((*inner, "address"), f"{label}.address", error.found, error.expected)
+            add_problem((*inner, "address"), f"{label}.address", error.found, error.expected)
 
 
 def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, label: str) -> bool:
@@ -245,9 +247,11 @@ def _can_keep_pace(reader: _Reader, device: Device, path: KeyPath, label: str) -
     needed_s = poll_time_s(device.blocks(), device.link)
     if needed_s < device.every_s:
         return True
-    found = f"{device.every_s:g} s, while one poll occupies the line for at least {needed_s:.2f} s"
+    found_text = (
+        f"{device.every_s:g} s, while one poll occupies the line for at least {needed_s:.2f} s"
+    )
     expected = f"more than {needed_s:.2f} s, a higher baudrate, or fewer registers"
-    reader.add_problem((*path, "every_s"), f"{label}.every_s", found, expected)
+    reader.add_problem((*path, "every_s"), f"{label}.every_s", found_text, expected)
     return False
 
 

@@ -66,14 +66,16 @@ def silent(timeout_s: float) -> ReadFault:
     return ReadFault(FaultKind.SILENT, f"no answer within {timeout_s:g} s")
 
 
-def nonsense(what: str) -> ReadFault:
-    """The fault of an invalid answer; ``what`` describes it."""
-    return ReadFault(FaultKind.NONSENSE, f"nonsense: {what}")
+def nonsense(description: str) -> ReadFault:
+    """The fault of an invalid answer; ``description`` describes it."""
+    return ReadFault(FaultKind.NONSENSE, f"nonsense: {description}")
 
 
-def no_connection(why: str) -> ReadFault:
-    """The fault of no connection; ``why`` is empty where the cause is not known."""
-    return ReadFault(FaultKind.NO_CONNECTION, f"no connection: {why}" if why else "no connection")
+def no_connection(reason: str) -> ReadFault:
+    """The fault of no connection; ``reason`` is empty where the cause is not known."""
+    return ReadFault(
+        FaultKind.NO_CONNECTION, f"no connection: {reason}" if reason else "no connection"
+    )
 
 
 def not_asked(timeout_s: float) -> ReadFault:

@@ -83,10 +83,10 @@ def parse_address(written: int | str, table: Table | None = None) -> RegisterAdd
 
 
 def _from_zero(number: int, table: Table | None) -> RegisterAddress:
-    for digit, meant in _TABLE.items():
-        place = _place_in(str(number), digit)
-        if place and table in (None, meant):
-            raise _ambiguous(number, place, meant)
+    for digit, candidate in _TABLE.items():
+        offset = _place_in(str(number), digit)
+        if offset and table in (None, candidate):
+            raise _ambiguous(number, offset, candidate)
     return _checked(number, table, number)
 
 
@@ -94,18 +94,20 @@ def _place_in(text: str, digit: str) -> int:
     """The place, counted from 1, that a Modicon number of this table names; 0 for other numbers."""
     if len(text) not in (5, 6) or text[0] != digit:
         return 0
-    place = int(text[1:])
-    return place if place <= LAST_ADDRESS + 1 else 0
+    number = int(text[1:])
+    return number if number <= LAST_ADDRESS + 1 else 0
 
 
-def _ambiguous(number: int, place: int, meant: Table) -> AddressError:
-    modicon = f'address = "{number}" (a text) for {meant.value} register {place} counted from 1, '
-    modicon += f"which the protocol calls {place - 1}"
+def _ambiguous(number: int, offset: int, meant_table: Table) -> AddressError:
+    modicon = (
+        f'address = "{number}" (a text) for {meant_table.value} register {offset} counted from 1, '
+    )
+    modicon += f"which the protocol calls {offset - 1}"
     if number > LAST_ADDRESS:
         return AddressError(f"the number {number}, beyond the protocol's {LAST_ADDRESS}", modicon)
-    plain = f'or register = "{meant.value}" with address = "0x{number:X}" for the protocol\'s own '
-    plain += f"address {number}, counted from 0"
-    return AddressError(f"the number {number}, which has two readings", f"{modicon}; {plain}")
+    advice = f'or register = "{meant_table.value}" with address = "0x{number:X}" for the '
+    advice += f"protocol's own address {number}, counted from 0"
+    return AddressError(f"the number {number}, which has two readings", f"{modicon}; {advice}")
 
 
 def _modicon(text: str, table: Table | None) -> RegisterAddress:
@@ -118,27 +120,33 @@ def _modicon(text: str, table: Table | None) -> RegisterAddress:
         raise AddressError(
             f"the text {text!r}", f"five or six digits that begin with 3 or 4; {_WAYS}"
         )
-    place = int(text[1:])
-    meant = _TABLE[text[0]]
-    if place == 0:
+    number = int(text[1:])
+    meant_table = _TABLE[text[0]]
+    if number == 0:
         first = f"{text[:-1]}1"
         raise AddressError(f"{text!r}", f"{first!r} or more: Modicon numbers count from 1")
-    return _from_one(place, meant, table, text)
+    return _from_one(number, meant_table, table, text)
 
 
-def _from_one(place: int, meant: Table, table: Table | None, written: str) -> RegisterAddress:
-    if table not in (None, meant):
-        found = f"{written!r}, a register of the {meant.value} table, beside another table"
-        raise AddressError(found, f'register = "{meant.value}", or no register beside this address')
-    if place == 0:
+def _from_one(
+    number: int, meant_table: Table, table: Table | None, written: str
+) -> RegisterAddress:
+    if table not in (None, meant_table):
+        found_text = (
+            f"{written!r}, a register of the {meant_table.value} table, beside another table"
+        )
+        raise AddressError(
+            found_text, f'register = "{meant_table.value}", or no register beside this address'
+        )
+    if number == 0:
         raise AddressError(f"{written!r}", "1 or more: this way of writing counts from 1")
-    return _checked(place - 1, meant, written)
+    return _checked(number - 1, meant_table, written)
 
 
 def _checked(number: int, table: Table | None, written: int | str) -> RegisterAddress:
     if table is None:
-        found = f"the address {written!r} without its table"
-        raise AddressError(found, _WAYS)
+        found_text = f"the address {written!r} without its table"
+        raise AddressError(found_text, _WAYS)
     if not 0 <= number <= LAST_ADDRESS:
         raise AddressError(f"the address {written!r}", f"0 to {LAST_ADDRESS}, counted from 0")
     return RegisterAddress(table, number)

@@ -81,11 +81,11 @@ def read_register_list(path: Path) -> RegisterList:
         if len(cells) < len(heading) or not all(map(is_blank, cells[len(heading) :])):
             faulty.append((line, f"{len(cells)} cells", f"{len(heading)}, as in the heading"))
             continue
-        given = {
+        filled_cells = {
             name: cell.strip() for name, cell in zip(heading, cells, strict=False) if cell.strip()
         }
         try:
-            rows.append(ListedRow(_table(given, separator), line))
+            rows.append(ListedRow(_table(filled_cells, separator), line))
         except TableMistake as mistake:
             faulty.append((line, f"{mistake.key}: {mistake.found}", mistake.expected))
     return RegisterList(tuple(rows), tuple(faulty))
@@ -110,12 +110,12 @@ def _heading(cells: Sequence[str], line: int) -> list[str]:
     while written and not written[-1]:
         written.pop()
     names = [ALIASES.get(name, name) for name in written]
-    for name, shown in zip(names, written, strict=True):
+    for name, written_name in zip(names, written, strict=True):
         if name not in COLUMNS:
-            close = difflib.get_close_matches(shown, (*COLUMNS, *ALIASES), n=1, cutoff=0.6)
+            close = difflib.get_close_matches(written_name, (*COLUMNS, *ALIASES), n=1, cutoff=0.6)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             expected = "one of " + ", ".join(COLUMNS) + hint
-            raise ListUnusable(line, shown or "heading", "an unknown column", expected)
+            raise ListUnusable(line, written_name or "heading", "an unknown column", expected)
         if names.count(name) > 1:
             raise ListUnusable(line, name, f"{names.count(name)} columns of this meaning", "one")
     for name in _REQUIRED:
@@ -124,45 +124,45 @@ def _heading(cells: Sequence[str], line: int) -> list[str]:
     return names
 
 
-def _table(given: dict[str, str], separator: str) -> dict[str, Any]:
-    table: dict[str, Any] = dict(given)
+def _table(filled_cells: dict[str, str], separator: str) -> dict[str, Any]:
+    table: dict[str, Any] = dict(filled_cells)
     for name in _NUMBERS:
         if name in table:
-            table[name] = _number(given[name], separator)
+            table[name] = _number(filled_cells[name], separator)
     for pair in _PAIRS:
         ends = [table.pop(f"{pair}_{end}", None) for end in ("low", "high")]
         if ends == [None, None]:
             continue
         if None in ends:
             given_end, missing = ("low", "high") if ends[1] is None else ("high", "low")
-            found = f"{pair}_{given_end} without {pair}_{missing}"
-            raise TableMistake(f"{pair}_{missing}", found, "both, or neither")
+            found_text = f"{pair}_{given_end} without {pair}_{missing}"
+            raise TableMistake(f"{pair}_{missing}", found_text, "both, or neither")
         table[pair] = ends
     if "unit_id" in table:
-        table["unit_id"] = _whole(given["unit_id"])
+        table["unit_id"] = _integer_or_text(filled_cells["unit_id"])
     if "register" in table:
-        table["address"] = _whole(given.get("address", ""))
+        table["address"] = _integer_or_text(filled_cells.get("address", ""))
     if "invalid" in table:
-        cells = [cell.strip() for cell in given["invalid"].split(_BETWEEN)]
+        cells = [cell.strip() for cell in filled_cells["invalid"].split(_BETWEEN)]
         table["invalid"] = [
             cell if cell.lower() == "nan" else _number(cell, separator) for cell in cells if cell
         ]
     return table
 
 
-def _whole(text: str) -> int | str:
+def _integer_or_text(text: str) -> int | str:
     """A whole number, or the text where it is none, such as 0x000B."""
     return int(text) if text.isascii() and text.isdigit() else text
 
 
 def _number(text: str, separator: str) -> float | int | str:
     """A number, or the text where it is none, which is refused where a number is needed."""
-    plain = text if separator == "," else text.replace(",", ".")
-    if (whole := _whole(plain)) != plain:
-        return whole
-    if plain[:2].lower() == "0x" or "_" in plain:
+    number_text = text if separator == "," else text.replace(",", ".")
+    if (integer := _integer_or_text(number_text)) != number_text:
+        return integer
+    if number_text[:2].lower() == "0x" or "_" in number_text:
         return text
     try:
-        return float(plain)
+        return float(number_text)
     except ValueError:
         return text

@@ -69,10 +69,10 @@ class Unanswered:
 
     def counts(self, unit_id: int, table: Table) -> frozenset[int]:
         """The lengths, in words, of the answers of this unit and table that may still come."""
-        alike = (
+        alike_count = (
             request for request in self if (request.unit_id, request.table) == (unit_id, table)
         )
-        return frozenset(request.count for request in alike)
+        return frozenset(request.count for request in alike_count)
 
     def answered_by(self, frame: bytes) -> SentRequest | None:
         """The request that the RTU ``frame`` answers for certain, or ``None``.

@@ -101,8 +101,8 @@ class OpcUaSettings(ArchiveSettings):
                 if getattr(self, key) is None:
                     raise contradiction((key,), "nothing", f"a file, for {self.security_policy}")
         if self.user is not None and (self.secret_variable is None) == (self.secret_file is None):
-            found = "a user without one place for the password"
-            raise contradiction(("user",), found, "secret_variable or secret_file as well")
+            found_text = "a user without one place for the password"
+            raise contradiction(("user",), found_text, "secret_variable or secret_file as well")
         return self
 
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
@@ -145,12 +145,12 @@ class OpcUaArchive:
         """Every node below Objects whose history may be read; samples are not counted."""
         from stemwatch.connectors.opcua.session import browse, connected
 
-        async def ask() -> list[TagInfo]:
+        async def list_tags() -> list[TagInfo]:
             async with connected(self.address) as client:
                 nodes = await browse(client)
             return [TagInfo(tag=node.tag, description=node.name) for node in nodes]
 
-        return asyncio.run(ask())
+        return asyncio.run(list_tags())
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose node the server does not have."""
@@ -160,11 +160,11 @@ class OpcUaArchive:
         if not optional:
             return valve
 
-        async def ask() -> set[str]:
+        async def present_tags() -> set[str]:
             async with connected(self.address) as client:
                 return {tag for tag in optional if await exists(client, tag, self.address)}
 
-        existing = asyncio.run(ask())
+        existing = asyncio.run(present_tags())
         tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
         return replace(valve, tags=tags)
 
@@ -182,9 +182,9 @@ class OpcUaArchive:
         )
         from stemwatch.connectors.historian.recordings import assemble
 
-        where = str(self.address)
-        need_op(where, valve)
-        histories = asyncio.run(self._ask(valve, window))
+        server = str(self.address)
+        need_op(server, valve)
+        histories = asyncio.run(self._read_history(valve, window))
         bounds = bounds_of(window, self.address.before_s)
         columns = {
             mapping.tag: self._column(mapping.tag, role, histories[mapping.tag], bounds)
@@ -192,14 +192,14 @@ class OpcUaArchive:
         }
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
-            holds = "the server's history has nothing there. Ask for another window"
-            raise no_samples_error(where, op, window, holds)
+            server_contents = "the server's history has nothing there. Ask for another window"
+            raise no_samples_error(server, op, window, server_contents)
         loaded = ValveColumns(
-            source_name=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
+            source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
         )
         return assemble(loaded, valve, window)
 
-    async def _ask(self, valve: ValveTags, window: Window) -> dict[str, History]:
+    async def _read_history(self, valve: ValveTags, window: Window) -> dict[str, History]:
         from stemwatch.connectors.opcua.session import browse, connected, read_history
 
         start = _FIRST
@@ -214,15 +214,15 @@ class OpcUaArchive:
                 except UnknownTag as error:
                     names = [node.tag for node in await browse(client)]
                     nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-                    listed = ", ".join(map(repr, nearest)) or "none: nothing has a history"
-                    raise UnknownTag(f"{error}; the nearest are {listed}") from None
+                    near_tags = ", ".join(map(repr, nearest)) or "none: nothing has a history"
+                    raise UnknownTag(f"{error}; the nearest are {near_tags}") from None
         return histories
 
     def _column(
         self, tag: str, role: Role, history: History, bounds: tuple[int | None, int | None]
     ) -> Column:
         from stemwatch.connectors.archive.number_column import number_column
-        from stemwatch.connectors.archive.valve_columns import empty_column, inside
+        from stemwatch.connectors.archive.valve_columns import empty_column, within_bounds
         from stemwatch.connectors.historian.times.epoch import ns_of
 
         if not history.times:
@@ -242,7 +242,7 @@ class OpcUaArchive:
             reasons=reasons,
             as_mode=role is Role.MODE,
         )
-        return inside(column, bounds)
+        return within_bounds(column, bounds)
 
 
 def is_bad(codes: NDArray[np.int64]) -> Bools:

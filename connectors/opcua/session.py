@@ -124,7 +124,7 @@ async def read_history(
     """
     from asyncua import ua
 
-    history, point, held = History(), None, 0
+    history, point, values_at_cut = History(), None, 0
     node = _node(client, tag, server)
     begin = start
     while True:
@@ -139,8 +139,8 @@ async def read_history(
         _check(result, tag, server)
         page = list(getattr(result.HistoryData, "DataValues", None) or ())
         before = len(history.times)
-        _take(history, page[held:])
-        held, previous, point = 0, point, result.ContinuationPoint
+        _take(history, page[values_at_cut:])
+        values_at_cut, previous, point = 0, point, result.ContinuationPoint
         if point:
             if point == previous:
                 raise _stuck(tag, server)
@@ -152,7 +152,7 @@ async def read_history(
         if len(history.times) == before:
             raise _stuck(tag, server)
         begin = history.times[-1]
-        held = sum(1 for time in history.times[-server.page :] if time == begin)
+        values_at_cut = sum(1 for time in history.times[-server.page :] if time == begin)
 
 
 def _stuck(tag: str, server: OpcUaServer) -> ConnectorError:
@@ -227,19 +227,19 @@ async def browse(client: Any) -> list[FoundNode]:
     seen: set[str] = set()
     level = [client.get_objects_node()]
     for _ in range(_DEPTH):
-        below: list[Any] = []
+        children: list[Any] = []
         for node in level:
             for child in await node.get_children_descriptions():
                 tag = child.NodeId.to_string()
                 if tag in seen or child.NodeId.NamespaceIndex == 0:
                     continue
                 seen.add(tag)
-                below.append(client.get_node(child.NodeId))
-                if child.NodeClass == ua.NodeClass.Variable and await _historized(below[-1]):
+                children.append(client.get_node(child.NodeId))
+                if child.NodeClass == ua.NodeClass.Variable and await _historized(children[-1]):
                     nodes.append(FoundNode(tag, child.DisplayName.Text or ""))
                     if len(nodes) == MOST_TAGS:
                         return nodes
-        level = below
+        level = children
     return nodes
 
 

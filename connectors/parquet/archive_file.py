@@ -205,7 +205,7 @@ def _format(**reading: Any) -> Any:
 
 def _places(metadata: Any) -> dict[str, int]:
     schema = metadata.schema
-    return {schema.column(place).path: place for place in range(len(schema))}
+    return {schema.column(index).path: index for index in range(len(schema))}
 
 
 def _groups(metadata: Any, layout: ColumnLayout, keys: Mapping[str, str]) -> Groups:

@@ -48,8 +48,10 @@ class Catalog:
             if base and _hidden(str(info.path)[len(base) :].lstrip("/")):
                 continue
             version = (str(info.path), int(info.size), info.mtime_ns)
-            listed = self._files.get(version)
-            files[version] = listed or ArchiveFile(filesystem, info.path, partition_keys(info.path))
+            known_files = self._files.get(version)
+            files[version] = known_files or ArchiveFile(
+                filesystem, info.path, partition_keys(info.path)
+            )
         if not files:
             raise UnreadableSource(
                 f"{self.path}: no Parquet file was found; expected a file, a folder with *.parquet "
@@ -74,8 +76,8 @@ def _infos(path: str) -> tuple[Any, str, list[Any]]:
         return filesystem, "", [info]
     if info.type == fs.FileType.NotFound:
         return filesystem, base, []
-    inside = filesystem.get_file_info(fs.FileSelector(base, recursive=True))
-    files = [info for info in inside if info.is_file and str(info.path).lower().endswith(ENDINGS)]
+    entries = filesystem.get_file_info(fs.FileSelector(base, recursive=True))
+    files = [info for info in entries if info.is_file and str(info.path).lower().endswith(ENDINGS)]
     return filesystem, base, files
 
 
@@ -112,18 +114,18 @@ def may_hold(keys: Mapping[str, str], bounds: Bounds) -> bool:
 
 def _span(keys: Mapping[str, str]) -> tuple[date, date] | None:
     """First and last day of a partition."""
-    plain = {name.lower(): value for name, value in keys.items()}
+    folded_keys = {name.lower(): value for name, value in keys.items()}
     for name in _DATES:
-        if name in plain and len(plain[name]) >= 8:
+        if name in folded_keys and len(folded_keys[name]) >= 8:
             try:
-                of_partition = date.fromisoformat(plain[name][:10])
+                of_partition = date.fromisoformat(folded_keys[name][:10])
             except ValueError:
                 continue
             return of_partition, of_partition
     try:
-        year = int(plain["year"])
-        month = int(plain["month"]) if "month" in plain else None
-        day = int(plain["day"]) if "day" in plain and month else None
+        year = int(folded_keys["year"])
+        month = int(folded_keys["month"]) if "month" in folded_keys else None
+        day = int(folded_keys["day"]) if "day" in folded_keys and month else None
         first = date(year, month or 1, day or 1)
     except (KeyError, ValueError):
         return None

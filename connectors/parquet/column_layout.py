@@ -60,7 +60,11 @@ def decide_layout(
     value = _named(names, VALUE_NAMES, options.value_column, source_name)
     key = _key(schema, keys, options, source_name, narrow=value is not None)
     shared = _named(names, QUALITY_NAMES, options.quality_column, source_name)
-    if value is not None and value != time and (key is not None or _alone(schema, value, time)):
+    if (
+        value is not None
+        and value != time
+        and (key is not None or _holds_one_tag(schema, value, time))
+    ):
         return ColumnLayout(
             kind="narrow",
             time=time,
@@ -93,8 +97,8 @@ def decide_layout(
 
 def columns_text(schema: Any) -> str:
     """Columns with their types, the first dozen."""
-    listed = [f"{field.name} ({field.type})" for field in list(schema)[:12]]
-    return ", ".join(listed) + (", ..." if len(schema) > 12 else "")
+    column_list = [f"{field.name} ({field.type})" for field in list(schema)[:12]]
+    return ", ".join(column_list) + (", ..." if len(schema) > 12 else "")
 
 
 def _time_column(schema: Any, options: ReadOptions, source_name: str) -> str:
@@ -104,8 +108,8 @@ def _time_column(schema: Any, options: ReadOptions, source_name: str) -> str:
     if options.time_column is not None:
         return str(_named(names, (), options.time_column, source_name))
     stamps = [str(field.name) for field in schema if kinds.is_timestamp(field.type)]
-    named = [name for name in TIME_NAMES for own in names if own.strip().lower() == name]
-    by_name = [own for name in named for own in names if own.strip().lower() == name]
+    named = [name for name in TIME_NAMES for column in names if column.strip().lower() == name]
+    by_name = [column for name in named for column in names if column.strip().lower() == name]
     best = [name for name in by_name if name in stamps] or (stamps if len(stamps) == 1 else by_name)
     if not best:
         raise UnreadableSource(
@@ -134,9 +138,9 @@ def _key(
 ) -> str | None:
     """The column or folder key that names tag or valve."""
     texts = [field.name for field in schema if is_text(field.type)]
-    every = [*(list(schema.names) if options.tag_column else texts), *keys]
+    text_columns = [*(list(schema.names) if options.tag_column else texts), *keys]
     order = (*TAG_NAMES, *VALVE_NAMES) if narrow else VALVE_NAMES
-    return _named(every, order, options.tag_column, source_name)
+    return _named(text_columns, order, options.tag_column, source_name)
 
 
 def is_text(kind: Any) -> bool:
@@ -164,11 +168,11 @@ def is_number(kind: Any) -> bool:
     )
 
 
-def _measured(schema: Any, taken: set[str | None]) -> list[str]:
+def _measured(schema: Any, used_columns: set[str | None]) -> list[str]:
     return [
         field.name
         for field in schema
-        if field.name not in taken
+        if field.name not in used_columns
         and not field.name.startswith("__index_level_")
         and (is_number(field.type) or is_text(field.type))
     ]
@@ -186,7 +190,7 @@ def _qualities(measured: Sequence[str], names: Sequence[str]) -> dict[str, str]:
     }
 
 
-def _alone(schema: Any, value: str, time: str) -> bool:
+def _holds_one_tag(schema: Any, value: str, time: str) -> bool:
     """Whether a file without a tag column holds one tag: nothing else in it is a number."""
     others = {field.name for field in schema if is_number(field.type)} - {value, time}
     return all(name.lower() in QUALITY_NAMES for name in others)

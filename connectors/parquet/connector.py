@@ -135,7 +135,7 @@ class ParquetArchive:
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose tag is not in the archive."""
         optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
-        missing = {tag for tag in optional if not self._has(tag)}
+        missing = {tag for tag in optional if not self._has_tag(tag)}
         tags = {
             role: mapping
             for role, mapping in valve.tags.items()
@@ -172,7 +172,7 @@ class ParquetArchive:
         tags = list(dict.fromkeys(mapping.tag for mapping in valve.tags.values()))
         pieces = read_pieces(files, tags, bounds, self.options, notes)
         columns: dict[str, Column] = {}
-        known, zone = True, ""
+        zone_is_known, zone = True, ""
         for role, mapping in valve.tags.items():
             if mapping.tag not in pieces:
                 columns[mapping.tag] = self._empty(mapping.tag)
@@ -186,11 +186,11 @@ class ParquetArchive:
                 self.path,
                 as_mode=role is Role.MODE,
             )
-            known, zone = known and instants.in_utc, zone or instants.zone
+            zone_is_known, zone = zone_is_known and instants.in_utc, zone or instants.zone
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
-            holds = ". ".join([self._holds(op), *notes.problems[:1]])
-            raise no_samples_error(self.path, op, window, holds)
+            archive_contents = ". ".join([self._contents_of_tag(op), *notes.problems[:1]])
+            raise no_samples_error(self.path, op, window, archive_contents)
         layouts = {file.layout(self.options).kind for file in files if file.is_open}
         for option in ("time_column", "tag_column", "value_column", "quality_column"):
             notes.use(option)  # one that is not there was an error
@@ -199,18 +199,18 @@ class ParquetArchive:
             source_name=self.path,
             layout="; ".join(WORDS[kind] for kind in sorted(layouts)),
             columns=columns,
-            in_utc=known,
+            in_utc=zone_is_known,
             zone=zone,
-            decisions=[*notes.decisions, *self._said(notes)],
+            decisions=[*notes.decisions, *self._problem_sentences(notes)],
             problems=notes.problems,
         )
 
-    def _said(self, notes: ReadingNotes) -> list[str]:
+    def _problem_sentences(self, notes: ReadingNotes) -> list[str]:
         if not self.before_s:
             return []
         return [f"{self.before_s:g} s before the window were read for values that still held."]
 
-    def _has(self, tag: str) -> bool:
+    def _has_tag(self, tag: str) -> bool:
         from stemwatch.connectors.parquet.reading import place_of
 
         for file in self._catalog.files():
@@ -227,7 +227,7 @@ class ParquetArchive:
         """A tag without a row in the window. Raises ``UnknownTag`` where it never had one."""
         from stemwatch.connectors.archive.valve_columns import empty_column
 
-        if self._has(tag):
+        if self._has_tag(tag):
             return empty_column(tag)
         names = self.names()
         nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
@@ -236,7 +236,7 @@ class ParquetArchive:
             f"{', '.join(map(repr, nearest))}"
         )
 
-    def _holds(self, tag: str) -> str:
+    def _contents_of_tag(self, tag: str) -> str:
         from stemwatch.connectors.parquet.listing import covered
 
         return covered(self._catalog.files(), tag, self.options)

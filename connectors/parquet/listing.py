@@ -33,10 +33,10 @@ def list_tags(files: Sequence[ArchiveFile], options: ReadOptions, stem: str) -> 
         counts = _counts(file, layout)
         for tag in tags_of(layout, keys):
             samples[tag] = samples.get(tag, 0) + counts.get(tag, 0)
-            if place := place_of(tag, layout):
-                units[tag] = units.get(tag) or layout.units.get(place.column, "")
-                if layout.kind == "valves" and place.column.lower() in _ROLES:
-                    roles[tag] = _ROLES[place.column.lower()], str(place.key)
+            if column_place := place_of(tag, layout):
+                units[tag] = units.get(tag) or layout.units.get(column_place.column, "")
+                if layout.kind == "valves" and column_place.column.lower() in _ROLES:
+                    roles[tag] = _ROLES[column_place.column.lower()], str(column_place.key)
     if broken and not samples:
         raise broken[0]
     named = [(tag, units.get(tag, ""), "", None) for tag in samples]

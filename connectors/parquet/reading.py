@@ -82,17 +82,17 @@ def read_pieces(
     ``UnreadableSource`` where no file at all could be read.
     """
     pieces: dict[str, TagPieces] = {}
-    tried, broken = 0, []
+    files_read, broken = 0, []
     for file in files:
         if not may_hold(file.keys, bounds):
             continue
-        tried += 1
+        files_read += 1
         try:
             _read_file(file, tags, bounds, options, notes, pieces)
         except UnreadableSource as error:
             broken.append(error)
             notes.problem(str(error))
-    if broken and len(broken) == tried:
+    if broken and len(broken) == files_read:
         raise broken[0]
     return pieces
 
@@ -151,13 +151,13 @@ def rows_with(column: Any, key: str) -> Bools:
     import pyarrow.types as kinds
 
     if not kinds.is_dictionary(column.type):
-        same = pc.equal(pc.cast(column, pa.string()), key)
-        return np.asarray(pc.fill_null(same, False).to_numpy().astype(bool))
+        is_tag = pc.equal(pc.cast(column, pa.string()), key)
+        return np.asarray(pc.fill_null(is_tag, False).to_numpy().astype(bool))
     masks: list[Bools] = []
     for chunk in column.chunks:
-        at = pc.index(pc.cast(chunk.dictionary, pa.string()), key).as_py()
-        same = pc.fill_null(pc.equal(chunk.indices, at), False)
-        masks.append(same.to_numpy(zero_copy_only=False).astype(bool))
+        dictionary_index = pc.index(pc.cast(chunk.dictionary, pa.string()), key).as_py()
+        is_tag = pc.fill_null(pc.equal(chunk.indices, dictionary_index), False)
+        masks.append(is_tag.to_numpy(zero_copy_only=False).astype(bool))
     return np.concatenate(masks) if masks else np.zeros(0, dtype=bool)
 
 
@@ -208,14 +208,14 @@ def column_of(
     Raises ``UnreadableSource`` where quality codes cannot be understood.
     """
     instants = _instants(pieces, options, notes)
-    inside = _inside(instants, bounds)
-    if not inside.all():
-        instants = replace(instants, ns=instants.ns[inside], ok=instants.ok[inside])
-    codes = _codes(pieces, inside, options)
+    in_window = _in_window(instants, bounds)
+    if not in_window.all():
+        instants = replace(instants, ns=instants.ns[in_window], ok=instants.ok[in_window])
+    codes = _codes(pieces, in_window, options)
     if codes is not None:
         notes.use("good_quality")
     if all(is_number(value.type) for value in pieces.values):
-        values = _joined([as_floats(value) for value in pieces.values], inside)
+        values = _joined([as_floats(value) for value in pieces.values], in_window)
         column = number_column(
             tag,
             instants.ns,
@@ -230,7 +230,7 @@ def column_of(
     cells = [text for value in pieces.values for text in _texts(value)]
     raw = RawColumn(
         tag=tag,
-        cells=[cells[row] for row in np.flatnonzero(inside).tolist()],
+        cells=[cells[row] for row in np.flatnonzero(in_window).tolist()],
         unit=pieces.unit,
         quality_codes=None if codes is None else [codes.words[i] for i in codes.index],
         quality_name=pieces.quality_name,
@@ -252,21 +252,21 @@ def _instants(pieces: TagPieces, options: ReadOptions, notes: ReadingNotes) -> I
 
 def _joined(parts: Sequence[NDArray[Number]], keep: Bools | None = None) -> NDArray[Number]:
     """The parts in one, or what ``keep`` leaves of it; a single part that is kept is not copied."""
-    whole = parts[0] if len(parts) == 1 else np.concatenate(parts)
-    return whole if keep is None or keep.all() else whole[keep]
+    values = parts[0] if len(parts) == 1 else np.concatenate(parts)
+    return values if keep is None or keep.all() else values[keep]
 
 
-def _inside(instants: Instants, bounds: Bounds) -> Bools:
+def _in_window(instants: Instants, bounds: Bounds) -> Bools:
     start, stop = bounds
-    inside = np.ones(instants.ns.size, dtype=bool)
+    in_window = np.ones(instants.ns.size, dtype=bool)
     if start is not None:
-        inside &= instants.ns >= start
+        in_window &= instants.ns >= start
     if stop is not None:
-        inside &= instants.ns < stop
-    return inside
+        in_window &= instants.ns < stop
+    return in_window
 
 
-def _codes(pieces: TagPieces, inside: Bools, options: ReadOptions) -> Codes | None:
+def _codes(pieces: TagPieces, in_window: Bools, options: ReadOptions) -> Codes | None:
     """Quality codes of all pieces; an empty one where a piece has none."""
     if all(code is None for code in pieces.codes):
         return None
@@ -275,11 +275,11 @@ def _codes(pieces: TagPieces, inside: Bools, options: ReadOptions) -> Codes | No
         np.zeros(len(value), dtype=np.int64) if code is None else _encoded(code, words)
         for value, code in zip(pieces.values, pieces.codes, strict=True)
     ]
-    index = np.concatenate(parts)[inside]
+    index = np.concatenate(parts)[in_window]
     used = np.unique(index)
-    kept = [word for word, number in words.items() if number in set(used.tolist())]
+    used_words = [word for word, number in words.items() if number in set(used.tolist())]
     return Codes(
-        words=kept,
+        words=used_words,
         index=np.searchsorted(used, index),
         name=pieces.quality_name,
         good=options.good_quality,
@@ -295,11 +295,11 @@ def _encoded(code: Any, words: dict[str, int]) -> NDArray[np.int64]:
         code = pc.dictionary_encode(code)
     parts = []
     for chunk in code.chunks:
-        known = [
+        number_of_word = [
             words.setdefault(_word(entry), len(words)) for entry in chunk.dictionary.to_pylist()
         ]
-        at = pc.fill_null(chunk.indices, len(known)).to_numpy(zero_copy_only=False)
-        parts.append(np.array([*known, 0], dtype=np.int64)[at])
+        word_index = pc.fill_null(chunk.indices, len(number_of_word)).to_numpy(zero_copy_only=False)
+        parts.append(np.array([*number_of_word, 0], dtype=np.int64)[word_index])
     return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
 
 

@@ -85,17 +85,21 @@ class PiSettings(ArchiveSettings):
         parts = urlsplit(self.url)
         if parts.scheme not in ("http", "https") or not parts.hostname or "@" in parts.netloc:
             raise contradiction(("url",), "something else", f"{_URL}, without a password in it")
-        secrets = sum(one is not None for one in (self.secret_variable, self.secret_file))
+        secrets = sum(secret is not None for secret in (self.secret_variable, self.secret_file))
         if self.sign_in in ("basic", "bearer"):
             if secrets != 1:
-                found = f'sign_in = "{self.sign_in}" without one place for the secret'
-                raise contradiction(("sign_in",), found, "secret_variable or secret_file as well")
+                found_text = f'sign_in = "{self.sign_in}" without one place for the secret'
+                raise contradiction(
+                    ("sign_in",), found_text, "secret_variable or secret_file as well"
+                )
             if parts.scheme == "http" and parts.hostname not in LOOPBACK:
-                found = "an address that sends the secret unencrypted"
-                raise contradiction(("url",), found, "an address with https://")
+                found_text = "an address that sends the secret unencrypted"
+                raise contradiction(("url",), found_text, "an address with https://")
         elif secrets or self.user:
-            found = f'sign_in = "{self.sign_in}" with a user or a secret'
-            raise contradiction(("sign_in",), found, '"basic" or "bearer", or no user and secret')
+            found_text = f'sign_in = "{self.sign_in}" with a user or a secret'
+            raise contradiction(
+                ("sign_in",), found_text, '"basic" or "bearer", or no user and secret'
+            )
         if self.sign_in == "basic" and not self.user:
             raise contradiction(("user",), "nothing", 'a name, for sign_in = "basic"')
         return self
@@ -103,7 +107,7 @@ class PiSettings(ArchiveSettings):
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
         """Of the server; files count from ``folder``. Times are UTC, so that no zone is needed."""
 
-        def beside(name: str | None) -> str:
+        def inside_folder(name: str | None) -> str:
             return "" if name is None else str(folder / name)
 
         return PiAddress(
@@ -111,8 +115,10 @@ class PiSettings(ArchiveSettings):
             server=self.server,
             sign_in=self.sign_in,
             user=self.user or "",
-            secret=Secret(variable=self.secret_variable or "", file=beside(self.secret_file)),
-            authority=beside(self.authority),
+            secret=Secret(
+                variable=self.secret_variable or "", file=inside_folder(self.secret_file)
+            ),
+            authority=inside_folder(self.authority),
             timeout_s=self.timeout_s,
             page=self.page,
             before_s=3600.0 if self.before_s is None else self.before_s,
@@ -139,9 +145,7 @@ class PiArchive:
         from stemwatch.connectors.pi.web_api import connected
 
         with connected(self.address) as api:
-            found = [
-                (p.name, p.unit, p.description, None) for p in api.points(self.address.pattern)
-            ]
+            tags = [(p.name, p.unit, p.description, None) for p in api.points(self.address.pattern)]
         return [
             TagInfo(
                 tag=proposed.tag,
@@ -151,7 +155,7 @@ class PiArchive:
                 proposed_valve=proposed.valve,
                 remark=proposed.remark,
             )
-            for proposed in propose_roles(found, stem="", mv_is_output=False)
+            for proposed in propose_roles(tags, stem="", mv_is_output=False)
         ]
 
     def present(self, valve: ValveTags) -> ValveTags:
@@ -181,8 +185,8 @@ class PiArchive:
         from stemwatch.connectors.pi.values import ZONE
         from stemwatch.connectors.pi.web_api import connected
 
-        where = str(self.address)
-        need_op(where, valve)
+        server = str(self.address)
+        need_op(server, valve)
         with connected(self.address) as api:
             points = {mapping.tag: self._point(api, mapping.tag) for mapping in valve.tags.values()}
             web_ids = sorted({point.web_id for point in points.values()})
@@ -195,10 +199,10 @@ class PiArchive:
         }
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
-            holds = "the archive has nothing there. Ask for another window"
-            raise no_samples_error(where, op, window, holds)
+            archive_contents = "the archive has nothing there. Ask for another window"
+            raise no_samples_error(server, op, window, archive_contents)
         loaded = ValveColumns(
-            source_name=where, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
+            source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
         )
         return assemble(loaded, valve, window)
 
@@ -212,7 +216,11 @@ class PiArchive:
     def _column(
         self, tag: str, role: Role, point: PiPoint, values: list[dict[str, object]], window: Window
     ) -> Column:
-        from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
+        from stemwatch.connectors.archive.valve_columns import (
+            bounds_of,
+            empty_column,
+            within_bounds,
+        )
         from stemwatch.connectors.pi.values import column_of
 
         if not values:
@@ -225,7 +233,7 @@ class PiArchive:
             good=self.address.good,
             as_mode=role is Role.MODE,
         )
-        return inside(column, bounds_of(window, self.address.before_s))
+        return within_bounds(column, bounds_of(window, self.address.before_s))
 
     def _point(self, api: PiWebApi, tag: str) -> PiPoint:
         """The point of ``tag``. Raises ``UnknownTag`` with the names that come nearest."""
@@ -234,11 +242,11 @@ class PiArchive:
         except UnknownTag as error:
             if tag.startswith(WEB_ID):
                 raise
-            alike = f"{tag[: max(len(tag) // 2, 1)]}*"
-            names = [point.name for point in api.points(alike)]
+            pattern = f"{tag[: max(len(tag) // 2, 1)]}*"
+            names = [point.name for point in api.points(pattern)]
             nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-            listed = ", ".join(map(repr, nearest)) or f"none: no point is called {alike}"
-            raise UnknownTag(f"{error}; the nearest are {listed}") from None
+            near_names = ", ".join(map(repr, nearest)) or f"none: no point is called {pattern}"
+            raise UnknownTag(f"{error}; the nearest are {near_names}") from None
 
 
 def _exists(api: PiWebApi, tag: str) -> bool:

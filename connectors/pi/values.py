@@ -85,10 +85,10 @@ def _bad(
     """(n,) True where a value is not to be used, and how often for which reason."""
     reasons: Counter[str] = Counter()
     bad = np.zeros(len(values), dtype=bool)
-    for place, value in enumerate(values):
-        if why := _why_bad(value, good):
-            bad[place] = True
-            reasons[why] += 1
+    for index, value in enumerate(values):
+        if reason := _why_bad(value, good):
+            bad[index] = True
+            reasons[reason] += 1
     return bad, reasons
 
 

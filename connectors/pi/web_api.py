@@ -105,13 +105,13 @@ class PiWebApi:
 
     def points(self, pattern: str) -> Iterator[PiPoint]:
         """The points whose name fits ``pattern`` (with ``*`` and ``?``), page by page."""
-        where = {"name": self.server.server, "selectedFields": "WebId"}
-        archive = self._get("dataservers", where, missing=f"data server {self.server.server}")
+        query = {"name": self.server.server, "selectedFields": "WebId"}
+        archive = self._get("dataservers", query, missing=f"data server {self.server.server}")
         web_id = self._given(_point(archive).web_id)
         first = 0
         known: set[str] = set()
         while True:
-            asked = {
+            parameters = {
                 "nameFilter": pattern,
                 "startIndex": str(first),
                 "maxCount": "1000",
@@ -119,7 +119,7 @@ class PiWebApi:
             }
             points = [
                 _point(item)
-                for item in self._items(self._get(f"dataservers/{web_id}/points", asked))
+                for item in self._items(self._get(f"dataservers/{web_id}/points", parameters))
             ]
             if points and known.issuperset(point.web_id for point in points):
                 raise self._same_page()
@@ -134,39 +134,39 @@ class PiWebApi:
 
         All streams are asked for together; those with more than a page are read on by themselves.
         """
-        found: dict[str, list[Any]] = {web_id: [] for web_id in web_ids}
+        values_of_point: dict[str, list[Any]] = {web_id: [] for web_id in web_ids}
         while True:
             try:
                 answer = self._get(
-                    "streamsets/recorded", self._asked(start, end, web_ids, "Items.")
+                    "streamsets/recorded", self._query_parameters(start, end, web_ids, "Items.")
                 )
                 break
             except _PageTooLarge:
                 self._smaller_page()
         for stream in self._items(answer):
             self._check(stream)
-            if (web_id := stream.get("WebId")) in found:
-                found[web_id] = list(self._items(stream))
-        for web_id, values in found.items():
+            if (web_id := stream.get("WebId")) in values_of_point:
+                values_of_point[web_id] = list(self._items(stream))
+        for web_id, values in values_of_point.items():
             if len(values) >= self._page:
                 self._read_on(web_id, values, end)
-        return found
+        return values_of_point
 
     def _read_on(self, web_id: str, values: list[Any], end: str) -> None:
         """Add what follows a full page; values at the instant where it ended come again."""
         while True:
             last = str(values[-1].get("Timestamp"))
-            known = sum(value.get("Timestamp") == last for value in values)
+            already_read = sum(value.get("Timestamp") == last for value in values)
             try:
-                asked = self._asked(last, end, (), "")
-                page = self._items(self._get(f"streams/{self._given(web_id)}/recorded", asked))
+                parameters = self._query_parameters(last, end, (), "")
+                page = self._items(self._get(f"streams/{self._given(web_id)}/recorded", parameters))
             except _PageTooLarge:
                 self._smaller_page()
                 continue
-            again = sum(value.get("Timestamp") == last for value in page)
+            repeated = sum(value.get("Timestamp") == last for value in page)
             if page and _sortable(page[0]) < _sortable(values[-1]):
                 raise self._same_page()
-            new = page[min(known, again) :]
+            new = page[min(already_read, repeated) :]
             if not new and len(page) >= self._page:
                 raise ConnectorError(
                     f"{self.server}: more than {self._page} values stand at {last}, so that the "
@@ -192,7 +192,9 @@ class PiWebApi:
             "answers; nothing of it is used"
         )
 
-    def _asked(self, start: str, end: str, web_ids: Sequence[str], prefix: str) -> list[Parameter]:
+    def _query_parameters(
+        self, start: str, end: str, web_ids: Sequence[str], prefix: str
+    ) -> list[Parameter]:
         fields = [f"{prefix}Items.{name}" for name in _VALUES.split(";")]
         if prefix:
             fields += [f"{prefix}WebId", f"{prefix}Errors"]
@@ -222,7 +224,7 @@ class PiWebApi:
         """The JSON object at ``path``; ``missing`` is what a 404 says is not there."""
         import httpx
 
-        wait = FIRST_WAIT_S
+        wait_s = FIRST_WAIT_S
         for attempt in range(1, ATTEMPTS + 1):
             last = attempt == ATTEMPTS
             try:
@@ -233,9 +235,9 @@ class PiWebApi:
             else:
                 if answer.status not in _BUSY or last:
                     return self._object(answer, missing)
-                wait = max(wait, _seconds(answer.headers.get("Retry-After")))
-            time.sleep(min(wait, LONGEST_WAIT_S))
-            wait *= 2.0
+                wait_s = max(wait_s, _seconds(answer.headers.get("Retry-After")))
+            time.sleep(min(wait_s, LONGEST_WAIT_S))
+            wait_s *= 2.0
         raise AssertionError("the last attempt returns or raises")
 
     def _answer(self, path: str, parameters: Mapping[str, str] | list[Parameter]) -> _Answer:
@@ -269,14 +271,14 @@ class PiWebApi:
             body = json.loads(answer.body)
         except (ValueError, RecursionError):  # no JSON, or numbers and lists without end
             body = None
-        said = _errors(body)
+        errors = _errors(body)
         if status == 404 and missing:
-            raise UnknownTag(f"{self.server}: there is no {missing!r}{_in_words(said)}")
-        if status == 400 and "maxcount" in said.lower().replace(" ", ""):
+            raise UnknownTag(f"{self.server}: there is no {missing!r}{_in_words(errors)}")
+        if status == 400 and "maxcount" in errors.lower().replace(" ", ""):
             raise _PageTooLarge
         if status in (401, 403):
             raise ConnectorError(
-                f"{self.server}: the server refuses this account ({status}{_in_words(said)}); "
+                f"{self.server}: the server refuses this account ({status}{_in_words(errors)}); "
                 "check sign_in, the user and the secret, and that the account may read these points"
             )
         if answer.is_redirect:
@@ -285,7 +287,7 @@ class PiWebApi:
                 f"itself. Set url to where it is, {_line(answer.headers.get('Location', ''))}"
             )
         if status != 200:
-            raise ConnectorError(f"{self.server}: the server answered {status}{_in_words(said)}")
+            raise ConnectorError(f"{self.server}: the server answered {status}{_in_words(errors)}")
         if not isinstance(body, dict):
             raise ConnectorError(
                 f"{self.server}: the answer is no JSON object; expected a PI Web API. Check url, "
@@ -296,8 +298,8 @@ class PiWebApi:
 
     def _check(self, body: Mapping[str, Any]) -> None:
         """Raise ``ConnectorError`` for errors inside an answer that is called a success."""
-        if said := _errors(body):
-            raise ConnectorError(f"{self.server}: the server answered with an error: {said}")
+        if errors := _errors(body):
+            raise ConnectorError(f"{self.server}: the server answered with an error: {errors}")
 
     def _items(self, body: Mapping[str, Any]) -> list[Any]:
         items = body.get("Items", [])
@@ -397,12 +399,12 @@ def _verified(server: PiServer) -> ssl.SSLContext | bool:
         ) from None
 
 
-def _point(found: Mapping[str, Any]) -> PiPoint:
+def _point(point: Mapping[str, Any]) -> PiPoint:
     return PiPoint(
-        web_id=str(found.get("WebId", "")),
-        name=str(found.get("Name", "")),
-        description=str(found.get("Descriptor") or ""),
-        unit=str(found.get("EngineeringUnits") or ""),
+        web_id=str(point.get("WebId", "")),
+        name=str(point.get("Name", "")),
+        description=str(point.get("Descriptor") or ""),
+        unit=str(point.get("EngineeringUnits") or ""),
     )
 
 
@@ -428,8 +430,8 @@ def _line(said: str) -> str:
     ]
 
 
-def _in_words(said: str) -> str:
-    return f": {said}" if said else ""
+def _in_words(messages: str) -> str:
+    return f": {messages}" if messages else ""
 
 
 def _seconds(header: str | None) -> float:

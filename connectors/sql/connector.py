@@ -73,7 +73,7 @@ class SqlAddress:
         return f"database {self.name}"
 
 
-def beside(url: str, folder: Path) -> str:
+def url_in_folder(url: str, folder: Path) -> str:
     """``url`` with a relative SQLite path counted from ``folder``; any other as it is."""
     name = url.removeprefix(_SQLITE)
     if name == url or not name or name.startswith(("/", ":memory:", "file:")):
@@ -119,8 +119,8 @@ class SqlSettings(ArchiveSettings):
     @model_validator(mode="after")
     def _one_url(self) -> Self:
         if (self.url is None) == (self.url_variable is None):
-            found = "nothing" if self.url is None else "both url and url_variable"
-            raise contradiction(("url",), found, f"{_URL}; or url_variable instead")
+            found_text = "nothing" if self.url is None else "both url and url_variable"
+            raise contradiction(("url",), found_text, f"{_URL}; or url_variable instead")
         return self
 
     @model_validator(mode="after")
@@ -133,7 +133,7 @@ class SqlSettings(ArchiveSettings):
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
         """Of the database; a path in a SQLite URL counts from ``folder``."""
         url = (
-            Secret(text=beside(self.url, folder))
+            Secret(text=url_in_folder(self.url, folder))
             if self.url
             else Secret(variable=self.url_variable or "")
         )
@@ -182,14 +182,16 @@ class SqlArchive:
         with self._database.reading() as connection:
             names, parts = run_query(connection, self.address.tags_query, {}, self.address.chunk)
             lower = [name.lower() for name in names]
-            place = {key: lower.index(key) for key in ("tag", "unit", "samples") if key in lower}
-            place.setdefault("tag", 0)
+            column_index = {
+                key: lower.index(key) for key in ("tag", "unit", "samples") if key in lower
+            }
+            column_index.setdefault("tag", 0)
             rows = [row for part in parts for row in part]
         return [
             TagInfo(
-                tag=str(row[place["tag"]]),
-                unit=str(row[place["unit"]] or "") if "unit" in place else "",
-                samples=int(row[place["samples"]] or 0) if "samples" in place else 0,
+                tag=str(row[column_index["tag"]]),
+                unit=str(row[column_index["unit"]] or "") if "unit" in column_index else "",
+                samples=int(row[column_index["samples"]] or 0) if "samples" in column_index else 0,
             )
             for row in rows
         ]
@@ -200,7 +202,7 @@ class SqlArchive:
         if not optional:
             return valve
         with self._database.reading() as connection:
-            existing = {tag for tag in optional if self._has(connection, tag)}
+            existing = {tag for tag in optional if self._has_tag(connection, tag)}
         tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
         return replace(valve, tags=tags)
 
@@ -224,16 +226,16 @@ class SqlArchive:
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
         notes, columns = ReadingNotes(), {}
-        known, zone = True, ""
+        zone_is_known, zone = True, ""
         for role, mapping in valve.tags.items():
             column, instants = self._column(connection, mapping.tag, role, window, notes)
             columns[mapping.tag] = column
             if instants is not None:
-                known, zone = known and instants.in_utc, zone or instants.zone
+                zone_is_known, zone = zone_is_known and instants.in_utc, zone or instants.zone
         op = valve.tags[Role.OP].tag
         if not columns[op].file_ns.size:
-            holds = f"the query was asked from {self._shown(window)}"
-            raise no_samples_error(str(self.address), op, window, holds)
+            database_contents = f"the query was asked from {self._window_text(window)}"
+            raise no_samples_error(str(self.address), op, window, database_contents)
         if not self._database.only_reads:
             notes.decide(
                 f"{self._database.dialect} knows no read-only transaction; the query is one "
@@ -243,7 +245,7 @@ class SqlArchive:
             source_name=str(self.address),
             layout=LAYOUT,
             columns=columns,
-            in_utc=known,
+            in_utc=zone_is_known,
             zone=zone,
             decisions=notes.decisions,
             problems=notes.problems,
@@ -252,12 +254,16 @@ class SqlArchive:
     def _column(
         self, connection: Connection, tag: str, role: Role, window: Window, notes: ReadingNotes
     ) -> tuple[Column, Instants | None]:
-        from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column, inside
+        from stemwatch.connectors.archive.valve_columns import (
+            bounds_of,
+            empty_column,
+            within_bounds,
+        )
         from stemwatch.connectors.sql.query_rows import column_of, instants_of
 
         samples = self._samples(connection, tag, window)
         if not samples.times:
-            if not self._has(connection, tag):
+            if not self._has_tag(connection, tag):
                 raise self._unknown(tag)
             return empty_column(tag), None
         options, name = self.address.options, str(self.address)
@@ -265,7 +271,7 @@ class SqlArchive:
         column = column_of(tag, samples, instants, options, name, "", as_mode=role is Role.MODE)
         if not instants.in_utc:
             return column, instants
-        return inside(column, bounds_of(window, self.address.before_s)), instants
+        return within_bounds(column, bounds_of(window, self.address.before_s)), instants
 
     def _samples(self, connection: Connection, tag: str, window: Window) -> Samples:
         from stemwatch.connectors.sql.database import run_query
@@ -313,7 +319,7 @@ class SqlArchive:
                 "are. Say bounds_format, such as %Y-%m-%dT%H:%M:%S, or convert in the query"
             )
 
-    def _has(self, connection: Connection, tag: str) -> bool:
+    def _has_tag(self, connection: Connection, tag: str) -> bool:
         """Whether the tag has a row at any time; also checks how times are written."""
         from itertools import islice
 
@@ -329,13 +335,16 @@ class SqlArchive:
     def _unknown(self, tag: str) -> UnknownTag:
         names = [info.tag for info in self.tags()]
         nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-        shown = (
+        window_text = (
             f"the nearest of {len(names)} are {', '.join(map(repr, nearest))}" if nearest else ""
         )
         return UnknownTag(
             f"{self.address}: the query gives no sample of {tag!r} at any time; "
-            + (shown or "say tags_query, which lists the tags, and the nearest are shown here")
+            + (
+                window_text
+                or "say tags_query, which lists the tags, and the nearest are shown here"
+            )
         )
 
-    def _shown(self, window: Window) -> str:
+    def _window_text(self, window: Window) -> str:
         return " to ".join(str(bound) for bound in self._bounds(window).values())

@@ -80,13 +80,13 @@ class Database:
             if url.drivername == "postgresql":
                 url = url.set(drivername="postgresql+psycopg")
             _check_file(url.get_backend_name(), url.database, self.name)
-            wait = {"connect_timeout": max(2, math.ceil(self._timeout_s))}
+            timeout = {"connect_timeout": max(2, math.ceil(self._timeout_s))}
             is_postgres = url.drivername == "postgresql+psycopg"
             engine = create_engine(
                 url,
                 poolclass=NullPool,
                 hide_parameters=True,
-                connect_args=wait if is_postgres else {},
+                connect_args=timeout if is_postgres else {},
             )
         except (SQLAlchemyError, ImportError) as error:
             raise UnreadableSource(

@@ -51,10 +51,10 @@ def mistake_in(text: str, *, with_tag: bool = True) -> QueryMistake | None:
     expected_statement = "one statement that begins with SELECT or WITH and only reads"
     if _DOLLAR.search(_QUOTED.sub(" ", text)):
         return QueryMistake("a dollar-quoted text", "texts between single quotes")
-    bare = _bare(text)
-    if ";" in bare:
+    without_comments = _without_comments(text)
+    if ";" in without_comments:
         return QueryMistake("several statements", expected_statement)
-    words = re.findall(r"[a-z_]\w*", bare.lower())
+    words = re.findall(r"[a-z_]\w*", without_comments.lower())
     if not words or words[0] not in ("select", "with"):
         return QueryMistake(
             f"a statement that begins with {repr(words[0]) if words else 'nothing'}",
@@ -64,18 +64,20 @@ def mistake_in(text: str, *, with_tag: bool = True) -> QueryMistake | None:
     if writing:
         hint = "; put a column of that name in double quotes"
         return QueryMistake(f"the word {writing[0]!r}", expected_statement + hint)
-    if re.search(r"\bfor\s+(?:no\s+key\s+)?(?:update|share|key)", bare, re.I):
+    if re.search(r"\bfor\s+(?:no\s+key\s+)?(?:update|share|key)", without_comments, re.I):
         return QueryMistake("a lock (FOR UPDATE)", expected_statement)
-    named = set(_PARAMETER.findall(bare))
+    named = set(_PARAMETER.findall(without_comments))
     needed = set(PARAMETERS) if with_tag else set()
     if named != needed:
-        shown = ", ".join(f":{name}" for name in sorted(named)) or "none"
+        parameter_list = ", ".join(f":{name}" for name in sorted(named)) or "none"
         expected = ", ".join(f":{name}" for name in PARAMETERS) if with_tag else "none"
-        return QueryMistake(f"the parameters {shown}", f"the parameters {expected}, not in quotes")
+        return QueryMistake(
+            f"the parameters {parameter_list}", f"the parameters {expected}, not in quotes"
+        )
     return None
 
 
-def _bare(text: str) -> str:
+def _without_comments(text: str) -> str:
     """The statement without quoted texts, comments and the semicolon at its end."""
     return _COMMENT.sub(" ", _QUOTED.sub(" '' ", text)).strip().rstrip(";").strip()
 

@@ -66,8 +66,8 @@ class DesignedTest:
 
 
 def _worst(gains: Floats) -> float:
-    off = gains[~np.eye(gains.shape[0], dtype=bool)]
-    return float(off.min()) if off.size else 0.0
+    off_diagonal = gains[~np.eye(gains.shape[0], dtype=bool)]
+    return float(off_diagonal.min()) if off_diagonal.size else 0.0
 
 
 @dataclass(frozen=True)
@@ -81,22 +81,22 @@ class _Place:
 
     @property
     def interval_s(self) -> float:
-        own = self.question.interval * self.question.unit_s
-        return max(own, self.limits.duration_s / MOST_SAMPLES)
+        interval_s = self.question.interval * self.question.unit_s
+        return max(interval_s, self.limits.duration_s / MOST_SAMPLES)
 
     def runs(self, programme: Programme) -> RivalRuns:
         op = self.op + programme.changes(self.interval_s)
         curve = self.question.curve
         travel = op if curve is None else curve.command(op)
-        own = self.interval_s / self.question.unit_s
-        return RivalRuns(self.question, self.models, np.ascontiguousarray(travel), own)
+        interval_units = self.interval_s / self.question.unit_s
+        return RivalRuns(self.question, self.models, np.ascontiguousarray(travel), interval_units)
 
     def gains(self, runs: RivalRuns, predicted: Floats) -> Floats:
         """(m, m) what each model loses on the answer of each other."""
         costs = np.array([runs.costs(answer) for answer in predicted])
-        own = np.array([runs.coordinates_cost(model) for model in self.models])
-        bare = costs - own
-        return np.asarray(np.maximum(bare - np.diag(bare)[:, None], 0.0))
+        coordinates_cost = np.array([runs.coordinates_cost(model) for model in self.models])
+        cost_differences = costs - coordinates_cost
+        return np.asarray(np.maximum(cost_differences - np.diag(cost_differences)[:, None], 0.0))
 
     def upset(self, predicted: Floats) -> float | None:
         """The largest change of PV that any of the models makes."""
@@ -104,8 +104,8 @@ class _Place:
         if process is None:
             return None
         moved = [process.upset(answer, self.interval_s) for answer in predicted]
-        known = [value for value in moved if value is not None]
-        return max(known) if known else None
+        known_upsets = [value for value in moved if value is not None]
+        return max(known_upsets) if known_upsets else None
 
 
 def allowed_upset(question: OpenQuestion, limits: TestLimits) -> float | None:
@@ -113,8 +113,8 @@ def allowed_upset(question: OpenQuestion, limits: TestLimits) -> float | None:
     the recording; ``None`` where neither is known."""
     if limits.pv_upset is not None:
         return limits.pv_upset
-    usual = None if question.process is None else question.process.usual_range
-    return None if usual is None or usual <= 0.0 else usual
+    usual_range = None if question.process is None else question.process.usual_range
+    return None if usual_range is None or usual_range <= 0.0 else usual_range
 
 
 def design(
@@ -126,21 +126,30 @@ def design(
 ) -> DesignedTest | None:
     """The best programme from ``op`` (percent) within ``limits``, of moves of ``kinds``; ``None``
     where no move fits."""
-    place = _Place(question, models, limits, op)
+    bench = _Place(question, models, limits, op)
     down, up = limits.room(op)
-    moves = possible_moves(down, up, limits.duration_s, place.interval_s)
-    alone = [_looked_at(place, Programme().plus(move)) for move in moves if move.kind in kinds]
-    fitting = sorted((one for one in alone if one is not None), key=lambda one: one.worst_last)
+    moves = possible_moves(down, up, limits.duration_s, bench.interval_s)
+    single_moves = [
+        _looked_at(bench, Programme().plus(move)) for move in moves if move.kind in kinds
+    ]
+    fitting = sorted(
+        (candidate for candidate in single_moves if candidate is not None),
+        key=lambda candidate: candidate.worst_last,
+    )
     if not fitting:
         return None
-    best, first = fitting[0], [one.programme.moves[0] for one in fitting[:LOOKED_AT]]
+    best, first = fitting[0], [candidate.programme.moves[0] for candidate in fitting[:LOOKED_AT]]
     while len(best.programme.moves) < MOST_MOVES:
-        longer = [one for one in _longer(place, best.programme, first) if one is not None]
-        richer = min(longer, key=lambda one: one.worst_last, default=None)
+        longer = [
+            candidate
+            for candidate in _longer(bench, best.programme, first)
+            if candidate is not None
+        ]
+        richer = min(longer, key=lambda candidate: candidate.worst_last, default=None)
         if richer is None or richer.worst_last >= best.worst_last:
             break
         best = richer
-    return _concluded(place, best)
+    return _concluded(bench, best)
 
 
 @dataclass(frozen=True)
@@ -160,8 +169,8 @@ class _Looked:
     def worst_last(self) -> tuple[float, float]:
         """The order of programmes: the worst pair decides, and the others a little; of those that
         are alike in it the shortest is the best."""
-        told = _worst(self.gains) + 0.05 * float(self.gains.mean())
-        return -round(told, 2), self.programme.duration_s
+        telling_power = _worst(self.gains) + 0.05 * float(self.gains.mean())
+        return -round(telling_power, 2), self.programme.duration_s
 
 
 def _looked_at(place: _Place, programme: Programme) -> _Looked | None:

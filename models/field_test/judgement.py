@@ -103,12 +103,12 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
     if reason:
         return TestJudgement(outcome=TestOutcome.NOT_TESTABLE, models=models, reason=reason)
     assert recording.mv is not None
-    every = -(-len(recording) // MOST_SAMPLES)
-    op, mv = (_filled(signal)[::every] for signal in (recording.op, recording.mv))
-    interval_s = recording.interval_s * recording.unit_s * every
+    stride = -(-len(recording) // MOST_SAMPLES)
+    op, mv = (_filled(signal)[::stride] for signal in (recording.op, recording.mv))
+    interval_s = recording.interval_s * recording.unit_s * stride
     travel = op if question.curve is None else question.curve.command(op)
-    own = interval_s / question.unit_s
-    runs = RivalRuns(question, models, np.ascontiguousarray(travel), own)
+    interval_units = interval_s / question.unit_s
+    runs = RivalRuns(question, models, np.ascontiguousarray(travel), interval_units)
     fits = tuple(runs.fit(model, mv) for model in models)
     best = int(np.argmin([fit.cost for fit in fits]))
     # What grows over a whole record is as good as still in a test of minutes.
@@ -143,7 +143,7 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
 def _outcome(judgement: TestJudgement) -> TestOutcome:
     if judgement.leaves > FOLLOWS_WITHIN:
         return TestOutcome.NONE_FOLLOWS
-    others = [far for k, far in enumerate(judgement.as_far) if k != judgement.best]
+    others = [distance for k, distance in enumerate(judgement.as_far) if k != judgement.best]
     return TestOutcome.FOLLOWS if max(others, default=0.0) <= RULED_OUT else TestOutcome.CANNOT_TELL
 
 
@@ -156,12 +156,14 @@ def _as_far(
 ) -> float:
     """How probable it is that an answer of ``rival`` costs it ``margin`` more than it costs the
     best: the recorded one counts as one of them."""
-    beyond = 1
+    beyond_count = 1
     for _ in range(DRAWN):
         answer = runs.answered(runs.models[rival], rng)
-        apart = runs.fit(runs.models[rival], answer).cost - runs.fit(runs.models[best], answer).cost
-        beyond += apart >= margin
-    return beyond / (DRAWN + 1.0)
+        cost_difference = (
+            runs.fit(runs.models[rival], answer).cost - runs.fit(runs.models[best], answer).cost
+        )
+        beyond_count += cost_difference >= margin
+    return beyond_count / (DRAWN + 1.0)
 
 
 def _cannot(recording: Recording) -> str:

@@ -63,25 +63,25 @@ def plan_test(
     ``judged`` is False where the valve got no verdict, for want of movement: then the test is the
     bump test that would give one. Never raises for what a question holds.
     """
-    limits, known = limits or TestLimits(), question or OpenQuestion()
-    at = known.op if op is None else op
+    limits, open_question = limits or TestLimits(), question or OpenQuestion()
+    start_op = open_question.op if op is None else op
     plan = FieldTestPlan(
         kind=PlanKind.NOTHING_LEFT,
         limits=limits,
-        op=MIDDLE if at is None else round(at, 1),
-        op_known=at is not None,
-        rivals=known.rivals,
-        allowed_upset=allowed_upset(known, limits),
-        question=known,
+        op=MIDDLE if start_op is None else round(start_op, 1),
+        op_known=start_op is not None,
+        rivals=open_question.rivals,
+        allowed_upset=allowed_upset(open_question, limits),
+        question=open_question,
     )
-    if len(known.models) > 1:
-        return _planned(plan, known.models)
+    if len(open_question.models) > 1:
+        return _planned(plan, open_question.models)
     if judged:
         return plan
     rivals = tuple(_stem(slug, *levels) for slug, levels in ((FREE, HEALTHY), (STICKS, STICKY)))
     # Nothing was fitted: the scatter is what is usual, and the curve is not known either.
-    usual = replace(known, scatter=0.08 * 0.5 * sum(STICKY), restick=0.0)
-    bump = replace(plan, rivals=tuple(model.slug for model in rivals), question=usual)
+    typical = replace(open_question, scatter=0.08 * 0.5 * sum(STICKY), restick=0.0)
+    bump = replace(plan, rivals=tuple(model.slug for model in rivals), question=typical)
     planned = _planned(bump, rivals, (MoveKind.STAIRCASE,))
     return replace(planned, kind=PlanKind.BUMP) if planned.kind is PlanKind.TELLS else planned
 
@@ -106,13 +106,13 @@ def _planned(
         for i, j in pairs
         if test.pair_probability(i, j) < LEAST_PAIR
     )
-    if tells(test):
+    if is_likely_to_tell(test):
         return replace(plan, kind=PlanKind.TELLS, test=test, undecided=undecided)
     short = replace(plan, kind=PlanKind.CANNOT_TELL, test=test, undecided=undecided)
     return _with_wider(short, models, kinds)
 
 
-def tells(test: DesignedTest) -> bool:
+def is_likely_to_tell(test: DesignedTest) -> bool:
     """Whether the right rival wins so often that the test is worth its time."""
     chance = 1.0 / len(test.models)
     return test.probability >= chance + TELLS * (1.0 - chance)
@@ -135,16 +135,16 @@ def _with_wider(
 ) -> FieldTestPlan:
     """With the first of some wider limits within which a test tells, and how probably."""
     limits = plan.limits
-    more = max(min(2.0 * limits.amplitude, MOST_AMPLITUDE), limits.amplitude)
+    more_amplitude = max(min(2.0 * limits.amplitude, MOST_AMPLITUDE), limits.amplitude)
     longer_s = min(3.0 * limits.duration_s, 86400.0)
-    tried = (
-        (more, limits.duration_s),
+    wider_plans = (
+        (more_amplitude, limits.duration_s),
         (limits.amplitude, longer_s),
-        (max(more, MOST_AMPLITUDE), longer_s),
+        (max(more_amplitude, MOST_AMPLITUDE), longer_s),
     )
-    for amplitude, duration_s in dict.fromkeys(tried):
+    for amplitude, duration_s in dict.fromkeys(wider_plans):
         wider = replace(limits, amplitude=amplitude, duration_s=duration_s)
         test = None if wider == limits else design(plan.question, models, wider, plan.op, kinds)
-        if test is not None and tells(test):
+        if test is not None and is_likely_to_tell(test):
             return replace(plan, wider=wider, wider_probability=test.probability)
     return plan

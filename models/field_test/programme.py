@@ -134,21 +134,21 @@ class Programme:
 
     def values(self) -> tuple[SetValue, ...]:
         """Every value that is set, in order; the first is 0 at 0 s."""
-        found = [SetValue(at_s=0.0, change=0.0)]
+        set_values = [SetValue(at_s=0.0, change=0.0)]
         for begin, move in zip(self.begins_s, self.moves, strict=True):
-            found += [
+            set_values += [
                 SetValue(at_s=begin + k * move.hold_s, change=change)
                 for k, change in enumerate(move.changes)
             ]
-        return tuple(found)
+        return tuple(set_values)
 
     def changes(self, interval_s: float) -> Floats:
         """(n,) the change of OP at each sample of ``interval_s``."""
         n = int(np.ceil(self.duration_s / interval_s - 1e-9))
         values = self.values()
-        at = np.array([value.at_s for value in values])
+        times_s = np.array([value.at_s for value in values])
         change = np.array([value.change for value in values])
-        index = np.searchsorted(at, np.arange(n) * interval_s + 1e-9, side="right") - 1
+        index = np.searchsorted(times_s, np.arange(n) * interval_s + 1e-9, side="right") - 1
         return np.asarray(change[index])
 
     def plus(self, move: Move) -> Programme:
@@ -162,11 +162,11 @@ def possible_moves(down: float, up: float, longest_s: float, least_hold_s: float
     Staircases both ways of several steps and holds (the quickest is a ramp by hand), larger steps
     held for several times, small ramps after rests, and steps and ramps of half the size.
     """
-    found: dict[tuple[tuple[float, ...], float], Move] = {}
+    moves: dict[tuple[tuple[float, ...], float], Move] = {}
     for move in _moves(down, up, least_hold_s):
         if move.duration_s + LEAD_S + REST_S <= longest_s:
-            found.setdefault((move.changes, move.hold_s), move)
-    return list(found.values())
+            moves.setdefault((move.changes, move.hold_s), move)
+    return list(moves.values())
 
 
 def _moves(down: float, up: float, least_hold_s: float) -> Iterator[Move]:
@@ -189,16 +189,16 @@ def _moves(down: float, up: float, least_hold_s: float) -> Iterator[Move]:
             if len(corners) == 2:
                 ends = (high, -low, high, -low, 0.0)
                 yield Move(kind=MoveKind.STEPS, changes=ends, hold_s=hold * quickest)
-    for rest in (12.0, 36.0):
-        yield from _after_rests(down, up, quickest, rest)
+    for rest_s in (12.0, 36.0):
+        yield from _after_rests(down, up, quickest, rest_s)
 
 
-def _after_rests(down: float, up: float, hold_s: float, rest: float) -> Iterator[Move]:
-    """The same slow ramp there and back after a rest of ``rest`` holds, twice."""
+def _after_rests(down: float, up: float, hold_s: float, rest_s: float) -> Iterator[Move]:
+    """The same slow ramp there and back after a rest of ``rest_s`` holds, twice."""
     stairs = _stairs(0.0, up, 0.5) if up >= down else _stairs(down, 0.0, 0.5)
     if len(stairs) < 2:
         return
-    resting = (0.0,) * round(rest)
+    resting = (0.0,) * round(rest_s)
     yield Move(
         kind=MoveKind.AFTER_REST,
         changes=(*resting, *stairs, *resting, *stairs),
@@ -208,10 +208,10 @@ def _after_rests(down: float, up: float, hold_s: float, rest: float) -> Iterator
 
 def _stairs(low: float, high: float, step: float) -> tuple[float, ...]:
     """Up to ``high``, down to ``-low`` and back to 0 in steps of at most ``step``."""
-    found: list[float] = []
+    changes: list[float] = []
     for begin, end in pairwise((0.0, high, -low, 0.0)):
         count = int(np.ceil(abs(end - begin) / step - 1e-9))
-        found += [
+        changes += [
             round(float(begin + (end - begin) * k / count), 1) + 0.0 for k in range(1, count + 1)
         ]
-    return tuple(found)
+    return tuple(changes)

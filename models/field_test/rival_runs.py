@@ -28,9 +28,9 @@ from stemwatch.models.mismatch.evaluator import (
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Words
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Words
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.mismatch.terms._ways import StemTerm
+from stemwatch.models.mismatch.terms._common import StemTerm
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import START
 from stemwatch.models.stickslip.parameters import Bounds
@@ -60,11 +60,11 @@ class BreakawayScatter(StemTerm):
     def __init__(self, percent: float) -> None:
         self.percent = percent
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The number of the draw."""
         return (Coordinate(name="draw", low=0.0, high=1e6),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """The first draw."""
         return np.zeros((1, 1))
 
@@ -77,7 +77,7 @@ class BreakawayScatter(StemTerm):
         stem.breakaway += np.repeat(levels, hold)[:size]
         stem.numbers[stem_number.BY_REST] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It is never a finding."""
         return False
 
@@ -135,7 +135,7 @@ class RivalRuns:
             mv_is_percent=True,
             unit_s=question.unit_s,
         )
-        look = Look(
+        summary = RecordingSummary(
             interval_s=self.interval,
             duration_s=n * self.interval,
             op_low=low,
@@ -148,8 +148,8 @@ class RivalRuns:
         )
         return make_evaluator(
             problem,
-            look,
-            base_bounds(problem, look),
+            summary,
+            base_bounds(problem, summary),
             # No model follows a valve more closely than its breakaways repeat.
             max(3.0 * question.sigma, question.scatter, LEAST_DELTA),
             question.restick,
@@ -158,25 +158,29 @@ class RivalRuns:
 
     def layout(self, evaluator: Evaluator, model: RivalModel) -> CoordinateLayout:
         """The coordinates of ``model``, within what the recording left open of them."""
-        known = catalogue()
+        terms_by_slug = catalogue()
         hypothesis = TermSet()
         for slug in model.terms:
-            hypothesis = hypothesis.plus(known[slug])
+            hypothesis = hypothesis.plus(terms_by_slug[slug])
         layout = evaluator.layout(hypothesis)
-        middle, width = self._known(layout, model)
+        middle, width = self._middle_and_half(layout, model)
         low, high = middle - width, middle + width
         # Levels and sizes do not change sign by being known badly.
         low[base_coordinate.S_PERCENT] = max(low[base_coordinate.S_PERCENT], 0.0)
         low[base_coordinate.RATIO] = max(low[base_coordinate.RATIO], 0.0)
         return replace(layout, bounds=Bounds(low, high))
 
-    def _known(self, layout: CoordinateLayout, model: RivalModel) -> tuple[Floats, Floats]:
+    def _middle_and_half(
+        self, layout: CoordinateLayout, model: RivalModel
+    ) -> tuple[Floats, Floats]:
         """(size,) middle and half width of what is left open of each coordinate."""
         halves = np.empty((2, layout.size))
         halves[:, : base_coordinate.N_BASE] = np.array(model.base)
         share = self.travel.size * self.interval / max(self.question.duration, 1e-9)
-        for slug, place in layout.places.items():
-            halves[:, place] = np.array(model.terms[slug]) * (share if slug in SLOW else 1.0)
+        for slug, coordinate_slice in layout.places.items():
+            halves[:, coordinate_slice] = np.array(model.terms[slug]) * (
+                share if slug in SLOW else 1.0
+            )
         middle = halves.mean(axis=0)
         width = np.abs(halves[0] - halves[1])
         width = np.maximum(width, OPEN_SHARE * np.abs(middle))
@@ -192,16 +196,16 @@ class RivalRuns:
     def answered(self, model: RivalModel, rng: np.random.Generator) -> Floats:
         """(n,) an answer drawn from ``model``: numbers within what is known of them, breakaways
         that scatter, noise."""
-        plain = self.layout(self.free, model)
+        start_layout = self.layout(self.free, model)
         scatter = BreakawayScatter(self.question.scatter)
-        layout = self.free.layout(plain.hypothesis.plus(scatter))
-        middle = 0.5 * (plain.bounds.low + plain.bounds.high)
-        half = 0.5 * (plain.bounds.high - plain.bounds.low)
-        drawn = plain.bounds.clip(middle + 0.5 * half * rng.standard_normal(middle.size))
+        layout = self.free.layout(start_layout.hypothesis.plus(scatter))
+        middle = 0.5 * (start_layout.bounds.low + start_layout.bounds.high)
+        half = 0.5 * (start_layout.bounds.high - start_layout.bounds.low)
+        drawn = start_layout.bounds.clip(middle + 0.5 * half * rng.standard_normal(middle.size))
         candidate = np.zeros(layout.size)
         candidate[: base_coordinate.N_BASE] = drawn[: base_coordinate.N_BASE]
-        for slug, place in plain.places.items():
-            candidate[layout.places[slug]] = drawn[place]
+        for slug, coordinate_slice in start_layout.places.items():
+            candidate[layout.places[slug]] = drawn[coordinate_slice]
         candidate[layout.places[scatter.slug]] = float(rng.integers(1_000_000))
         noise = self.question.sigma * rng.standard_normal(self.travel.size)
         return np.asarray(self.free.simulate(layout, candidate) + noise)
@@ -226,8 +230,8 @@ class RivalRuns:
     def _fit(self, evaluator: Evaluator, model: RivalModel) -> tuple[Floats, float]:
         layout = self.layout(evaluator, model)
         middle = 0.5 * (layout.bounds.low + layout.bounds.high)
-        everything = np.ones(1, dtype=bool)
-        fit = conclude(evaluator, descend(evaluator, layout, everything, middle, ROUNDS))
+        all_blocks = np.ones(1, dtype=bool)
+        fit = conclude(evaluator, descend(evaluator, layout, all_blocks, middle, ROUNDS))
         scale = (evaluator.delta / 3.0) ** 2
         cost = fit.loss * self.travel.size / (2.0 * scale) + self.coordinates_cost(model)
         return fit.candidate, cost

@@ -70,7 +70,7 @@ def convincing(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) 
     return strength(advantage, counts, slug, stage) >= 1.0
 
 
-def left(evaluator: Evaluator, fitted: Fitted) -> float:
+def remaining_loss(evaluator: Evaluator, fitted: Fitted) -> float:
     """What a hypothesis leaves in the worst tenth of the blocks of time: the held-out robust loss
     over the noise variance, its 90th percentile; about 2 where only noise and scatter are left."""
     counts = evaluator.counts
@@ -81,9 +81,9 @@ def left(evaluator: Evaluator, fitted: Fitted) -> float:
 
 def much_left(evaluator: Evaluator, fitted: Fitted) -> bool:
     """True where what is left is systematic, and nothing in the hypothesis explains it."""
-    return left(evaluator, fitted) > MUCH_LEFT * shortness(evaluator.told) ** 2
+    return remaining_loss(evaluator, fitted) > MUCH_LEFT * shortness(evaluator.told) ** 2
 
 
 def not_little_left(evaluator: Evaluator, fitted: Fitted) -> bool:
     """True where too much is left to say that nothing else is needed."""
-    return left(evaluator, fitted) > NOT_LITTLE_LEFT * shortness(evaluator.told) ** 2
+    return remaining_loss(evaluator, fitted) > NOT_LITTLE_LEFT * shortness(evaluator.told) ** 2

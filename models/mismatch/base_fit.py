@@ -14,7 +14,7 @@ from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import Search, conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, FitEffort, Fitted, crossfit, search
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet, make_evaluator
-from stemwatch.models.mismatch.term import Look
+from stemwatch.models.mismatch.term import RecordingSummary
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.fit import CANONICAL, COARSE_COMMAND, ONLY_WHEN_TURNING
 from stemwatch.models.stickslip.parameters import Bounds
@@ -46,13 +46,15 @@ class BaseFit:
     fitted: Fitted
 
 
-def base_bounds(problem: FitProblem, look: Look, *, own_reading: bool = True) -> Bounds:
+def base_bounds(
+    problem: FitProblem, summary: RecordingSummary, *, own_reading: bool = True
+) -> Bounds:
     """Limits of S, J/S, zero, gain - 1, the delay within a sample and the speed of sticking.
 
     Without a reading of its own (a flow that was read through a characteristic) zero and gain are
     part of that characteristic and held.
     """
-    reach = max(1.2 * look.swing, 2.0)
+    reach = max(1.2 * summary.swing, 2.0)
     late = base_coordinate.WITHIN_SAMPLE * problem.interval_s
     low = [0.0, 0.0, -ZERO_REACH, GAIN_REACH[0], 0.0, 0.0]
     high = [reach, 1.5, ZERO_REACH, GAIN_REACH[1], late, RESTICK_REACH]
@@ -66,10 +68,10 @@ def base_bounds(problem: FitProblem, look: Look, *, own_reading: bool = True) ->
     return Bounds(np.array(low), np.array(high))
 
 
-def grid(look: Look, zero: float, resticks: tuple[float, ...] = (0.0,)) -> Floats:
+def grid(summary: RecordingSummary, zero: float, resticks: tuple[float, ...] = (0.0,)) -> Floats:
     """(m, 6) S, J/S and the reading's zero, with and without the one that the loop suggests, and
     speeds below which the stem sticks again."""
-    widths = max(1.2 * look.swing, 2.0) * np.linspace(0.02, 1.0, WIDTHS) ** 1.8
+    widths = max(1.2 * summary.swing, 2.0) * np.linspace(0.02, 1.0, WIDTHS) ** 1.8
     zeros = np.unique([0.0, zero])
     parts = np.array(np.meshgrid(widths, RATIOS, zeros, resticks, indexing="ij"))
     rows = np.zeros((parts[0].size, base_coordinate.N_BASE))
@@ -85,10 +87,10 @@ def grid(look: Look, zero: float, resticks: tuple[float, ...] = (0.0,)) -> Float
     return rows
 
 
-def beyond_command(look: Look, zero: float) -> Floats:
+def beyond_command(summary: RecordingSummary, zero: float) -> Floats:
     """(m, 6) starts of a stem whose slips end beyond the command (J near S or above) and that
     sticks after each of them; without these, a stretched reading stands in for it."""
-    rows = grid(look, zero, (RESTICK_REACH,))
+    rows = grid(summary, zero, (RESTICK_REACH,))
     rows = rows[rows[:, base_coordinate.RATIO] == RATIOS[0]].repeat(len(BEYOND_COMMAND), 0)
     rows[:, base_coordinate.RATIO] = np.tile(BEYOND_COMMAND, rows.shape[0] // len(BEYOND_COMMAND))
     return np.asarray(rows)
@@ -109,9 +111,9 @@ def scale(evaluator: Evaluator, simulated: Floats) -> float:
     return max(3.0 * problem.sigma, spread, LEAST_DELTA)
 
 
-def first_scatter(look: Look) -> float:
+def first_scatter(summary: RecordingSummary) -> float:
     """Before anything is known of the stem: a share of a band that a third of OP's swing makes."""
-    return base_coordinate.FIRST_SCATTER * max(look.swing / 6.0, 0.5)
+    return base_coordinate.FIRST_SCATTER * max(summary.swing / 6.0, 0.5)
 
 
 def breakaway_scatter(early_late: Floats, level: float, sigma: float) -> float:
@@ -125,24 +127,30 @@ def breakaway_scatter(early_late: Floats, level: float, sigma: float) -> float:
 
 
 def fit_base(
-    problem: FitProblem, look: Look, slack: Floats | None = None, *, own_reading: bool = True
+    problem: FitProblem,
+    summary: RecordingSummary,
+    slack: Floats | None = None,
+    *,
+    own_reading: bool = True,
 ) -> BaseFit:
     """The base on both folds, its reading of when a stem sticks again, and the loss's scale."""
     spread = float(np.std(problem.mv[problem.scored]))
     first = max(3.0 * problem.sigma, 0.1 * spread, LEAST_DELTA)
     if slack is not None and slack.any():
         first = min(first, FIRST_OF_DRAWN)
-    bounds = base_bounds(problem, look, own_reading=own_reading)
-    evaluator = make_evaluator(problem, look, bounds, first, CANONICAL, first_scatter(look), slack)
+    bounds = base_bounds(problem, summary, own_reading=own_reading)
+    evaluator = make_evaluator(
+        problem, summary, bounds, first, CANONICAL, first_scatter(summary), slack
+    )
     zero = suggested_zero(problem)
-    usual = bounds.clip(grid(look, zero, RESTICKS))
-    starts = np.vstack((usual, bounds.clip(beyond_command(look, zero))))
+    usual_candidates = bounds.clip(grid(summary, zero, RESTICKS))
+    starts = np.vstack((usual_candidates, bounds.clip(beyond_command(summary, zero))))
     readings = [evaluator]
     if repeat_share(problem.op) >= COARSE_COMMAND:
         readings.append(replace(evaluator, restick=ONLY_WHEN_TURNING, _layouts={}))
-    everything = np.ones(problem.n_blocks, dtype=bool)
+    all_blocks = np.ones(problem.n_blocks, dtype=bool)
     fits = [
-        conclude(reading, search(reading, reading.layout(TermSet()), everything, starts, CAREFUL))
+        conclude(reading, search(reading, reading.layout(TermSet()), all_blocks, starts, CAREFUL))
         for reading in readings
     ]
     best = int(np.argmin([fit.loss for fit in fits]))
@@ -160,13 +168,13 @@ def fit_base(
     scatter = breakaway_scatter(early_late, float(level), problem.sigma)
     chosen = replace(chosen, delta=delta, scatter=scatter, _layouts={})
     layout = chosen.layout(TermSet())
-    every = 1 if chosen.slack.any() else max(usual.shape[0] // 60, 1)
-    near = np.vstack((usual[::every], fits[best].candidate))
-    fitted = conclude(chosen, crossfit(chosen, layout, near, CAREFUL))
+    stride = 1 if chosen.slack.any() else max(usual_candidates.shape[0] // 60, 1)
+    near_candidates = np.vstack((usual_candidates[::stride], fits[best].candidate))
+    fitted = conclude(chosen, crossfit(chosen, layout, near_candidates, CAREFUL))
     seen = fitted.candidates.mean(axis=0)
     S = float(seen[base_coordinate.S_PERCENT])
-    look = replace(look, S=S, J=S * float(seen[base_coordinate.RATIO]))
-    return BaseFit(replace(chosen, look=look, _layouts={}), fitted)
+    summary = replace(summary, S=S, J=S * float(seen[base_coordinate.RATIO]))
+    return BaseFit(replace(chosen, summary=summary, _layouts={}), fitted)
 
 
 def naive_evaluator(evaluator: Evaluator) -> Evaluator:
@@ -177,7 +185,7 @@ def naive_evaluator(evaluator: Evaluator) -> Evaluator:
 def fit_naive(evaluator: Evaluator, blocks: Bools) -> Search[Floats]:
     """(6,) S and J alone: gain 1, zero 0, no delay, fitted to ``blocks`` of a naive evaluator."""
     layout = naive_layout(evaluator)
-    starts = layout.bounds.clip(grid(evaluator.look, 0.0))
+    starts = layout.bounds.clip(grid(evaluator.summary, 0.0))
     fit = yield from search(evaluator, layout, blocks, starts, NAIVE)
     fit = yield from search(evaluator, layout, blocks, fit.candidate[None, :], NAIVE)
     return fit.candidate

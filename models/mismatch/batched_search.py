@@ -16,7 +16,7 @@ T = TypeVar("T")
 Search: TypeAlias = Generator[list[RunRequest], None, T]
 
 
-def together(searches: Iterable[Search[T]]) -> Search[list[T]]:
+def run_together(searches: Iterable[Search[T]]) -> Search[list[T]]:
     """What some searches find, in their order; each round asks for what all of them ask for."""
     going = dict(enumerate(searches))
     answers: dict[int, T] = {}

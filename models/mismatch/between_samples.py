@@ -157,8 +157,15 @@ class Archive:
             return S, J
         if self.levels is not None:
             levels = self.levels
-            told = _of_slips(S, levels.S, levels.S_error), _of_slips(J, levels.J, levels.J_error)
-            return (_either(S, told[0]), _either(J, told[1])) if self.doubted else told
+            from_slips = (
+                _of_slips(S, levels.S, levels.S_error),
+                _of_slips(J, levels.J, levels.J_error),
+            )
+            return (
+                (_either(S, from_slips[0]), _either(J, from_slips[1]))
+                if self.doubted
+                else from_slips
+            )
         if self.deviation > 0.0:
             lacks = self._lacks(S.value)
             error = REPORT_ERROR * self.deviation
@@ -181,8 +188,8 @@ class Archive:
         if self.deviation > 0.0:
             return None
         slips = seen_slips(problem, gain, zero, averaged=self.kind is ArchiveKind.AVERAGES)
-        few = slips is None or slips.side.size < OF_TURNS * problem.op.size / self.per_turn
-        return None if few else slips
+        too_few = slips is None or slips.side.size < OF_TURNS * problem.op.size / self.per_turn
+        return None if too_few else slips
 
     def _lacks(self, S: float) -> float:
         """What S and J lack between two reports, percent; nothing that is known of a small S."""
@@ -195,13 +202,13 @@ class Archive:
         if self.deviation > 0.0:
             return f"the archive stored {self.kind} to {self.deviation:.2g} %"
         return (
-            f"the archive keeps {self._what} {_seconds(self.interval_s)} and OP turns round every "
-            f"{self.per_turn:.2g} of them, so its peaks lie between; a sample every "
+            f"the archive keeps {self._what_is_kept} {_seconds(self.interval_s)} and OP turns "
+            f"round every {self.per_turn:.2g} of them, so its peaks lie between; a sample every "
             f"{_seconds(self.would_do_s)} would do"
         )
 
     @property
-    def _what(self) -> str:
+    def _what_is_kept(self) -> str:
         averages = self.kind is ArchiveKind.AVERAGES
         return "the average of every" if averages else "a sample every"
 
@@ -220,26 +227,26 @@ class Archive:
                 f"The archive stored {self.kind} to {self.deviation:.2g} %: S and J are known no "
                 "better than that."
             )
-        kept = (
-            f"The archive keeps {self._what} {_seconds(self.interval_s)}, and OP turns round every "
-            f"{self.per_turn:.2g} samples"
+        kept_text = (
+            f"The archive keeps {self._what_is_kept} {_seconds(self.interval_s)}, and OP turns "
+            f"round every {self.per_turn:.2g} samples"
         )
         if self.too_slow:
-            enough = _seconds(self.would_do_s)
-            return f"{kept}: too slow for this loop, a sample every {enough} would do."
+            enough_text = _seconds(self.would_do_s)
+            return f"{kept_text}: too slow for this loop, a sample every {enough_text} would do."
         if self.levels is not None and self.doubted:
             return (
-                f"{kept}: {self.levels.count} slips, at which the samples leave OP open by "
+                f"{kept_text}: {self.levels.count} slips, at which the samples leave OP open by "
                 f"{self.levels.bounds:.2g} %, would have S and J of {self.levels.S:.2g} and "
                 f"{self.levels.J:.2g} %, and the intervals hold both."
             )
         if self.levels is not None:
             return (
-                f"{kept}: S and J are read from {self.levels.count} slips, at which the samples "
-                f"leave OP open by {self.levels.bounds:.2g} %."
+                f"{kept_text}: S and J are read from {self.levels.count} slips, at which the "
+                f"samples leave OP open by {self.levels.bounds:.2g} %."
             )
         return (
-            f"{kept}: S and J are restored by {missed:.1f} % each for the peaks of OP between "
+            f"{kept_text}: S and J are restored by {missed:.1f} % each for the peaks of OP between "
             "samples, by how far the stem was seen from its command."
         )
 
@@ -287,8 +294,8 @@ def _even(
         if seen.per_turn > RESOLVED:
             return None
         slips = seen.slips(problem, gain, zero)
-        told = slips is not None and against_fit(fit, slips).contradicts
-        return replace(seen.with_slips(problem, gain, zero), doubted=True) if told else None
+        slips_differ = slips is not None and against_fit(fit, slips).contradicts
+        return replace(seen.with_slips(problem, gain, zero), doubted=True) if slips_differ else None
     seen = seen.with_slips(problem, gain, zero)
     if seen.levels is not None and seen.levels.bounds > WIDEST * 0.5 * (fit.S + fit.J):
         return replace(seen, levels=None, unseen=True)
@@ -323,7 +330,7 @@ class SlipsAgainstFit:
 
 def against_fit(fit: StickSlipFit, slips: Slips) -> SlipsAgainstFit:
     """The slips' S and J, by the middle of their bounds, beside those of a fit."""
-    level, kinetic = (max(one, 1e-9) for one in slips.middle)
+    level, kinetic = (max(level_value, 1e-9) for level_value in slips.middle)
     return SlipsAgainstFit(
         S=abs(level + kinetic - fit.S) / (level + kinetic),
         J=abs(level - kinetic - fit.J) / level,
@@ -337,10 +344,10 @@ def _show_friction(levels: SlipLevels) -> bool:
     return levels.level > SURE * levels.level_error and levels.J > 0.5 * SURE * levels.S_error
 
 
-def stands_for_friction(S: Estimate, alone: Estimate) -> bool:
+def stands_for_friction(S: Estimate, friction_alone: Estimate) -> bool:
     """Whether something slow explains most of the S that friction alone would have."""
-    known = S.value is not None and alone.value is not None
-    return known and (S.value or 0.0) < LEFT_BY_A_LAG * (alone.value or 0.0)
+    both_known = S.value is not None and friction_alone.value is not None
+    return both_known and (S.value or 0.0) < LEFT_BY_A_LAG * (friction_alone.value or 0.0)
 
 
 def find_archive(recording: Recording) -> Archive | None:
@@ -348,9 +355,9 @@ def find_archive(recording: Recording) -> Archive | None:
     enough, nothing can be told, or the stem is never seen far from its command."""
     if recording.mv is None or recording.mv.unit != recording.op.unit:
         return None
-    kept = _thinned(recording)
-    if kept is not None:
-        return kept
+    thinned = _thinned(recording)
+    if thinned is not None:
+        return thinned
     sampled = even_archive(recording)
     return sampled if sampled is not None and sampled.per_turn <= FEW else None
 
@@ -360,8 +367,8 @@ def even_archive(recording: Recording) -> Archive | None:
     assert recording.mv is not None
     if np.count_nonzero(recording.usable) < FEWEST_TURNS:
         return None
-    both = recording.usable
-    op, mv = recording.op.values[both], recording.mv.values[both]
+    both_usable = recording.usable
+    op, mv = recording.op.values[both_usable], recording.mv.values[both_usable]
     seen = _band(mv - op)
     if seen < LEAST_BAND:
         return None
@@ -380,9 +387,9 @@ def _thinned(recording: Recording) -> Archive | None:
     # A stem that only rests and jumps looks like reports of its own; no controller's output does.
     reports = held_reports(op, mv)
     if reports is not None:
-        apart = float(np.median(np.diff(np.flatnonzero(reports.stored))))
+        spacing = float(np.median(np.diff(np.flatnonzero(reports.stored))))
         deviation = reports.deviation
-        return Archive(ArchiveKind.REPORTS, np.inf, deviation, _every_s(recording), apart)
+        return Archive(ArchiveKind.REPORTS, np.inf, deviation, _every_s(recording), spacing)
     lines = drawn_lines(mv, op)
     if lines is None:
         return None
@@ -398,8 +405,8 @@ def _seconds(seconds: float) -> str:
     return duration(1.0, seconds, "g")
 
 
-def _band(apart: Floats) -> float:
-    low, high = np.percentile(apart, BAND)
+def _band(spacings: Floats) -> float:
+    low, high = np.percentile(spacings, BAND)
     return float(high - low)
 
 
@@ -408,11 +415,11 @@ def _averaged(mv: Floats) -> bool:
     steps = np.diff(mv)
     # The stem slips at every other sample or so: the noise is that of the quieter steps.
     sigma = float(np.percentile(np.abs(steps), 25.0)) / QUARTILE
-    far = max(JUMP * sigma, LEAST_JUMP)
-    way = mv[3:-1] - mv[1:-3]
-    still = (np.abs(steps[:-3]) < 0.5 * far) & (np.abs(steps[3:]) < 0.5 * far)
-    slipped = still & (np.abs(way) > far)
-    share = (mv[2:-2] - mv[1:-3])[slipped] / way[slipped]
+    jump_size = max(JUMP * sigma, LEAST_JUMP)
+    directions = mv[3:-1] - mv[1:-3]
+    at_rest = (np.abs(steps[:-3]) < 0.5 * jump_size) & (np.abs(steps[3:]) < 0.5 * jump_size)
+    slipped = at_rest & (np.abs(directions) > jump_size)
+    share = (mv[2:-2] - mv[1:-3])[slipped] / directions[slipped]
     return bool(share.size and np.mean((share > BETWEEN[0]) & (share < BETWEEN[1])) > MOSTLY)
 
 
@@ -422,26 +429,26 @@ def _of_slips(estimate: Estimate, value: float, error: float) -> Estimate:
     return replace(estimate, value=value, low=low, high=high)
 
 
-def _either(fitted: Estimate, told: Estimate) -> Estimate:
+def _either(fitted: Estimate, from_slips: Estimate) -> Estimate:
     """The ``fitted`` value with an interval that holds both."""
     lows, highs = (
         [end for end in ends if end is not None]
-        for ends in ((fitted.low, told.low), (fitted.high, told.high))
+        for ends in ((fitted.low, from_slips.low), (fitted.high, from_slips.high))
     )
     return replace(fitted, low=min(lows, default=None), high=max(highs, default=None))
 
 
-def _moved(estimate: Estimate, by: float, error: float) -> Estimate:
-    """``estimate`` larger ``by`` so much, its interval wider by an ``error`` of one sigma."""
+def _moved(estimate: Estimate, change: float, error: float) -> Estimate:
+    """``estimate`` larger by ``change``, its interval wider by an ``error`` of one sigma."""
     value = estimate.value
     assert value is not None
     low, high = estimate.low, estimate.high
-    below = 0.0 if low is None else value - low
-    above = 0.0 if high is None else high - value
-    value += by
+    error_below = 0.0 if low is None else value - low
+    error_above = 0.0 if high is None else high - value
+    value += change
     return replace(
         estimate,
         value=value,
-        low=max(value - float(np.hypot(below, 1.96 * error)), 0.0),
-        high=value + float(np.hypot(above, 1.96 * error)),
+        low=max(value - float(np.hypot(error_below, 1.96 * error)), 0.0),
+        high=value + float(np.hypot(error_above, 1.96 * error)),
     )

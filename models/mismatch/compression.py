@@ -74,12 +74,12 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
     sloped = np.abs(slope) > max(16.0 * zero, 2.0 * digit)
     lines = _long(straight & sloped, 3 if digit > 0.0 else 1)
     follows = np.abs(slope - _bends(other)[1]) <= 0.1 * np.abs(slope)
-    own = lines & ~follows
+    drawn_here = lines & ~follows
     inner = np.isfinite(bend) & ~(straight & ~sloped)
-    if np.count_nonzero(inner) < LEAST_SAMPLES or own.sum() < LEAST_DRAWN * inner.sum():
+    if np.count_nonzero(inner) < LEAST_SAMPLES or drawn_here.sum() < LEAST_DRAWN * inner.sum():
         return None
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], own.astype(np.int8), [0]))))
-    if edges.size // 2 < LEAST_LINES or _one_speed(slope[own]):
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], drawn_here.astype(np.int8), [0]))))
+    if edges.size // 2 < LEAST_LINES or _one_speed(slope[drawn_here]):
         return None
     kinks = np.abs(bend[np.isfinite(bend) & ~straight])
     # A smooth signal printed with few digits bends by little everywhere, a drawn one at its knots.
@@ -87,8 +87,8 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
         return None
     # The archive draws short lines as well, and flat ones.
     stored = finite & ~straight
-    kept = float(stored.sum() / finite.sum())
-    return StoredPoints(stored=stored, kept=kept, held=False, deviation=door(values, stored))
+    kept_share = float(stored.sum() / finite.sum())
+    return StoredPoints(stored=stored, kept=kept_share, held=False, deviation=door(values, stored))
 
 
 def door(values: Floats, stored: Bools) -> float:
@@ -97,10 +97,10 @@ def door(values: Floats, stored: Bools) -> float:
     A point that was stored between two neighbours that were stored too was no nearer to the line
     between them than that, else it would have been dropped.
     """
-    at = np.flatnonzero(stored)
-    if at.size < 3:
+    stored_index = np.flatnonzero(stored)
+    if stored_index.size < 3:
         return WIDEST_DOOR
-    first, middle, last = at[:-2], at[1:-1], at[2:]
+    first, middle, last = stored_index[:-2], stored_index[1:-1], stored_index[2:]
     share = (middle - first) / (last - first)
     bend = np.abs(values[middle] - values[first] - share * (values[last] - values[first]))
     close = bend[last - first == 2]
@@ -113,20 +113,22 @@ def _long(flags: Bools, least: int) -> Bools:
     if least <= 1:
         return flags
     edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
-    kept = np.zeros(flags.size, dtype=bool)
+    long_enough = np.zeros(flags.size, dtype=bool)
     for first, last in edges.reshape(-1, 2):
-        kept[first:last] = last - first >= least
-    return kept
+        long_enough[first:last] = last - first >= least
+    return long_enough
 
 
 def _one_speed(slopes: Floats) -> bool:
     """True where one slope each way makes up most of the drawn samples."""
-    same = 0
+    at_usual_speed = 0
     for side in (slopes[slopes > 0.0], -slopes[slopes < 0.0]):
         if side.size:
-            usual = float(np.median(side))
-            same += int(np.count_nonzero(np.abs(side - usual) <= 0.01 * usual))
-    return same > ONE_SPEED * slopes.size
+            usual_speed = float(np.median(side))
+            at_usual_speed += int(
+                np.count_nonzero(np.abs(side - usual_speed) <= 0.01 * usual_speed)
+            )
+    return at_usual_speed > ONE_SPEED * slopes.size
 
 
 def held_reports(values: Floats, other: Floats) -> StoredPoints | None:
@@ -139,27 +141,33 @@ def held_reports(values: Floats, other: Floats) -> StoredPoints | None:
     """
     finite = np.isfinite(values)
     steps = np.diff(values)
-    at = np.flatnonzero(np.isfinite(steps) & (np.abs(steps) > _RELATIVE_ZERO * 100.0))
-    known = np.count_nonzero(np.isfinite(steps))
-    if at.size < LEAST_REPORTS or at.size > (1.0 - HELD_SHARE) * known or quantum(values) > 0.0:
+    report_index = np.flatnonzero(np.isfinite(steps) & (np.abs(steps) > _RELATIVE_ZERO * 100.0))
+    known_count = np.count_nonzero(np.isfinite(steps))
+    if (
+        report_index.size < LEAST_REPORTS
+        or report_index.size > (1.0 - HELD_SHARE) * known_count
+        or quantum(values) > 0.0
+    ):
         return None
-    sizes = np.abs(steps[at])
+    sizes = np.abs(steps[report_index])
     deviation = float(np.partition(sizes, 1)[1])
     if deviation < LEAST_DEVIATION:
         return None
     just_above = float(np.mean(sizes <= 1.3 * deviation))
-    seen = just_above >= JUST_ABOVE or _impossible(steps, at, other) >= IMPOSSIBLE
+    seen = just_above >= JUST_ABOVE or _impossible(steps, report_index, other) >= IMPOSSIBLE
     if deviation > FINE_DEVIATION and not seen:
         return None
     stored = np.zeros(values.size, dtype=bool)
-    stored[at + 1] = True
+    stored[report_index + 1] = True
     stored &= finite
-    kept = float(stored.sum() / finite.sum())
-    return StoredPoints(stored=stored, kept=kept, held=True, deviation=deviation)
+    kept_share = float(stored.sum() / finite.sum())
+    return StoredPoints(stored=stored, kept=kept_share, held=True, deviation=deviation)
 
 
-def _impossible(steps: Floats, at: NDArray[np.int64], other: Floats) -> float:
+def _impossible(steps: Floats, report_index: NDArray[np.int64], other: Floats) -> float:
     """Share of the steps that turn back while ``other`` moved by less than the step."""
-    turns = steps[at[1:]] * steps[at[:-1]] < 0.0
-    moved = np.array([np.ptp(other[a : b + 2]) for a, b in pairwise(at)], dtype=np.float64)
-    return float(np.mean(turns & (moved < np.abs(steps[at[1:]]))))
+    turns = steps[report_index[1:]] * steps[report_index[:-1]] < 0.0
+    moved = np.array(
+        [np.ptp(other[a : b + 2]) for a, b in pairwise(report_index)], dtype=np.float64
+    )
+    return float(np.mean(turns & (moved < np.abs(steps[report_index[1:]]))))

@@ -73,9 +73,9 @@ def phase(
         # A command that turns every few samples would be nothing but turns.
         half = min(half, int(NEAR_A_TURN * float(np.median(np.diff(turn)))))
     # Within half a window of a turn, on either side.
-    near = _after(np.maximum(turn - half, 0), n) <= 2 * half
+    near_turn = _after(np.maximum(turn - half, 0), n) <= 2 * half
     code = np.where(moving_stem(simulated, interval_s), 3, 0)
-    code[near] = 4
+    code[near_turn] = 4
     code[since < SETTLED_S] = 2
     code[since < SLIP_S] = 1
     return Facet("phase", PHASES, code.astype(np.int64), _phase_phrases(unit_s))
@@ -98,8 +98,10 @@ def direction(
     least = max(8.5 * sigma, 0.2)
     least_modelled = least_simulated or least
     modelled = np.where(np.abs(modelled) > least_modelled, modelled, 0.0)
-    way = np.where(np.abs(seen) > least, seen, modelled)
-    code = np.where(way > 0.0, 0, np.where(way < 0.0, 1, 2)).astype(np.int64)
+    moving_direction = np.where(np.abs(seen) > least, seen, modelled)
+    code = np.where(moving_direction > 0.0, 0, np.where(moving_direction < 0.0, 1, 2)).astype(
+        np.int64
+    )
     phrases = ("While the stem rises", "While the stem falls", "While the stem is at rest")
     return Facet("direction", ("rising", "falling", "at rest"), code, phrases)
 
@@ -111,8 +113,8 @@ def rests(moving: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """
     edges = np.flatnonzero(np.diff(np.concatenate(([1], moving.astype(np.int8), [1]))))
     begins, ends = edges[::2], edges[1::2]
-    whole = (begins > 0) & (ends < moving.size) & (ends - begins >= REST_SAMPLES)
-    return ends[whole], (ends - begins)[whole]
+    whole_rests = (begins > 0) & (ends < moving.size) & (ends - begins >= REST_SAMPLES)
+    return ends[whole_rests], (ends - begins)[whole_rests]
 
 
 def rest_before(simulated: Floats, interval_s: float, unit_s: float = 1.0) -> Facet:
@@ -125,9 +127,9 @@ def rest_before(simulated: Floats, interval_s: float, unit_s: float = 1.0) -> Fa
         return Facet("rest", (), code)
     low, high = (float(q) for q in np.percentile(lengths * interval_s, (33.3, 66.7)))
     number = _after(ends, n)
-    which = np.searchsorted(ends, np.arange(n), side="right") - 1
-    felt = (which >= 0) & (moving | (number * interval_s < SETTLED_S))
-    before = lengths[np.maximum(which, 0)] * interval_s
+    rest_index = np.searchsorted(ends, np.arange(n), side="right") - 1
+    felt = (rest_index >= 0) & (moving | (number * interval_s < SETTLED_S))
+    before = lengths[np.maximum(rest_index, 0)] * interval_s
     code[felt] = ((before > low).astype(np.int64) + (before > high))[felt]
     short, long = duration(low, unit_s), duration(high, unit_s)
     labels = (f"up to {short}", between(short, long), f"over {long}")
@@ -163,9 +165,9 @@ def command_speed(op: Floats, scored: Bools, interval_s: float, unit_s: float = 
     chosen = quickest[moving & scored]
     if chosen.size < 50:
         return Facet("speed", ("held",), code, ("While the command is held",))
-    at = np.percentile(chosen, (50.0, 90.0, 98.0))
-    code[moving] = 1 + np.searchsorted(at, quickest[moving], side="left")
-    words = [rate(value, unit_s, ".2g") for value in at]
+    speeds = np.percentile(chosen, (50.0, 90.0, 98.0))
+    code[moving] = 1 + np.searchsorted(speeds, quickest[moving], side="left")
+    words = [rate(value, unit_s, ".2g") for value in speeds]
     recent = duration(RECENT_S, unit_s)
     labels = (
         "held",

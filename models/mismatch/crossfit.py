@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.batched_search import Search, together
+from stemwatch.models.mismatch.batched_search import Search, run_together
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, RunRequest, TermSet
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.term import Term
@@ -65,8 +65,8 @@ class Fitted:
     @property
     def heldout(self) -> Floats:
         """(n_blocks,) the loss of each block by the fit that did not see it."""
-        odd = np.arange(self.losses.shape[1]) % 2 == 1
-        return np.asarray(np.where(odd, self.losses[0], self.losses[1]))
+        is_odd = np.arange(self.losses.shape[1]) % 2 == 1
+        return np.asarray(np.where(is_odd, self.losses[0], self.losses[1]))
 
     @property
     def slugs(self) -> tuple[str, ...]:
@@ -88,8 +88,8 @@ def search(
     evaluator: Evaluator, layout: CoordinateLayout, blocks: Bools, starts: Floats, effort: FitEffort
 ) -> Search[SearchResult]:
     """The best candidate on ``blocks`` that is found from ``starts`` (m, size). Seeded."""
-    begun = yield from _cheapest(evaluator, layout, blocks, starts)
-    best = yield from _refined(evaluator, layout, blocks, begun[: effort.keep], effort)
+    cheapest = yield from _cheapest(evaluator, layout, blocks, starts)
+    best = yield from _refined(evaluator, layout, blocks, cheapest[: effort.keep], effort)
     return best
 
 
@@ -97,28 +97,28 @@ def _cheapest(
     evaluator: Evaluator, layout: CoordinateLayout, blocks: Bools, candidates: Floats
 ) -> Search[list[SearchResult]]:
     """Candidates (m, size), the best on ``blocks`` first."""
-    ask = RunRequest(layout, candidates)
-    yield [ask]
-    return by_loss(candidates, evaluator.mean_loss(ask.losses, blocks))
+    request = RunRequest(layout, candidates)
+    yield [request]
+    return by_loss(candidates, evaluator.mean_loss(request.losses, blocks))
 
 
 def _refined(
     evaluator: Evaluator,
     layout: CoordinateLayout,
     blocks: Bools,
-    begun: list[SearchResult],
+    starts: list[SearchResult],
     effort: FitEffort,
     simple: float = np.inf,
 ) -> Search[SearchResult]:
-    """The best that is found from ``begun``; no further where the loss ``simple`` of a poorer
+    """The best that is found from ``starts``; no further where the loss ``simple`` of a poorer
     hypothesis is out of reach."""
-    reached = begun
-    if len(begun) > 1:
-        reached = yield from _descended(evaluator, layout, blocks, begun, FIRST_ROUNDS)
-    if reached[0].loss > HOPELESS * simple:
-        return reached[0]
-    left = effort.rounds - (FIRST_ROUNDS if len(begun) > 1 else 0)
-    ends = yield from _descended(evaluator, layout, blocks, reached[: effort.go_on], left)
+    descended = starts
+    if len(starts) > 1:
+        descended = yield from _descended(evaluator, layout, blocks, starts, FIRST_ROUNDS)
+    if descended[0].loss > HOPELESS * simple:
+        return descended[0]
+    rounds_left = effort.rounds - (FIRST_ROUNDS if len(starts) > 1 else 0)
+    ends = yield from _descended(evaluator, layout, blocks, descended[: effort.go_on], rounds_left)
     # Always: what makes the command late stands only with another speed of sticking again.
     best = yield from _resticking(evaluator, layout, blocks, ends[0])
     if not effort.population or best.loss > simple:
@@ -131,14 +131,14 @@ def _descended(
     evaluator: Evaluator,
     layout: CoordinateLayout,
     blocks: Bools,
-    begun: list[SearchResult],
+    starts: list[SearchResult],
     rounds: int,
 ) -> Search[list[SearchResult]]:
-    """Where ``begun`` lead to, the best first."""
-    reached = yield from together(
-        descend(evaluator, layout, blocks, start.candidate, rounds) for start in begun
+    """Where ``starts`` lead to, the best first."""
+    descended = yield from run_together(
+        descend(evaluator, layout, blocks, start.candidate, rounds) for start in starts
     )
-    return sorted(reached, key=lambda fit: fit.loss)
+    return sorted(descended, key=lambda fit: fit.loss)
 
 
 def _resticking(
@@ -150,10 +150,10 @@ def _resticking(
     now = float(best.candidate[base_coordinate.RESTICK])
     trials = np.tile(best.candidate, (len(RESTICKS) + 2, 1))
     trials[:, base_coordinate.RESTICK] = [*RESTICKS, 0.75 * now, 1.3 * now]
-    tried = yield from _cheapest(evaluator, layout, blocks, layout.bounds.clip(trials))
-    if tried[0].loss >= best.loss:
+    resticking = yield from _cheapest(evaluator, layout, blocks, layout.bounds.clip(trials))
+    if resticking[0].loss >= best.loss:
         return best
-    best = yield from descend(evaluator, layout, blocks, tried[0].candidate, AFTER_RESTICK)
+    best = yield from descend(evaluator, layout, blocks, resticking[0].candidate, AFTER_RESTICK)
     return best
 
 
@@ -168,9 +168,9 @@ def _around(
     spread, rng = evaluator.spread(layout, effort.width), np.random.default_rng(SEED)
     around = CrossEntropy(best, spread, layout.bounds, rng)
     for _ in range(POPULATION_ROUNDS):
-        ask = RunRequest(layout, around.draw(effort.population))
-        yield [ask]
-        around.learn(ask.candidates, evaluator.mean_loss(ask.losses, blocks))
+        request = RunRequest(layout, around.draw(effort.population))
+        yield [request]
+        around.learn(request.candidates, evaluator.mean_loss(request.losses, blocks))
     return around.best
 
 
@@ -186,13 +186,13 @@ def crossfit(
     ``simple`` are the losses of a poorer hypothesis on both folds: what does not come near them
     is not searched further.
     """
-    begun = yield from ranked(evaluator, layout, starts)
-    of_folds = zip(folds(evaluator), begun, simple, strict=True)
-    both = yield from together(
+    best_of_folds = yield from ranked(evaluator, layout, starts)
+    of_folds = zip(folds(evaluator), best_of_folds, simple, strict=True)
+    both_folds = yield from run_together(
         _refined(evaluator, layout, fold, first[: effort.keep], effort, least)
         for fold, first, least in of_folds
     )
-    fitted = yield from scored(layout, np.array([fit.candidate for fit in both]))
+    fitted = yield from scored(layout, np.array([fit.candidate for fit in both_folds]))
     return fitted
 
 
@@ -200,31 +200,31 @@ def ranked(
     evaluator: Evaluator, layout: CoordinateLayout, starts: Floats
 ) -> Search[tuple[list[SearchResult], list[SearchResult]]]:
     """The ``starts`` (m, size) for the even and for the odd blocks, the best first."""
-    ask = RunRequest(layout, starts)
-    yield [ask]
-    even, odd = (
-        by_loss(starts, evaluator.mean_loss(ask.losses, fold)) for fold in folds(evaluator)
+    request = RunRequest(layout, starts)
+    yield [request]
+    even, odd_blocks = (
+        by_loss(starts, evaluator.mean_loss(request.losses, fold)) for fold in folds(evaluator)
     )
-    return even, odd
+    return even, odd_blocks
 
 
 def own_losses(evaluator: Evaluator, fitted: Fitted) -> tuple[float, float]:
     """The mean loss of each fold by the fit to that fold."""
-    even, odd = (
+    even, odd_blocks = (
         float(evaluator.mean_loss(row[None], fold)[0])
         for row, fold in zip(fitted.losses, folds(evaluator), strict=True)
     )
-    return even, odd
+    return even, odd_blocks
 
 
-def again(evaluator: Evaluator, fitted: Fitted, effort: FitEffort, *more: Floats) -> Search[Fitted]:
+def refit(evaluator: Evaluator, fitted: Fitted, effort: FitEffort, *more: Floats) -> Search[Fitted]:
     """Go on from where ``fitted`` stands on each fold, and from more candidates for each (2, m)."""
     starts = np.stack((fitted.candidates, *more), axis=1)
-    both = yield from together(
+    both_folds = yield from run_together(
         search(evaluator, fitted.layout, fold, of_fold, effort)
         for fold, of_fold in zip(folds(evaluator), starts, strict=True)
     )
-    went_on = yield from scored(fitted.layout, np.array([fit.candidate for fit in both]))
+    went_on = yield from scored(fitted.layout, np.array([fit.candidate for fit in both_folds]))
     return better(evaluator, fitted, went_on)
 
 
@@ -239,9 +239,9 @@ def better(evaluator: Evaluator, old: Fitted, new: Fitted) -> Fitted:
 
 def scored(layout: CoordinateLayout, candidates: Floats) -> Search[Fitted]:
     """Two fits (2, size), one to each fold, with their losses."""
-    ask = RunRequest(layout, candidates)
-    yield [ask]
-    return Fitted(layout, candidates, ask.losses)
+    request = RunRequest(layout, candidates)
+    yield [request]
+    return Fitted(layout, candidates, request.losses)
 
 
 def gain(evaluator: Evaluator, simple: Fitted, rich: Fitted) -> Advantage:
@@ -269,7 +269,7 @@ def widened(
     evaluator: Evaluator, rich: TermSet, simple: Fitted, term: Term, beginnings: Sequence[Beginning]
 ) -> Floats:
     """(m, size) starts of ``rich`` = simple + ``term``: the term's own grid over ``beginnings``."""
-    layout, grid = evaluator.layout(rich), term.starts(evaluator.look)
+    layout, grid = evaluator.layout(rich), term.starts(evaluator.summary)
     centre = simple.candidates.mean(axis=0)
     slow, fast = np.sort(simple.candidates[:, base_coordinate.RESTICK])
     if fast - slow > DISAGREE:
@@ -288,8 +288,8 @@ def widened(
             base[base_coordinate.RESTICK] = start.restick
         if start.plain:
             base[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
-        for slug, place in simple.layout.places.items():
-            base[layout.places[slug]] = centre[place]
+        for slug, coordinate_slice in simple.layout.places.items():
+            base[layout.places[slug]] = centre[coordinate_slice]
         block = np.tile(base, (grid.shape[0], 1))
         block[:, layout.places[term.slug]] = grid
         S = np.maximum(start.S - start.S_less * grid[:, 0], 0.3 * start.S)
@@ -318,32 +318,39 @@ def curvature(evaluator: Evaluator, fitted: Fitted) -> Advantage:
     ):
         simulated, _ = evaluator.assimilated(fitted.layout, candidate)
         residual = evaluator.residual(simulated)
-        seen, unseen = _inside(evaluator, fold), _inside(evaluator, other)
+        seen, unseen = _blocks_inside(evaluator, fold), _blocks_inside(evaluator, other)
         curve = _curve(simulated[seen], residual[seen], simulated[unseen], evaluator.delta)
-        for sums, left in ((before, residual[unseen]), (after, residual[unseen] - curve)):
-            loss = evaluator.delta**2 * np.log1p((left / evaluator.delta) ** 2)
+        for sums, unseen_residual in (
+            (before, residual[unseen]),
+            (after, residual[unseen] - curve),
+        ):
+            loss = evaluator.delta**2 * np.log1p((unseen_residual / evaluator.delta) ** 2)
             sums += np.bincount(block[unseen], loss, minlength=sums.size)
     return advantage(before, after, evaluator.told, evaluator.delta)
 
 
-def _inside(evaluator: Evaluator, fold: Bools) -> Bools:
+def _blocks_inside(evaluator: Evaluator, fold: Bools) -> Bools:
     """(n,) the measured samples of a fold."""
     return np.asarray(evaluator.measured & fold[np.maximum(evaluator.problem.block, 0)])
 
 
-def _curve(place: Floats, residual: Floats, at: Floats, delta: float) -> Floats:
-    """(m,) the robust cubic of ``residual`` over ``place``, read at ``at``."""
-    if place.size < BEND_SAMPLES:
-        return np.zeros(at.size)
-    low, high = np.percentile(place, (2.0, 98.0))
+def _curve(places: Floats, residual: Floats, new_places: Floats, delta: float) -> Floats:
+    """(m,) the robust cubic of ``residual`` over ``places``, read at ``new_places``."""
+    if places.size < BEND_SAMPLES:
+        return np.zeros(new_places.size)
+    low, high = np.percentile(places, (2.0, 98.0))
     centre, half = 0.5 * (low + high), max(0.5 * (high - low), 1e-3)
-    columns = np.polynomial.legendre.legvander(np.clip((place - centre) / half, -1, 1), BEND_DEGREE)
-    weight: Floats = np.ones(place.size)
+    columns = np.polynomial.legendre.legvander(
+        np.clip((places - centre) / half, -1, 1), BEND_DEGREE
+    )
+    weight: Floats = np.ones(places.size)
     coefficients: Floats = np.zeros(BEND_DEGREE + 1)
     for _ in range(BEND_ROUNDS):
         weighted = columns * weight[:, None]
         solved = np.linalg.lstsq(weighted.T @ columns, weighted.T @ residual, rcond=None)
         coefficients = np.asarray(solved[0], dtype=np.float64)
         weight = np.asarray(1.0 / (1.0 + ((residual - columns @ coefficients) / delta) ** 2))
-    there = np.polynomial.legendre.legvander(np.clip((at - centre) / half, -1, 1), BEND_DEGREE)
-    return np.asarray(there @ coefficients)
+    basis_there = np.polynomial.legendre.legvander(
+        np.clip((new_places - centre) / half, -1, 1), BEND_DEGREE
+    )
+    return np.asarray(basis_there @ coefficients)

@@ -33,14 +33,17 @@ def delayed(command: Floats, marks: Marks, samples: float, out: Floats) -> None:
 
     Linear between samples. What was before a START is not known: the command is held there.
     """
-    whole, n = int(samples), command.size
-    late = samples - whole
+    whole_samples, n = int(samples), command.size
+    late = samples - whole_samples
     first = 0
     while first < n:
         end = _next_start(marks, first + 1)
-        known = min(first + whole + 1, end)
-        out[first:known] = command[first]
-        came, to = command[known - whole - 1 : end - whole], out[known:end]
-        for k in range(to.size):
-            to[k] = came[k + 1] + late * (came[k] - came[k + 1])
+        first_known = min(first + whole_samples + 1, end)
+        out[first:first_known] = command[first]
+        came, target = (
+            command[first_known - whole_samples - 1 : end - whole_samples],
+            out[first_known:end],
+        )
+        for k in range(target.size):
+            target[k] = came[k + 1] + late * (came[k] - came[k + 1])
         first = end

@@ -43,26 +43,28 @@ def directions(recording: Recording) -> Directions:
     pv, mv = recording.get(Role.PV), recording.mv
     if pv is None or mv is None or not pv.unit.lower().endswith(FLOW_UNITS):
         return Directions()
-    both = recording.usable & pv.usable
-    if np.count_nonzero(both) < 100:
+    both_usable = recording.usable & pv.usable
+    if np.count_nonzero(both_usable) < 100:
         return Directions()
-    a, b = mv.values[both], pv.values[both]
+    a, b = mv.values[both_usable], pv.values[both_usable]
     if np.std(a) == 0.0 or np.std(b) == 0.0:
         return Directions()
-    together = float(np.corrcoef(a, b)[0, 1])
-    if together > GOES_WITH:
+    correlation = float(np.corrcoef(a, b)[0, 1])
+    if correlation > GOES_WITH:
         return Directions("opening", "closing")
-    return Directions("closing", "opening") if together < -GOES_WITH else Directions()
+    return Directions("closing", "opening") if correlation < -GOES_WITH else Directions()
 
 
-def estimates(term: Term, values: Floats, drawn: Floats, interval_s: float) -> dict[str, Estimate]:
+def estimates(
+    term: Term, values: Floats, candidate_draws: Floats, interval_s: float
+) -> dict[str, Estimate]:
     """The term's parameters from its best coordinates (k,) and draws (m, k), on the own clock.
 
     Widened by what no bootstrap sees: the term is not exactly the valve, and OP and MV are read
     somewhere within the sampling interval.
     """
     best = term.parameters(values)
-    spread = [term.parameters(candidate) for candidate in drawn]
+    spread = [term.parameters(candidate) for candidate in candidate_draws]
     named = {}
     for name, (value, unit) in best.items():
         error = MODEL_ERROR * abs(value) + (WITHIN_SAMPLE * interval_s if unit == "s" else 0.0)
@@ -77,24 +79,24 @@ def effect(
     term: Term,
     members: tuple[str, ...],
     values: Floats,
-    drawn: Floats,
+    candidate_draws: Floats,
     advantage: Advantage,
     share: float,
-    without: tuple[CoordinateLayout, Floats],
-    way: Directions,
+    without_term: tuple[CoordinateLayout, Floats],
+    found_directions: Directions,
 ) -> Effect:
-    """One accepted term, told. ``without`` is the best model that lacks it."""
+    """One accepted term, told. ``without_term`` is the best model that lacks it."""
     unit_s = evaluator.problem.unit_s
-    own = estimates(term, values, drawn, evaluator.problem.interval_s)
-    spoken = {name: SpokenEstimate.of(one, unit_s) for name, one in own.items()}
+    own_estimates = estimates(term, values, candidate_draws, evaluator.problem.interval_s)
+    spoken_estimates = {name: SpokenEstimate.of(one, unit_s) for name, one in own_estimates.items()}
     return Effect(
         slug=term.slug,
         members=members,
-        sentence=term.sentence(spoken, way.rising, way.falling),
-        where=_where(evaluator, *without),
+        sentence=term.sentence(spoken_estimates, found_directions.rising, found_directions.falling),
+        where=_places_in_record(evaluator, *without_term),
         check=term.words.check,
         decide=term.words.decide,
-        parameters={name: estimate_in_seconds(one, unit_s) for name, one in own.items()},
+        parameters={name: estimate_in_seconds(one, unit_s) for name, one in own_estimates.items()},
         evidence=EffectEvidence(
             mean=advantage.mean,
             t=advantage.t,
@@ -102,25 +104,27 @@ def effect(
             strength=strength(advantage, evaluator.told, term.slug),
             note=_note(advantage, members),
         ),
-        inherent=term.inherent(values, evaluator.look),
+        inherent=term.inherent(values, evaluator.summary),
     )
 
 
-def by_events(told: Effect, seen: Dwelling, term: Term, way: Directions) -> Effect:
+def by_events(
+    found_effect: Effect, seen: Dwelling, term: Term, found_directions: Directions
+) -> Effect:
     """``told`` with the evidence and the interval of its events in place of the residual's."""
     note = (
         f"The {seen.events} breakaways together tell it ({seen.z:.1f} standard errors); in the "
         "residual it is small, for each of them scatters as well."
     )
-    evidence = replace(told.evidence, events_z=seen.z, strength=seen.z / LEAST_Z, note=note)
-    fitted = told.parameters["b"]
+    evidence = replace(found_effect.evidence, events_z=seen.z, strength=seen.z / LEAST_Z, note=note)
+    fitted = found_effect.parameters["b"]
     assert fitted.low is not None
     assert fitted.high is not None
     either = 2.0 * seen.error
     low, high = min(fitted.low, seen.rise - either), max(fitted.high, seen.rise + either)
-    parameters = {**told.parameters, "b": replace(fitted, low=max(low, 0.0), high=high)}
-    sentence = term.sentence(parameters, way.rising, way.falling)
-    return replace(told, sentence=sentence, evidence=evidence, parameters=parameters)
+    parameters = {**found_effect.parameters, "b": replace(fitted, low=max(low, 0.0), high=high)}
+    sentence = term.sentence(parameters, found_directions.rising, found_directions.falling)
+    return replace(found_effect, sentence=sentence, evidence=evidence, parameters=parameters)
 
 
 def residual_map(
@@ -149,7 +153,7 @@ def residual_map(
     )
 
 
-def _where(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> str:
+def _places_in_record(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> str:
     """The hottest place of the residual that is left without the effect."""
     simulated, _ = evaluator.assimilated(layout, candidate)
     places = residual_map(evaluator, simulated)
@@ -183,10 +187,13 @@ def sentence_of(
     if finding is Finding.UNKNOWN and doubt:
         return f"{doubt}: whether something is left out cannot be told, and nothing is named."
     if finding is Finding.UNKNOWN:
-        where = (
+        place_clause = (
             "the residual map shows where it differs"
             if before.hot
             else "it differs all over the record, in no single place"
         )
-        return f"S and J do not explain this recording, and nothing in the catalogue does; {where}."
+        return (
+            "S and J do not explain this recording, and nothing in the catalogue does; "
+            f"{place_clause}."
+        )
     return " ".join(effect.sentence for effect in effects)

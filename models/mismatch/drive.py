@@ -21,14 +21,14 @@ from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     POLISH,
     Fitted,
-    again,
     crossfit,
     gain,
+    refit,
     scored,
 )
 from stemwatch.models.mismatch.evaluator import DRIVE, LOAD, CoordinateLayout, Evaluator, TermSet
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
-from stemwatch.models.mismatch.reading import pinned
+from stemwatch.models.mismatch.reading_errors import pinned
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
@@ -64,23 +64,23 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
     evaluator, fitted = _fitted(base, balance, hypothesis)
     # That there is inertia was told by the balance; the blocks must tell that the drive as a whole
     # is needed. Without its motor the fit makes up for much by a wide dead band.
-    alone = conclude(evaluator, _alone(evaluator, base))
-    whole = convincing(gain(evaluator, alone, fitted), evaluator.told, DRIVE)
+    drive_alone = conclude(evaluator, _fit_drive_alone(evaluator, base))
+    explains_all = convincing(gain(evaluator, drive_alone, fitted), evaluator.told, DRIVE)
     needed = []
     for term in hypothesis.terms:
-        without = conclude(evaluator, _without(evaluator, fitted, term))
-        score = TermScore(term, fitted, gain(evaluator, without, fitted))
-        stands = (
-            whole and score.advantage.mean >= MEAN and score.advantage.t >= AS_GOOD
+        without_drive = conclude(evaluator, _fit_without(evaluator, fitted, term))
+        score = TermScore(term, fitted, gain(evaluator, without_drive, fitted))
+        still_needed = (
+            explains_all and score.advantage.mean >= MEAN and score.advantage.t >= AS_GOOD
             if term.slug == DRIVE
             else convincing(score.advantage, evaluator.told, term.slug)
         )
-        if stands and term.material(score.values, evaluator.look):
-            stage = SelectionStage(without, (score,), (score,))
-            needed.append(Needed(stage, without, score.advantage))
-    if DRIVE not in {one.term.slug for one in needed}:
+        if still_needed and term.material(score.values, evaluator.summary):
+            stage = SelectionStage(without_drive, (score,), (score,))
+            needed.append(Needed(stage, without_drive, score.advantage))
+    if DRIVE not in {needed_term.term.slug for needed_term in needed}:
         return None
-    stages = tuple(one.stage for one in needed)
+    stages = tuple(needed_term.stage for needed_term in needed)
     return Named(
         evaluator=evaluator, base=base.fitted, fitted=fitted, needed=tuple(needed), stages=stages
     )
@@ -101,13 +101,13 @@ def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[
         evaluator,
         delta=scale(evaluator, simulated),
         scatter=breakaway_scatter(early_late, level, evaluator.problem.sigma),
-        look=replace(evaluator.look, S=S, J=S * float(middle[base_coordinate.RATIO])),
+        summary=replace(evaluator.summary, S=S, J=S * float(middle[base_coordinate.RATIO])),
         _layouts={},
     )
     layout = _near_friction(evaluator.layout(hypothesis), balance.S)
     fitted = conclude(evaluator, scored(layout, fitted.candidates))
-    fitted = conclude(evaluator, again(evaluator, fitted, CAREFUL))
-    return evaluator, conclude(evaluator, again(evaluator, fitted, POLISH))
+    fitted = conclude(evaluator, refit(evaluator, fitted, CAREFUL))
+    return evaluator, conclude(evaluator, refit(evaluator, fitted, POLISH))
 
 
 def _near_friction(layout: CoordinateLayout, S: float) -> CoordinateLayout:
@@ -146,20 +146,20 @@ def starts_of_first_part(evaluator: Evaluator, layout: CoordinateLayout) -> Floa
     return None if balance is None else _starts(evaluator, layout, balance)
 
 
-def _alone(evaluator: Evaluator, base: BaseFit) -> Search[Fitted]:
+def _fit_drive_alone(evaluator: Evaluator, base: BaseFit) -> Search[Fitted]:
     """S, J and the reading alone, by the loss on the scale of what the drive leaves."""
     layout = evaluator.layout(TermSet())
-    begun = yield from scored(layout, base.fitted.candidates)
-    alone = yield from again(evaluator, begun, CAREFUL)
-    return alone
+    start = yield from scored(layout, base.fitted.candidates)
+    drive_alone = yield from refit(evaluator, start, CAREFUL)
+    return drive_alone
 
 
-def _without(evaluator: Evaluator, fitted: Fitted, term: Term) -> Search[Fitted]:
+def _fit_without(evaluator: Evaluator, fitted: Fitted, term: Term) -> Search[Fitted]:
     """The best fit that lacks ``term``, from the richer one."""
     lacking = fitted.layout.hypothesis.without(term.slug)
     layout = evaluator.layout(lacking)
     if term.slug == LOAD:  # of which a span error would be the straight part
         layout = pinned(layout, base_coordinate.GAIN, 0.0)
-    begun = yield from scored(layout, layout.bounds.clip(reduced(evaluator, fitted, lacking)))
-    without = yield from again(evaluator, begun, CAREFUL)
-    return without
+    start = yield from scored(layout, layout.bounds.clip(reduced(evaluator, fitted, lacking)))
+    without_drive = yield from refit(evaluator, start, CAREFUL)
+    return without_drive

@@ -19,7 +19,7 @@ from scipy.special import ndtri, stdtr
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, scored
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, refit, scored
 from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.mismatch.terms.dwell_dependent_breakaway import T0_S
 from stemwatch.models.recording import Floats
@@ -76,15 +76,15 @@ def dwelling(evaluator: Evaluator, fitted: Fitted) -> Dwelling | None:
         return None
     rested = evaluator.onsets.rested[seen] * evaluator.problem.interval_s
     side = evaluator.onsets.side[seen]
-    at = evaluator.onsets.at[seen]
-    way = np.abs(evaluator.problem.op[at] - evaluator.problem.op[at - 1])
-    speed = np.log(np.maximum(way, SLOWEST_PERCENT))
+    onset_samples = evaluator.onsets.at[seen]
+    op_speed = np.abs(evaluator.problem.op[onset_samples] - evaluator.problem.op[onset_samples - 1])
+    speed = np.log(np.maximum(op_speed, SLOWEST_PERCENT))
     columns = np.column_stack((side > 0.0, side < 0.0, np.log1p(rested / T0_S))).astype(np.float64)
     columns = columns[:, columns.any(axis=0)]
     slope, error, z = _score(columns, late)
     beside_speed = np.column_stack((speed, columns))
-    usual = float(np.mean(columns[:, -1]))
-    return Dwelling(slope, error, z, usual, int(late.size), _score(beside_speed, late)[2])
+    usual_dwell = float(np.mean(columns[:, -1]))
+    return Dwelling(slope, error, z, usual_dwell, int(late.size), _score(beside_speed, late)[2])
 
 
 def _score(columns: Floats, late: Floats) -> tuple[float, float, float]:
@@ -95,43 +95,44 @@ def _score(columns: Floats, late: Floats) -> tuple[float, float, float]:
     return slope, error, float(np.clip(z, -MOST_Z, MOST_Z))
 
 
-def begun(evaluator: Evaluator, plain: Fitted, seen: Dwelling) -> Fitted:
-    """``plain``, a fit with the term of dwell at neutral, refitted with the rise that was ``seen``.
+def refit_with_rise(evaluator: Evaluator, neutral_fit: Fitted, seen: Dwelling) -> Fitted:
+    """``neutral_fit``, a fit with the term of dwell at neutral, refitted with the rise that was
+    ``seen``.
 
     The rise is held to two standard errors about it: the trajectories hardly tell it, and would
     give it up for a larger S and J.
     """
-    place = plain.layout.places[SLUG]
-    low, high = plain.layout.bounds.low.copy(), plain.layout.bounds.high.copy()
-    low[place] = max(seen.rise - 2.0 * seen.error, LEAST_RISE)
-    high[place] = min(seen.rise + 2.0 * seen.error, MOST_RISE)
-    layout = replace(plain.layout, bounds=Bounds(low, high))
-    candidates = plain.candidates.copy()
+    coordinate_slice = neutral_fit.layout.places[SLUG]
+    low, high = neutral_fit.layout.bounds.low.copy(), neutral_fit.layout.bounds.high.copy()
+    low[coordinate_slice] = max(seen.rise - 2.0 * seen.error, LEAST_RISE)
+    high[coordinate_slice] = min(seen.rise + 2.0 * seen.error, MOST_RISE)
+    layout = replace(neutral_fit.layout, bounds=Bounds(low, high))
+    candidates = neutral_fit.candidates.copy()
     S, J = (
         candidates[:, base_coordinate.S_PERCENT],
         candidates[:, base_coordinate.S_PERCENT] * candidates[:, base_coordinate.RATIO],
     )
     # It raises the breakaway only: S and J alike were read too large by what is usual.
-    less = np.minimum(seen.rise * seen.usual, 0.9 * J)
-    candidates[:, base_coordinate.S_PERCENT] = S - less
-    candidates[:, base_coordinate.RATIO] = (J - less) / np.maximum(S - less, _SMALLEST)
-    candidates[:, place] = seen.rise
+    lower_by = np.minimum(seen.rise * seen.usual, 0.9 * J)
+    candidates[:, base_coordinate.S_PERCENT] = S - lower_by
+    candidates[:, base_coordinate.RATIO] = (J - lower_by) / np.maximum(S - lower_by, _SMALLEST)
+    candidates[:, coordinate_slice] = seen.rise
     first = conclude(evaluator, scored(layout, layout.bounds.clip(candidates)))
-    return conclude(evaluator, again(evaluator, first, CAREFUL))
+    return conclude(evaluator, refit(evaluator, first, CAREFUL))
 
 
 def _slope(columns: Floats, values: Floats) -> tuple[float, float]:
     """The last coefficient of a robust regression and its standard error."""
     weight = np.ones(values.size)
-    left = values
+    residual = values
     for _ in range(ROUNDS):
         weighted = columns * weight[:, None]
         normal = weighted.T @ columns
         coefficients = np.linalg.lstsq(normal, weighted.T @ values, rcond=None)[0]
-        left = values - columns @ coefficients
-        scale = WIDE * 1.4826 * float(np.median(np.abs(left))) + _SMALLEST
-        weight = 1.0 / (1.0 + (left / scale) ** 2)
+        residual = values - columns @ coefficients
+        scale = WIDE * 1.4826 * float(np.median(np.abs(residual))) + _SMALLEST
+        weight = 1.0 / (1.0 + (residual / scale) ** 2)
     freedom = max(values.size - columns.shape[1], 1)
-    variance = float(weight @ left**2) / freedom * values.size / float(weight.sum())
+    variance = float(weight @ residual**2) / freedom * values.size / float(weight.sum())
     spread = np.linalg.pinv((columns * weight[:, None]).T @ columns) * variance
     return float(coefficients[-1]), float(np.sqrt(max(spread[-1, -1], 0.0)))

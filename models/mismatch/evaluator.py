@@ -21,7 +21,7 @@ from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow, used
 from stemwatch.models.mismatch.stem import Stem, Stems
-from stemwatch.models.mismatch.term import Look, Term, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary, Term
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.kernel import RESYNC, Marks
 from stemwatch.models.stickslip.onsets import Onsets, Samples, onsets
@@ -50,8 +50,8 @@ def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
     parts = -(-total // LANES)
     for begin, end in pairwise(total * part // parts for part in range(parts + 1)):
         yield [
-            (lot, slice(max(begin - first, 0), min(end, last) - first))
-            for lot, (first, last) in enumerate(pairwise(ends))
+            (batch_number, slice(max(begin - first, 0), min(end, last) - first))
+            for batch_number, (first, last) in enumerate(pairwise(ends))
             if first < end and begin < last
         ]
 
@@ -69,7 +69,7 @@ class TermSet:
 
     def plus(self, term: Term) -> TermSet:
         """This hypothesis with one more term."""
-        return TermSet(tuple(sorted((*self.terms, term), key=lambda t: (t.way, t.order))))
+        return TermSet(tuple(sorted((*self.terms, term), key=lambda t: (t.acts_on, t.order))))
 
     def without(self, slug: str) -> TermSet:
         """This hypothesis without a term."""
@@ -92,11 +92,11 @@ class CoordinateLayout:
     @cached_property
     def shaping(self) -> Shaping:
         """The terms that shape the command, by the coordinates ``of_force``."""
-        terms = [term for term in self.hypothesis.terms if term.way is Way.COMMAND]
+        terms = [term for term in self.hypothesis.terms if term.acts_on is ActsOn.COMMAND]
         parts, begin = [], 1
         for term in terms:
-            place = self.places[term.slug]
-            end = begin + place.stop - place.start
+            coordinate_slice = self.places[term.slug]
+            end = begin + coordinate_slice.stop - coordinate_slice.start
             parts.append((term, slice(begin, end)))
             begin = end
         return Shaping(tuple(parts), tuple(term.slug for term in terms))
@@ -105,21 +105,26 @@ class CoordinateLayout:
     def of_force(self) -> list[int]:
         """The coordinates that the force on the stem is made of."""
         places = (self.places[slug] for slug in self.shaping.slugs)
-        return [DELAY, *chain.from_iterable(range(place.start, place.stop) for place in places)]
+        return [
+            DELAY,
+            *chain.from_iterable(
+                range(coordinate_slice.start, coordinate_slice.stop) for coordinate_slice in places
+            ),
+        ]
 
     @cached_property
     def filling(self) -> tuple[tuple[Term, slice], ...]:
         """The terms that fill the stem, and where their coordinates lie."""
         terms = self.hypothesis.terms
-        return tuple((t, self.places[t.slug]) for t in terms if t.way is not Way.COMMAND)
+        return tuple((t, self.places[t.slug]) for t in terms if t.acts_on is not ActsOn.COMMAND)
 
     @cached_property
     def kind(self) -> tuple[bool, bool, bool]:
         """Whether levels vary along the record, whether readings wander, and whether the stem has
         inertia: what runs alike."""
         stem = Stem.neutral(2, 1.0)
-        for term, place in self.filling:
-            term.fill(stem, self.bounds.high[place])
+        for term, coordinate_slice in self.filling:
+            term.fill(stem, self.bounds.high[coordinate_slice])
         varied, timed, heavy = used(stem.numbers[None])
         return bool(varied), bool(timed), bool(heavy)
 
@@ -166,7 +171,7 @@ class Evaluator:
     """One recording with everything that a search over hypotheses shares."""
 
     problem: FitProblem
-    look: Look
+    summary: RecordingSummary
     delta: float  # scale of the robust loss, percent
     restick: float  # %/s, when a moving stem sticks again; see ``stickslip.fit``
     base_bounds: Bounds
@@ -194,7 +199,7 @@ class Evaluator:
         places = {}
         for term in hypothesis.terms:
             begin = len(low)
-            for coordinate in term.coordinates(self.look):
+            for coordinate in term.coordinates(self.summary):
                 low.append(coordinate.low)
                 high.append(coordinate.high)
             places[term.slug] = slice(begin, len(low))
@@ -221,18 +226,18 @@ class Evaluator:
 
     def block_losses(self, layout: CoordinateLayout, candidates: Floats) -> Floats:
         """(m, n_blocks) sums of the robust loss of candidates (m, size)."""
-        ask = RunRequest(layout, candidates)
-        self.answer([ask])
-        return ask.losses
+        request = RunRequest(layout, candidates)
+        self.answer([request])
+        return request.losses
 
     def answer(self, asks: Iterable[RunRequest]) -> None:
         """Run what is asked for: candidates that run alike side by side, whoever asks for them."""
-        alike = defaultdict(list)
-        for ask in asks:
-            ask.losses = np.empty((ask.candidates.shape[0], self.problem.n_blocks))
-            alike[ask.reads, ask.layout.kind].append(ask)
-        for (reads, _), group in alike.items():
-            for batch in batches([ask.candidates.shape[0] for ask in group]):
+        requests_of_layout = defaultdict(list)
+        for request in asks:
+            request.losses = np.empty((request.candidates.shape[0], self.problem.n_blocks))
+            requests_of_layout[request.reads, request.layout.kind].append(request)
+        for (reads, _), group in requests_of_layout.items():
+            for batch in batches([request.candidates.shape[0] for request in group]):
                 self._serve([(group[i], part) for i, part in batch], reads=reads)
 
     def _serve(self, parts: list[tuple[RunRequest, slice]], *, reads: bool) -> None:
@@ -241,11 +246,11 @@ class Evaluator:
         runs = self._first(ends[-1])
         if not reads:
             runs = RunResults(_NOTHING, _NOTHING, runs.losses)
-        pieces = [(ask.layout, ask.candidates[part]) for ask, part in parts]
+        pieces = [(request.layout, request.candidates[part]) for request, part in parts]
         self._follow(pieces, self.marks, self.window, runs)
-        for (ask, part), (begin, end) in zip(parts, pairwise([0, *ends]), strict=True):
+        for (request, part), (begin, end) in zip(parts, pairwise([0, *ends]), strict=True):
             early_late, losses = runs.early_late[begin:end], runs.losses[begin:end]
-            ask.take(part, RunResults(runs.simulated, early_late, losses, begin))
+            request.take(part, RunResults(runs.simulated, early_late, losses, begin))
 
     def loss(self, layout: CoordinateLayout, blocks: Bools) -> Loss:
         """The mean robust loss over some blocks as a function of candidates."""
@@ -269,8 +274,8 @@ class Evaluator:
 
     def residual(self, simulated: Floats) -> Floats:
         """(n,) how far a run lies from what was recorded, less what the archive leaves open."""
-        off = self.problem.mv - simulated
-        return np.asarray(off - np.clip(off, -self.slack, self.slack))
+        difference = self.problem.mv - simulated
+        return np.asarray(difference - np.clip(difference, -self.slack, self.slack))
 
     @property
     def measured(self) -> Bools:
@@ -295,7 +300,7 @@ class Evaluator:
         """Run up to LANES candidates in all into ``runs``."""
         problem = self.problem
         rows = self._forces.of(
-            (layout.shaping, some[:, layout.of_force]) for layout, some in pieces
+            (layout.shaping, candidates[:, layout.of_force]) for layout, candidates in pieces
         )
         self._fill(pieces)
         follow(
@@ -313,7 +318,7 @@ class Evaluator:
         """The stems of the candidates."""
         base = np.concatenate([candidates[:, :N_BASE] for _, candidates in pieces])
         count = base.shape[0]
-        each, q = self._stems.each[:count], self._stems.numbers[:count]
+        stem_of_each, q = self._stems.each[:count], self._stems.numbers[:count]
         self._stems.clear(count)
         q[:, stem_number.S] = base[:, S_PERCENT]
         q[:, stem_number.J] = base[:, S_PERCENT] * base[:, RATIO]
@@ -322,8 +327,10 @@ class Evaluator:
         begin = 0
         for layout, candidates in pieces:
             end = begin + candidates.shape[0]
-            for term, place in layout.filling:
-                for stem, values in zip(each[begin:end], candidates[:, place], strict=True):
+            for term, coordinate_slice in layout.filling:
+                for stem, values in zip(
+                    stem_of_each[begin:end], candidates[:, coordinate_slice], strict=True
+                ):
                     term.fill(stem, values)
             begin = end
 
@@ -341,8 +348,8 @@ def _at_measured(marks: Marks, slack: Floats) -> Marks:
         return marks
     measured = np.flatnonzero(slack == 0.0)
     begins = np.flatnonzero(marks == RESYNC)
-    place = np.searchsorted(measured, begins - 1)
-    begins = measured[place[place < measured.size]] + 1
+    measured_index = np.searchsorted(measured, begins - 1)
+    begins = measured[measured_index[measured_index < measured.size]] + 1
     moved = np.where(marks == RESYNC, 0, marks).astype(marks.dtype)
     begins = begins[begins < marks.size]
     moved[begins[moved[begins] == 0]] = RESYNC
@@ -351,7 +358,7 @@ def _at_measured(marks: Marks, slack: Floats) -> Marks:
 
 def make_evaluator(
     problem: FitProblem,
-    look: Look,
+    summary: RecordingSummary,
     base_bounds: Bounds,
     delta: float,
     restick: float,
@@ -365,7 +372,7 @@ def make_evaluator(
     seen = onsets(problem.mv, usable, problem.sigma, problem.interval_s)
     return Evaluator(
         problem=problem,
-        look=look,
+        summary=summary,
         delta=delta,
         restick=restick,
         base_bounds=base_bounds,

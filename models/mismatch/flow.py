@@ -45,24 +45,24 @@ def as_position(recording: Recording) -> tuple[Recording, Characteristic] | None
     if mv is None or mv.unit == PERCENT or np.count_nonzero(recording.usable) < FEWEST:
         return None
     usable = recording.usable
-    op = _held(recording.op.values, recording.op.usable)
+    op = _hold_unusable(recording.op.values, recording.op.usable)
     flow = mv.values
     best, curve = np.inf, None
     for band, delay, lag in product(BANDS, DELAYS, LAGS):
         stem = _follow(op, band, delay, lag, recording.interval_s)
-        left, trial = _curve(stem[usable], flow[usable])
-        if left < best:
-            best, curve = left, trial
+        squares_left, trial = _curve(stem[usable], flow[usable])
+        if squares_left < best:
+            best, curve = squares_left, trial
     if curve is None or curve.share < GOES_WITH:
         return None
-    position, tells = _backwards(curve, flow)
-    quality = np.where(tells, mv.quality, np.uint8(Quality.BAD)).astype(np.uint8)
+    position, is_informative = _backwards(curve, flow)
+    quality = np.where(is_informative, mv.quality, np.uint8(Quality.BAD)).astype(np.uint8)
     signal = replace(mv, values=position, quality=quality, unit=PERCENT)
     signals = {**recording.signals, Role.MV: signal}
     return replace(recording, signals=signals), curve
 
 
-def _held(values: Floats, usable: NDArray[np.bool_]) -> Floats:
+def _hold_unusable(values: Floats, usable: NDArray[np.bool_]) -> Floats:
     """The last usable value in place of an unusable one."""
     index = np.where(usable, np.arange(values.size), -1)
     index = np.maximum.accumulate(index)
@@ -92,22 +92,22 @@ def _curve(stem: Floats, flow: Floats) -> tuple[float, Characteristic]:
     order = np.argsort(stem, kind="stable")
     x, y = stem[order], flow[order]
     fitted = isotonic_regression(y).x
-    left = float(np.sum((y - fitted) ** 2))
+    squares_left = float(np.sum((y - fitted) ** 2))
     total = float(np.sum((y - y.mean()) ** 2))
     knots = np.linspace(x[0], x[-1], KNOTS)
     smooth = np.interp(knots, x, fitted)
-    share = 1.0 - left / total if total > 0.0 else 0.0
-    return left, Characteristic(place=knots, flow=smooth, share=share)
+    share = 1.0 - squares_left / total if total > 0.0 else 0.0
+    return squares_left, Characteristic(place=knots, flow=smooth, share=share)
 
 
 def _backwards(curve: Characteristic, flow: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """(n,) the place on the curve at which each flow lies, and where that tells anything."""
     slope = np.gradient(curve.flow, curve.place)
-    usual = float(np.median(slope[slope > 0.0])) if np.any(slope > 0.0) else 0.0
-    steep = slope > FLAT * usual
+    usual_slope = float(np.median(slope[slope > 0.0])) if np.any(slope > 0.0) else 0.0
+    steep = slope > FLAT * usual_slope
     # A curve that rises a little everywhere can be read backwards.
     rising = curve.flow + 1e-9 * np.arange(curve.flow.size) * max(float(np.ptp(curve.flow)), 1e-9)
     position = np.interp(flow, rising, curve.place)
-    tells = np.interp(position, curve.place, steep.astype(np.float64)) > 0.5
-    inside = (flow > rising[0]) & (flow < rising[-1])
-    return position, np.asarray(tells & inside & np.isfinite(flow))
+    is_steep = np.interp(position, curve.place, steep.astype(np.float64)) > 0.5
+    in_range = (flow > rising[0]) & (flow < rising[-1])
+    return position, np.asarray(is_steep & in_range & np.isfinite(flow))

@@ -62,36 +62,36 @@ class ForceBalance:
 def force_balance(problem: FitProblem) -> ForceBalance | None:
     """The balance of the drive, or ``None`` where the recording shows none."""
     seen = _resolved(problem, RUN_UPS_TO_SEE)
-    found = _resolved(problem, RUN_UPS) if seen is not None and seen.tells() else None
-    if found is None:
+    resolved = _resolved(problem, RUN_UPS) if seen is not None and seen.tells() else None
+    if resolved is None:
         return None
     dt = problem.interval_s
-    zero, *load, friction, lag, _ = found.coefficients.tolist()
+    zero, *load, friction, lag, _ = resolved.coefficients.tolist()
     return ForceBalance(
         S=max(2.0 * float(friction), 0.0),
-        S_drawn=np.maximum(2.0 * found.drawn()[:, FRICTION], 0.0),
+        S_drawn=np.maximum(2.0 * resolved.drawn()[:, FRICTION], 0.0),
         zero=-float(zero),
         load=np.array(load),
         lag_s=float(lag) * dt,
-        run_up_s=found.run_up * dt,
-        top_speed=found.top_speed / dt,
-        left=found.left,
+        run_up_s=resolved.run_up * dt,
+        top_speed=resolved.top_speed / dt,
+        left=resolved.left,
     )
 
 
 def _resolved(problem: FitProblem, run_ups: float) -> _Regression | None:
     """The regression by a low pass over so many run-ups, which it finds itself; ``None`` where the
     stem hardly moves, or shows no inertia."""
-    window, found = FIRST_WINDOW, None
+    window, regression = FIRST_WINDOW, None
     for _ in range(ROUNDS):
-        found = _Regression.of(problem, window)
-        if found is None or not found.run_up > 0.0:
+        regression = _Regression.of(problem, window)
+        if regression is None or not regression.run_up > 0.0:
             return None
-        wanted = int(np.clip(round(run_ups * found.run_up), SHORTEST, LONGEST)) | 1
-        if abs(wanted - window) <= 2:
+        wanted_window = int(np.clip(round(run_ups * regression.run_up), SHORTEST, LONGEST)) | 1
+        if abs(wanted_window - window) <= 2:
             break
-        window = wanted
-    return found
+        window = wanted_window
+    return regression
 
 
 @dataclass(frozen=True)
@@ -112,18 +112,31 @@ class _Regression:
     @classmethod
     def of(cls, problem: FitProblem, window: int) -> _Regression | None:
         """By a low pass of ``window`` samples; ``None`` for too little motion."""
-        rows, off, block = _rows(problem, window)
-        if off.size < FEWEST:
+        rows, residuals, block = _rows(problem, window)
+        if residuals.size < FEWEST:
             return None
         speeds = np.abs(rows[:, SPEED])
         typical = float(np.median(speeds))
         if typical <= 0.0:
             return None
         rows[:, FRICTION] = np.tanh(rows[:, SPEED] / (SLOW * typical))
-        coefficients, weight, left = _robust(rows, off)
-        _, _, left_massless = _robust(rows[:, :INERTIA], off)
-        spread, top_speed = _spread(off - np.median(off)), float(np.percentile(speeds, 99.5))
-        return cls(coefficients, spread, left, left_massless, top_speed, rows, off, weight, block)
+        coefficients, weight, spread_left = _robust(rows, residuals)
+        _, _, left_massless = _robust(rows[:, :INERTIA], residuals)
+        spread, top_speed = (
+            _spread(residuals - np.median(residuals)),
+            float(np.percentile(speeds, 99.5)),
+        )
+        return cls(
+            coefficients,
+            spread,
+            spread_left,
+            left_massless,
+            top_speed,
+            rows,
+            residuals,
+            weight,
+            block,
+        )
 
     @property
     def run_up(self) -> float:
@@ -141,17 +154,17 @@ class _Regression:
 
     def drawn(self) -> Floats:
         """(REPLICATES, 7) what the coefficients could have been, by the blocks of time. Seeded."""
-        numbers, place = np.unique(self.block, return_inverse=True)
-        counts = np.bincount(place).astype(np.float64)
+        numbers, block_index = np.unique(self.block, return_inverse=True)
+        counts = np.bincount(block_index).astype(np.float64)
         squares, sums = np.empty((numbers.size, 7, 7)), np.empty((numbers.size, 7))
         for i in range(numbers.size):
-            rows, weighted = self.rows[place == i], self.weight[place == i]
+            rows, weighted = self.rows[block_index == i], self.weight[block_index == i]
             squares[i] = (rows * weighted[:, None]).T @ rows
-            sums[i] = (rows * weighted[:, None]).T @ self.off[place == i]
+            sums[i] = (rows * weighted[:, None]).T @ self.off[block_index == i]
         times = block_weights(counts, REPLICATES, np.random.default_rng(13))
         ridge = 1e-9 * np.einsum("bii->i", squares) * np.eye(7)
-        left = np.einsum("rb,bij->rij", times, squares) + ridge
-        return np.linalg.solve(left, (times @ sums)[:, :, None])[:, :, 0]
+        normal_matrices = np.einsum("rb,bij->rij", times, squares) + ridge
+        return np.linalg.solve(normal_matrices, (times @ sums)[:, :, None])[:, :, 0]
 
 
 def _rows(problem: FitProblem, window: int) -> tuple[Floats, Floats, NDArray[np.int64]]:
@@ -161,7 +174,7 @@ def _rows(problem: FitProblem, window: int) -> tuple[Floats, Floats, NDArray[np.
 
     begins = np.flatnonzero(problem.start == START)
     ends = np.append(begins[1:], problem.op.size)
-    rows, off, block = [np.empty((0, 7))], [np.empty(0)], [np.empty(0, dtype=np.int64)]
+    rows, off_values, block = [np.empty((0, 7))], [np.empty(0)], [np.empty(0, dtype=np.int64)]
     for begin, end in zip(begins, ends, strict=True):
         if end - begin < 2 * window:
             continue
@@ -171,9 +184,9 @@ def _rows(problem: FitProblem, window: int) -> tuple[Floats, Floats, NDArray[np.
         table = np.stack((np.ones_like(x), z, z**2, z**3, np.zeros_like(x), v, a), axis=1)
         scored = problem.scored[begin:end]
         rows.append(table[scored])
-        off.append((problem.op[begin:end] - x)[scored])
+        off_values.append((problem.op[begin:end] - x)[scored])
         block.append(problem.block[begin:end][scored])
-    return np.vstack(rows), np.concatenate(off), np.concatenate(block)
+    return np.vstack(rows), np.concatenate(off_values), np.concatenate(block)
 
 
 def parabolas(values: Floats, window: int) -> Floats:
@@ -186,34 +199,36 @@ def parabolas(values: Floats, window: int) -> Floats:
     """
     from scipy.ndimage import convolve1d
 
-    half, at = window // 2, np.arange(float(window))
-    powers = (half - at) ** np.arange(3.0)[:, None]
-    enough = np.finfo(np.float64).eps * window
+    half, sample_times = window // 2, np.arange(float(window))
+    powers = (half - sample_times) ** np.arange(3.0)[:, None]
+    tolerance = np.finfo(np.float64).eps * window
     passed = np.empty((3, values.size))
-    first, last = (np.polyfit(at, ends, 2) for ends in (values[:window], values[-window:]))
-    for order, wanted in enumerate(np.diag((1.0, 1.0, 2.0))):
-        weights = np.linalg.lstsq(powers, wanted, rcond=enough)[0]
+    first, last = (
+        np.polyfit(sample_times, ends, 2) for ends in (values[:window], values[-window:])
+    )
+    for order, wanted_moments in enumerate(np.diag((1.0, 1.0, 2.0))):
+        weights = np.linalg.lstsq(powers, wanted_moments, rcond=tolerance)[0]
         passed[order] = convolve1d(values, weights, mode="constant")
-        passed[order, :half] = np.polyval(first, at[:half])
-        passed[order, -half:] = np.polyval(last, at[-half:])
+        passed[order, :half] = np.polyval(first, sample_times[:half])
+        passed[order, -half:] = np.polyval(last, sample_times[-half:])
         first, last = np.polyder(first), np.polyder(last)
     return passed
 
 
-def _robust(rows: Floats, off: Floats) -> tuple[Floats, Floats, float]:
+def _robust(rows: Floats, targets: Floats) -> tuple[Floats, Floats, float]:
     """Least squares with the weights of Cauchy's loss: coefficients (k,), weights, and the spread
     that is left."""
-    weight: Floats = np.ones(off.size)
+    weight: Floats = np.ones(targets.size)
     coefficients: Floats = np.zeros(rows.shape[1])
-    left = 0.0
+    spread_left = 0.0
     for _ in range(REWEIGHTS):
         weighted = rows * weight[:, None]
-        solved = np.linalg.lstsq(weighted.T @ rows, weighted.T @ off, rcond=None)[0]
+        solved = np.linalg.lstsq(weighted.T @ rows, weighted.T @ targets, rcond=None)[0]
         coefficients = np.asarray(solved, dtype=np.float64)
-        residual = off - rows @ coefficients
-        left = max(_spread(residual), 1e-6)
-        weight = np.asarray(1.0 / (1.0 + (residual / (2.0 * left)) ** 2))
-    return coefficients, weight, left
+        residual = targets - rows @ coefficients
+        spread_left = max(_spread(residual), 1e-6)
+        weight = np.asarray(1.0 / (1.0 + (residual / (2.0 * spread_left)) ** 2))
+    return coefficients, weight, spread_left
 
 
 def _spread(residual: Floats) -> float:

@@ -45,23 +45,24 @@ class Forces:
         """Room for ``rows`` forces."""
         return cls(op, start, interval_s, np.empty((rows, op.size)), np.empty(op.size))
 
-    def of(self, wanted: Iterable[tuple[Shaping, Floats]]) -> Samples:
-        """(m,) the row of each candidate's force: ``wanted`` are candidates that are shaped alike,
-        each kind with its coordinates (candidates, k). No more in all than there are rows."""
-        asked: list[_Key] = []
+    def of(self, shapings: Iterable[tuple[Shaping, Floats]]) -> Samples:
+        """(m,) the row of each candidate's force: ``shapings`` are candidates that are shaped
+        alike, each kind with its coordinates (candidates, k). No more in all than there are
+        rows."""
+        keys: list[_Key] = []
         making: dict[_Key, tuple[Shaping, Floats]] = {}
-        for shaping, values in wanted:
+        for shaping, values in shapings:
             data, size = values.tobytes(), values.shape[1] * values.itemsize
             for i, row in enumerate(values):
                 key = shaping.slugs, data[i * size : (i + 1) * size]
-                asked.append(key)
+                keys.append(key)
                 if key not in self._made:
                     making[key] = shaping, row
         if making:
-            in_use = set(asked)
+            in_use = set(keys)
             for key, (shaping, row) in making.items():
                 self._made[key] = self._make(self._room(in_use), shaping.terms, row)
-        return np.array([self._made[key] for key in asked])
+        return np.array([self._made[key] for key in keys])
 
     def _room(self, in_use: set[_Key]) -> int:
         """A row that is free, or the oldest that is not in use."""
@@ -76,7 +77,7 @@ class Forces:
         if len(terms) % 2:
             p, spare = spare, p
         delayed(self.op, self.start, values[0] / self.interval_s, p)
-        for term, place in terms:
-            term.shape(p, self.start, self.interval_s, values[place], spare)
+        for term, coordinate_slice in terms:
+            term.shape(p, self.start, self.interval_s, values[coordinate_slice], spare)
             p, spare = spare, p
         return row

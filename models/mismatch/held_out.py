@@ -60,9 +60,9 @@ def show(
     """
     problem = evaluator.problem
     train = problem.training_blocks()
-    plain = naive_evaluator(evaluator)
-    simple = conclude(plain, fit_naive(plain, train))
-    naive = plain.simulate(naive_layout(plain), simple)
+    naive_only = naive_evaluator(evaluator)
+    simple = conclude(naive_only, fit_naive(naive_only, train))
+    naive = naive_only.simulate(naive_layout(naive_only), simple)
     if starts is None:
         trained = conclude(evaluator, _trained(evaluator, layout, terms, train))
     else:
@@ -93,14 +93,14 @@ def _trained(
     """The extended model fitted to the first part: from a grid of S and J on, term after term, as
     it was found, but from no number that has seen the rest."""
     base = evaluator.layout(TermSet())
-    starts = np.vstack((_few(evaluator), beyond_command(evaluator.look, 0.0)))
+    starts = np.vstack((_few_candidates(evaluator), beyond_command(evaluator.summary, 0.0)))
     fit = yield from search(evaluator, base, train, base.bounds.clip(starts), CAREFUL)
     fitted = _on_both(base, fit.candidate)
     for term in terms:
         rich = fitted.layout.hypothesis.plus(term)
         S = float(fit.candidate[base_coordinate.S_PERCENT])
-        begun = beginnings(term, S, S * float(fit.candidate[base_coordinate.RATIO]))
-        starts = widened(evaluator, rich, fitted, term, begun)
+        beginning = beginnings(term, S, S * float(fit.candidate[base_coordinate.RATIO]))
+        starts = widened(evaluator, rich, fitted, term, beginning)
         fit = yield from search(evaluator, evaluator.layout(rich), train, starts, CAREFUL)
         fitted = _on_both(evaluator.layout(rich), fit.candidate)
     start = layout.bounds.clip(fit.candidate[None, :])  # a gain that is no finding is held at 1
@@ -131,17 +131,17 @@ def _running_free(
         size = float(trained[layout.places[term.slug]][0])
         for start in beginnings(term, S, J):
             row = trained.copy()
-            less = max(start.S - start.S_less * size, 0.3 * start.S)
-            jump = min(max(start.J - start.J_less * size, 0.0), less)
-            row[base_coordinate.S_PERCENT] = less
-            row[base_coordinate.RATIO] = jump / max(less, 1e-6)
+            lower_S = max(start.S - start.S_less * size, 0.3 * start.S)
+            jump = min(max(start.J - start.J_less * size, 0.0), lower_S)
+            row[base_coordinate.S_PERCENT] = lower_S
+            row[base_coordinate.RATIO] = jump / max(lower_S, 1e-6)
             rows.append(row)
     free = replace(evaluator, window=0.0)
     starts = layout.bounds.clip(np.vstack(rows))
     for _ in range(2):  # as the naive model is fitted
-        found = conclude(free, search(free, layout, train, starts, NAIVE)).candidate
-        starts = found[None, :]
-    return found
+        best = conclude(free, search(free, layout, train, starts, NAIVE)).candidate
+        starts = best[None, :]
+    return best
 
 
 def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:
@@ -149,9 +149,9 @@ def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:
     return Fitted(layout, np.vstack((candidate, candidate)), np.empty((2, 0)))
 
 
-def _few(evaluator: Evaluator) -> Floats:
+def _few_candidates(evaluator: Evaluator) -> Floats:
     """(m, 6) S and J from a coarse grid."""
-    widths = max(1.2 * evaluator.look.swing, 2.0) * np.linspace(0.02, 1.0, 14) ** 1.8
+    widths = max(1.2 * evaluator.summary.swing, 2.0) * np.linspace(0.02, 1.0, 14) ** 1.8
     parts = np.array(np.meshgrid(widths, (0.0, 0.3, 0.6, 0.9), indexing="ij")).reshape(2, -1).T
     rows = np.zeros((parts.shape[0], base_coordinate.N_BASE))
     rows[:, [base_coordinate.S_PERCENT, base_coordinate.RATIO]] = parts
@@ -197,12 +197,12 @@ def _interval(
     naive: Floats, extended: Floats, mv: Floats, block: NDArray[np.int64]
 ) -> tuple[float, float]:
     """95 % interval of the difference of the fits, in percent, by drawing blocks of time."""
-    numbers, place = np.unique(block, return_inverse=True)
+    numbers, block_index = np.unique(block, return_inverse=True)
     centred = (mv - mv.mean()) ** 2
     squares = (naive**2, extended**2, centred)
-    sums = np.array([np.bincount(place, weights=w, minlength=numbers.size) for w in squares])
+    sums = np.array([np.bincount(block_index, weights=w, minlength=numbers.size) for w in squares])
     rng = np.random.default_rng(5)
-    weights = block_weights(np.bincount(place), REPLICATES, rng)
+    weights = block_weights(np.bincount(block_index), REPLICATES, rng)
     before, after, spread = np.sqrt(np.maximum(sums @ weights.T, 1e-12))
     low, high = np.percentile(100.0 * (before - after) / spread, COVERAGE)
     return float(low), float(high)

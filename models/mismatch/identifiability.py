@@ -114,8 +114,8 @@ def correlation_of_steps(op: Floats) -> float:
 
 def _restarts(simulated: Floats, ends: NDArray[np.int64], lengths: NDArray[np.int64]) -> int:
     """Rests of the simulated stem after which it goes on the way it came."""
-    way = np.sign(np.diff(simulated, prepend=simulated[:1]))
-    return int(np.sum(way[np.maximum(ends - lengths - 1, 0)] * way[ends] > 0.0))
+    directions = np.sign(np.diff(simulated, prepend=simulated[:1]))
+    return int(np.sum(directions[np.maximum(ends - lengths - 1, 0)] * directions[ends] > 0.0))
 
 
 def _further_jumps(mv: Floats, jumps: Jumps, sigma: float) -> int:
@@ -132,9 +132,9 @@ def _moves(mv: Floats, simulated: Floats, sigma: float) -> tuple[int, int]:
     for stem, noise in ((mv, sigma), (simulated, 0.0)):
         turns = reversals(stem, max(8.0 * noise, 0.3))
         points = stem[np.concatenate(([0], turns, [stem.size - 1]))]
-        way = np.diff(points)
-        large = np.abs(way) >= max(8.0 * noise, 0.3)
-        counts.append((int(np.sum(large & (way > 0.0))), int(np.sum(large & (way < 0.0)))))
+        steps = np.diff(points)
+        large = np.abs(steps) >= max(8.0 * noise, 0.3)
+        counts.append((int(np.sum(large & (steps > 0.0))), int(np.sum(large & (steps < 0.0)))))
     return max(c[0] for c in counts), max(c[1] for c in counts)
 
 
@@ -178,14 +178,14 @@ def _at_end(op: Floats, mv: Floats, sigma: float, S: float, J: float) -> bool:
     Friction holds the stem up to ``(S + J)/2`` from its command. A fit that took a stop for
     friction has too large an S, so what OP - MV reaches elsewhere counts where it is smaller.
     """
-    near = mv >= float(np.percentile(mv, 99.5)) - max(4.0 * sigma, 0.3)
-    if np.count_nonzero(near) < 10 or np.all(near):
+    near_end = mv >= float(np.percentile(mv, 99.5)) - max(4.0 * sigma, 0.3)
+    if np.count_nonzero(near_end) < 10 or np.all(near_end):
         return False
-    beyond = float(np.percentile((op - mv)[near], 98.0))
+    beyond_end = float(np.percentile((op - mv)[near_end], 98.0))
     # The stem's own band about the command, without what a shifted reading adds to both sides.
-    low, high = np.percentile((op - mv)[~near], (5.0, 95.0))
+    low, high = np.percentile((op - mv)[~near_end], (5.0, 95.0))
     centre, half = 0.5 * (low + high), 0.5 * float(high - low)
-    return bool(beyond - centre > min(0.5 * (S + J), half) + max(3.0 * sigma, 0.15))
+    return bool(beyond_end - centre > min(0.5 * (S + J), half) + max(3.0 * sigma, 0.15))
 
 
 PHYSICS = (
@@ -317,17 +317,20 @@ def _untested_moves(seen: Exercised) -> Refusals:
         for slug in (*_QUICK_EFFECTS, "zero_shift", "lost_motion", "low_speed_restick"):
             yield slug, reason
     if min(up, down) < 1:
-        way = "rose" if up < down else "fell"
-        reason = f"the stem {way} only {times(min(up, down))}, so its directions cannot be compared"
+        moved_way = "rose" if up < down else "fell"
+        reason = (
+            f"the stem {moved_way} only {times(min(up, down))}, so its directions cannot be "
+            "compared"
+        )
         yield from ((slug, reason) for slug in ("asymmetric_lag", "asymmetric_rate_limit"))
 
 
 def _speeds(seen: Exercised) -> Refusals:
     """Effects that need quick moves or large openings of the command."""
     up, down = seen.quick
-    quick, over = rate(QUICK_PERCENT_PER_S, seen.unit_s, "g"), duration(QUICK_S, seen.unit_s)
+    quick, over_time = rate(QUICK_PERCENT_PER_S, seen.unit_s, "g"), duration(QUICK_S, seen.unit_s)
     reason = (
-        f"OP moved faster than {quick} over {over} only {times(up + down)}; a "
+        f"OP moved faster than {quick} over {over_time} only {times(up + down)}; a "
         "slower command never meets the valve's top speed"
     )
     if up + down < LEAST_QUICK:

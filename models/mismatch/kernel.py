@@ -88,15 +88,15 @@ _PARTS = 4  # of a sample, in which a stem with inertia is moved
 
 
 @njit(cache=True)
-def _at(tables: Floats, lane: int, x: float) -> float:
+def _table_value(tables: Floats, lane: int, x: float) -> float:
     """The table of ``lane`` at place ``x``, linear between its entries and constant beyond."""
-    place = (x - stem_number.PLACE_LOW) * (
+    table_place = (x - stem_number.PLACE_LOW) * (
         (stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW)
     )
-    place = min(max(place, 0.0), stem_number.PLACES - 1.000001)
-    i = int(place)
-    here, there = tables[lane, i], tables[lane, i + 1]
-    value: float = here + (place - i) * (there - here)
+    table_place = min(max(table_place, 0.0), stem_number.PLACES - 1.000001)
+    i = int(table_place)
+    value_here, value_next = tables[lane, i], tables[lane, i + 1]
+    value: float = value_here + (table_place - i) * (value_next - value_here)
     return value
 
 
@@ -118,9 +118,9 @@ def _reading(z: float, gain: float, offset: float, drift: float, wander: float, 
 
 
 @njit(cache=True)
-def _cost(off: float, slack: float, scale: float) -> float:
-    """The factor 1 + (r/delta)^2 of a sample that is ``off`` percent; ``scale`` is 1/delta^2."""
-    r = abs(off) - slack
+def _cost(residual: float, slack: float, scale: float) -> float:
+    """The factor 1 + (r/delta)^2 of a ``residual`` in percent; ``scale`` is 1/delta^2."""
+    r = abs(residual) - slack
     r = r if r > 0.0 else 0.0
     return 1.0 + r * r * scale
 
@@ -187,7 +187,7 @@ def _move(
     s: Floats,
     forces: Floats,
     lanes: np.uint64,
-    near: tuple[float, float],
+    near_onset: tuple[float, float],
     mv: Floats,
     slack: Floats,
     scale: float,
@@ -197,11 +197,11 @@ def _move(
     """Some samples of every lane: stick, let go, slide, be read and charged.
 
     ``forces`` (_AHEAD lanes,) are laid out by lane, and each is written over by what is read; a
-    stuck stem lets go beyond ``near`` times ``fs``, rising and falling. With a ``scale`` of 0
+    stuck stem lets go beyond ``near_onset`` times ``fs``, rising and falling. With a ``scale`` of 0
     nothing is charged. Returns where it stopped, at ``end`` or before because products are full,
     and how many are.
     """
-    near_up, near_down = near
+    near_up, near_down = near_onset
     k, full, half_way = begin, 0, 0.5 * mv.size
     while k < end and full == 0:
         o, t = _U(k % _AHEAD) * lanes, k - half_way
@@ -231,17 +231,17 @@ def _move(
             gap = gap if gap > 0.0 else 0.0  # friction never pushes the stem back
             moving = moving if moving > 0.0 else goes
             slid, crept = x + share * d * gap, x + step
-            placed = slid if moving > 0.0 else crept
-            s[_BEFORE + i] = f + x - placed
-            placed = placed if placed > low else low
-            placed = placed if placed < high else high
-            behind, ahead = placed - half, placed + half
+            new_place = slid if moving > 0.0 else crept
+            s[_BEFORE + i] = f + x - new_place
+            new_place = new_place if new_place > low else low
+            new_place = new_place if new_place < high else high
+            behind, ahead = new_place - half, new_place + half
             z = z if z > behind else behind
             z = z if z < ahead else ahead
             read = _reading(z, gain, offset, drift, wander, t)
             product *= _cost(seen - read, free, scale)
             forces[o + i] = read
-            s[_X + i], s[_Z + i], s[_SIDE + i], s[_MOVING + i] = placed, z, d, moving
+            s[_X + i], s[_Z + i], s[_SIDE + i], s[_MOVING + i] = new_place, z, d, moving
             s[_PRODUCT + i] = product
             full += 1 if product > _FULL else 0
         k += 1
@@ -250,7 +250,7 @@ def _move(
 
 @njit(cache=True)
 def _move_heavy(
-    s: Floats, numbers: Floats, forces: Floats, near: tuple[float, float], dt: float
+    s: Floats, numbers: Floats, forces: Floats, near_onset: tuple[float, float], dt: float
 ) -> None:
     """One sample of the lanes whose stem has inertia, before ``_move`` reads and charges it.
 
@@ -267,22 +267,22 @@ def _move_heavy(
         drag, top = q[stem_number.DRAG_S], q[stem_number.TOP_SPEED]
         inertia = drag * q[stem_number.RUN_UP_S] / h
         x, d, w = s[_X + i], s[_SIDE + i], s[_SPEED + i]
-        force, left = forces[i] - s[_PUSHED + i], 0.0
+        force, force_left = forces[i] - s[_PUSHED + i], 0.0
         for part in range(_PARTS):
             f = force - x
             if w <= 0.0:
-                up, down = f > near[0] * s[_FS_UP + i], -f > near[1] * s[_FS_DOWN + i]
+                up, down = f > near_onset[0] * s[_FS_UP + i], -f > near_onset[1] * s[_FS_DOWN + i]
                 if not (up or down):
                     break
                 d = 1.0 if up else -1.0
-                left = f if part == 0 else left
+                force_left = f if part == 0 else force_left
             gap = d * f - (s[_FD_UP + i] if d > 0.0 else s[_FD_DOWN + i])
             w = min(max((inertia * w + gap) / (inertia + drag + h), 0.0), top)
             x += d * w * h
         stopped = min(max(x, s[_LOW + i]), s[_HIGH + i])
         s[_SPEED + i] = w if stopped == x else 0.0
         s[_X + i], s[_SIDE + i], s[_MOVING + i] = stopped, d, 0.0
-        s[_HAS_LEFT + i], s[_WAS_AT + i] = left, force - stopped
+        s[_HAS_LEFT + i], s[_WAS_AT + i] = force_left, force - stopped
         forces[i] = stopped + s[_PUSHED + i]
 
 
@@ -298,7 +298,7 @@ def _after_heavy(s: Floats, numbers: Floats) -> None:
 
 
 @njit(cache=True)
-def _near(onset: int, k: int, n: int, window: float, patience: int) -> float:
+def _share_near_onset(onset: int, k: int, n: int, window: float, patience: int) -> float:
     """The share of ``fs`` beyond which a stem lets go that was next seen to do so at ``onset``."""
     if window <= 0.0 or onset >= n:
         return 1.0
@@ -316,11 +316,11 @@ def _early_late(s: Floats, i: np.uint64, before: float, up: bool, down: bool) ->
     """
     size, fs_up, fs_down = s[_LEAVES + i], s[_FS_UP + i], s[_FS_DOWN + i]
     side, fs = (1.0, fs_up) if size > 0.0 else (-1.0, fs_down)
-    size, off = abs(size), 0.0
+    size, distance = abs(size), 0.0
     if size > 0.0 and (up if side > 0.0 else down):
         late = min(side * before, size) - fs if side * before > fs else 0.0
-        off = size - fs if size < fs else late
-    return off
+        distance = size - fs if size < fs else late
+    return distance
 
 
 @njit(cache=True)
@@ -331,8 +331,8 @@ def _look_up(s: Floats, numbers: Floats, friction: Floats, force: Floats) -> Non
         x = s[_X + i]
         if x != s[_LOOKED_UP + i] and numbers[lane, stem_number.BY_PLACE] != 0.0:
             s[_LOOKED_UP + i] = x
-            s[_FRICTION + i] = _at(friction, lane, x)
-            s[_PUSHED + i] = _at(force, lane, x)
+            s[_FRICTION + i] = _table_value(friction, lane, x)
+            s[_PUSHED + i] = _table_value(force, lane, x)
 
 
 @njit(cache=True)
@@ -348,25 +348,27 @@ def _rise(s: Floats, numbers: Floats, breakaway: Floats) -> None:
 
 
 @njit(cache=True)
-def _start(s: Floats, lanes: int, t: float, seen: tuple[float, float, float], laid: Floats) -> int:
+def _start(
+    s: Floats, lanes: int, t: float, seen: tuple[float, float, float], laid_force: Floats
+) -> int:
     """Read and charge all lanes at a START, where nothing moves; how many products are full.
 
-    ``seen`` are MV, its slack and the scale of the loss; what is read goes to ``laid``.
+    ``seen`` are MV, its slack and the scale of the loss; what is read goes to ``laid_force``.
     """
     full, (measured, free, scale) = 0, seen
     for i in range(_U(lanes)):
-        laid[i] = _reading(
+        laid_force[i] = _reading(
             s[_Z + i], s[_SPAN + i], s[_OFFSET + i], s[_DRIFTS + i], s[_WANDER + i], t
         )
-        s[_PRODUCT + i] *= _cost(measured - laid[i], free, scale)
+        s[_PRODUCT + i] *= _cost(measured - laid_force[i], free, scale)
         full += 1 if s[_PRODUCT + i] > _FULL else 0
     return full
 
 
 @njit(cache=True)
-def _plain(
+def _end_of_alike(
     k: int,
-    most: int,
+    last_sample: int,
     marks: NDArray[np.uint8],
     block: NDArray[np.int64],
     up: int,
@@ -374,7 +376,7 @@ def _plain(
     patience: int,
 ) -> int:
     """The end of the samples from ``k`` on that are alike: of one block, no mark, no onset."""
-    end = min(most, up if up <= k + patience else up - patience)
+    end = min(last_sample, up if up <= k + patience else up - patience)
     end = min(end, down if down <= k + patience else down - patience)
     end, last, b = max(end, k + 1), k + 1, block[k]
     while last < end:
@@ -399,23 +401,25 @@ def _settle(s: Floats, lanes: int, b: int, least: float, scale: float, losses: F
 
 
 @njit(cache=True)
-def _lay_out(force: Floats, rows: NDArray[np.int64], begin: int, lanes: int, to: Floats) -> None:
+def _lay_out(
+    force: Floats, rows: NDArray[np.int64], begin: int, lanes: int, target: Floats
+) -> None:
     """The next forces lane by lane, those of spare lanes as of the last candidate."""
     end = min(begin + _AHEAD, force.shape[1])
     for lane in range(lanes):
-        row, place = _U(rows[min(lane, rows.size - 1)]), _U(lane)
+        row, target_place = _U(rows[min(lane, rows.size - 1)]), _U(lane)
         for k in range(_U(begin), _U(end)):
-            to[place] = force[row, k]
-            place += _U(lanes)
+            target[target_place] = force[row, k]
+            target_place += _U(lanes)
 
 
 @njit(cache=True)
-def _keep(laid: Floats, end: int, lanes: int, out: Floats) -> None:
+def _keep(laid_out: Floats, end: int, lanes: int, out: Floats) -> None:
     """The readings laid out before ``end`` into ``out`` (n, m)."""
     begin = max(end - 1, 0) // _AHEAD * _AHEAD
     for k in range(begin, min(end, out.shape[0])):
         for lane in range(out.shape[1]):
-            out[k, lane] = laid[(k - begin) * lanes + lane]
+            out[k, lane] = laid_out[(k - begin) * lanes + lane]
 
 
 @njit(cache=True, error_model="numpy")  # one that may raise counts its arrays at each call
@@ -426,7 +430,7 @@ def _wander_and_rest(
     seen: tuple[float, float, int],
     k: int,
     t: float,
-    laid: Floats,
+    laid_out: Floats,
 ) -> None:
     """Before sample ``k``: how far readings wander, and at a mark where stems rest, which is where
     they were ``seen`` (MV, MV one sample ago, and the mark), but within the band of their force."""
@@ -442,8 +446,8 @@ def _wander_and_rest(
         z, half = ((now if start else ago) - offset) / s[_SPAN + i] + 50.0, s[_HALF + i]
         band = abs(s[_S_HALF + i] + s[_J_HALF + i]) * (1.0 + abs(s[_GROWN + i]) * k) + half
         if q[stem_number.BY_PLACE] != 0.0:
-            band += abs(_at(friction, lane, z)) + abs(_at(force, lane, z))
-        z = min(max(z, laid[lane] - band), laid[lane] + band)
+            band += abs(_table_value(friction, lane, z)) + abs(_table_value(force, lane, z))
+        z = min(max(z, laid_out[lane] - band), laid_out[lane] + band)
         # At a RESYNC it rests within the play of its reading.
         s[_X + i] = z if start else min(max(s[_X + i], z - half), z + half)
         s[_Z + i], s[_MOVING + i], s[_SPEED + i] = z, 0.0, 0.0
@@ -504,7 +508,7 @@ def follow(
     tabled = friction, pushing, breakaway, wander
     n, m, scale, patience = mv.size, rows.size, 1.0 / (delta * delta), int(_PATIENCE_S / dt)
     lanes = (m + _WIDTH - 1) // _WIDTH * _WIDTH
-    s, laid, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
+    s, laid_out, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
     varied, timed, heavy = used(numbers)
     weighty = numbers[: m if heavy else 0]
@@ -513,8 +517,8 @@ def follow(
     k, current, full = _I(0), _I(-1), _I(0)
     while k < n:
         if k % _AHEAD == 0:
-            _keep(laid, k, lanes, out)
-            _lay_out(force, rows, k, lanes, laid)
+            _keep(laid_out, k, lanes, out)
+            _lay_out(force, rows, k, lanes, laid_out)
         b, mark, t, o = block[k], marks[k], k - 0.5 * n, k % _AHEAD * lanes
         if b >= 0 and (b != current or full > 0):
             _settle(s, lanes, current, 0.0 if b != current else _FULL, scale, losses)
@@ -522,9 +526,9 @@ def follow(
         charged = scale if b >= 0 else 0.0
         if timed or mark != 0:
             seen = mv[k], mv[k - 1], int(mark)
-            _wander_and_rest(s, numbers, tabled, seen, k, t, laid[o:])
+            _wander_and_rest(s, numbers, tabled, seen, k, t, laid_out[o:])
         if mark == _START:
-            full += _start(s, m, t, (mv[k], slack[k], charged), laid[o:])
+            full += _start(s, m, t, (mv[k], slack[k], charged), laid_out[o:])
             early_late[:, k : k + 1] = 0.0
             k += 1
             continue
@@ -535,18 +539,21 @@ def follow(
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
         end = k + 1
         if not (up or down or mark != 0 or varied or timed or heavy):
-            most = min(n, k - k % _AHEAD + _AHEAD)
-            end = _plain(k, most, marks, block, next_up[k], next_down[k], patience)
-        near_up = _near(next_up[k], k, n, window, patience)
-        near = near_up, _near(next_down[k], k, n, window, patience)
+            last_sample = min(n, k - k % _AHEAD + _AHEAD)
+            end = _end_of_alike(k, last_sample, marks, block, next_up[k], next_down[k], patience)
+        near_up = _share_near_onset(next_up[k], k, n, window, patience)
+        near_onset = near_up, _share_near_onset(next_down[k], k, n, window, patience)
         for lane in range(m if up or down else 0):
             before[lane] = s[_BEFORE + _U(lane)]
-        _move_heavy(s, weighty, laid[o:], near, dt)
-        at, (k, more) = k, _move(s, laid, _U(lanes), near, mv, slack, charged, k, end)
-        full += more
+        _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
+        started_at, (k, charged_more) = (
+            k,
+            _move(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, end),
+        )
+        full += charged_more
         _after_heavy(s, weighty)
         if up or down:
             costs = scatter, event, scale
-            _charge_onsets(s, before, (up, down), costs, at, b, losses, early_late)
+            _charge_onsets(s, before, (up, down), costs, started_at, b, losses, early_late)
     _settle(s, lanes, current, 0.0, scale, losses)
-    _keep(laid, n, lanes, out)
+    _keep(laid_out, n, lanes, out)

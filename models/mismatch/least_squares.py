@@ -47,8 +47,8 @@ def descend(
     for _ in range(rounds):
         slopes = _Slopes(evaluator, layout, seen, best.candidate, free)
         yield [slopes]
-        here = float(evaluator.mean_loss(slopes.losses[:1], blocks)[0])
-        best = SearchResult(best.candidate, here)
+        current_loss = float(evaluator.mean_loss(slopes.losses[:1], blocks)[0])
+        best = SearchResult(best.candidate, current_loss)
         trial = RunRequest(
             layout, _trials(layout, best.candidate, slopes.normal, slopes.slope, free)
         )
@@ -109,8 +109,8 @@ def _residuals(
     for i in range(samples.size):
         k = samples[i]
         for j in range(rows.shape[0]):
-            off = mv[k] - simulated[k, first + j]
-            rows[j, i] = off - min(max(off, -slack[k]), slack[k])
+            residual = mv[k] - simulated[k, first + j]
+            rows[j, i] = residual - min(max(residual, -slack[k]), slack[k])
     for j in range(rows.shape[0]):
         for i in range(events.size):
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale

@@ -75,8 +75,10 @@ def locate(
         part_of_record(op.size, interval_s, unit_s),
     )
     facets = tuple(facet for facet in facets if facet.labels)
-    whole = Facet(WHOLE, ("all the time",), np.zeros(op.size, dtype=np.int64), ("All the time",))
-    (overall,) = cells_of(whole, block_sums(whole, residual, block, scored))
+    whole_facet = Facet(
+        WHOLE, ("all the time",), np.zeros(op.size, dtype=np.int64), ("All the time",)
+    )
+    (overall,) = cells_of(whole_facet, block_sums(whole_facet, residual, block, scored))
     cells = tuple(
         cell
         for facet in facets
@@ -106,7 +108,7 @@ def _hot_places(
     """
     places = []
     if _biased(overall, sigma):
-        places.append(_place(overall, "All the time"))
+        places.append(_hot_place(overall, "All the time"))
         residual = np.where(scored, residual - overall.mean, residual)
     candidates = [
         (facet, cell)
@@ -115,16 +117,16 @@ def _hot_places(
         if _hot(cell, sigma)
     ]
     candidates.sort(key=lambda candidate: -_strength(candidate[1]))
-    said = np.zeros(residual.size, dtype=bool)
+    already_said = np.zeros(residual.size, dtype=bool)
     energy = np.where(scored, residual**2, 0.0)
     for facet, cell in candidates:
         number = facet.labels.index(cell.label)
-        inside = facet.code == number
-        own = float(energy[inside].sum())
-        if float(energy[inside & ~said].sum()) < NEW_SHARE * own:
+        in_cell = facet.code == number
+        own_energy = float(energy[in_cell].sum())
+        if float(energy[in_cell & ~already_said].sum()) < NEW_SHARE * own_energy:
             continue
-        said |= inside
-        places.append(_place(cell, facet.phrases[number]))
+        already_said |= in_cell
+        places.append(_hot_place(cell, facet.phrases[number]))
         if len(places) == MOST_HOT:
             break
     return tuple(places)
@@ -151,24 +153,24 @@ def _strength(cell: Cell) -> float:
     return cell.share * (1.0 - min(cell.weight / max(cell.share, 1e-12), 1.0)) + 1e-3 * cell.share
 
 
-def _place(cell: Cell, phrase: str) -> HotPlace:
+def _hot_place(cell: Cell, phrase: str) -> HotPlace:
     """A hot cell as a sentence."""
     if abs(cell.mean) >= ONE_SIDED * cell.rms or cell.z <= HOT_Z:
         side = "above" if cell.mean > 0.0 else "below"
         usually = "" if abs(cell.mean) >= MOSTLY * cell.rms else " on average"
-        what = f"the position lies{usually} {_percent(abs(cell.mean))} {side} the model"
+        difference = f"the position lies{usually} {_percent(abs(cell.mean))} {side} the model"
     else:
-        what = f"position and model differ by {_percent(cell.rms)}, to either side"
-    where = f" ({share(cell.share)} of the mismatch in {share(cell.weight)} of the time)"
+        difference = f"position and model differ by {_percent(cell.rms)}, to either side"
+    share_clause = f" ({share(cell.share)} of the mismatch in {share(cell.weight)} of the time)"
     if cell.facet == WHOLE:
-        where = ""
+        share_clause = ""
     z = cell.bias_z if cell.facet == WHOLE or abs(cell.bias_z) > cell.z else cell.z
     return HotPlace(
         facet=cell.facet,
         label=cell.label,
         share=cell.share,
         z=abs(z),
-        sentence=f"{phrase}, {what}{where}.",
+        sentence=f"{phrase}, {difference}{share_clause}.",
     )
 
 
@@ -185,10 +187,10 @@ def _grid(
 ) -> tuple[tuple[float | None, ...], ...]:
     """Rms in percent of span by travel (rows) and phase (columns); ``None`` where no sample is."""
     by_name = {facet.name: facet for facet in facets}
-    at = by_name["travel"].code * len(PHASES) + by_name["phase"].code
+    cell_code = by_name["travel"].code * len(PHASES) + by_name["phase"].code
     size = rows * len(PHASES)
-    count = np.bincount(at[scored], minlength=size)
-    square = np.bincount(at[scored], residual[scored] ** 2, minlength=size)
+    count = np.bincount(cell_code[scored], minlength=size)
+    square = np.bincount(cell_code[scored], residual[scored] ** 2, minlength=size)
     rms = np.sqrt(square / np.maximum(count, 1))
     values = [float(v) if c else None for v, c in zip(rms, count, strict=True)]
     return tuple(tuple(values[i : i + len(PHASES)]) for i in range(0, size, len(PHASES)))

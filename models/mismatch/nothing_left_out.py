@@ -11,7 +11,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import left
+from stemwatch.models.mismatch.acceptance_limits import remaining_loss
 from stemwatch.models.mismatch.base_fit import naive_evaluator, naive_layout
 from stemwatch.models.mismatch.crossfit import Fitted
 from stemwatch.models.mismatch.evaluator import Evaluator
@@ -33,25 +33,29 @@ def doubt(
     evaluator: Evaluator,
     fitted: Fitted,
     best: Floats,
-    shown: HeldOutComparison,
-    both: tuple[Stiction, Stiction],
+    comparison: HeldOutComparison,
+    both_stictions: tuple[Stiction, Stiction],
     naive: Floats,
 ) -> str:
     """Why it cannot be said that nothing was left out, a clause; empty where it can.
 
     ``fitted`` and ``best`` (size,) are the hypothesis without a finding, on both folds and on the
-    whole record; ``both`` S and J alone and with it, ``naive`` (6,) the fit of the former.
+    whole record; ``both_stictions`` S and J alone and with it, ``naive`` (6,) the fit of the
+    former.
     """
-    alone, refitted = both
+    friction_alone, refitted = both_stictions
     open_percent = float(evaluator.slack.max())  # what an archive by exception leaves open
-    agree = _agree(alone.S, refitted.S, open_percent) and _agree(alone.J, refitted.J, open_percent)
+    agree = _agree(friction_alone.S, refitted.S, open_percent) and _agree(
+        friction_alone.J, refitted.J, open_percent
+    )
     if not agree and not _as_good_by_free_runs(evaluator, fitted, best, naive):
         return (
-            f"S and J alone are {alone.S.value:.2g} and {alone.J.value:.2g} %, fitted together "
-            f"with the reading's zero and gain {refitted.S.value:.2g} and {refitted.J.value:.2g} %"
+            "Two other fits to this recording contradict each other (S and J alone: "
+            f"{friction_alone.S.value:.2g} and {friction_alone.J.value:.2g} %; with the "
+            f"reading's zero and gain: {refitted.S.value:.2g} and {refitted.J.value:.2g} %)"
         )
-    told = (shown.heldout.fit_naive, shown.heldout.fit_extended, shown.followed)
-    fits = [fit for fit in told if fit is not None]
+    numbers = (comparison.heldout.fit_naive, comparison.heldout.fit_extended, comparison.followed)
+    fits = [fit for fit in numbers if fit is not None]
     if fits and max(fits) < LEAST_FIT:
         return (
             "With S and J the model does not follow the part of the recording that was not fitted "
@@ -64,8 +68,8 @@ def _agree(one: Estimate, other: Estimate, open_percent: float) -> bool:
     """True where two estimates of one number do not contradict each other."""
     if one.value is None or other.value is None:
         return True
-    apart = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
-    return apart <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT + open_percent
+    gap = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
+    return gap <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT + open_percent
 
 
 def _as_good_by_free_runs(
@@ -73,10 +77,10 @@ def _as_good_by_free_runs(
 ) -> bool:
     """Whether the refit leaves hardly more than noise and does as well by free runs, which S and J
     alone were fitted to: they differ then because a run that misses a slip tells them less well."""
-    if left(evaluator, fitted) > HARDLY_LEFT:
+    if remaining_loss(evaluator, fitted) > HARDLY_LEFT:
         return False
     free = naive_evaluator(evaluator)
     simple = naive[None, : base_coordinate.N_BASE]
-    alone = free.block_losses(naive_layout(free), simple)[0]
+    naive_losses = free.block_losses(naive_layout(free), simple)[0]
     refitted = free.block_losses(fitted.layout, np.asarray(best)[None])[0]
-    return bool(advantage(refitted, alone, free.counts, free.delta).t < AS_GOOD)
+    return bool(advantage(refitted, naive_losses, free.counts, free.delta).t < AS_GOOD)

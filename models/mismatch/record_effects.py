@@ -35,9 +35,9 @@ def refresh_period(values: Floats) -> tuple[int, int]:
     if changes.size < LEAST_CHANGES or _at_any_sample(changes):
         return 1, 0
     for period in range(min(LONGEST, values.size // LEAST_CHANGES), 1, -1):
-        place, share = _favourite(changes, period)
+        phase_place, share = _favourite(changes, period)
         if share >= ON_TIME:
-            return period, place
+            return period, phase_place
     return 1, 0
 
 
@@ -51,8 +51,8 @@ def _at_any_sample(changes: NDArray[np.int64]) -> bool:
 def _favourite(changes: NDArray[np.int64], period: int) -> tuple[int, float]:
     """The phase of a period at which most changes fall, and their share."""
     counts = np.bincount(changes % period, minlength=period)
-    place = int(counts.argmax())
-    return place, float(counts[place] / changes.size)
+    bin_place = int(counts.argmax())
+    return bin_place, float(counts[bin_place] / changes.size)
 
 
 COARSE_PERCENT = 0.1  # a finer step of a recorder is not worth a word
@@ -99,7 +99,7 @@ def settle(recording: Recording) -> RecordSettled:
     frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None)
     step = _coarse_step(mv[stored & ~frozen])
     op_step = _coarse_step(op[of_op.stored] if of_op is not None else op)
-    period, fresh = _refreshed(recording)
+    period, refreshed = _refreshed(recording)
     spacing_s = period * recording.interval_s
     door = of_mv.deviation if of_mv is not None and not of_mv.held else 0.0
     effects = (
@@ -111,7 +111,7 @@ def settle(recording: Recording) -> RecordSettled:
     deviation = of_mv.deviation if of_mv is not None and of_mv.held else 0.0
     return RecordSettled(
         effects=tuple(effect for effect in effects if effect is not None),
-        real=np.asarray(real & stored & ~frozen & fresh),
+        real=np.asarray(real & stored & ~frozen & refreshed),
         sigma_floor=float(max(step / np.sqrt(12.0), deviation / np.sqrt(3.0))),
         spacing_s=spacing_s,
         slack=np.where(real & ~stored & ~frozen, door, 0.0),
@@ -127,8 +127,8 @@ def _thinned(values: Floats, other: Floats) -> StoredPoints | None:
 def _automatic(recording: Recording) -> bool:
     """True where the loop is known to have been in automatic: a hand draws straight lines too."""
     mode = recording.get(Role.MODE)
-    known = mode.values[np.isfinite(mode.values)] if mode is not None else np.zeros(0)
-    return bool(known.size and np.all(known > 0.0))
+    finite = mode.values[np.isfinite(mode.values)] if mode is not None else np.zeros(0)
+    return bool(finite.size and np.all(finite > 0.0))
 
 
 def _coarse_step(values: Floats) -> float:
@@ -143,17 +143,17 @@ def _quantisation(step: float, op_step: float) -> RecordEffect | None:
     """Steps of the position's or the command's recorder."""
     if not step and not op_step:
         return None
-    said, parameters = [], {}
+    sentences, parameters = [], {}
     if step:
-        said.append(f"the position in steps of {step:.2g} %")
+        sentences.append(f"the position in steps of {step:.2g} %")
         parameters["step_percent"] = step
     if op_step:
-        said.append(f"OP in steps of {op_step:.2g} %")
+        sentences.append(f"OP in steps of {op_step:.2g} %")
         parameters["op_step_percent"] = op_step
     return RecordEffect(
         slug="quantisation",
         sentence=(
-            f"The recorder stores {' and '.join(said)}: nothing finer can be seen, and the "
+            f"The recorder stores {' and '.join(sentences)}: nothing finer can be seen, and the "
             "noise is taken to be at least that of the rounding."
         ),
         parameters=parameters,
@@ -162,18 +162,25 @@ def _quantisation(step: float, op_step: float) -> RecordEffect | None:
 
 def _compression(of_mv: StoredPoints | None, of_op: StoredPoints | None) -> RecordEffect | None:
     """Points that the historian dropped, and what it put in their place."""
-    said, parameters = [], {}
-    for drawn, name, prefix in ((of_mv, "position", ""), (of_op, "OP", "op_")):
-        if drawn is None:
+    sentences, parameters = [], {}
+    for stored_points, name, prefix in ((of_mv, "position", ""), (of_op, "OP", "op_")):
+        if stored_points is None:
             continue
-        how = "held the last between them" if drawn.held else "drew straight lines between them"
-        said.append(f"of {name} the historian stored {share(drawn.kept)} of the samples and {how}")
-        parameters[f"{prefix}kept_share"] = drawn.kept
-        if drawn.held:
-            parameters[f"{prefix}deviation_percent"] = drawn.deviation
-    if not said:
+        archive_text = (
+            "held the last between them"
+            if stored_points.held
+            else "drew straight lines between them"
+        )
+        sentences.append(
+            f"of {name} the historian stored {share(stored_points.kept)} of the samples and "
+            f"{archive_text}"
+        )
+        parameters[f"{prefix}kept_share"] = stored_points.kept
+        if stored_points.held:
+            parameters[f"{prefix}deviation_percent"] = stored_points.deviation
+    if not sentences:
         return None
-    text = "; ".join(said)
+    text = "; ".join(sentences)
     drawn_mv = of_mv is not None and not of_mv.held
     bound = " and held to the lines within the archive's deviation" if drawn_mv else ""
     advice = f"A model is scored on the stored samples{bound}; export with compression off."
@@ -192,9 +199,9 @@ def _refreshed(recording: Recording) -> tuple[int, Bools]:
     """
     everywhere = np.ones(len(recording), dtype=bool)
     if recording.mv is not None:
-        period, place = refresh_period(recording.mv.values)
+        period, phase_place = refresh_period(recording.mv.values)
         if period > 1:
-            return period, np.arange(len(recording)) % period == place
+            return period, np.arange(len(recording)) % period == phase_place
     pv = recording.get(Role.PV)
     if pv is not None:
         refreshes = {refresh_period(signal.values) for signal in (recording.op, pv)}
@@ -207,22 +214,22 @@ def _jitter(recording: Recording, spacing_s: float) -> RecordEffect | None:
     """A clock whose steps are uneven by more than a tenth of the interval, or values that are
     refreshed less often than they are recorded."""
     clock, interval_s, unit_s = recording.clock, recording.interval_s, recording.unit_s
-    said, parameters = [], {}
+    sentences, parameters = [], {}
     if spacing_s > interval_s:
-        said.append(
+        sentences.append(
             f"the values change only every {duration(spacing_s, unit_s, 'g')} though there is one "
             f"every {duration(interval_s, unit_s, 'g')}: they are averages, or were scanned slowly"
         )
         parameters["spacing_s"] = seconds_of(spacing_s, "s", unit_s)
     if clock.jitter_s > MOST_JITTER * interval_s:
-        said.append(
+        sentences.append(
             "the samples are not evenly spaced: their steps scatter by "
             f"{duration(clock.jitter_s, unit_s, '.2g')} about {duration(interval_s, unit_s, 'g')}"
         )
         parameters["jitter_s"] = seconds_of(clock.jitter_s, "s", unit_s)
-    if not said:
+    if not sentences:
         return None
-    text = "; ".join(said)
+    text = "; ".join(sentences)
     return RecordEffect(
         slug="sampling_jitter",
         sentence=f"{text[0].upper()}{text[1:]}, so nothing quicker than that can be told.",
@@ -269,10 +276,13 @@ def scan_sentence(recording: Recording) -> str:
     nothing. An OP that its controller holds between scans is the true command, and no effect."""
     if recording.mv is None:
         return ""
-    op, position = (refresh_period(one.values)[0] for one in (recording.op, recording.mv))
+    op, position = (refresh_period(signal.values)[0] for signal in (recording.op, recording.mv))
     if op == position:
         return ""
-    said = [
+    sentences = [
         duration(period * recording.interval_s, recording.unit_s, "g") for period in (op, position)
     ]
-    return f"OP changes every {said[0]}, the position every {said[1]}: each has its own scan."
+    return (
+        f"OP changes every {sentences[0]}, the position every {sentences[1]}: each has its own "
+        "scan."
+    )

@@ -62,8 +62,8 @@ def _draws(blocks: int) -> Floats:
 
 def clipped(residual: Floats, scored: Bools) -> Floats:
     """(n,) the residual, no larger in size than its 99.5th percentile over the scored samples."""
-    most = float(np.percentile(np.abs(residual[scored]), CLIP_PERCENTILE))
-    return np.asarray(np.clip(residual, -most, most))
+    largest = float(np.percentile(np.abs(residual[scored]), CLIP_PERCENTILE))
+    return np.asarray(np.clip(residual, -largest, largest))
 
 
 def block_sums(
@@ -72,23 +72,23 @@ def block_sums(
     """Sums of a facet's cells over the blocks of time; ``block`` (n,) is -1 where not scored."""
     cells = len(facet.labels)
     blocks = int(block.max()) + 1
-    inside = scored & (block >= 0)
-    place, r = block[inside], residual[inside]
-    code = facet.code[inside]
-    held = code >= 0
-    at = place[held] * cells + code[held]
+    in_block = scored & (block >= 0)
+    block_index, r = block[in_block], residual[in_block]
+    code = facet.code[in_block]
+    in_cell = code >= 0
+    cell_index = block_index[in_cell] * cells + code[in_cell]
 
     def total(values: Floats | None) -> Floats:
-        sums = np.bincount(at, values, minlength=blocks * cells)
+        sums = np.bincount(cell_index, values, minlength=blocks * cells)
         return sums.astype(np.float64).reshape(blocks, cells)
 
     return BlockSums(
         samples=total(None),
-        residual=total(r[held]),
-        energy=total(r[held] ** 2),
-        all_samples=np.bincount(place, minlength=blocks).astype(np.float64),
-        all_residual=np.bincount(place, r, minlength=blocks).astype(np.float64),
-        all_energy=np.bincount(place, r**2, minlength=blocks).astype(np.float64),
+        residual=total(r[in_cell]),
+        energy=total(r[in_cell] ** 2),
+        all_samples=np.bincount(block_index, minlength=blocks).astype(np.float64),
+        all_residual=np.bincount(block_index, r, minlength=blocks).astype(np.float64),
+        all_energy=np.bincount(block_index, r**2, minlength=blocks).astype(np.float64),
     )
 
 
@@ -105,9 +105,9 @@ def _filled(samples: Floats) -> Floats:
 
 def _scatter(replicates: Floats, usual: Floats) -> Floats:
     """(c,) standard deviation about ``usual`` over the replicates in which the cell was drawn."""
-    known = np.isfinite(replicates)
-    square = np.where(known, (replicates - usual) ** 2, 0.0).sum(axis=0)
-    return np.asarray(np.sqrt(square / np.maximum(known.sum(axis=0), 1)))
+    finite = np.isfinite(replicates)
+    square = np.where(finite, (replicates - usual) ** 2, 0.0).sum(axis=0)
+    return np.asarray(np.sqrt(square / np.maximum(finite.sum(axis=0), 1)))
 
 
 def _memory(sums: BlockSums) -> float:
@@ -143,13 +143,13 @@ def scores(sums: BlockSums) -> tuple[Floats, Floats]:
         levels = np.log((draws @ sums.energy) / samples) - overall[:, None]
         mean = sums.residual.sum(axis=0) / sums.samples.sum(axis=0)
         means = (draws @ sums.residual) / samples
-    told = filled >= LEAST_BLOCKS
+    enough_blocks = filled >= LEAST_BLOCKS
     freedom = np.maximum(filled - 1.0, 1.0)
     # The bootstrap of few blocks, and of blocks that go together, is too narrow by this.
     widen = np.sqrt(filled / freedom) * _memory(sums)
 
     def score(value: Floats, replicates: Floats) -> Floats:
-        usable = told & np.isfinite(value)
+        usable = enough_blocks & np.isfinite(value)
         value = np.where(usable, value, 0.0)
         spread = np.maximum(_scatter(replicates, value) * widen, _NO_SCATTER)
         return np.where(usable, _normal_score(value / spread, freedom), 0.0)
@@ -161,7 +161,7 @@ def cells_of(facet: Facet, sums: BlockSums) -> tuple[Cell, ...]:
     """The cells of a facet that hold samples, with shares, means and significance."""
     z, bias_z = scores(sums)
     energy = max(float(sums.all_energy.sum()), 1e-300)
-    everything = float(sums.all_samples.sum())
+    total = float(sums.all_samples.sum())
     cells = []
     for i, label in enumerate(facet.labels):
         count = float(sums.samples[:, i].sum())
@@ -173,7 +173,7 @@ def cells_of(facet: Facet, sums: BlockSums) -> tuple[Cell, ...]:
                 facet=facet.name,
                 label=label,
                 samples=int(count),
-                weight=count / everything,
+                weight=count / total,
                 share=square / energy,
                 mean=float(sums.residual[:, i].sum()) / count,
                 rms=float(np.sqrt(square / count)),

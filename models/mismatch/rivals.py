@@ -48,15 +48,15 @@ def _rivals(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> tupl
     if standing or not named.stages:
         return ()
     first = named.stages[0]
-    near = [score for score in first.scores if _suspected(evaluator, score)]
-    if not near:
+    suspected = [score for score in first.scores if _suspected(evaluator, score)]
+    if not suspected:
         return ()
-    return (_model("", first.before), *(_model(score.slug, score.fitted) for score in near))
+    return (_model("", first.before), *(_model(score.slug, score.fitted) for score in suspected))
 
 
 def _suspected(evaluator: Evaluator, score: TermScore) -> bool:
-    near = strength(score.advantage, evaluator.told, score.slug) >= SUSPECTED
-    return near and score.term.material(score.values, evaluator.look)
+    is_suspected = strength(score.advantage, evaluator.told, score.slug) >= SUSPECTED
+    return is_suspected and score.term.material(score.values, evaluator.summary)
 
 
 def _model(slug: str, fitted: Fitted) -> RivalModel:
@@ -79,7 +79,7 @@ def on_site(
     ``recording`` on its own clock; without ``question`` nothing could be fitted to it.
     """
     op = recording.op.values[recording.op.usable]
-    known = question or OpenQuestion(
+    open_question = question or OpenQuestion(
         unit_s=recording.own_unit_s or 1.0,
         interval=recording.interval_s,
         duration=len(recording) * recording.interval_s,
@@ -87,7 +87,7 @@ def on_site(
     )
     if op.size:
         low, high = (float(end) for end in np.percentile(op, (1.0, 99.0)))
-        known = replace(known, op=float(op[-1]), op_low=low, op_high=high)
+        open_question = replace(open_question, op=float(op[-1]), op_low=low, op_high=high)
     if question is not None and not question.models:
-        return replace(known, curve=curve)
-    return replace(known, process=process_response(recording), curve=curve)
+        return replace(open_question, curve=curve)
+    return replace(open_question, process=process_response(recording), curve=curve)

@@ -7,7 +7,7 @@ once it is there, or it never leaves the base's own optimum.
 from __future__ import annotations
 
 from stemwatch.models.mismatch.crossfit import Beginning
-from stemwatch.models.mismatch.term import Term, Way
+from stemwatch.models.mismatch.term import ActsOn, Term
 
 # S that valves have, percent, for terms that make the base's own S meaningless.
 FRESH = (2.0, 4.0, 7.0)
@@ -18,14 +18,14 @@ _LED_ASTRAY = ("travel_stop", "rate_limit", "asymmetric_rate_limit")
 
 def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
     """S and J to begin with where the simpler hypothesis found ``S`` and ``J``, percent."""
-    own = Beginning(S, J)
+    own_reading = Beginning(S, J)
     if term.slug in _LED_ASTRAY:
-        return [own, *(Beginning(s, FRESH_RATIO * s, plain=True) for s in FRESH)]
-    if term.way is Way.COMMAND or term.slug == "viscous_drag":
+        return [own_reading, *(Beginning(s, FRESH_RATIO * s, plain=True) for s in FRESH)]
+    if term.acts_on is ActsOn.COMMAND or term.slug == "viscous_drag":
         # It smears the slips, which has driven J to nothing; and a command that only comes near its
         # end never turns, so that a stem which sticks at a turn alone would creep on with it.
         return [
-            own,
+            own_reading,
             Beginning(S, J, restick=COMES_TO_REST),
             Beginning(0.75 * S, 0.25 * S, plain=True),
             Beginning(S, 0.6 * S, plain=True),
@@ -34,17 +34,17 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
     if term.slug == "lost_motion":
         # The play has been read as part of S, and taken from J.
         return [
-            own,
+            own_reading,
             Beginning(S, J, S_less=1.0),
             Beginning(S, J, S_less=1.0, J_less=-0.5),
             Beginning(S, J, S_less=0.0, J_less=-1.0),
         ]
     if term.slug == "dwell_dependent_breakaway":
         # It raises the breakaway only, by b ln(1 + rest/t0): S and J alike.
-        return [own, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
+        return [own_reading, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
     # A base that lacks it may have bent its reading, or lost J.
     return [
-        own,
+        own_reading,
         Beginning(S, J, plain=True),
         Beginning(0.85 * S, 0.55 * S, plain=True),
         Beginning(0.7 * S, 0.2 * S, plain=True),

@@ -110,8 +110,8 @@ class Stems:
         by_place = np.zeros((count, PLACES)), np.zeros((count, PLACES))
         over_time = np.zeros((count, samples + 1)), np.zeros((count, samples + 1))
         tables = Tables(*by_place, *over_time)
-        each = (Stem(*row, interval_s) for row in zip(numbers, *tables, strict=True))
-        return cls(numbers, tables, tuple(each))
+        stem_of_each = (Stem(*row, interval_s) for row in zip(numbers, *tables, strict=True))
+        return cls(numbers, tables, tuple(stem_of_each))
 
     def clear(self, count: int) -> None:
         """The first ``count`` canonical again: the tables only where they were used."""

@@ -32,7 +32,7 @@ SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two el
 
 def stiction(
     evaluator: Evaluator,
-    drawn: Callable[[], Floats],
+    drawn_candidates: Callable[[], Floats],
     best: Floats,
     elements: Sequence[Floats],
     delay_s: float = 0.0,
@@ -47,7 +47,7 @@ def stiction(
         S_seen, J_seen = seen.draws(REPLICATES, np.random.default_rng(7))
         return Stiction(S=estimate(S_seen, seen.S, PERCENT), J=estimate(J_seen, seen.J, PERCENT))
     error = max(MODEL_ERROR * 0.5 * (S + J), LEAST_ERROR)
-    all_drawn = drawn()
+    all_drawn = drawn_candidates()
     S_drawn = all_drawn[:, base_coordinate.S_PERCENT]
     return Stiction(
         S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
@@ -71,8 +71,8 @@ def _same_element(seen: Breakaways, element: Floats) -> bool:
     an operator's steps and ramps move the command by in the sample of a slip can mislead them."""
     S, ratio = float(element[base_coordinate.S_PERCENT]), float(element[base_coordinate.RATIO])
     level, kinetic = 0.5 * S * (1.0 + ratio), 0.5 * S * (1.0 - ratio)
-    apart = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
-    return apart <= SAME_LEVELS * level
+    difference = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
+    return difference <= SAME_LEVELS * level
 
 
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:

@@ -73,29 +73,29 @@ class Moves:
 def later(values: Floats, delay_s: float, interval_s: float) -> Floats:
     """(n,) ``values`` taken ``delay_s`` later, between samples by a straight line; NaN before the
     first, and next to a gap."""
-    at = np.arange(values.size) - delay_s / interval_s
-    below = np.floor(at).astype(np.int64)
-    part = at - below
-    first = np.where(below >= 0, values[np.clip(below, 0, values.size - 1)], np.nan)
-    above = np.where(below + 1 >= 0, values[np.clip(below + 1, 0, values.size - 1)], np.nan)
-    return np.asarray(np.where(part > 0.0, (1.0 - part) * first + part * above, first))
+    positions = np.arange(values.size) - delay_s / interval_s
+    lower = np.floor(positions).astype(np.int64)
+    part = positions - lower
+    first = np.where(lower >= 0, values[np.clip(lower, 0, values.size - 1)], np.nan)
+    upper_values = np.where(lower + 1 >= 0, values[np.clip(lower + 1, 0, values.size - 1)], np.nan)
+    return np.asarray(np.where(part > 0.0, (1.0 - part) * first + part * upper_values, first))
 
 
 def telltale(slug: str, moves: Moves) -> Telltale | None:
     """What shows the effect ``slug`` in these moves; ``None`` where too few samples tell."""
-    shown = _SHOWN.get(slug)
-    found = None if shown is None else shown(moves)
-    if found is None:
+    make_telltale = _SHOWN.get(slug)
+    telltale_found = None if make_telltale is None else make_telltale(moves)
+    if telltale_found is None:
         return None
-    known = np.isfinite(found.x) & np.isfinite(found.y)
-    if np.count_nonzero(known) < FEWEST:
+    finite = np.isfinite(telltale_found.x) & np.isfinite(telltale_found.y)
+    if np.count_nonzero(finite) < FEWEST:
         return None
     return Telltale(
         **{
-            **found.__dict__,
-            "x": found.x[known],
-            "y": found.y[known],
-            "rising": found.rising[known],
+            **telltale_found.__dict__,
+            "x": telltale_found.x[finite],
+            "y": telltale_found.y[finite],
+            "rising": telltale_found.rising[finite],
         }
     )
 
@@ -113,7 +113,7 @@ def _speed_by_error(moves: Moves, time_s: float) -> tuple[Floats, Floats, float]
     return error, speed, took
 
 
-def _of_speed(error: Floats, speed: Floats, says: str, law: Law) -> Telltale:
+def _of_speed(error: Floats, speed: Floats, caption: str, law: Law) -> Telltale:
     """The speed of the stem against its distance from the command, with what bounds it."""
     return Telltale(
         x_label="OP less position, %",
@@ -121,55 +121,57 @@ def _of_speed(error: Floats, speed: Floats, says: str, law: Law) -> Telltale:
         x=error,
         y=speed,
         rising=error > 0.0,
-        says=says,
+        says=caption,
         laws=(law,),
     )
 
 
 def _limited(moves: Moves) -> Telltale:
-    both = moves.value("rate")
-    up, down = moves.value("rate_rising") or both, moves.value("rate_falling") or both
+    both_rates = moves.value("rate")
+    up, down = moves.value("rate_rising") or both_rates, moves.value("rate_falling") or both_rates
     slower = min((rate for rate in (up, down) if rate > 0.0), default=1.0)
     error, speed, took = _speed_by_error(moves, STEP_OF_SWING * swing(moves.op) / slower)
     low, high = _ends(error)
-    at = np.unique(np.clip([low, -down * took, up * took, high], low, high))
-    label = f"limit: {up:.3g} %/s" if both else f"limits: {up:.3g} and {down:.3g} %/s"
-    says = (
+    speeds = np.unique(np.clip([low, -down * took, up * took, high], low, high))
+    label = f"limit: {up:.3g} %/s" if both_rates else f"limits: {up:.3g} and {down:.3g} %/s"
+    caption = (
         "However far the stem is from its command, it does not move faster than the limit; "
         "without one the points would go on along the slope."
     )
-    return _of_speed(error, speed, says, Law(label, at, np.clip(at / took, -down, up)))
+    return _of_speed(error, speed, caption, Law(label, speeds, np.clip(speeds / took, -down, up)))
 
 
 def _lagging(moves: Moves) -> Telltale:
-    both = moves.value("tau") or moves.value("tau_v") or moves.value("recovery")
-    up, down = moves.value("tau_rising") or both, moves.value("tau_falling") or both
+    both_lags = moves.value("tau") or moves.value("tau_v") or moves.value("recovery")
+    up, down = moves.value("tau_rising") or both_lags, moves.value("tau_falling") or both_lags
     error, speed, took = _speed_by_error(moves, STEP_OF_LAG * max(up, down))
     low, high = _ends(error)
-    at = np.unique(np.clip([low, 0.0, high], low, high))
+    speeds = np.unique(np.clip([low, 0.0, high], low, high))
 
     def slope(tau_s: float) -> float:
         return (1.0 - np.exp(-took / tau_s)) / took if tau_s > 0.0 else 1.0 / took
 
-    law = np.where(at > 0.0, slope(up), slope(down)) * at
-    said = f"{up:.3g} s" if abs(up - down) < 1e-9 else f"{up:.3g} s rising, {down:.3g} s falling"
-    says = (
+    law = np.where(speeds > 0.0, slope(up), slope(down)) * speeds
+    lag_text = (
+        f"{up:.3g} s" if abs(up - down) < 1e-9 else f"{up:.3g} s rising, {down:.3g} s falling"
+    )
+    caption = (
         "The farther the stem is from its command, the faster it moves, by the slope of the "
         "time constant; a speed limit would be flat instead."
     )
-    return _of_speed(error, speed, says, Law(f"time constant {said}", at, law))
+    return _of_speed(error, speed, caption, Law(f"time constant {lag_text}", speeds, law))
 
 
 def _late(moves: Moves) -> Telltale:
     theta = max(moves.value("theta"), moves.interval_s)
     shifts = np.linspace(0.0, MOST_SHIFT * theta, SHIFTS)
     step = np.diff(moves.mv)
-    alike = np.array([_likeness(moves, step, float(shift)) for shift in shifts])
+    likeness = np.array([_likeness(moves, step, float(shift)) for shift in shifts])
     return Telltale(
         x_label="OP taken later by, s",
         y_label="likeness of the moves of OP and stem",
         x=shifts,
-        y=alike,
+        y=likeness,
         rising=np.ones(SHIFTS, dtype=bool),
         says=(
             "The correlation of the stem's moves from sample to sample with those of OP, the "
@@ -179,7 +181,7 @@ def _late(moves: Moves) -> Telltale:
             Law(
                 f"dead time {moves.value('theta'):.3g} s",
                 np.full(2, moves.value("theta")),
-                np.array([float(np.nanmin(alike)), float(np.nanmax(alike))]),
+                np.array([float(np.nanmin(likeness)), float(np.nanmax(likeness))]),
             ),
         ),
         joined=True,
@@ -188,31 +190,33 @@ def _late(moves: Moves) -> Telltale:
 
 def _likeness(moves: Moves, step: Floats, shift_s: float) -> float:
     of_op = np.diff(later(moves.op, shift_s, moves.interval_s))
-    known = np.isfinite(of_op) & np.isfinite(step)
-    if np.count_nonzero(known) < FEWEST or not (np.std(of_op[known]) and np.std(step[known])):
+    both_finite = np.isfinite(of_op) & np.isfinite(step)
+    if np.count_nonzero(both_finite) < FEWEST or not (
+        np.std(of_op[both_finite]) and np.std(step[both_finite])
+    ):
         return float("nan")
-    return float(np.corrcoef(of_op[known], step[known])[0, 1])
+    return float(np.corrcoef(of_op[both_finite], step[both_finite])[0, 1])
 
 
-def _off(moves: Moves) -> Floats:
+def _difference(moves: Moves) -> Floats:
     return np.asarray(moves.mv - later(moves.op, moves.late_s, moves.interval_s))
 
 
-def _way(moves: Moves) -> Bools:
+def _is_rising(moves: Moves) -> Bools:
     """(n,) where the command last went upwards."""
     step = np.diff(moves.op, prepend=moves.op[:1])
     last = np.maximum.accumulate(np.where(np.abs(step) > 0.0, np.arange(step.size), 0))
     return np.asarray(step[last] > 0.0)
 
 
-def _by_place(moves: Moves, says: str, *laws: Law) -> Telltale:
+def _by_place(moves: Moves, caption: str, *laws: Law) -> Telltale:
     return Telltale(
         x_label="position, %",
         y_label="position less OP, %",
         x=moves.mv,
-        y=_off(moves),
-        rising=_way(moves),
-        says=says,
+        y=_difference(moves),
+        rising=_is_rising(moves),
+        says=caption,
         laws=laws,
     )
 
@@ -249,16 +253,16 @@ def _stopped(moves: Moves) -> Telltale:
     ends = np.array(_ends(op))
     stops = (("lower", moves.value("stop_low"), 0.1), ("upper", moves.value("stop_high"), 99.9))
     laws = tuple(
-        Law(f"{name} stop at {at:.3g} %", ends, np.full(2, at))
-        for name, at, end in stops
-        if (at > end if name == "lower" else 0.0 < at < end)
+        Law(f"{name} stop at {stop_name:.3g} %", ends, np.full(2, stop_name))
+        for name, stop_name, end in stops
+        if (stop_name > end if name == "lower" else 0.0 < stop_name < end)
     )
     return Telltale(
         x_label="OP, %",
         y_label="position, %",
         x=op,
         y=moves.mv,
-        rising=_way(moves),
+        rising=_is_rising(moves),
         says="At a stop the position is flat while OP goes on.",
         laws=laws,
     )
@@ -269,8 +273,8 @@ def _by_time(moves: Moves) -> Telltale:
         x_label="time, min",
         y_label="position less OP, %",
         x=np.arange(moves.op.size, dtype=np.float64) * (moves.interval_s / 60.0),
-        y=_off(moves),
-        rising=_way(moves),
+        y=_difference(moves),
+        rising=_is_rising(moves),
         says="What changes with time moves or widens the band between rising and falling.",
     )
 
@@ -294,27 +298,27 @@ def _by_speed(moves: Moves) -> Telltale:
 
 
 def _slips(moves: Moves) -> Telltale | None:
-    known = np.isfinite(moves.op) & np.isfinite(moves.mv)
-    if not known.all():
+    both_finite = np.isfinite(moves.op) & np.isfinite(moves.mv)
+    if not both_finite.all():
         return None
     noise = 1.4826 * float(np.median(np.abs(np.diff(moves.mv)))) / np.sqrt(2.0)
-    found = jumps_from_rest(moves.mv, moves.op, max(noise, 0.01))
-    rest_s = np.diff(found.begins, prepend=found.begins[:1]) * moves.interval_s
+    jumps = jumps_from_rest(moves.mv, moves.op, max(noise, 0.01))
+    rest_s = np.diff(jumps.begins, prepend=jumps.begins[:1]) * moves.interval_s
     return Telltale(
         x_label="time since the slip before, s",
         y_label="size of the slip, %",
         x=rest_s.astype(np.float64),
-        y=np.abs(found.sizes),
-        rising=found.sizes > 0.0,
+        y=np.abs(jumps.sizes),
+        rising=jumps.sizes > 0.0,
         says="Each point is one slip of the stem from rest.",
     )
 
 
 def _ends(values: Floats) -> tuple[float, float]:
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return 0.0, 1.0
-    low, high = np.percentile(known, [0.5, 99.5])
+    low, high = np.percentile(finite, [0.5, 99.5])
     return float(low), float(high)
 
 

@@ -1,11 +1,12 @@
 """The seam of the catalogue: one effect that the stiction model leaves out, one file in ``terms/``.
 
 A term is neutral where all its coordinates are 0, so that every hypothesis contains S and J alone.
-It acts in one of three ways:
+It acts on one of three things (``ActsOn``):
 
-- ``Way.COMMAND``: it shapes the command on its way to the force on the stem (``shape``),
-- ``Way.STEM``: it fills what the stem's kernel knows of friction, force, stops and play (``fill``),
-- ``Way.READING``: it is one of the reading's own numbers (zero, gain), free in every hypothesis
+- ``ActsOn.COMMAND``: it shapes the command on its way to the force on the stem (``shape``),
+- ``ActsOn.STEM``: it fills what the stem's kernel knows of friction, force, stops and play
+  (``fill``),
+- ``ActsOn.READING``: it is one of the reading's own numbers (zero, gain), free in every hypothesis
   and a finding only where it is materially off.
 """
 
@@ -23,7 +24,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 
-class Way(StrEnum):
+class ActsOn(StrEnum):
     """Where in the chain a term acts."""
 
     COMMAND = "command"
@@ -41,7 +42,7 @@ class Coordinate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Look:
+class RecordingSummary:
     """What a term may know of a recording to choose its ranges and to judge what matters."""
 
     interval_s: float
@@ -78,16 +79,16 @@ class Term(Protocol):
     """One effect of the catalogue; a module-level ``TERM`` in ``terms/SLUG.py``."""
 
     slug: str
-    way: Way
+    acts_on: ActsOn
     order: int  # among the terms of its way: the order in the chain
     contains: tuple[str, ...]  # slugs of simpler terms that are special cases of this one
     words: Words
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The coordinates (k,) with ranges that suit the recording."""
         ...
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """(m, k) values from which a search begins; a grid over the plausible sizes."""
         ...
 
@@ -101,11 +102,11 @@ class Term(Protocol):
         """STEM: write the term into the stem's numbers and tables."""
         ...
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """True where an effect of this size is worth a work order."""
         ...
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """True where an effect of this size is how such a machine is made, and no defect: it is
         named, and S and J are restated with it, but it asks for no work."""
         ...

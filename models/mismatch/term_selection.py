@@ -17,18 +17,18 @@ from stemwatch.models.mismatch import dwell
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing, not_little_left
 from stemwatch.models.mismatch.base_fit import BaseFit
-from stemwatch.models.mismatch.batched_search import Search, conclude, together
+from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
 from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     LOOK,
     POLISH,
     Fitted,
-    again,
     better,
     crossfit,
     gain,
     own_losses,
     ranked,
+    refit,
     scored,
     widened,
 )
@@ -115,19 +115,23 @@ def screened(
     evaluator: Evaluator, simple: Fitted, terms: Iterable[Term]
 ) -> Search[list[TermScore]]:
     """Every term on top of ``simple``, best first."""
-    scores = yield from together(_looked_at(evaluator, simple, term) for term in terms)
+    scores = yield from run_together(_looked_at(evaluator, simple, term) for term in terms)
     return _ordered(scores)
 
 
 def _looked_at(evaluator: Evaluator, simple: Fitted, term: Term) -> Search[TermScore]:
     """A first look at one term on top of ``simple``."""
     rich = simple.layout.hypothesis.plus(term)
-    own = own_losses(evaluator, simple)
+    losses_of_simple = own_losses(evaluator, simple)
     fitted = yield from crossfit(
-        evaluator, evaluator.layout(rich), _starts(evaluator, simple, term, rich), LOOK, own
+        evaluator,
+        evaluator.layout(rich),
+        _starts(evaluator, simple, term, rich),
+        LOOK,
+        losses_of_simple,
     )
-    plain = yield from neutral(evaluator, simple, rich)
-    fitted = better(evaluator, plain, fitted)
+    neutral_fit = yield from neutral(evaluator, simple, rich)
+    fitted = better(evaluator, neutral_fit, fitted)
     return TermScore(term, fitted, gain(evaluator, simple, fitted))
 
 
@@ -150,8 +154,8 @@ def neutral(evaluator: Evaluator, simple: Fitted, rich: TermSet) -> Search[Fitte
     layout = evaluator.layout(rich)
     candidates = np.zeros((2, layout.size))
     candidates[:, : base_coordinate.N_BASE] = simple.candidates[:, : base_coordinate.N_BASE]
-    for slug, place in simple.layout.places.items():
-        candidates[:, layout.places[slug]] = simple.candidates[:, place]
+    for slug, coordinate_slice in simple.layout.places.items():
+        candidates[:, layout.places[slug]] = simple.candidates[:, coordinate_slice]
     if (
         base_coordinate.DEAD_TIME in layout.places
         and base_coordinate.DEAD_TIME not in simple.layout.places
@@ -168,8 +172,8 @@ def reduced(evaluator: Evaluator, rich: Fitted, simple: TermSet) -> Floats:
     layout = evaluator.layout(simple)
     candidates = np.zeros((2, layout.size))
     candidates[:, : base_coordinate.N_BASE] = rich.candidates[:, : base_coordinate.N_BASE]
-    for slug, place in layout.places.items():
-        candidates[:, place] = rich.candidates[:, rich.layout.places[slug]]
+    for slug, coordinate_slice in layout.places.items():
+        candidates[:, coordinate_slice] = rich.candidates[:, rich.layout.places[slug]]
     if (
         base_coordinate.DEAD_TIME in rich.layout.places
         and base_coordinate.DEAD_TIME not in layout.places
@@ -192,14 +196,14 @@ def refined(
     for _ in range(ATTEMPTS):
         looked = yield from screened(evaluator, simple, terms)
         promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
-        careful = yield from together(_careful(evaluator, simple, score) for score in promising)
+        careful = yield from run_together(_careful(evaluator, simple, score) for score in promising)
         scores = [*careful, *looked[len(promising) :]]
         restarted = yield from _restarted(evaluator, simple, scores[:REFINED])
         moved = gain(evaluator, simple, restarted).mean
         simple = restarted
         if moved < MOVED:
             break
-    nested = yield from together(_nested(evaluator, simple, score) for score in scores)
+    nested = yield from run_together(_nested(evaluator, simple, score) for score in scores)
     return simple, _ordered(nested)
 
 
@@ -210,12 +214,12 @@ def _careful(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[T
     """
     layout = score.fitted.layout
     starts = _starts(evaluator, simple, score.term, layout.hypothesis)
-    even, odd = yield from ranked(evaluator, layout, starts)
-    more = [
+    even, odd_blocks = yield from ranked(evaluator, layout, starts)
+    further = [
         np.vstack((a.candidate, b.candidate))
-        for a, b in zip(even[LOOK.keep :], odd[LOOK.keep :], strict=True)
+        for a, b in zip(even[LOOK.keep :], odd_blocks[LOOK.keep :], strict=True)
     ]
-    fitted = yield from again(evaluator, score.fitted, CAREFUL, *more[: CAREFUL.keep - 1])
+    fitted = yield from refit(evaluator, score.fitted, CAREFUL, *further[: CAREFUL.keep - 1])
     return TermScore(score.term, fitted, score.advantage)
 
 
@@ -224,25 +228,29 @@ def _restarted(evaluator: Evaluator, simple: Fitted, scores: Sequence[TermScore]
     if not scores:
         return simple
     restarts = [reduced(evaluator, score.fitted, simple.layout.hypothesis) for score in scores]
-    fitted = yield from again(evaluator, simple, CAREFUL, *restarts)
-    fitted = yield from again(evaluator, fitted, POLISH)
+    fitted = yield from refit(evaluator, simple, CAREFUL, *restarts)
+    fitted = yield from refit(evaluator, fitted, POLISH)
     return fitted
 
 
 def _nested(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[TermScore]:
     """A score against what ``simple`` has become; a richer hypothesis contains it."""
-    plain = yield from neutral(evaluator, simple, score.fitted.layout.hypothesis)
-    fitted = better(evaluator, plain, score.fitted)
+    neutral_fit = yield from neutral(evaluator, simple, score.fitted.layout.hypothesis)
+    fitted = better(evaluator, neutral_fit, score.fitted)
     return TermScore(score.term, fitted, gain(evaluator, simple, fitted))
 
 
 def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
     """True where the gain is beyond what nothing hidden shows, and the size matters."""
-    enough = convincing(score.advantage, evaluator.told, score.slug, stage)
-    return enough and _tells(score, evaluator) and score.term.material(score.values, evaluator.look)
+    is_convincing = convincing(score.advantage, evaluator.told, score.slug, stage)
+    return (
+        is_convincing
+        and _jump_is_visible(score, evaluator)
+        and score.term.material(score.values, evaluator.summary)
+    )
 
 
-def _tells(score: TermScore, evaluator: Evaluator) -> bool:
+def _jump_is_visible(score: TermScore, evaluator: Evaluator) -> bool:
     """False for play behind a stem that does not jump: the two make one dead band, and which part
     of it is friction cannot be told."""
     if score.slug != PLAY:
@@ -252,7 +260,7 @@ def _tells(score: TermScore, evaluator: Evaluator) -> bool:
         middle[base_coordinate.S_PERCENT],
         middle[base_coordinate.S_PERCENT] * middle[base_coordinate.RATIO],
     )
-    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.look.sigma, LEAST_JUMP_PERCENT))
+    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT))
 
 
 def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:
@@ -281,8 +289,8 @@ def _related(score: TermScore) -> bool:
 
 def _nearly(evaluator: Evaluator, simple: TermScore, rich: TermScore) -> bool:
     """True where the richer term is not clearly better than the simpler one that it contains."""
-    more = gain(evaluator, simple.fitted, rich.fitted)
-    return more.mean < NEARLY or more.t < 1.0
+    gain_of_both = gain(evaluator, simple.fitted, rich.fitted)
+    return gain_of_both.mean < NEARLY or gain_of_both.t < 1.0
 
 
 def _as_good(evaluator: Evaluator, rival: TermScore, best: TermScore) -> bool:
@@ -292,23 +300,23 @@ def _as_good(evaluator: Evaluator, rival: TermScore, best: TermScore) -> bool:
 def name(base: BaseFit, terms: Sequence[Term]) -> Named:
     """Build the hypothesis up from the base with the ``terms`` that the recording can show."""
     evaluator, simple = base.evaluator, base.fitted
-    left = list(terms)
+    terms_left = list(terms)
     stages: list[SelectionStage] = []
     first = simple
     for stage in range(MOST_TERMS):
-        simple, scores = conclude(evaluator, refined(evaluator, simple, left))
+        simple, scores = conclude(evaluator, refined(evaluator, simple, terms_left))
         if stage == 0:
             first = simple
-        taken = accepted(evaluator, scores, stage)
-        if not taken and stage == 0 and not_little_left(evaluator, simple):
+        accepted_scores = accepted(evaluator, scores, stage)
+        if not accepted_scores and stage == 0 and not_little_left(evaluator, simple):
             # Two that explain it together may be nothing one by one; whether both are needed is
             # asked at the end.
-            taken = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
-        stages.append(SelectionStage(simple, tuple(scores), tuple(taken)))
-        if not taken:
+            accepted_scores = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
+        stages.append(SelectionStage(simple, tuple(scores), tuple(accepted_scores)))
+        if not accepted_scores:
             break
-        simple = conclude(evaluator, again(evaluator, taken[0].fitted, POLISH))
-        left = [term for term in left if term.slug != taken[0].slug]
+        simple = conclude(evaluator, refit(evaluator, accepted_scores[0].fitted, POLISH))
+        terms_left = [term for term in terms_left if term.slug != accepted_scores[0].slug]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
     if not needed:
         fitted, needed = told_by_events(evaluator, fitted, terms)
@@ -325,8 +333,10 @@ def told_by_events(
     seen = dwell.dwelling(evaluator, simple) if term is not None else None
     if term is None or seen is None or not seen.convincing:
         return simple, []
-    plain = conclude(evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term)))
-    fitted = dwell.begun(evaluator, plain, seen)
+    neutral_fit = conclude(
+        evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term))
+    )
+    fitted = dwell.refit_with_rise(evaluator, neutral_fit, seen)
     score = TermScore(term, fitted, gain(evaluator, simple, fitted))
     if score.advantage.t < -CONTRADICTED:
         return simple, []  # what makes breakaways late is something else
@@ -342,14 +352,14 @@ def lacking(named: Named, slugs: Collection[str]) -> Named:
         return named
     if not stages:
         return replace(named, fitted=named.base, needed=())
-    left = TermSet(
+    remaining = TermSet(
         tuple(term for term in named.fitted.layout.hypothesis.terms if term.slug not in slugs)
     )
     evaluator = named.evaluator
-    begun = conclude(
-        evaluator, scored(evaluator.layout(left), reduced(evaluator, named.fitted, left))
+    start = conclude(
+        evaluator, scored(evaluator.layout(remaining), reduced(evaluator, named.fitted, remaining))
     )
-    fitted = conclude(evaluator, again(evaluator, begun, CAREFUL))
+    fitted = conclude(evaluator, refit(evaluator, start, CAREFUL))
     if len(stages) == 1:
         # Its own stage may have had a term before it that is gone now.
         stages = [replace(stages[0], before=named.base)]
@@ -368,9 +378,11 @@ def pruned(
         only, before = stages[0], stages[0].before
         if before.layout.hypothesis.terms:
             # It was found behind a term that has been dropped since.
-            alone = evaluator.layout(TermSet())
-            begun = conclude(evaluator, scored(alone, reduced(evaluator, fitted, alone.hypothesis)))
-            before = conclude(evaluator, again(evaluator, begun, CAREFUL))
+            base_layout = evaluator.layout(TermSet())
+            start = conclude(
+                evaluator, scored(base_layout, reduced(evaluator, fitted, base_layout.hypothesis))
+            )
+            before = conclude(evaluator, refit(evaluator, start, CAREFUL))
         advantage = gain(evaluator, before, fitted)
         if not convincing(advantage, evaluator.told, only.accepted[0].slug):
             # What was polished on both folds predicts less than it did at its first look.
@@ -380,13 +392,13 @@ def pruned(
     for stage in stages:
         lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)
         layout = evaluator.layout(lacking)
-        begun = conclude(evaluator, scored(layout, reduced(evaluator, fitted, lacking)))
-        without = conclude(evaluator, again(evaluator, begun, CAREFUL))
-        advantage = gain(evaluator, without, fitted)
+        start = conclude(evaluator, scored(layout, reduced(evaluator, fitted, lacking)))
+        without_term = conclude(evaluator, refit(evaluator, start, CAREFUL))
+        advantage = gain(evaluator, without_term, fitted)
         if convincing(advantage, evaluator.told, stage.accepted[0].slug, 1):
-            needed.append(Needed(stage, without, advantage))
+            needed.append(Needed(stage, without_term, advantage))
         else:
-            fitted = without
+            fitted = without_term
     if len(needed) == 1:
         return pruned(evaluator, fitted, [needed[0].stage])
     return fitted, needed

@@ -29,33 +29,33 @@ def what_was_tried(
     """All that was tried term by term over S and J alone, the largest gain first, and the gain of
     all that is named together; nothing of a drive, whose motor and load are one model."""
     slugs = {effect.slug for effect in effects}
-    alike = {slug for effect in effects for slug in effect.members} - slugs
+    same_class = {slug for effect in effects for slug in effect.members} - slugs
     if not named.stages or slugs & set(OF_A_DRIVE):
         return (), None
     on_top = _on_top(named)
-    tried = []
+    tried_list = []
     for score in named.stages[0].scores:
-        beside = None if score.slug in slugs else on_top.get(score.slug)
+        beside_score = None if score.slug in slugs else on_top.get(score.slug)
         outcome = (
             TriedOutcome.NAMED
             if score.slug in slugs
             else TriedOutcome.AS_GOOD
-            if score.slug in alike
-            else _rejected(named, score, beside)
+            if score.slug in same_class
+            else _rejected(named, score, beside_score)
         )
-        tried.append(
+        tried_list.append(
             TriedEffect(
                 slug=score.slug,
                 alone=_gain(score.advantage),
-                beside=None if beside is None else _gain(beside.advantage),
+                beside=None if beside_score is None else _gain(beside_score.advantage),
                 outcome=outcome,
             )
         )
     # The reading's own errors are free in every hypothesis, so that what all gain together over a
     # reading without them was never tried.
-    of_terms = bool(slugs) and slugs <= {effect_tried.slug for effect_tried in tried}
-    together = gain(named.evaluator, named.base, named.fitted) if of_terms else None
-    return tuple(tried), None if together is None else _gain(together)
+    of_terms = bool(slugs) and slugs <= {effect_tried.slug for effect_tried in tried_list}
+    combined_gain = gain(named.evaluator, named.base, named.fitted) if of_terms else None
+    return tuple(tried_list), None if combined_gain is None else _gain(combined_gain)
 
 
 def _gain(advantage: Advantage) -> Gain:
@@ -73,20 +73,20 @@ def _on_top(named: Named) -> dict[str, TermScore]:
     return {} if last is None else {score.slug: score for score in last.scores}
 
 
-def _rejected(named: Named, score: TermScore, beside: TermScore | None) -> TriedOutcome:
+def _rejected(named: Named, score: TermScore, beside_score: TermScore | None) -> TriedOutcome:
     """Why a term that was tried is not named."""
-    told, look = named.evaluator.told, named.evaluator.look
-    if not convincing(score.advantage, told, score.slug):
+    informative, summary = named.evaluator.told, named.evaluator.summary
+    if not convincing(score.advantage, informative, score.slug):
         return TriedOutcome.CHANCE
-    if not score.term.material(score.values, look):
+    if not score.term.material(score.values, summary):
         return TriedOutcome.TOO_SMALL
-    if beside is None:
+    if beside_score is None:
         return TriedOutcome.NOT_HELD
-    if not convincing(beside.advantage, told, beside.slug, 1):
+    if not convincing(beside_score.advantage, informative, beside_score.slug, 1):
         return TriedOutcome.ADDS_NOTHING
     return (
         TriedOutcome.NOT_HELD
-        if beside.term.material(beside.values, look)
+        if beside_score.term.material(beside_score.values, summary)
         else TriedOutcome.TOO_SMALL
     )
 

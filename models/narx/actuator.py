@@ -51,12 +51,13 @@ def _bridged(op: Floats) -> Floats:
 def _drive(
     op: Floats, delay: float, up: float, down: float, most_up: float, most_down: float, out: Floats
 ) -> None:
-    """``delay`` in samples, ``up`` and ``down`` the lag's share per sample, ``most`` percent."""
-    whole = int(delay)
-    fraction = delay - whole
+    """``delay`` in samples, ``up`` and ``down`` the lag's share per sample, the most that it moves
+    in a sample: percent."""
+    whole_samples = int(delay)
+    fraction = delay - whole_samples
     output = op[0] if op.size else 0.0
     for k in range(op.size):
-        i = max(k - whole, 0)
+        i = max(k - whole_samples, 0)
         command = op[i] + fraction * (op[max(i - 1, 0)] - op[i])
         error = command - output
         output += min(max(error * (up if error > 0.0 else down), -most_down), most_up)

@@ -12,10 +12,6 @@ from stemwatch.models.narx.run_plan import PlanStep, plan_run
 from stemwatch.models.narx.scaling import believable
 from stemwatch.models.recording import Bools, Floats
 
-# Healthy records lay between 1.2 and 1.62 times the reference error, valves with growing stiction
-# at 2.1 and more (46 simulated records, free runs of 100 samples).
-ALARM_RATIO = 1.8
-
 _LEAST_SCORED = 100
 _SAME_INTERVAL = 0.01
 _RANGE_MARGIN = 0.1  # of OP's training range, on either side
@@ -26,8 +22,9 @@ _MOST_OUTSIDE = 0.25
 class BaselineScore:
     """The free run's error on a new record, or ``None`` and the reason why there is none.
 
-    ``rmse`` in MV's unit; ``ratio`` = rmse / the network's ``reference_rmse``: about 1.2 for a
-    valve that has not changed, an alarm from ``ALARM_RATIO`` on. It tells that the valve changed,
+    ``rmse`` in MV's unit; ``ratio`` = rmse / the network's ``reference_rmse``: 1.2 to 1.62 for
+    a valve that had not changed, 2.1 and more where stiction grew (46 simulated records, free runs
+    of 100 samples); ``Limits.baseline_ratio_watch`` lies between. It tells that the valve changed,
     not that it sticks. ``samples`` were scored; ``outside_share`` of the usable ones had an OP
     outside the training range and were left out.
     """
@@ -64,15 +61,15 @@ def score_baseline(
             "network's interval or train a new baseline"
         )
     usable = believable(op, mv, usable)
-    inside = usable & _inside(network, op)
-    outside_share = 1.0 - inside.sum() / usable.sum() if usable.any() else 0.0
-    plan = plan_run(inside, horizon or network.reference_horizon)
+    in_range = usable & _in_trained_range(network, op)
+    outside_share = 1.0 - in_range.sum() / usable.sum() if usable.any() else 0.0
+    plan = plan_run(in_range, horizon or network.reference_horizon)
     scored = plan >= PlanStep.RUN
     samples = int(scored.sum())
     reason = _objection(network, samples, float(outside_share))
     if reason is not None:
         return BaselineScore(reason=reason, samples=samples, outside_share=float(outside_share))
-    known_op, known_mv = (np.where(inside, signal, np.nan) for signal in (op, mv))
+    known_op, known_mv = (np.where(in_range, signal, np.nan) for signal in (op, mv))
     simulated = run_plan(network, known_op, known_mv, plan)
     rmse = float(np.sqrt(np.mean((simulated[scored] - mv[scored]) ** 2)))
     comparable = horizon in (None, network.reference_horizon)
@@ -95,7 +92,7 @@ def _checked(op: Floats, mv: Floats, usable: Bools) -> tuple[Floats, Floats, Boo
     return op, mv, usable
 
 
-def _inside(network: NarxNetwork, op: Floats) -> Bools:
+def _in_trained_range(network: NarxNetwork, op: Floats) -> Bools:
     low, high = network.ranges["op"]
     margin = _RANGE_MARGIN * (high - low)
     with np.errstate(invalid="ignore"):

@@ -66,12 +66,12 @@ def _tanh(x: float) -> float:
     k = shifted - _TO_WHOLE
     r = 2.0 * x - k * _LN2_HIGH - k * _LN2_LOW
     rr = r * r
-    odd = r * ((_ODD[0] * rr + _ODD[1]) * rr + _ODD[2])
+    odd_part = r * ((_ODD[0] * rr + _ODD[1]) * rr + _ODD[2])
     even = ((_EVEN[0] * rr + _EVEN[1]) * rr + _EVEN[2]) * rr + _EVEN[3]
     exponent = (np.float64(shifted).view(np.int64) + _BIAS) << _FRACTION_BITS
-    above = np.int64(exponent).view(np.float64) * (even + odd)
-    below = even - odd
-    return (above - below) / (above + below)
+    numerator = np.int64(exponent).view(np.float64) * (even + odd_part)
+    denominator = even - odd_part
+    return (numerator - denominator) / (numerator + denominator)
 
 
 @njit(cache=True, error_model="numpy")
@@ -129,7 +129,7 @@ def normal_matrix(
     ratio: float,
     edge: float,
     steepest: float,
-    most: float,
+    largest_squares: float,
     out: Floats,
 ) -> bool:
     """Fill ``out`` (P + 1, P + 1): ``J'J``, with ``J'r`` in the last column and row, and ``r'r``.
@@ -138,30 +138,31 @@ def normal_matrix(
     ``weights`` (P,). ``runs``: the first samples and the lengths of free runs, each from the two
     measurements before it; neighbours go side by side, so it is quick where they are of a length.
     Derivatives are held within ``steepest``. Returns False, and leaves ``out`` unfinished, as soon
-    as ``r'r`` is above ``most`` or no number: no derivative is taken before all have run.
+    as ``r'r`` is above ``largest_squares`` or no number: no derivative is taken before all have
+    run.
     """
     size, lengths, frame = weights.size, runs[1], (limits, ratio, edge)
     s = _laid_out(weights.reshape((1, size)), hidden)
     steps = 0
     for first in range(0, lengths.size, _LANES):
         steps += _longest(lengths[first : first + _LANES])
-    kept = np.empty((steps, (_UNITS + hidden) * _LANES))
-    if not _run_all(s, hidden, (level, move, position), runs, frame, most, kept):
+    states = np.empty((steps, (_UNITS + hidden) * _LANES))
+    if not _run_all(s, hidden, (level, move, position), runs, frame, largest_squares, states):
         return False
     out[:, :] = 0.0
-    together = max(_LANES, _ON_ONE_THREAD // (size + 1) ** 2)
-    rows, carried = np.empty(together * (size + 1)), np.zeros(2 * _LANES * size)
+    lanes_together = max(_LANES, _ON_ONE_THREAD // (size + 1) ** 2)
+    rows, carried = np.empty(lanes_together * (size + 1)), np.zeros(2 * _LANES * size)
     step, filled = _I(0), _I(0)
     for first in range(0, lengths.size, _LANES):
-        beside = lengths[first : first + _LANES]
-        for age in range(_longest(beside)):
-            if filled + beside.size > together:
+        lane_lengths = lengths[first : first + _LANES]
+        for age in range(_longest(lane_lengths)):
+            if filled + lane_lengths.size > lanes_together:
                 _add_squares(rows, filled, out)
                 filled = _I(0)
-            for at in range(kept.shape[1]):
-                s[at] = kept[step, at]
-            _slopes(s, hidden, _whole_vectors(beside.size), frame)
-            filled = _add_rows(s, hidden, beside, age, steepest, carried, rows, filled)
+            for index in range(states.shape[1]):
+                s[index] = states[step, index]
+            _slopes(s, hidden, _whole_vectors(lane_lengths.size), frame)
+            filled = _add_rows(s, hidden, lane_lengths, age, steepest, carried, rows, filled)
             step += 1
     _add_squares(rows, filled, out)
     return True
@@ -173,19 +174,19 @@ def _laid_out(weights: Floats, hidden: int) -> Floats:
     members, size = weights.shape
     s = np.zeros((_UNITS + 2 * hidden + size) * _LANES)
     rows = s.reshape((-1, _LANES))[_UNITS + 2 * hidden :]
-    for at in range(size):
+    for index in range(size):
         for lane in range(_LANES):
-            rows[at, lane] = weights[lane if lane < members else 0, at]
+            rows[index, lane] = weights[lane if lane < members else 0, index]
     return s
 
 
 @njit(cache=True)
 def _longest(lengths: Indices) -> int:
     """The largest of ``lengths``, none negative; NumPy's own would take longer to compile."""
-    most = 0
+    longest = 0
     for length in lengths:
-        most = max(most, length)
-    return most
+        longest = max(longest, length)
+    return longest
 
 
 @njit(cache=True)
@@ -273,31 +274,31 @@ def _run_all(
     signals: tuple[Floats, Floats, Floats],
     runs: tuple[Indices, Indices],
     frame: _Frame,
-    most: float,
-    kept: Floats,
+    largest_squares: float,
+    states: Floats,
 ) -> bool:
     """Run every piece, and keep what the lanes knew at each step; False as ``normal_matrix``."""
     level, move, position = signals
     squares, step = 0.0, 0
     for first in range(0, runs[0].size, _LANES):
-        starts, beside = runs[0][first : first + _LANES], runs[1][first : first + _LANES]
-        many, lanes = _U(beside.size), _whole_vectors(beside.size)
-        for i in range(many):
+        starts, lane_lengths = runs[0][first : first + _LANES], runs[1][first : first + _LANES]
+        lane_count, lanes = _U(lane_lengths.size), _whole_vectors(lane_lengths.size)
+        for i in range(lane_count):
             s[_BEFORE + i], s[_LAST + i] = position[starts[i] - 2], position[starts[i] - 1]
-        for age in range(_longest(beside)):
-            for i in range(many):
-                if age < beside[i]:
+        for age in range(_longest(lane_lengths)):
+            for i in range(lane_count):
+                if age < lane_lengths[i]:
                     s[_LEVEL + i], s[_MOVE + i] = level[starts[i] + age], move[starts[i] + age]
             _step(s, hidden, lanes, frame)
-            for i in range(many):
-                if age < beside[i]:
+            for i in range(lane_count):
+                if age < lane_lengths[i]:
                     residual = s[_LAST + i] - position[starts[i] + age]
                     s[_RESIDUAL + i] = residual
                     squares += residual * residual
-            if not squares <= most:
+            if not squares <= largest_squares:
                 return False
-            for at in range(kept.shape[1]):
-                kept[step, at] = s[at]
+            for index in range(states.shape[1]):
+                states[step, index] = s[index]
             step += 1
     return True
 
@@ -311,14 +312,14 @@ def _slopes(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
     for i in range(lanes):
         total, share, free = s[_VALUE + i], s[_SHARE + i], s[_FREE + i]
         step = share * total
-        held = (step < slowest) | (step > fastest) | (free < low) | (free > high)
-        by_value = 0.0 if held else share
-        last, before, ways = s[inputs + i], s[by_drift + i], s[by_ways + i]
+        stopped = (step < slowest) | (step > fastest) | (free < low) | (free > high)
+        by_value = 0.0 if stopped else share
+        last, before, by_ways_before = s[inputs + i], s[by_drift + i], s[by_ways + i]
         s[_BY_VALUE + i] = by_value
         s[_BY_GATE + i] = by_value * total * (1.0 - share)
         s[_BY_LAST + i] = by_value * last
         s[_BY_BEFORE + i] = by_value * before
-        s[_BY_WAYS + i] = by_value * ways
+        s[_BY_WAYS + i] = by_value * by_ways_before
     unit = _ROW * _U(_UNITS)
     through = unit + _ROW * _U(hidden)
     for _ in range(hidden):
@@ -329,11 +330,11 @@ def _slopes(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
             by_sum = by_sum * (1.0 - h * h)
             last = s[_BY_LAST + i] + by_sum * s[row + i]
             before = s[_BY_BEFORE + i] + by_sum * s[by_drift + i]
-            ways = s[_BY_WAYS + i] + by_sum * s[by_ways + i]
+            by_ways_before = s[_BY_WAYS + i] + by_sum * s[by_ways + i]
             s[through + i] = by_sum
             s[_BY_LAST + i] = last
             s[_BY_BEFORE + i] = before
-            s[_BY_WAYS + i] = ways
+            s[_BY_WAYS + i] = by_ways_before
         unit, through, value, gate = unit + _ROW, through + _ROW, value + _ROW, gate + _ROW
         row = bias + _ROW
     for i in range(lanes):
@@ -363,57 +364,63 @@ def _add_rows(
     ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``; ``carried`` has the last two ``s`` of every lane.
     """
     size = _U(carried.size // (2 * _LANES))
-    width, many = size + _U(1), _U(lengths.size)
+    width, lane_count = size + _U(1), _U(lengths.size)
     begin = _U(filled) * width
-    at = begin
-    for i in range(many):
+    column = begin
+    for i in range(lane_count):
         if age < lengths[i]:
-            _gradient(s, hidden, i, rows, at)
-            rows[at + size] = s[_RESIDUAL + i]
-            at += width
+            _gradient(s, hidden, i, rows, column)
+            rows[column + size] = s[_RESIDUAL + i]
+            column += width
             filled += 1
     older = _U(age % 2) * _ROW * size
     last = _ROW * size - older
     # A run's first samples have nothing behind them.
-    known, known_before = 1.0 if age > 0 else 0.0, 1.0 if age > 1 else 0.0
+    has_last, known_before = 1.0 if age > 0 else 0.0, 1.0 if age > 1 else 0.0
     bound = steepest if age > 0 else np.inf
-    at = begin
-    for i in range(many):
+    column = begin
+    for i in range(lane_count):
         if age < lengths[i]:
-            d1, d2 = known * s[_BY_LAST + i], known_before * s[_BY_BEFORE + i]
-            _carry(rows, at, d1, carried, last + i * size, d2, older + i * size, size, bound)
-            at += width
+            d1, d2 = has_last * s[_BY_LAST + i], known_before * s[_BY_BEFORE + i]
+            _carry(rows, column, d1, carried, last + i * size, d2, older + i * size, size, bound)
+            column += width
     return filled
 
 
 @njit(cache=True)
-def _gradient(s: Floats, hidden: int, i: int, rows: Floats, at: np.uint64) -> None:
-    """What the weights do to one step of lane ``i``, to ``rows`` from ``at`` on."""
+def _gradient(s: Floats, hidden: int, i: int, rows: Floats, column: np.uint64) -> None:
+    """What the weights do to one step of lane ``i``, to ``rows`` from ``column`` on."""
     by_value, by_gate = s[_BY_VALUE + i], s[_BY_GATE + i]
-    error, move, drift, ways = s[_ERROR + i], s[_MOVE + i], s[_DRIFT + i], s[_WAYS + i]
+    error, move, drift, way_slope = s[_ERROR + i], s[_MOVE + i], s[_DRIFT + i], s[_WAYS + i]
     units = _U(hidden)
-    gate = at + units + _U(5)
+    gate = column + units + _U(5)
     unit = _ROW * _U(_UNITS) + i
     for k in range(units):
-        rows[at + k] = by_value * s[unit]
+        rows[column + k] = by_value * s[unit]
         rows[gate + k] = by_gate * s[unit]
         unit += _ROW
     rows[gate + units] = by_gate
-    _by_inputs(rows, at + units, by_value, error, move, drift, ways)
+    _by_inputs(rows, column + units, by_value, error, move, drift, way_slope)
     for k in range(units):
-        _by_inputs(rows, gate + units + _U(1) + k * _U(5), s[unit], error, move, drift, ways)
+        _by_inputs(rows, gate + units + _U(1) + k * _U(5), s[unit], error, move, drift, way_slope)
         unit += _ROW
 
 
 @njit(cache=True)
 def _by_inputs(
-    rows: Floats, at: np.uint64, by: float, error: float, move: float, drift: float, ways: float
+    rows: Floats,
+    column: np.uint64,
+    slope: float,
+    error: float,
+    move: float,
+    drift: float,
+    way_slope: float,
 ) -> None:
-    rows[at] = by * error
-    rows[at + _U(1)] = by * move
-    rows[at + _U(2)] = by * drift
-    rows[at + _U(3)] = by * ways
-    rows[at + _U(4)] = by
+    rows[column] = slope * error
+    rows[column + _U(1)] = slope * move
+    rows[column + _U(2)] = slope * drift
+    rows[column + _U(3)] = slope * way_slope
+    rows[column + _U(4)] = slope
 
 
 @njit(cache=True)

@@ -64,12 +64,12 @@ def descend(
     lam, accepted = torch.full_like(loss, damping), torch.zeros_like(loss)
     for _ in range(steps):
         trial = weights + _step(matrix, gradient, lam)
-        most = torch.where(active, (loss - _shrink(trial, decay)) * samples, -torch.inf)
-        new = _objective(normal(trial, most), trial, samples, decay)
+        largest_squares = torch.where(active, (loss - _shrink(trial, decay)) * samples, -torch.inf)
+        new = _objective(normal(trial, largest_squares), trial, samples, decay)
         improved = active & (new[2] < loss)
         weights, matrix, gradient, loss = (
-            _where(improved, fresh, old)
-            for fresh, old in zip((trial, *new), (weights, matrix, gradient, loss), strict=True)
+            _choose(improved, new_value, old)
+            for new_value, old in zip((trial, *new), (weights, matrix, gradient, loss), strict=True)
         )
         lam = torch.where(improved, lam / 4, lam * 4).clamp(_LEAST_DAMPING, _MOST_DAMPING)
         accepted += improved
@@ -105,5 +105,5 @@ def _step(matrix: Tensor, gradient: Tensor, lam: Tensor) -> Tensor:
     return torch.where(good[:, None], step, 0.0)
 
 
-def _where(chosen: Tensor, fresh: Tensor, old: Tensor) -> Tensor:
-    return torch.where(chosen.view(-1, *[1] * (old.dim() - 1)), fresh, old)
+def _choose(chosen: Tensor, new_value: Tensor, old: Tensor) -> Tensor:
+    return torch.where(chosen.view(-1, *[1] * (old.dim() - 1)), new_value, old)

@@ -164,9 +164,9 @@ class NarxNetwork:
         return cls(weights=weights, **facts)
 
 
-def _expect_names(what: str, received: Mapping[str, object], expected: tuple[str, ...]) -> None:
+def _expect_names(label: str, received: Mapping[str, object], expected: tuple[str, ...]) -> None:
     if set(received) != set(expected):
-        raise ValueError(f"{what}: {sorted(expected)} expected, received {sorted(received)}")
+        raise ValueError(f"{label}: {sorted(expected)} expected, received {sorted(received)}")
 
 
 def _checked_weights(weights: Mapping[str, NDArray[np.float64]]) -> dict[str, Floats]:

@@ -39,7 +39,7 @@ def normal_matrices(
         return partial(_one_by_one, valves, runs, hidden, members), samples
     limits = clamps(valves, members, device)
     return partial(
-        _together, segment_blocks(valves, horizon, members, device), limits, hidden
+        _all_at_once, segment_blocks(valves, horizon, members, device), limits, hidden
     ), samples
 
 
@@ -55,7 +55,7 @@ def _longest_first(runs: _Runs) -> _Runs:
     return starts[order], lengths[order]
 
 
-def _together(
+def _all_at_once(
     pieces: list[SegmentBlock], limits: Clamps, hidden: int, flat: Tensor, _: Tensor
 ) -> Tensor:
     return torch_batch.normal_matrix(pieces, Weights.split(flat, hidden), limits)
@@ -67,9 +67,9 @@ def _one_by_one(
     hidden: int,
     members: int,
     flat: Tensor,
-    most: Tensor,
+    largest_squares: Tensor,
 ) -> Tensor:
-    weights, largest = flat.numpy(), most.numpy()
+    weights, largest = flat.numpy(), largest_squares.numpy()
     size = weights.shape[1] + 1
     matrices = np.zeros((weights.shape[0], size, size))
     for number, matrix in enumerate(matrices):

@@ -188,10 +188,10 @@ class _Watch:
     def _errors(self, weights: Tensor, improved: Bools) -> Floats:
         """(B,) errors on the watched samples where ``improved``; inf for the other networks."""
         members = _by_valve(weights, len(self._valves))
-        wanted = improved.reshape(members.shape[:2])
-        errors = np.full(wanted.shape, np.inf)
+        improved_members = improved.reshape(members.shape[:2])
+        errors = np.full(improved_members.shape, np.inf)
         for number, valve in enumerate(self._valves):
-            chosen = wanted[number]
+            chosen = improved_members[number]
             if chosen.any():
                 flat, plan = members[number, chosen], self._plans[number]
                 errors[number, chosen] = member_errors(valve, flat, plan, self._settings.hidden)

@@ -231,8 +231,8 @@ def segment_blocks(
     """
     rows = max(1, min(_MOST_ROWS, _BLOCK_SAMPLES // horizon))
     cuts = [segments(valve.trained, horizon) for valve in valves]
-    most = max(starts.size for starts, _ in cuts)
-    total = rows * max(1, -(-most // rows))
+    most_segments = max(starts.size for starts, _ in cuts)
+    total = rows * max(1, -(-most_segments // rows))
     columns = [
         _columns(valve, starts, lengths, horizon, total)
         for valve, (starts, lengths) in zip(valves, cuts, strict=True)
@@ -271,11 +271,13 @@ def _columns(
         for signal in (signals.level, signals.move, signals.position)
     )
     real = np.arange(total) < starts.size
-    before, last = (np.where(real, signals.position[first - back], 0.0) for back in (2, 1))
+    before, last = (
+        np.where(real, signals.position[first - samples_back], 0.0) for samples_back in (2, 1)
+    )
     return level, move, target, mask, before, last
 
 
 def _block(piece: Sequence[Tensor]) -> SegmentBlock:
     names = ("level", "move", "target", "mask", "before", "last")
-    whole = (tensor.contiguous() for tensor in piece)
-    return SegmentBlock(**dict(zip(names, whole, strict=True)))
+    contiguous = (tensor.contiguous() for tensor in piece)
+    return SegmentBlock(**dict(zip(names, contiguous, strict=True)))

@@ -61,12 +61,12 @@ def train(batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS) -> li
     return [fits[index] for index in range(len(batch))]
 
 
-def _parts(ready: list[_Ready], most: int) -> Iterator[list[_Ready]]:
+def _parts(ready: list[_Ready], largest: int) -> Iterator[list[_Ready]]:
     """At most so many together, valves with a start apart from those without one."""
     for started in (True, False):
-        alike = [item for item in ready if (item[1].example.start is not None) is started]
-        for first in range(0, len(alike), most):
-            yield alike[first : first + most]
+        same_start = [item for item in ready if (item[1].example.start is not None) is started]
+        for first in range(0, len(same_start), largest):
+            yield same_start[first : first + largest]
 
 
 def device_for(valves: int, asked_device: str = AUTO) -> str:
@@ -94,14 +94,14 @@ def _train_part(valves: Sequence[TrainingRecord], settings: NarxSettings) -> lis
 def _train_on(
     device: str, valves: Sequence[TrainingRecord], settings: NarxSettings
 ) -> list[NarxFit]:
-    began = time.perf_counter()
+    started = time.perf_counter()
     with one_thread(), torch.inference_mode():
         weights, logs = train_members(valves, settings, device)
     fits = [
         _judged(valve, members, log, settings)
         for valve, members, log in zip(valves, weights, logs, strict=True)
     ]
-    seconds = (time.perf_counter() - began) / len(valves)
+    seconds = (time.perf_counter() - started) / len(valves)
     return [replace(fit, seconds=seconds, device=device) for fit in fits]
 
 
@@ -114,9 +114,9 @@ def _judged(
     plan = plan_run(valve.usable, cuts=(example.train_until,))
     simulated = run_plan(network, valve.op, valve.mv, plan)
     late = np.arange(plan.size) >= example.train_until
-    known = (plan == PlanStep.RUN) & ~late
-    rmse = _rmse(simulated, valve.mv, known)
-    if not rmse < np.std(valve.mv[known]):
+    runs_freely = (plan == PlanStep.RUN) & ~late
+    rmse = _rmse(simulated, valve.mv, runs_freely)
+    if not rmse < np.std(valve.mv[runs_freely]):
         reason = (
             "the training did not converge: even on the samples it was trained on, the free run is "
             f"no better than a constant (rmse {rmse:.3g}); MV may not follow this OP"

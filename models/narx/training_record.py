@@ -91,34 +91,38 @@ def _objection(example: NarxExample, usable: Bools, early: Bools) -> str | None:
         (training, _LEAST_TRAINED, "to train on"),
         (judging, _LEAST_JUDGED, "held out to judge the network on"),
     ):
-        enough = int(np.sum(plan_run(part) == PlanStep.RUN))
-        if enough < least:
+        run_samples = int(np.sum(plan_run(part) == PlanStep.RUN))
+        if run_samples < least:
             return (
-                f"too few usable samples {purpose}: {enough} with two usable ones before them, "
-                f"at least {least} needed; take a longer window"
+                f"too few usable samples {purpose}: {run_samples} with two usable ones before "
+                f"them, at least {least} needed; take a longer window"
             )
-    if _still(example.op[training]):
+    if _hardly_moves(example.op[training]):
         return (
             "OP never moves in the training part, so nothing can be learned of how the valve "
             "follows; take a window in which the controller works the valve"
         )
-    for part, where in ((training, "training"), (judging, "held-out")):
-        if _still(example.mv[part]):
+    for part, part_name in ((training, "training"), (judging, "held-out")):
+        if _hardly_moves(example.mv[part]):
             return (
-                f"MV is constant in the {where} part: a valve that does not move at all, or a "
+                f"MV is constant in the {part_name} part: a valve that does not move at all, or a "
                 "frozen transmitter; check the position signal"
             )
     return None
 
 
-def _still(values: Floats) -> bool:
+def _hardly_moves(values: Floats) -> bool:
     span = float(np.max(values) - np.min(values))
     return span <= max(_SMALLEST_SPAN, 1e-9 * float(np.max(np.abs(values))))
 
 
 def _split(training: Bools, share: float) -> tuple[Bools, Bools]:
     """The last ``share`` of the usable training samples is watched, the rest trained on."""
-    where = np.flatnonzero(training)
-    first_watched = where[round((1.0 - share) * (where.size - 1))] if share else training.size
+    training_samples = np.flatnonzero(training)
+    first_watched = (
+        training_samples[round((1.0 - share) * (training_samples.size - 1))]
+        if share
+        else training.size
+    )
     late = np.arange(training.size) > first_watched
     return training & ~late, training & late

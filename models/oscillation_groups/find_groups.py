@@ -53,25 +53,26 @@ class FoundGroup:
 
 
 def find_groups(
-    spectra: LoopSpectra, limits: GroupLimits, alone: Sequence[LoopOscillation] | None = None
+    spectra: LoopSpectra, limits: GroupLimits, of_each_loop: Sequence[LoopOscillation] | None = None
 ) -> list[FoundGroup]:
-    """The groups, the strongest first. ``alone``: ``oscillations(spectra)`` where it is known."""
-    seen = [one for one in alone or oscillations(spectra) if _counts(one, limits)]
-    left = spectra.spectra.copy()
-    open_ = sorted(seen, key=lambda one: -one.share)
+    """The groups, the strongest first. ``of_each_loop``: ``oscillations(spectra)`` where it is
+    known."""
+    seen = [peak for peak in of_each_loop or oscillations(spectra) if _counts(peak, limits)]
+    remaining = spectra.spectra.copy()
+    open_ = sorted(seen, key=lambda peak: -peak.share)
     groups: list[FoundGroup] = []
     while open_ and len(groups) < _MOST_GROUPS:
         first = open_.pop(0)
-        group = _around(first, spectra, left, seen, limits)
+        group = _around(first, spectra, remaining, seen, limits)
         if group is None:
             continue
         members = set(group.members)
         open_ = [
-            one
-            for one in open_
-            if not (one.loop in members and _near(one.frequency, group.frequency, BAND))
+            peak
+            for peak in open_
+            if not (peak.loop in members and _near(peak.frequency, group.frequency, BAND))
         ]
-        group = _with_harmonics(spectra, left, group, limits)
+        group = _with_harmonics(spectra, remaining, group, limits)
         if not any(_is_harmonic(group, other) for other in groups):
             groups.append(group)
     return sorted(groups, key=lambda group: -sum(group.shares))
@@ -104,26 +105,26 @@ def _around(
     near = [one for one in seen if _near(one.frequency, first.frequency, _ALIKE)]
     own = np.zeros(parts.shape[0], dtype=bool)
     own[[one.loop for one in near]] = True
-    which: Bools = own
+    in_group: Bools = own
     basis = _basis(reference)
     for _ in range(4):
         common = (np.abs(parts @ basis.conj()) ** 2).sum(axis=1)
         coherence = np.sqrt(common / np.maximum(power, 1e-30))
-        which = (common >= limits.share) & (coherence >= limits.coherence)
-        if which.sum() < 2 or not which[first.loop]:
+        in_group = (common >= limits.share) & (coherence >= limits.coherence)
+        if in_group.sum() < 2 or not in_group[first.loop]:
             return None
-        _, _, vectors = np.linalg.svd(parts[which], full_matrices=False)
+        _, _, vectors = np.linalg.svd(parts[in_group], full_matrices=False)
         basis = _basis(vectors[0])
     reference = basis[:, 0]
-    at = np.flatnonzero(which)
-    regular = [one.regularity for one in near if which[one.loop]] or [first.regularity]
+    members = np.flatnonzero(in_group)
+    regular = [peak.regularity for peak in near if in_group[peak.loop]] or [first.regularity]
     weights = np.abs(reference) ** 2
     frequency = float(weights @ spectra.frequencies[band] / weights.sum())
     return FoundGroup(
         frequency=frequency,
-        members=tuple(int(i) for i in at),
-        shares=tuple(float(x) for x in common[at]),
-        coherence=tuple(float(x) for x in coherence[at]),
+        members=tuple(int(i) for i in members),
+        shares=tuple(float(x) for x in common[members]),
+        coherence=tuple(float(x) for x in coherence[members]),
         regularity=float(np.median(regular)),
         reference=reference,
         band=band,
@@ -133,25 +134,25 @@ def _around(
 def _basis(reference: Complexes) -> Complexes:
     """(bins, 3) orthonormal: the reference, and it times the frequency's first powers. What lies
     in their span has passed a smooth transfer function, such as a lag or a dead time."""
-    at = np.linspace(-1.0, 1.0, reference.size)
-    powers = np.stack([reference * at**k for k in range(min(_SMOOTH, reference.size))], axis=1)
+    grid = np.linspace(-1.0, 1.0, reference.size)
+    powers = np.stack([reference * grid**k for k in range(min(_SMOOTH, reference.size))], axis=1)
     q, _ = np.linalg.qr(powers)
     return np.asarray(q)
 
 
-def _take_out(left: Complexes, group: FoundGroup) -> None:
+def _take_out(remaining: Complexes, group: FoundGroup) -> None:
     """What the group explains, of all loops."""
     basis = _basis(group.reference)
-    part = left[:, group.band]
-    left[:, group.band] = part - (part @ basis.conj()) @ basis.T
+    part = remaining[:, group.band]
+    remaining[:, group.band] = part - (part @ basis.conj()) @ basis.T
 
 
 def _with_harmonics(
-    spectra: LoopSpectra, left: Complexes, group: FoundGroup, limits: GroupLimits
+    spectra: LoopSpectra, remaining: Complexes, group: FoundGroup, limits: GroupLimits
 ) -> FoundGroup:
     """The group with the share that its harmonics make, which are taken out of all loops too:
     waves that are 2 to 7 times as quick and bound to its phase."""
-    _take_out(left, group)
+    _take_out(remaining, group)
     wave = spectra.time(group.reference[None, :], group.band)[0]
     size = np.abs(wave)
     turn = wave / np.maximum(size, 1e-30)
@@ -163,12 +164,12 @@ def _with_harmonics(
         band = spectra.within(low, high)
         reference = np.fft.fft(size * turn ** int(k))[band]
         basis = _basis(reference / max(float(np.linalg.norm(reference)), 1e-30))
-        part = left[:, band]
+        part = remaining[:, band]
         along = part @ basis.conj()
         common = (np.abs(along) ** 2).sum(axis=1)
         power = np.maximum((np.abs(part) ** 2).sum(axis=1), 1e-30)
         bound = common >= limits.coherence**2 * power
-        left[:, band] = part - np.where(bound[:, None], along, 0.0) @ basis.T
+        remaining[:, band] = part - np.where(bound[:, None], along, 0.0) @ basis.T
         shares += np.where(bound, common, 0.0)[list(group.members)]
     return replace(group, shares=tuple(float(share) for share in shares))
 
@@ -177,8 +178,8 @@ def _is_harmonic(group: FoundGroup, other: FoundGroup) -> bool:
     ratio = group.frequency / other.frequency
     if not any(abs(ratio / k - 1.0) <= _HARMONIC_MATCH for k in _HARMONICS):
         return False
-    inside = len(set(group.members) & set(other.members))
-    return inside >= 0.5 * len(group.members)
+    shared = len(set(group.members) & set(other.members))
+    return shared >= 0.5 * len(group.members)
 
 
 def labels(groups: Sequence[FoundGroup], loops: int) -> list[int]:
@@ -188,7 +189,7 @@ def labels(groups: Sequence[FoundGroup], loops: int) -> list[int]:
         for member, share in zip(group.members, group.shares, strict=True):
             if share > best[member]:
                 best[member], label[member] = share, number
-    return [int(one) for one in label]
+    return [int(number) for number in label]
 
 
 def strength_over_time(

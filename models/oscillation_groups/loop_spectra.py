@@ -57,9 +57,9 @@ class LoopSpectra:
 
     def time(self, spectra: Complexes, band: slice) -> Complexes:
         """(k, n) analytic signals of what (k, bins) spectra say in ``band``."""
-        whole = np.zeros((*spectra.shape[:-1], self.size), dtype=np.complex128)
-        whole[..., band] = 2.0 * spectra
-        return np.asarray(np.fft.ifft(whole, axis=-1) * np.sqrt(self.size))
+        full_spectrum = np.zeros((*spectra.shape[:-1], self.size), dtype=np.complex128)
+        full_spectrum[..., band] = 2.0 * spectra
+        return np.asarray(np.fft.ifft(full_spectrum, axis=-1) * np.sqrt(self.size))
 
 
 def loop_spectra(values: Floats, interval_s: float) -> LoopSpectra:
@@ -77,9 +77,9 @@ def loop_spectra(values: Floats, interval_s: float) -> LoopSpectra:
     spectra = np.fft.rfft(filled, axis=1)
     spectra[:, :FEWEST_CYCLES] = 0.0
     power = np.sqrt((np.abs(spectra) ** 2).sum(axis=1, keepdims=True))
-    still = power <= 1e-9 * np.abs(values_scale(filled))[:, None]
-    spectra /= np.where(still, 1.0, power)
-    spectra[still[:, 0]] = 0.0
+    hardly_moves = power <= 1e-9 * np.abs(values_scale(filled))[:, None]
+    spectra /= np.where(hardly_moves, 1.0, power)
+    spectra[hardly_moves[:, 0]] = 0.0
     frequencies = np.arange(n // 2 + 1) / (n * interval_s)
     return LoopSpectra(spectra=spectra, frequencies=frequencies, size=n, interval_s=interval_s)
 
@@ -91,9 +91,13 @@ def values_scale(values: Floats) -> Floats:
 
 def _without_holes(values: Floats) -> Floats:
     for row in np.flatnonzero(~np.isfinite(values).all(axis=1)):
-        there = np.flatnonzero(np.isfinite(values[row]))
-        known = values[row, there]
-        values[row] = np.interp(np.arange(values.shape[1]), there, known) if there.size else 0.0
+        known_samples = np.flatnonzero(np.isfinite(values[row]))
+        known_values = values[row, known_samples]
+        values[row] = (
+            np.interp(np.arange(values.shape[1]), known_samples, known_values)
+            if known_samples.size
+            else 0.0
+        )
     return values
 
 
@@ -121,58 +125,58 @@ def oscillations(spectra: LoopSpectra) -> list[LoopOscillation]:
     reach = 2 * round(_AROUND * np.log(2.0) / _GRID) + 1
     background = median_filter(density, size=(1, reach), mode="nearest")
     prominence = density / np.maximum(background, 1e-12)
-    found = [
+    peaks = [
         LoopOscillation(int(i), float(grid[k]), float(share[i, k]), float(prominence[i, k]), 0.0)
         for i, k in _peaks(density, share)
     ]
-    regular = _regularity(spectra, power, found)
+    regular = _regularity(spectra, power, peaks)
     return [
-        LoopOscillation(one.loop, one.frequency, one.share, one.prominence, float(r))
-        for one, r in zip(found, regular, strict=True)
+        LoopOscillation(peak.loop, peak.frequency, peak.share, peak.prominence, float(r))
+        for peak, r in zip(peaks, regular, strict=True)
     ]
 
 
 def _peaks(density: Floats, share: Floats) -> list[tuple[int, int]]:
     """(loop, place on the grid) of the highest maxima, none within 30 % of a higher one."""
-    apart = round(0.3 / _GRID)
-    found: list[tuple[int, int]] = []
+    least_distance = round(0.3 / _GRID)
+    peaks: list[tuple[int, int]] = []
     for i in range(density.shape[0]):
-        there = np.flatnonzero(share[i] >= _LEAST_SHARE)
-        kept: list[int] = []
-        for k in there[np.argsort(-share[i, there], kind="stable")]:
-            if len(kept) == _MOST_PEAKS:
+        high_enough = np.flatnonzero(share[i] >= _LEAST_SHARE)
+        kept_peaks: list[int] = []
+        for k in high_enough[np.argsort(-share[i, high_enough], kind="stable")]:
+            if len(kept_peaks) == _MOST_PEAKS:
                 break
-            if all(abs(int(k) - other) > apart for other in kept):
-                kept.append(int(k))
-        found += [(i, k) for k in kept if _is_top(share[i], k)]
-    return found
+            if all(abs(int(k) - other) > least_distance for other in kept_peaks):
+                kept_peaks.append(int(k))
+        peaks += [(i, k) for k in kept_peaks if _is_top(share[i], k)]
+    return peaks
 
 
-def _is_top(share: Floats, at: int) -> bool:
-    near = share[max(at - 2, 0) : at + 3]
-    return bool(share[at] >= near.max())
+def _is_top(share: Floats, frequency: int) -> bool:
+    neighbours = share[max(frequency - 2, 0) : frequency + 3]
+    return bool(share[frequency] >= neighbours.max())
 
 
-def _regularity(spectra: LoopSpectra, power: Floats, found: list[LoopOscillation]) -> Floats:
+def _regularity(spectra: LoopSpectra, power: Floats, peaks: list[LoopOscillation]) -> Floats:
     """T / (3 s) of the periods between zero crossings of the autocorrelation of what lies within
     half an octave (Thornhill, Huang and Zhang 2003)."""
-    out = np.zeros(len(found))
-    for at, one in enumerate(found):
-        band = spectra.within(one.frequency / np.sqrt(2.0), one.frequency * np.sqrt(2.0))
-        period = 1.0 / (one.frequency * spectra.interval_s)
+    out = np.zeros(len(peaks))
+    for index, peak in enumerate(peaks):
+        band = spectra.within(peak.frequency / np.sqrt(2.0), peak.frequency * np.sqrt(2.0))
+        period = 1.0 / (peak.frequency * spectra.interval_s)
         # The autocorrelation is needed over few periods only, at any resolution.
         lags = np.arange(0.0, (_CROSSINGS + 3) * period / 2.0, period / 24.0)
         bins = np.arange(band.start, min(band.stop, power.shape[1]))
         phase = 2.0 * np.pi / spectra.size * np.outer(lags, bins)
-        out[at] = _from_crossings(np.cos(phase) @ power[one.loop, bins])
+        out[index] = _from_crossings(np.cos(phase) @ power[peak.loop, bins])
     return out
 
 
 def _from_crossings(acf: Floats) -> float:
     sign = np.signbit(acf)
-    at = np.flatnonzero(sign[1:] != sign[:-1])[:_CROSSINGS]
-    if at.size < 6:
+    crossings = np.flatnonzero(sign[1:] != sign[:-1])[:_CROSSINGS]
+    if crossings.size < 6:
         return 0.0
-    exact = at + acf[at] / (acf[at] - acf[at + 1])
+    exact = crossings + acf[crossings] / (acf[crossings] - acf[crossings + 1])
     half = np.diff(exact)
     return float(half.mean() / (3.0 * half.std(ddof=1) + 1e-9))

@@ -81,7 +81,8 @@ class OscillationGroup:
     ``outside`` is the probability that it begins in none of them. ``strength`` (24,) over the
     record, its mean square 1; ``since`` the start of the window from which on it oscillates,
     ``None`` where it always did or the source does not date. ``spectra`` (members, 60) powers on
-    ``periods_s`` (60,), each loop's largest 1.
+    ``periods_s`` (60,), each loop's largest 1. ``windows`` in which the same oscillation was found,
+    this one included; ``first_found`` the start of the first of them, ``None`` where it is this.
     """
 
     period_s: float
@@ -94,6 +95,8 @@ class OscillationGroup:
     strength: tuple[float, ...]
     periods_s: tuple[float, ...]
     spectra: tuple[tuple[float, ...], ...]
+    windows: int = 1
+    first_found: datetime | None = None
 
     @property
     def source(self) -> str:
@@ -112,32 +115,32 @@ def waves_of(recording: Recording, sticks: bool | None = None) -> LoopWaves | No
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
     if pv is None or len(recording) < FEWEST:
         return None
-    every = -(-len(recording) // LONGEST)
-    same = sp is not None and sp.unit == pv.unit
+    stride = -(-len(recording) // LONGEST)
+    same_unit = sp is not None and sp.unit == pv.unit
     none = np.full(len(recording), np.nan)
 
     def thinned(values: Floats, usable: NDArray[np.bool_]) -> Small:
-        return _block_means(np.where(usable, values, np.nan), every).astype(np.float32)
+        return _block_means(np.where(usable, values, np.nan), stride).astype(np.float32)
 
     return LoopWaves(
         loop=recording.valve,
         source=recording.provenance.source,
         start=recording.start,
-        interval_s=recording.interval_s * every,
+        interval_s=recording.interval_s * stride,
         op=thinned(recording.op.values, recording.op.usable),
         pv=thinned(pv.values, pv.usable),
-        sp=thinned(sp.values, sp.usable) if same and sp is not None else none[:0].astype("f4"),
+        sp=thinned(sp.values, sp.usable) if same_unit and sp is not None else none[:0].astype("f4"),
         sticks=sticks,
     )
 
 
-def _block_means(values: Floats, every: int) -> Floats:
-    if every == 1:
+def _block_means(values: Floats, stride: int) -> Floats:
+    if stride == 1:
         return values
-    blocks = values[: values.size // every * every].reshape(-1, every)
-    known = np.isfinite(blocks)
-    total = np.where(known, blocks, 0.0).sum(axis=1)
-    count = known.sum(axis=1)
+    blocks = values[: values.size // stride * stride].reshape(-1, stride)
+    finite = np.isfinite(blocks)
+    total = np.where(finite, blocks, 0.0).sum(axis=1)
+    count = finite.sum(axis=1)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
@@ -145,8 +148,8 @@ def plant_groups(loops: Iterable[LoopWaves]) -> list[OscillationGroup]:
     """The groups of all loops, those that move most loops first. Loops are compared where they were
     recorded together; where nothing dates them, within one file."""
     groups: list[OscillationGroup] = []
-    for together in _recorded_together(list(loops)):
-        groups += _groups_of(together)
+    for recorded_together in _recorded_together(list(loops)):
+        groups += _groups_of(recorded_together)
     return sorted(groups, key=lambda group: -sum(member.share for member in group.members))
 
 
@@ -154,40 +157,44 @@ def _recorded_together(loops: Sequence[LoopWaves]) -> list[list[LoopWaves]]:
     """Loops whose windows overlap, or, undated, of one source and length; each loop once."""
     undated: dict[tuple[str, int, float], list[LoopWaves]] = defaultdict(list)
     dated: list[tuple[list[LoopWaves], datetime, datetime]] = []
-    for loop in sorted(loops, key=lambda one: (str(one.start), one.loop)):
+    for loop in sorted(
+        loops, key=lambda recorded_loop: (str(recorded_loop.start), recorded_loop.loop)
+    ):
         if loop.start is None:
             undated[(loop.source, loop.pv.size, loop.interval_s)].append(loop)
             continue
         end = loop.start + timedelta(seconds=loop.pv.size * loop.interval_s)
-        for at, (members, first, last) in enumerate(dated):
+        for index, (members, first, last) in enumerate(dated):
             begin, stop = max(first, loop.start), min(last, end)
             if stop - begin >= _OVERLAP * min(last - first, end - loop.start) and stop > begin:
-                dated[at] = ([*members, loop], begin, stop)
+                dated[index] = ([*members, loop], begin, stop)
                 break
         else:
             dated.append(([loop], loop.start, end))
-    found = [members for members, _, _ in dated] + list(undated.values())
-    return [members for members in found if len({one.loop for one in members}) > 1]
+    groups = [members for members, _, _ in dated] + list(undated.values())
+    return [
+        members for members in groups if len({recorded_loop.loop for recorded_loop in members}) > 1
+    ]
 
 
 def _groups_of(loops: Sequence[LoopWaves]) -> list[OscillationGroup]:
-    loops = list({one.loop: one for one in loops}.values())
-    interval_s = max(one.interval_s for one in loops)
-    starts = [one.start for one in loops if one.start is not None]
+    loops = list({recorded_loop.loop: recorded_loop for recorded_loop in loops}.values())
+    interval_s = max(recorded_loop.interval_s for recorded_loop in loops)
+    starts = [recorded_loop.start for recorded_loop in loops if recorded_loop.start is not None]
     start = max(starts) if starts else None
     rows: dict[str, list[Floats]] = {"op": [], "pv": [], "sp": []}
-    for one in loops:
+    for recorded_loop in loops:
         for name in rows:
-            values = getattr(one, name).astype(np.float64)
-            values = values if values.size else np.full(one.pv.size, np.nan)
-            rows[name].append(_on_clock(values, one, start, interval_s))
+            values = getattr(recorded_loop, name).astype(np.float64)
+            values = values if values.size else np.full(recorded_loop.pv.size, np.nan)
+            rows[name].append(_on_clock(values, recorded_loop, start, interval_s))
     size = min(row.size for row in rows["pv"])
     if size < FEWEST:
         return []
     op, pv, sp = (np.array([row[:size] for row in rows[name]]) for name in ("op", "pv", "sp"))
     error = np.where(np.isfinite(sp), sp - pv, -pv)
     spectra, outputs = loop_spectra(error, interval_s), loop_spectra(op, interval_s)
-    found = []
+    groups = []
     for group in find_groups(spectra, LIMITS):
         evidence = member_evidence(
             spectra,
@@ -197,8 +204,8 @@ def _groups_of(loops: Sequence[LoopWaves]) -> list[OscillationGroup]:
             lambda i: _as_number(loops[i].sticks),
         )
         names = {i: loops[i].loop for i in group.members}
-        found.append(_told(spectra, group, evidence, names, start))
-    return found
+        groups.append(_group_result(spectra, group, evidence, names, start))
+    return groups
 
 
 def _as_number(sticks: bool | None) -> float | None:
@@ -209,20 +216,25 @@ def _on_clock(values: Floats, loop: LoopWaves, start: datetime | None, interval_
     """The values on the common clock: the last one before each instant."""
     offset = 0.0 if start is None or loop.start is None else (start - loop.start).total_seconds()
     count = int((values.size * loop.interval_s - offset) // interval_s)
-    at = ((offset + np.arange(max(count, 0)) * interval_s) / loop.interval_s).astype(np.int64)
-    return np.asarray(values[np.minimum(at, values.size - 1)])
+    sample_index = ((offset + np.arange(max(count, 0)) * interval_s) / loop.interval_s).astype(
+        np.int64
+    )
+    return np.asarray(values[np.minimum(sample_index, values.size - 1)])
 
 
 def _non_linearity(op: Floats, pv: Floats) -> float:
-    known = np.isfinite(op) & np.isfinite(pv)
-    if known.mean() < 0.9:
+    both_finite = np.isfinite(op) & np.isfinite(pv)
+    if both_finite.mean() < 0.9:
         return 0.0
-    at = np.arange(op.size)
-    filled = [np.interp(at, at[known], values[known]) for values in (op, pv)]
+    sample_index = np.arange(op.size)
+    filled = [
+        np.interp(sample_index, sample_index[both_finite], values[both_finite])
+        for values in (op, pv)
+    ]
     return non_linearity(filled[0], filled[1])
 
 
-def _told(
+def _group_result(
     spectra: LoopSpectra,
     group: FoundGroup,
     evidence: MemberEvidence,
@@ -231,7 +243,7 @@ def _told(
 ) -> OscillationGroup:
     ranking = rank_sources(evidence, WEIGHTS)
     shares = dict(zip(group.members, group.shares, strict=True))
-    said = _said(evidence, ranking)
+    sentences = _evidence_sentences(evidence, ranking)
     strength, _ = strength_over_time(spectra, group, WINDOWS)
     duration_s = spectra.size * spectra.interval_s
     periods = np.geomspace(
@@ -241,7 +253,10 @@ def _told(
         period_s=group.period_s,
         members=tuple(
             GroupMember(
-                loop=names[i], share=min(shares[i], 1.0), probability=p, evidence=said.get(i, ())
+                loop=names[i],
+                share=min(shares[i], 1.0),
+                probability=p,
+                evidence=sentences.get(i, ()),
             )
             for i, p in zip(ranking.members, ranking.probability, strict=True)
         ),
@@ -250,13 +265,15 @@ def _told(
         start=start,
         duration_s=duration_s,
         since=_since(strength, start, duration_s),
-        strength=tuple(round(float(one), 3) for one in strength),
+        strength=tuple(round(float(number), 3) for number in strength),
         periods_s=tuple(float(x) for x in np.sqrt(periods[1:] * periods[:-1])),
         spectra=tuple(_bands(spectra, i, periods) for i in ranking.members),
     )
 
 
-def _said(evidence: MemberEvidence, ranking: SourceRanking) -> dict[int, tuple[str, ...]]:
+def _evidence_sentences(
+    evidence: MemberEvidence, ranking: SourceRanking
+) -> dict[int, tuple[str, ...]]:
     """What speaks for each of the first two, the weightiest first."""
     weighed = compared(evidence) * np.array(WEIGHTS.member)
     out = {}

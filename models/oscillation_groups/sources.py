@@ -74,32 +74,37 @@ def member_evidence(
     """The evidence of each member. ``non_linearity`` gives the gain of a sticking element over a
     linear loop beyond the loop's surrogates; ``sticking`` 1 where a measured position says that the
     valve sticks, 0 where it says that it does not."""
-    at = list(group.members)
+    members = list(group.members)
     coherence = np.clip(np.array(group.coherence), 0.0, 0.9999)
-    known = [sticking(loop) for loop in at]
+    sticking_of_each = [sticking(loop) for loop in members]
     values = np.stack(
         [
             np.log(np.array(group.shares)),
             -np.log(1.0 - coherence**2),
-            _harmonics(errors, group, at),
-            _harmonics(outputs, group, at),
-            _lead(errors, group, at),
-            np.array([non_linearity(loop) for loop in at]),
-            np.array([0.0 if one is None else 2.0 * one - 1.0 for one in known]),
+            _harmonics(errors, group, members),
+            _harmonics(outputs, group, members),
+            _lead(errors, group, members),
+            np.array([non_linearity(loop) for loop in members]),
+            np.array(
+                [
+                    0.0 if probability is None else 2.0 * probability - 1.0
+                    for probability in sticking_of_each
+                ]
+            ),
         ],
         axis=1,
     )
     return MemberEvidence(members=group.members, values=values)
 
 
-def _harmonics(spectra: LoopSpectra, group: FoundGroup, at: Sequence[int]) -> Floats:
+def _harmonics(spectra: LoopSpectra, group: FoundGroup, members: Sequence[int]) -> Floats:
     """Amplitude of what is bound to the reference's phase at 2 to 5 times its frequency, over that
     of the fundamental; log."""
     wave = spectra.time(group.reference[None, :], group.band)[0]
     size = np.abs(wave)
     turn = wave / np.maximum(size, 1e-30)
-    bound = np.zeros(len(at))
-    first = np.abs(spectra.spectra[at][:, group.band] @ group.reference.conj())
+    bound = np.zeros(len(members))
+    first = np.abs(spectra.spectra[members][:, group.band] @ group.reference.conj())
     for k in _HARMONICS:
         low, high = (k * group.frequency * (1.0 + side * 0.25 / k) for side in (-1.0, 1.0))
         if high >= spectra.frequencies[-1]:
@@ -107,14 +112,14 @@ def _harmonics(spectra: LoopSpectra, group: FoundGroup, at: Sequence[int]) -> Fl
         band = spectra.within(low, high)
         line = np.fft.fft(size * turn**k)[band]
         line /= max(float(np.linalg.norm(line)), 1e-30)
-        bound += np.abs(spectra.spectra[at][:, band] @ line.conj()) ** 2
+        bound += np.abs(spectra.spectra[members][:, band] @ line.conj()) ** 2
     return np.asarray(np.log(0.01 + np.sqrt(bound) / np.maximum(first, 1e-6)))
 
 
-def _lead(spectra: LoopSpectra, group: FoundGroup, at: Sequence[int]) -> Floats:
+def _lead(spectra: LoopSpectra, group: FoundGroup, members: Sequence[int]) -> Floats:
     """By how many periods the wandering of a member's phase comes before that of the others: the
     delay at which its band agrees best with the reference's, whose sign no gain turns round."""
-    cross = spectra.spectra[at][:, group.band] * group.reference.conj()
+    cross = spectra.spectra[members][:, group.band] * group.reference.conj()
     delays = np.linspace(-_MOST_LEAD, _MOST_LEAD, 81)
     turns = np.exp(2j * np.pi * np.outer(spectra.frequencies[group.band] / group.frequency, delays))
     delay = delays[np.abs(cross @ turns).argmax(axis=1)]

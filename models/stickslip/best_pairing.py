@@ -17,8 +17,10 @@ from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.signal_pairing import first_order_lag
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.events import events_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipEvaluator, actuator_grid
 from stemwatch.models.stickslip.problem import FitProblem
+from stemwatch.models.stickslip.rests import Rests
 
 # Samples by which a command may be brought forward: never by more than nothing, for then the stem
 # would move first; and a little more, where only clocks differ.
@@ -51,24 +53,33 @@ class Pairing:
     still: float  # loss of a stem that never moves
 
     @classmethod
-    def of(cls, recording: Recording, look: FirstLook | None = None) -> Pairing | None:
-        """``None`` where one of the two hardly moves, or nothing can be scored. ``look`` is a first
-        look at the recording where there was one."""
-        look = look or FirstLook.at(recording)
-        if look is None or float(np.ptp(look.evaluator.problem.mv)) <= 0.0:
+    def of(cls, recording: Recording, first_look: FirstLook | None = None) -> Pairing | None:
+        """``None`` where one of the two hardly moves, or nothing can be scored. ``first_look`` is a
+        first look at the recording where there was one."""
+        first_look = first_look or FirstLook.at(recording)
+        if first_look is None or float(np.ptp(first_look.evaluator.problem.mv)) <= 0.0:
             return None
-        evaluator, base = look.evaluator, look.base
+        evaluator, base = first_look.evaluator, first_look.base
         problem = evaluator.problem
         stuck = base.copy()
         stuck[coordinate.S_PERCENT] = NEVER_MOVES * problem.swing
-        still = _loss(evaluator, problem, stuck[None, :])
-        return cls(evaluator, _elements(evaluator, base), still) if still > 0.0 else None
+        still_loss = _loss(evaluator, problem, stuck[None, :])
+        return cls(evaluator, _elements(evaluator, base), still_loss) if still_loss > 0.0 else None
+
+    @property
+    def slips_to_its_command(self) -> bool:
+        """Whether the slips alone show that the stem is this command's, now and not minutes ago:
+        it rests while the command goes on, and jumps towards it."""
+        problem = self.evaluator.problem
+        if not Rests.of(problem).of_position:
+            return False
+        return events_of(problem, self.candidates[0]).of_this_command
 
     def explained(self, samples: Sequence[float]) -> BestShift:
         """The best over commands brought forward by each of ``samples``."""
         problem = self.evaluator.problem
-        tried = [self._best_of_elements(_shifted(problem, by), by) for by in samples]
-        return min(tried, key=lambda one: one.left)
+        shifts = [self._best_of_elements(_shifted(problem, shift), shift) for shift in samples]
+        return min(shifts, key=lambda shift: shift.left)
 
     def _best_of_elements(self, problem: FitProblem, samples: float) -> BestShift:
         losses = _losses(self.evaluator, problem, self.candidates)
@@ -80,22 +91,28 @@ class Pairing:
         """What is left where a dead time, a lag and a limited speed stand for the sticking, or two
         long lags stand before it."""
         problem = self.evaluator.problem
-        alone = _loss(self.evaluator, problem, actuator_grid(self.evaluator, self.candidates[0]))
+        actuator_loss = _loss(
+            self.evaluator, problem, actuator_grid(self.evaluator, self.candidates[0])
+        )
         behind = (
             replace(problem, op=first_order_lag(first_order_lag(problem.op, lag), lag))
             for lag in LONG_LAGS
         )
         losses = (_loss(self.evaluator, lagged, self.candidates) for lagged in behind)
-        return min(alone, *losses) / self.still
+        return min(actuator_loss, *losses) / self.still
 
     def far_away(self) -> BestShift:
         """The best over commands from 20 to 600 samples earlier or later."""
         problem = self.evaluator.problem
         furthest = problem.op.size / 3.0
-        tried = [by for by in (*FAR, *_where_moves_agree(problem)) if FAR[0] <= by <= furthest]
-        if not tried:
+        samples_tried = [
+            shift for shift in (*FAR, *_where_moves_agree(problem)) if FAR[0] <= shift <= furthest
+        ]
+        if not samples_tried:
             return BestShift(np.inf, 0.0)
-        best = self.explained([way * by for by in tried for way in (1.0, -1.0)])
+        best = self.explained(
+            [direction * shift for shift in samples_tried for direction in (1.0, -1.0)]
+        )
         return self.explained([best.samples, *np.round(best.samples * ABOUT)])
 
 
@@ -135,8 +152,8 @@ def _shifted(problem: FitProblem, samples: float) -> FitProblem:
     """The problem with its command brought forward; the edge is held."""
     if samples == 0.0:
         return problem
-    at = np.clip(np.arange(problem.op.size) + round(samples), 0, problem.op.size - 1)
-    return replace(problem, op=problem.op[at])
+    shifted_index = np.clip(np.arange(problem.op.size) + round(samples), 0, problem.op.size - 1)
+    return replace(problem, op=problem.op[shifted_index])
 
 
 def _where_moves_agree(problem: FitProblem) -> tuple[float, ...]:
@@ -145,8 +162,8 @@ def _where_moves_agree(problem: FitProblem) -> tuple[float, ...]:
     if furthest <= FAR[0]:
         return ()
     moves = [np.diff(values) for values in (problem.op, problem.mv)]
-    near = int(FAR[0])
+    near_shift = int(FAR[0])
     return tuple(
-        float(near + np.argmax(lagged_products(first, second, furthest)[near:]))
+        float(near_shift + np.argmax(lagged_products(first, second, furthest)[near_shift:]))
         for first, second in (moves, moves[::-1])
     )

@@ -123,8 +123,8 @@ class Breakaways:
     @property
     def _of_any_delay(self) -> Floats:
         """(n,) weights of the delays by the agreement of the breakaways alone."""
-        told = np.array([levels.weight + 0.5 * levels.unusual**2 for levels in self.tried])
-        weights = np.exp(told - told.max())
+        level_weights = np.array([levels.weight + 0.5 * levels.unusual**2 for levels in self.tried])
+        weights = np.exp(level_weights - level_weights.max())
         return np.asarray(weights / weights.sum())
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -133,19 +133,19 @@ class Breakaways:
         A delay that is not known moves both levels the same way, so S more than J.
         """
         delays = rng.choice(len(self.tried), size=count, p=self.weights)
-        some = round(UNUSUALLY_LATE * count)
-        delays[:some] = rng.choice(len(self.tried), size=some, p=self._of_any_delay)
-        means = np.array([(at.level, at.kinetic, at.chord) for at in self.tried])
+        late_count = round(UNUSUALLY_LATE * count)
+        delays[:late_count] = rng.choice(len(self.tried), size=late_count, p=self._of_any_delay)
+        means = np.array([(levels.level, levels.kinetic, levels.chord) for levels in self.tried])
         within = (WITHIN_SAMPLE * self.rate) ** 2
-        alone = (MODEL_ERROR * self.level) ** 2 + (LETS_GO * self.rate) ** 2
+        own_error = (MODEL_ERROR * self.level) ** 2 + (LETS_GO * self.rate) ** 2
         model = np.array(
             [
-                [within + alone, within, 0.0],
+                [within + own_error, within, 0.0],
                 [within, within + (KINETIC_ERROR * self.level) ** 2, 0.0],
                 [0.0, 0.0, 1e-12],
             ]
         )
-        roots = np.linalg.cholesky([at.covariance + model for at in self.tried])
+        roots = np.linalg.cholesky([levels.covariance + model for levels in self.tried])
         normal = rng.standard_normal((count, 3))
         level, kinetic, chord = (means[delays] + np.einsum("dij,dj->di", roots[delays], normal)).T
         chord = np.maximum(chord, LEAST_CHORD)
@@ -176,67 +176,71 @@ def breakaways(
     if J < LEAST_J:
         return None
     found_onsets = onsets(problem.mv, problem.scored, problem.sigma, problem.interval_s)
-    stem, place = (problem.mv - zero) / gain, (found_onsets.place - zero) / gain
+    stem, onset_place = (problem.mv - zero) / gain, (found_onsets.place - zero) / gain
     side, sigma = found_onsets.side * np.sign(gain), problem.sigma / abs(gain)
     clock = np.arange(problem.op.size, dtype=np.float64)
     late, command = late_s / problem.interval_s, problem.op
-    usual, delays = LATE[0], np.linspace(0.0, FARTHEST_TRIED, TRIED)
+    usual_late, delays = LATE[0], np.linspace(0.0, FARTHEST_TRIED, TRIED)
     if unhindered is not None and late >= SLOW_SAMPLES:
-        usual, delays = 0.0, np.linspace(-late, late, TRIED)
+        usual_late, delays = 0.0, np.linspace(-late, late, TRIED)
         command = (unhindered - zero) / gain
     spread = LATE[1] + LATE_SHARE * late
     unsure = problem.unsure_degree
     low, high = np.percentile(problem.op, USED) if unsure else (0.0, 0.0)
-    tried = []
+    levels_tried = []
     for delay in delays:
         command_then = np.interp(clock - delay, clock, command)
-        near, far, after, rate, jump = distances(
-            stem, command_then, found_onsets.at, side, found_onsets.rested, place
+        last_before, first_after, after, rate, jump = distances(
+            stem, command_then, found_onsets.at, side, found_onsets.rested, onset_place
         )
-        slip = (jump >= LEAST_JUMP * J) & (far > 0.0)
+        slip = (jump >= LEAST_JUMP * J) & (first_after > 0.0)
         if np.count_nonzero(slip) < FEWEST:
             continue
-        slips = _Slips(near[slip], far[slip], after[slip], rate[slip], side[slip], sigma)
-        unusual = (float(delay) - usual) / spread
+        slips = _Slips(
+            last_before[slip], first_after[slip], after[slip], rate[slip], side[slip], sigma
+        )
+        unusual = (float(delay) - usual_late) / spread
         if unsure and high > low:
-            at = found_onsets.at[slip]
-            then = 0.5 * (command_then[at - 1] + command_then[at])
+            onset_sample = found_onsets.at[slip]
+            then = 0.5 * (command_then[onset_sample - 1] + command_then[onset_sample])
             borne = shapes_of(then, problem.op, unsure)
-            stopped = shapes_of(command_then[at], problem.op, unsure)
-            tried.append(_with_curve(slips, unusual, borne, stopped, 0.5 * float(high - low)))
+            stopped = shapes_of(command_then[onset_sample], problem.op, unsure)
+            levels_tried.append(
+                _with_curve(slips, unusual, borne, stopped, 0.5 * float(high - low))
+            )
         else:
-            tried.append(_levels(slips, unusual))
-    if not tried:
+            levels_tried.append(_levels(slips, unusual))
+    if not levels_tried:
         return None
-    found = _weighted(tried)
+    found_breakaways = _weighted(levels_tried)
     level = 0.5 * (S + J)
-    if found.scatter < ALIKE or abs(found.level - level) > FARTHEST * level:
+    if found_breakaways.scatter < ALIKE or abs(found_breakaways.level - level) > FARTHEST * level:
         return None
-    return found
+    return found_breakaways
 
 
 @njit(cache=True)
 def distances(
-    stem: Floats, command: Floats, at: Samples, side: Floats, rested: Samples, place: Floats
+    stem: Floats, command: Floats, at: Samples, side: Floats, rested: Samples, onset_place: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """(m,) each, of the onsets: the distance of command and stem that the stem has borne and the
     one at its first sample of motion, the distance then, the command's way in that sample, and how
     far the stem jumped beyond the command's way."""
     m, n = at.size, stem.size
-    near, far, after = np.zeros(m), np.zeros(m), np.zeros(m)
+    last_before, first_after, after = np.zeros(m), np.zeros(m), np.zeros(m)
     rate, jump = np.zeros(m), np.zeros(m)
     for i in range(m):
-        k, way = at[i], side[i]
+        k, direction = at[i], side[i]
         for j in range(max(k - rested[i] + 1, 0), k):
             # What the packing bore on the other side it would have borne on this one.
-            near[i] = max(near[i], abs(command[j] - place[i]))
-        far[i] = max(way * (command[k] - place[i]), near[i])
-        after[i] = way * (command[k] - stem[k])
-        rate[i] = way * (command[k] - command[k - 1])
+            last_before[i] = max(last_before[i], abs(command[j] - onset_place[i]))
+        first_after[i] = max(direction * (command[k] - onset_place[i]), last_before[i])
+        after[i] = direction * (command[k] - stem[k])
+        rate[i] = direction * (command[k] - command[k - 1])
         end = min(k + SLIPPING_SAMPLES, n - 1)
-        commanded = max(way * (command[end] - command[k - 1]), 0.0)
-        jump[i] = way * (stem[end] - place[i]) - commanded
-    return near, far, after, rate, jump
+        commanded = max(direction * (command[end] - command[k - 1]), 0.0)
+        jump[i] = direction * (stem[end] - onset_place[i]) - commanded
+    return last_before, first_after, after, rate, jump
 
 
 @dataclass(frozen=True)
@@ -255,9 +259,9 @@ class _Slips:
         """(m,) Half the distance of the bounds between which the stem let go."""
         return 0.5 * (self.far - self.near)
 
-    def within(self, kept: Bools) -> float:
+    def within(self, selected: Bools) -> float:
         """Variance of where in its sample a slip was; the resting place is a mean of five."""
-        return float(np.mean(self.half[kept] ** 2)) / 3.0 + self.sigma**2 / 5.0
+        return float(np.mean(self.half[selected] ** 2)) / 3.0 + self.sigma**2 / 5.0
 
 
 def _variances(slips: _Slips, spread: float, within: float, level: float) -> tuple[float, float]:
@@ -274,17 +278,17 @@ def _weight(count: int, variance: float, unusual: float) -> float:
 
 def _levels(slips: _Slips, unusual: float) -> _Levels:
     """Both levels for one delay."""
-    level, spread, error, kept = _mean_of_sides(slips.near + slips.half, slips.side)
-    variance, scatter = _variances(slips, spread, slips.within(kept), level)
+    level, spread, error, is_used = _mean_of_sides(slips.near + slips.half, slips.side)
+    variance, scatter = _variances(slips, spread, slips.within(is_used), level)
     kinetic, kinetic_error = _kinetic(slips.after, slips.rate, slips.side, slips.sigma, level)
     return _Levels(
-        weight=_weight(int(kept.sum()), variance, unusual),
+        weight=_weight(int(is_used.sum()), variance, unusual),
         level=level,
         kinetic=kinetic,
         covariance=np.diag([error**2, kinetic_error**2, 0.0]),
         scatter=scatter,
         rate=float(np.median(np.abs(slips.rate))),
-        count=int(kept.sum()),
+        count=int(is_used.sum()),
         unusual=unusual,
     )
 
@@ -299,59 +303,63 @@ def _with_curve(
     the zero of the reading. ``half_range`` is half the part of the command that was used, percent.
     """
     side, values = slips.side, slips.near + slips.half
-    few = min(np.count_nonzero(side < 0.0), np.count_nonzero(side > 0.0)) < FEWEST_OF_A_SIDE
-    level, spread, _, kept = _mean_of_sides(values, side)
+    too_few = min(np.count_nonzero(side < 0.0), np.count_nonzero(side > 0.0)) < FEWEST_OF_A_SIDE
+    level, spread, _, is_used = _mean_of_sides(values, side)
     _, after_spread, _, after_kept = _mean_of_sides(slips.after - SINCE[0] * slips.rate, side)
     bends = borne.shape[1] - 1
-    nothing = np.zeros(side.size)
+    zeros = np.zeros(side.size)
     # Unknown: level, kinetic level, zero, tilt and what was dragged on as in ``_kinetic``, curve.
-    off = -side[:, None]
-    let_go = np.column_stack((nothing + 1, nothing, -off, nothing, nothing, off * borne[:, 1:]))
+    side_columns = -side[:, None]
+    let_go = np.column_stack(
+        (zeros + 1, zeros, -side_columns, zeros, zeros, side_columns * borne[:, 1:])
+    )
     halted = np.column_stack(
-        (nothing, nothing + 1, nothing, -off, slips.rate, off * stopped[:, 1:])
+        (zeros, zeros + 1, zeros, -side_columns, slips.rate, side_columns * stopped[:, 1:])
     )
     slope, bend = (1.0 / np.square((UNSURE_SLOPE * half_range, UNSURE_BEND))).tolist()
     for _ in range(CURVE_ROUNDS):
-        variance, scatter = _variances(slips, spread, slips.within(kept), level)
+        variance, scatter = _variances(slips, spread, slips.within(is_used), level)
         after_variance = max(after_spread**2, slips.sigma**2, 1e-6)
         tilt = max(TILT * level, 1e-3)
-        prior = np.array([0.0, 0.0, 1e6 if few else 1e-6, tilt**-2, SINCE[1] ** -2, slope])
+        prior = np.array([0.0, 0.0, 1e6 if too_few else 1e-6, tilt**-2, SINCE[1] ** -2, slope])
         prior = np.append(prior, np.full(bends - 1, bend))
-        rows = np.vstack((let_go[kept] / variance**0.5, halted[after_kept] / after_variance**0.5))
-        told = np.append(
-            values[kept] / variance**0.5, slips.after[after_kept] / after_variance**0.5
+        rows = np.vstack(
+            (let_go[is_used] / variance**0.5, halted[after_kept] / after_variance**0.5)
+        )
+        weighted_values = np.append(
+            values[is_used] / variance**0.5, slips.after[after_kept] / after_variance**0.5
         )
         inverse = np.linalg.inv(rows.T @ rows + np.diag(prior))
-        usual = np.zeros(prior.size)
-        usual[4] = SINCE[0]
-        best = inverse @ (rows.T @ told + prior * usual)
+        prior_mean = np.zeros(prior.size)
+        prior_mean[4] = SINCE[0]
+        best = inverse @ (rows.T @ weighted_values + prior * prior_mean)
         level = float(best[0])
-        spread, kept = _left(values - let_go @ best, 2.0 + 0.5 * bends)
-        after_spread, after_kept = _left(slips.after - halted @ best, 2.0 + 0.5 * bends)
+        spread, is_used = _residual_spread(values - let_go @ best, 2.0 + 0.5 * bends)
+        after_spread, after_kept = _residual_spread(slips.after - halted @ best, 2.0 + 0.5 * bends)
     # The mean slope is that between the ends, where odd shapes are 1 and -1, and even ones alike.
     chord = np.zeros(best.size)
     chord[5::2] = 1.0 / half_range
-    wanted = np.stack((np.eye(best.size)[0], np.eye(best.size)[1], chord))
+    combinations = np.stack((np.eye(best.size)[0], np.eye(best.size)[1], chord))
     return _Levels(
-        weight=_weight(int(kept.sum()), variance, unusual),
+        weight=_weight(int(is_used.sum()), variance, unusual),
         level=level,
         kinetic=float(best[1]),
-        covariance=wanted @ inverse @ wanted.T,
+        covariance=combinations @ inverse @ combinations.T,
         scatter=scatter,
         rate=float(np.median(np.abs(slips.rate))),
-        count=int(kept.sum()),
+        count=int(is_used.sum()),
         unusual=unusual,
         chord=max(1.0 + float(chord @ best), LEAST_CHORD),
     )
 
 
-def _left(off: Floats, unknown: float) -> tuple[float, Bools]:
+def _residual_spread(residuals: Floats, unknown: float) -> tuple[float, Bools]:
     """Spread of what is left (m,) by so many ``unknown``, and which of it is kept; what is not
     counts with the reach."""
-    reach = TRIM * max(1.4826 * float(np.median(np.abs(off))), 1e-3)
-    kept = np.abs(off) <= reach
-    squares = float(np.minimum(off**2, reach**2).sum())
-    return float(np.sqrt(squares / max(off.size - unknown, 1.0))), kept
+    reach = TRIM * max(1.4826 * float(np.median(np.abs(residuals))), 1e-3)
+    is_used = np.abs(residuals) <= reach
+    squares = float(np.minimum(residuals**2, reach**2).sum())
+    return float(np.sqrt(squares / max(residuals.size - unknown, 1.0))), is_used
 
 
 def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, Bools]:
@@ -362,23 +370,23 @@ def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, B
     groups = [side < 0.0, side > 0.0]
     if min(np.count_nonzero(group) for group in groups) < FEWEST_OF_A_SIDE:
         groups = [np.ones(values.size, dtype=bool)]
-    off = np.zeros(values.size)
+    deviation = np.zeros(values.size)
     for group in groups:
-        off[group] = values[group] - np.median(values[group])
-    reach = TRIM * max(1.4826 * float(np.median(np.abs(off))), 1e-3)
-    kept = np.abs(off) <= reach
+        deviation[group] = values[group] - np.median(values[group])
+    reach = TRIM * max(1.4826 * float(np.median(np.abs(deviation))), 1e-3)
+    is_used = np.abs(deviation) <= reach
     for group in groups:
         # Two bunches of one direction about a median between them: no one of them is a stray.
-        if not (group & kept).any():
-            kept |= group
-    parts = [values[group & kept] for group in groups]
+        if not (group & is_used).any():
+            is_used |= group
+    parts = [values[group & is_used] for group in groups]
     # Those left out count with the reach, or leaving out would look like agreement.
     squares = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
-    squares += reach**2 * float(np.count_nonzero(~kept))
+    squares += reach**2 * float(np.count_nonzero(~is_used))
     variance = squares / max(values.size - len(parts), 1)
     error = np.sqrt(variance * sum(1.0 / part.size for part in parts)) / len(parts)
     mean = float(np.mean([part.mean() for part in parts]))
-    return mean, float(np.sqrt(variance)), float(error), kept
+    return mean, float(np.sqrt(variance)), float(error), is_used
 
 
 def _kinetic(
@@ -389,33 +397,33 @@ def _kinetic(
     ``after = kinetic + tilt side + since rate`` by least squares with the priors ``TILT`` and
     ``SINCE``: whether a stem sticks or slides on, and the zero of the reading, are not known.
     """
-    _, spread, _, kept = _mean_of_sides(after - SINCE[0] * rate, side)
+    _, spread, _, is_used = _mean_of_sides(after - SINCE[0] * rate, side)
     variance = max(spread**2, sigma**2, 1e-6)
-    columns = np.stack((np.ones(after.size), side, rate), axis=1)[kept]
+    columns = np.stack((np.ones(after.size), side, rate), axis=1)[is_used]
     tilt = max(TILT * level, 1e-3)
     precision = np.diag([0.0, variance / tilt**2, variance / SINCE[1] ** 2])
     inverse = np.linalg.inv(columns.T @ columns + precision)
     prior = precision @ np.array([0.0, 0.0, SINCE[0]])
-    best = inverse @ (columns.T @ after[kept] + prior)
+    best = inverse @ (columns.T @ after[is_used] + prior)
     return float(best[0]), float(np.sqrt(variance * inverse[0, 0]))
 
 
-def _weighted(tried: list[_Levels]) -> Breakaways:
+def _weighted(levels_tried: list[_Levels]) -> Breakaways:
     """The mean over the delays."""
-    weights = np.array([levels.weight for levels in tried])
+    weights = np.array([levels.weight for levels in levels_tried])
     weights = np.exp(weights - weights.max())
     weights /= weights.sum()
 
     def mean(name: str) -> float:
-        return float(weights @ [getattr(levels, name) for levels in tried])
+        return float(weights @ [getattr(levels, name) for levels in levels_tried])
 
-    chords = np.array([levels.chord for levels in tried])
+    chords = np.array([levels.chord for levels in levels_tried])
     return Breakaways(
         count=round(mean("count")),
-        level=float(weights @ (np.array([levels.level for levels in tried]) / chords)),
-        kinetic=float(weights @ (np.array([levels.kinetic for levels in tried]) / chords)),
+        level=float(weights @ (np.array([levels.level for levels in levels_tried]) / chords)),
+        kinetic=float(weights @ (np.array([levels.kinetic for levels in levels_tried]) / chords)),
         scatter=mean("scatter"),
         rate=mean("rate"),
-        tried=tuple(tried),
+        tried=tuple(levels_tried),
         weights=weights,
     )

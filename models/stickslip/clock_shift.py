@@ -58,10 +58,10 @@ LEAST_AGAINST = 3.0
 WHOLE = 0.4  # samples: clocks that differ by whole samples are found this near to them
 
 
-def find_op_late(recording: Recording, look: FirstLook | None = None) -> float:
+def find_op_late(recording: Recording, first_look: FirstLook | None = None) -> float:
     """How late OP was stored against the position, seconds of the recording's clock; 0 where it was
-    not, or where nothing tells. ``look`` is a first look at it where there was one."""
-    return late_evidence(recording, look).late_s(recording.interval_s)
+    not, or where nothing tells. ``first_look`` is a first look at it where there was one."""
+    return late_evidence(recording, first_look).late_s(recording.interval_s)
 
 
 def brought_forward(recording: Recording, late_s: float) -> Recording:
@@ -74,11 +74,14 @@ def brought_forward(recording: Recording, late_s: float) -> Recording:
         return recording
     op, last = recording.op, len(recording) - 1
     samples = float(round(samples)) if repeat_share(op.values) >= STEPPED else samples
-    at = np.arange(len(recording)) + int(samples)
-    usable = op.usable[np.minimum(at, last)] & op.usable[np.minimum(at + (samples % 1 > 0), last)]
+    shifted_index = np.arange(len(recording)) + int(samples)
+    usable = (
+        op.usable[np.minimum(shifted_index, last)]
+        & op.usable[np.minimum(shifted_index + (samples % 1 > 0), last)]
+    )
     usable &= np.arange(len(recording)) + samples <= last
     quality = np.where(
-        usable, Quality.GOOD, np.maximum(op.quality[np.minimum(at, last)], Quality.BAD)
+        usable, Quality.GOOD, np.maximum(op.quality[np.minimum(shifted_index, last)], Quality.BAD)
     )
     values = np.where(usable, _moved(op.values, samples), np.nan)
     signals = {**recording.signals, Role.OP: replace(op, values=values, quality=quality)}
@@ -112,32 +115,36 @@ class LateEvidence:
 _NOTHING = LateEvidence(0.0, Advantage(0.0, 0.0))
 
 
-def late_evidence(recording: Recording, look: FirstLook | None = None) -> LateEvidence:
+def late_evidence(recording: Recording, first_look: FirstLook | None = None) -> LateEvidence:
     """What speaks for an OP that was stored late."""
-    look = look or FirstLook.at(recording)
-    if look is None:
+    first_look = first_look or FirstLook.at(recording)
+    if first_look is None:
         return _NOTHING
-    evaluator, base = look.evaluator, look.base
+    evaluator, base = first_look.evaluator, first_look.base
     grid = sticking_grid(evaluator, base)[1::4]  # the reading's own zero
-    plain = _cheapest(evaluator, grid, 0.0)
+    unshifted = _cheapest(evaluator, grid, 0.0)
 
     def gain(late: _Shifted) -> Advantage:
-        fair = _cheapest(evaluator, np.vstack((grid, _about(plain.candidate))), 0.0)
+        fair = _cheapest(evaluator, np.vstack((grid, _grid_about(unshifted.candidate))), 0.0)
         return advantage(fair.losses, late.losses, late.counts, evaluator.delta)
 
     controller = behind_controller(recording)
     behind = controller.samples
     if behind > 0.0:
-        near = np.vstack((grid, _about(_cheapest(evaluator, grid, behind).candidate)))
-        told = LateEvidence(behind, gain(_cheapest(evaluator, near, behind)), by_controller=True)
-        if told.told:
-            return told
-    looked = [_cheapest(evaluator, grid, float(at)) for at in LOOKED_AT]
-    if min(map(_total, looked)) >= _total(plain):
+        near_grid = np.vstack((grid, _grid_about(_cheapest(evaluator, grid, behind).candidate)))
+        evidence = LateEvidence(
+            behind, gain(_cheapest(evaluator, near_grid, behind)), by_controller=True
+        )
+        if evidence.told:
+            return evidence
+    looked = [_cheapest(evaluator, grid, float(shift)) for shift in LOOKED_AT]
+    if min(map(_total, looked)) >= _total(unshifted):
         return _NOTHING
-    best = min(*looked, *(_cheapest(evaluator, grid, float(at)) for at in TRIED), key=_total)
-    near, parts = _about(best.candidate), best.samples + WITHIN
-    best = min((_cheapest(evaluator, near, float(at)) for at in parts[parts > 0.0]), key=_total)
+    best = min(*looked, *(_cheapest(evaluator, grid, float(shift)) for shift in TRIED), key=_total)
+    near_grid, parts = _grid_about(best.candidate), best.samples + WITHIN
+    best = min(
+        (_cheapest(evaluator, near_grid, float(shift)) for shift in parts[parts > 0.0]), key=_total
+    )
     return LateEvidence(best.samples, gain(best), against_controller=controller.agrees)
 
 
@@ -168,43 +175,53 @@ class BehindController:
 
 
 def behind_controller(
-    recording: Recording, output: Role = Role.OP, answered: Role = Role.PV
+    recording: Recording, output: Role = Role.OP, answering: Role = Role.PV
 ) -> BehindController:
-    """How late the ``output`` is against what it ``answered``, by the controller's law: OP and PV,
-    or two others that may be exchanged for them."""
-    own, pv, sp = recording.get(output), recording.get(answered), recording.get(Role.SP)
-    if own is None or pv is None:
+    """How late the ``output`` is against the signal ``answering`` it, by the controller's law: OP
+    and PV, or two others that may be exchanged for them."""
+    output_signal, pv, sp = recording.get(output), recording.get(answering), recording.get(Role.SP)
+    if output_signal is None or pv is None:
         return BehindController()
     watched = [pv, *([sp] if sp is not None and sp.usable.any() else [])]
-    followed = [_centred(one.values, one.usable) for one in watched]
+    followed = [_centred(signal.values, signal.usable) for signal in watched]
     if np.ptp(followed[0]) == 0.0:
         return BehindController()
     followed = [values for values in followed if np.ptp(values) > 0.0]
-    n, over = len(recording), MOVES_OVER
-    at = np.arange(over - EARLIEST + LATEST, n + EARLIEST)
-    if at.size < FEWEST_MOVES:
+    n, moves_over = len(recording), MOVES_OVER
+    sample_index = np.arange(moves_over - EARLIEST + LATEST, n + EARLIEST)
+    if sample_index.size < FEWEST_MOVES:
         return BehindController()
     moves = np.zeros((n, 2 * len(followed)))
-    for place, values in enumerate(followed):
-        moves[over:, 2 * place] = values[over:] - values[:-over]
+    for row, values in enumerate(followed):
+        moves[moves_over:, 2 * row] = values[moves_over:] - values[:-moves_over]
         total = np.concatenate(([0.0], np.cumsum(values)))
-        moves[over:, 2 * place + 1] = total[over + 1 :] - total[1:-over]
-    op, known = _centred(own.values, own.usable), _whole(own.usable, over)[at]
-    moved = np.where(known, op[at] - op[at - over], 0.0)
-    told = np.all([_whole(one.usable, over) for one in watched], axis=0)
-    left = np.array([_left(moves, told, moved, known, at - by) for by in range(EARLIEST, LATEST)])
-    if not np.isfinite(left).all():
+        moves[moves_over:, 2 * row + 1] = total[moves_over + 1 :] - total[1:-moves_over]
+    op, op_known = (
+        _centred(output_signal.values, output_signal.usable),
+        _usable_throughout(output_signal.usable, moves_over)[sample_index],
+    )
+    moved = np.where(op_known, op[sample_index] - op[sample_index - moves_over], 0.0)
+    all_known = np.all(
+        [_usable_throughout(signal.usable, moves_over) for signal in watched], axis=0
+    )
+    left_by_shift = np.array(
+        [
+            _unexplained(moves, all_known, moved, op_known, sample_index - shift)
+            for shift in range(EARLIEST, LATEST)
+        ]
+    )
+    if not np.isfinite(left_by_shift).all():
         return BehindController()
-    at_once, first = float(left[-EARLIEST : 2 - EARLIEST].min()), 2 - EARLIEST
-    best = int(left[first:-1].argmin()) + first
-    least, share = float(left[best]), float(left[best]) / max(at_once, 1e-12)
+    at_once, first = float(left_by_shift[-EARLIEST : 2 - EARLIEST].min()), 2 - EARLIEST
+    best = int(left_by_shift[first:-1].argmin()) + first
+    least, share = float(left_by_shift[best]), float(left_by_shift[best]) / max(at_once, 1e-12)
     if least > MOST_LEFT or share > LEFT_AT_ONCE:
         return BehindController(0.0, least, share)
-    before, after = left[best - 1], left[best + 1]
+    before, after = left_by_shift[best - 1], left_by_shift[best + 1]
     bend = before - 2.0 * least + after
-    off = float(0.5 * (before - after) / bend) if bend > 0.0 else 0.0
-    whole = abs(off) < WHOLE or abs(off) > 1.0
-    return BehindController(best + EARLIEST + (0.0 if whole else off), least, share)
+    vertex = float(0.5 * (before - after) / bend) if bend > 0.0 else 0.0
+    is_whole = abs(vertex) < WHOLE or abs(vertex) > 1.0
+    return BehindController(best + EARLIEST + (0.0 if is_whole else vertex), least, share)
 
 
 def _centred(values: Floats, usable: Bools) -> Floats:
@@ -213,28 +230,37 @@ def _centred(values: Floats, usable: Bools) -> Floats:
     return np.where(usable, values - mean, 0.0)
 
 
-def _whole(usable: Bools, over: int) -> Bools:
+def _usable_throughout(usable: Bools, span: int) -> Bools:
     """(n,) whether the last ``over + 1`` samples are all usable."""
     good = np.concatenate(([0], np.cumsum(usable)))
-    whole = np.zeros(usable.size, dtype=bool)
-    whole[over:] = good[over + 1 :] - good[: -over - 1] == over + 1
-    return whole
+    usable_throughout = np.zeros(usable.size, dtype=bool)
+    usable_throughout[span:] = good[span + 1 :] - good[: -span - 1] == span + 1
+    return usable_throughout
 
 
-def _left(moves: Floats, told: Bools, own: Floats, known: Bools, at: NDArray[np.intp]) -> float:
-    """Share of the squares of OP's ``own`` moves (m,) that those of PV and set point ``at`` so many
-    samples before leave, by least squares; NaN where too few are known."""
-    first, last = int(at[0]), int(at[-1]) + 1
-    both = known & told[first:last]
-    if np.count_nonzero(both) < FEWEST_MOVES:
+def _unexplained(
+    moves: Floats,
+    all_known: Bools,
+    op_moves: Floats,
+    op_known: Bools,
+    sample_index: NDArray[np.intp],
+) -> float:
+    """Share of the squares of ``op_moves`` (m,) that the moves of PV and set point at the samples
+    ``sample_index`` leave, by least squares; NaN where too few are known."""
+    first, last = int(sample_index[0]), int(sample_index[-1]) + 1
+    both_known = op_known & all_known[first:last]
+    if np.count_nonzero(both_known) < FEWEST_MOVES:
         return float("nan")
-    seen, op = np.where(both[:, None], moves[first:last], 0.0), np.where(both, own, 0.0)
+    seen, op = (
+        np.where(both_known[:, None], moves[first:last], 0.0),
+        np.where(both_known, op_moves, 0.0),
+    )
     squares = float(op @ op)
     if squares <= 0.0:
         return float("nan")
     best = np.linalg.lstsq(seen.T @ seen, seen.T @ op, rcond=None)[0]
-    rest = op - seen @ best
-    return float(rest @ rest) / squares
+    residual = op - seen @ best
+    return float(residual @ residual) / squares
 
 
 @dataclass(frozen=True)
@@ -252,15 +278,15 @@ def _total(shifted: _Shifted) -> float:
     return float(shifted.losses.sum())
 
 
-def _about(candidate: Floats) -> Floats:
+def _grid_about(candidate: Floats) -> Floats:
     """(m, 9) elements about a candidate: the delay and S stand for one another."""
     widths = np.linspace(0.6, 1.5, 19)
     ratios = np.linspace(-0.3, 0.3, 7)
-    width, ratio = (one.ravel() for one in np.meshgrid(widths, ratios, indexing="ij"))
-    about = np.tile(candidate, (width.size, 1))
-    about[:, coordinate.S_PERCENT] *= width
-    about[:, coordinate.RATIO] = np.maximum(about[:, coordinate.RATIO] + ratio, 0.0)
-    return about
+    width, ratio = (axis.ravel() for axis in np.meshgrid(widths, ratios, indexing="ij"))
+    grid = np.tile(candidate, (width.size, 1))
+    grid[:, coordinate.S_PERCENT] *= width
+    grid[:, coordinate.RATIO] = np.maximum(grid[:, coordinate.RATIO] + ratio, 0.0)
+    return grid
 
 
 def _cheapest(evaluator: StickSlipEvaluator, candidates: Floats, samples: float) -> _Shifted:

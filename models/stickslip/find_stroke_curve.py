@@ -98,8 +98,8 @@ def curve_suspected(recording: Recording) -> bool:
     usable = _off_the_stops(recording)
     if usable.sum() < MOVING_SAMPLES:
         return False
-    off = (recording.mv.values - recording.op.values)[usable]
-    low, high = np.percentile(off, (2.0, 98.0))
+    offset = (recording.mv.values - recording.op.values)[usable]
+    low, high = np.percentile(offset, (2.0, 98.0))
     if abs(low + high) / 2.0 > OFF_THE_COMMAND_PERCENT or correlation(recording) < AGAINST:
         return True
     slope = slope_of_means(recording)
@@ -112,14 +112,14 @@ def curve_suspected(recording: Recording) -> bool:
 
 def slope_of_means(
     recording: Recording,
-    together: float = LEAST_TOGETHER,
+    least_together: float = LEAST_TOGETHER,
     spread_percent: float = LEAST_SPREAD_PERCENT,
 ) -> float | None:
     """Percent of travel for a percent of OP, from the means of both over a 24th of the record.
 
     Sticking moves a mean by less than S, and lags hardly at all. ``None`` where OP did not stay
     in several places for long (its means deviate by less than ``spread_percent``), or the means
-    correlate by less than ``together``; the slope is then too low, if anything.
+    correlate by less than ``least_together``; the slope is then too low, if anything.
     """
     mv = recording.mv
     if mv is None:
@@ -134,7 +134,7 @@ def slope_of_means(
     )
     if op.std() < spread_percent or position.std() == 0.0:
         return None
-    if abs(np.corrcoef(op, position)[0, 1]) < together:
+    if abs(np.corrcoef(op, position)[0, 1]) < least_together:
         return None
     return float(np.cov(op, position)[0, 1] / op.var(ddof=1))
 
@@ -159,7 +159,7 @@ def stroke_curve_of(
     if known_curve is None or recording.mv is None or recording.mv.unit != recording.op.unit:
         return find_stroke_curve(recording), ""
     if known_curve.given:
-        return _given(recording, known_curve.curve)
+        return _given_curve(recording, known_curve.curve)
     curve = find_stroke_curve(recording, known_curve.curve)
     if known_curve.curve is None:
         if curve is None or not curve.slope_known:
@@ -168,46 +168,54 @@ def stroke_curve_of(
     return _since(recording, known_curve.curve, curve)
 
 
-def _given(recording: Recording, curve: StrokeCurve | None) -> tuple[StrokeCurve | None, str]:
+def _given_curve(recording: Recording, curve: StrokeCurve | None) -> tuple[StrokeCurve | None, str]:
     if curve is None:
         return None, ""
-    curve_here = replace(_over(recording, curve), given=True)
+    curve_here = replace(_over_range(recording, curve), given=True)
     return _changed(
         curve_here, NOT_AS_GIVEN if curve_suspected(in_travel(recording, curve_here)) else ""
     )
 
 
 def _since(
-    recording: Recording, earlier: StrokeCurve, found: StrokeCurve | None
+    recording: Recording, earlier: StrokeCurve, new_curve: StrokeCurve | None
 ) -> tuple[StrokeCurve | None, str]:
-    """The curve to use, given the ``earlier`` one and the one ``found`` in this recording alone."""
-    before = _over(recording, earlier)
+    """The curve to use, given the ``earlier`` one and the one ``new_curve`` in this recording
+    alone."""
+    before = _over_range(recording, earlier)
     if not _moves(recording):
         return replace(before, remark=EARLIER_USED), ""
     op = recording.op.values
-    fresh = _Reading.of(recording, op if found is None else found.command(op), 0)
+    new_reading = _Reading.of(recording, op if new_curve is None else new_curve.command(op), 0)
     as_before = _Reading.of(recording, before.command(op), 0)
     # The fit is free to shift the whole curve, which would be a change all the same.
     shifted = abs(as_before.best.candidate[coordinate.ZERO]) > CHANGED_PERCENT
-    if not shifted and not _better(fresh, as_before):
-        told = slope_of_means(recording, TOGETHER_ENOUGH) is not None
-        return (found or before, "") if told else (replace(before, remark=EARLIER_USED), "")
-    if found is None:
+    if not shifted and not _better(new_reading, as_before):
+        slope_known = slope_of_means(recording, TOGETHER_ENOUGH) is not None
+        return (
+            (new_curve or before, "") if slope_known else (replace(before, remark=EARLIER_USED), "")
+        )
+    if new_curve is None:
         return None, CHANGED_TO_PLAIN.format(before=before.sentence())
-    assert found.used is not None
-    places = np.linspace(*found.used, KNOTS)
-    was, now = before.command(places), found.command(places)
-    if float(np.median(np.abs(now - was))) <= CHANGED_PERCENT:
-        return found, ""
-    most = int(np.argmax(np.abs(now - was)))
-    return _changed(found, CHANGED.format(op=places[most], was=was[most], now=now[most]))
+    assert new_curve.used is not None
+    places = np.linspace(*new_curve.used, KNOTS)
+    travel_before, now = before.command(places), new_curve.command(places)
+    if float(np.median(np.abs(now - travel_before))) <= CHANGED_PERCENT:
+        return new_curve, ""
+    largest_change = int(np.argmax(np.abs(now - travel_before)))
+    return _changed(
+        new_curve,
+        CHANGED.format(
+            op=places[largest_change], was=travel_before[largest_change], now=now[largest_change]
+        ),
+    )
 
 
-def _changed(curve: StrokeCurve, how: str) -> tuple[StrokeCurve, str]:
-    return replace(curve, remark=how), how
+def _changed(curve: StrokeCurve, reason: str) -> tuple[StrokeCurve, str]:
+    return replace(curve, remark=reason), reason
 
 
-def _over(recording: Recording, curve: StrokeCurve) -> StrokeCurve:
+def _over_range(recording: Recording, curve: StrokeCurve) -> StrokeCurve:
     """A known ``curve`` for another recording: its slope is that over the OP used there, and one
     that was found goes straight on where OP now goes further."""
     op = recording.op.values[recording.op.usable]
@@ -229,16 +237,18 @@ def find_stroke_curve(
     """
     if not curve_suspected(recording) or not _moves(recording):
         return None
-    plain = _Reading.of(recording, recording.op.values, 0)
+    straight = _Reading.of(recording, recording.op.values, 0)
     slope_known = slope_of_means(recording, TOGETHER_ENOUGH) is not None
-    start = None if earlier is None else _over(recording, earlier).command(recording.op.values)
+    start = (
+        None if earlier is None else _over_range(recording, earlier).command(recording.op.values)
+    )
     chosen = _straight_or_bent(recording, slope_known, start)
     # A valve whose command and position lie this far apart has some curve: the straight one, unless
     # the plain reading explains the record better.
-    if chosen is None or _better(plain, chosen):
+    if chosen is None or _better(straight, chosen):
         return None
-    everything = np.ones(chosen.evaluator.problem.n_blocks, dtype=bool)
-    final = chosen.improved(recording, everything)
+    all_blocks = np.ones(chosen.evaluator.problem.n_blocks, dtype=bool)
+    final = chosen.improved(recording, all_blocks)
     return _monotone(recording, (final or chosen).command, slope_known)
 
 
@@ -398,9 +408,9 @@ def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
         root = np.sqrt(weight)
         solved = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)
         coefficients = np.asarray(solved[0], dtype=np.float64)
-        off = values - columns @ coefficients
-        scale = max(2.0 * 1.4826 * float(np.median(np.abs(off))), 1e-3)
-        weight = np.asarray(1.0 / (1.0 + (off / scale) ** 2), dtype=np.float64)
+        residual = values - columns @ coefficients
+        scale = max(2.0 * 1.4826 * float(np.median(np.abs(residual))), 1e-3)
+        weight = np.asarray(1.0 / (1.0 + (residual / scale) ** 2), dtype=np.float64)
     return coefficients
 
 

@@ -197,16 +197,18 @@ def _fit_all(evaluator: StickSlipEvaluator, blocks: Bools, base: Floats) -> dict
     starts = best_of(loss, actuator_grid(evaluator, base), keep=2)
     actuator = search(evaluator, loss, starts, coordinate.ACTUATOR, 0.08, 8)
     starts = _both_starts(sticking, actuator, loss, evaluator)
-    both = search(evaluator, loss, starts, BOTH.free, 0.06, 9)
-    both = search(evaluator, loss, [both], BOTH.free, 0.02, 9)
+    both_ends = search(evaluator, loss, starts, BOTH.free, 0.06, 9)
+    both_ends = search(evaluator, loss, [both_ends], BOTH.free, 0.02, 9)
     # For a fair comparison the simpler hypothesis restarts from the S and J of the richer one.
-    again = sticking.candidate.copy()
-    again[[coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]] = both.candidate[
+    candidate = sticking.candidate.copy()
+    candidate[[coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]] = both_ends.candidate[
         [coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]
     ]
-    restarted = search(evaluator, loss, [SearchResult(again, np.inf)], coordinate.STICKING, 0.03, 6)
+    restarted = search(
+        evaluator, loss, [SearchResult(candidate, np.inf)], coordinate.STICKING, 0.03, 6
+    )
     sticking = min(sticking, restarted, key=lambda f: f.loss)
-    return {"sticking": sticking, "actuator": actuator, "both": both}
+    return {"sticking": sticking, "actuator": actuator, "both": both_ends}
 
 
 @dataclass(frozen=True)
@@ -307,9 +309,9 @@ def first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
     base[coordinate.GAIN], base[coordinate.ZERO] = _reading(problem)
     spread = float(np.std(problem.mv[problem.scored]))
     evaluator = _scaled(problem, base, max(3.0 * problem.sigma, 0.1 * spread, 0.05))
-    everything = np.ones(problem.n_blocks, dtype=bool)
-    look = best_of(evaluator.loss(everything), sticking_grid(evaluator, base))[0]
-    delta = _scale(problem, evaluator.simulate(look.candidate))
+    all_blocks = np.ones(problem.n_blocks, dtype=bool)
+    best_found = best_of(evaluator.loss(all_blocks), sticking_grid(evaluator, base))[0]
+    delta = _scale(problem, evaluator.simulate(best_found.candidate))
     return _scaled(problem, base, min(delta, evaluator.delta * 3.0)), base
 
 
@@ -376,17 +378,19 @@ def fit_stickslip(
     trained = _fit_all(evaluator, train, base)
     names = list(trained)
     losses, counts = evaluator.block_losses(np.array([trained[name].candidate for name in names]))
-    held = {name: losses[i, ~train] for i, name in enumerate(names)}
+    heldout_losses = {name: losses[i, ~train] for i, name in enumerate(names)}
 
     def gain(rich: str, simple: str) -> Advantage:
-        return advantage(held[simple], held[rich], counts[~train], evaluator.delta)
+        return advantage(
+            heldout_losses[simple], heldout_losses[rich], counts[~train], evaluator.delta
+        )
 
     of_actuator, of_sticking = gain("both", "sticking"), gain("both", "actuator")
     needs_actuator = of_actuator.mean >= MIN_GAIN and of_actuator.t >= MIN_T
     hypothesis = "both" if needs_actuator else "sticking"
-    everything = np.ones(problem.n_blocks, dtype=bool)
-    final = _polish(evaluator, everything, trained[hypothesis].candidate, hypothesis)
-    naive = _polish(evaluator, everything, trained["sticking"].candidate, "sticking")
+    all_blocks = np.ones(problem.n_blocks, dtype=bool)
+    final = _polish(evaluator, all_blocks, trained[hypothesis].candidate, hypothesis)
+    naive = _polish(evaluator, all_blocks, trained["sticking"].candidate, "sticking")
     return StickSlipFit(
         evaluator=evaluator,
         hypothesis=hypothesis,
@@ -401,9 +405,9 @@ def fit_stickslip(
     )
 
 
-def _is_late(evaluator: StickSlipEvaluator, found: SearchResult) -> bool:
+def _is_late(evaluator: StickSlipEvaluator, fitted: SearchResult) -> bool:
     """Whether dead time and lag that were fitted come to a sample and more."""
-    return _late_s(found.candidate) >= SLOW_SAMPLES * evaluator.problem.interval_s
+    return _late_s(fitted.candidate) >= SLOW_SAMPLES * evaluator.problem.interval_s
 
 
 def _late_s(candidate: Floats) -> float:
@@ -416,9 +420,9 @@ def _breakaways(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways 
     if gain == 0.0:
         return None
     S, J = S_and_J(candidate)
-    without = candidate.copy()
-    without[list(coordinate.STICKING)] = 0.0
-    unhindered = evaluator.simulate(without)
+    without_friction = candidate.copy()
+    without_friction[list(coordinate.STICKING)] = 0.0
+    unhindered = evaluator.simulate(without_friction)
     return breakaways(evaluator.problem, gain, zero, S, J, _late_s(candidate), unhindered)
 
 

@@ -54,8 +54,10 @@ def spread_of(estimate: Estimate) -> Floats:
     if estimate.value is None or estimate.low is None or estimate.high is None:
         return np.empty(0)
     quantiles = ndtri((np.arange(REPLICATES) + 0.5) / REPLICATES)
-    below, above = estimate.value - estimate.low, estimate.high - estimate.value
-    return np.asarray(estimate.value + quantiles / 1.96 * np.where(quantiles < 0, below, above))
+    error_below, error_above = estimate.value - estimate.low, estimate.high - estimate.value
+    return np.asarray(
+        estimate.value + quantiles / 1.96 * np.where(quantiles < 0, error_below, error_above)
+    )
 
 
 def bootstrap(fit: StickSlipFit) -> StickSlipSample:
@@ -88,10 +90,10 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
 def _with_friction_alone(sample: StickSlipSample, fit: StickSlipFit) -> StickSlipSample:
     """A tenth of the draws by friction alone, where that has not much more S: the lag that was
     fitted beside it may be none."""
-    alone = fit.alone
-    if alone is None or not fit.S <= alone.S <= ALIKE * fit.S:
+    friction_alone = fit.alone
+    if friction_alone is None or not fit.S <= friction_alone.S <= ALIKE * fit.S:
         return sample
-    S, J = alone.draws(round(SHARE_ALONE * REPLICATES), np.random.default_rng(8))
+    S, J = friction_alone.draws(round(SHARE_ALONE * REPLICATES), np.random.default_rng(8))
     return StickSlipSample(
         np.concatenate((S, sample.S[S.size :])), np.concatenate((J, sample.J[J.size :]))
     )

@@ -76,8 +76,8 @@ def _constants(q: Floats, dt: float) -> tuple[float, float, float, float, float,
     fd = 0.5 * (q[0] - q[1])
     a_up = 1.0 - np.exp(-dt / q[3]) if q[3] > 1e-3 else 1.0
     a_dn = 1.0 - np.exp(-dt / q[4]) if q[4] > 1e-3 else 1.0
-    whole = int(q[2] / dt)
-    return fs, fd, a_up, a_dn, q[5] * dt, q[6] * dt, whole, q[2] / dt - whole
+    whole_samples = int(q[2] / dt)
+    return fs, fd, a_up, a_dn, q[5] * dt, q[6] * dt, whole_samples, q[2] / dt - whole_samples
 
 
 @njit(cache=True)
@@ -119,7 +119,7 @@ def _advance(
 
 
 @njit(cache=True)
-def _rest(op: float, mv: float, fs: float, zero: float, gain: float) -> float:
+def _resting_stem(op: float, mv: float, fs: float, zero: float, gain: float) -> float:
     """Stem position by the measurement, moved into the stick band around the actuator."""
     return min(max((mv - zero) / gain, op - abs(fs)), op + abs(fs))
 
@@ -133,18 +133,18 @@ def simulate(op: Floats, mv: Floats, start: Marks, dt: float, q: Floats, out: Fl
     stem rests. ``q`` (10,) are the parameters in the order above. ``op`` must be finite; holes are
     bridged before.
     """
-    fs, fd, a_up, a_dn, most_up, most_dn, whole, late = _constants(q, dt)
+    fs, fd, a_up, a_dn, most_up, most_dn, whole_samples, late = _constants(q, dt)
     restick = q[9] * dt
     p, x, d, moving, first = op[0], op[0], 1.0, 0.0, 0
     for k in range(op.size):
         if start[k] == START:
             first, p, d, moving = k, op[k], 1.0, 0.0
-            x = _rest(op[k], mv[k], fs, q[7], q[8])
+            x = _resting_stem(op[k], mv[k], fs, q[7], q[8])
         else:
-            i = max(k - whole, first)
+            i = max(k - whole_samples, first)
             uc = op[i] + late * (op[max(i - 1, first)] - op[i])
             if start[k] == RESYNC and moving == 0.0:
-                x = _rest(p, mv[k - 1], fs, q[7], q[8])
+                x = _resting_stem(p, mv[k - 1], fs, q[7], q[8])
             p, x, d, moving = _advance(
                 p, x, d, moving, uc, fs, fd, a_up, a_dn, most_up, most_dn, restick
             )
@@ -235,8 +235,8 @@ def _score(
         if late:
             _delay(op, first, k, end, dt, candidates, commands)
         else:
-            for at in range(end - k):
-                commands[at, :] = op[k + at]
+            for index in range(end - k):
+                commands[index, :] = op[k + index]
         _advance_lanes(mv[k:end], commands, weight, lanes, state)
         k = end
     _settle(state, losses, current, scale)
@@ -245,10 +245,10 @@ def _score(
 @njit(cache=True)
 def _any_above(values: Floats, limit: float) -> bool:
     """Whether one of ``values`` is above ``limit``; NumPy's own would take longer to compile."""
-    above = False
+    any_above = False
     for value in values:
-        above |= value > limit
-    return above
+        any_above |= value > limit
+    return any_above
 
 
 @njit(cache=True)
@@ -267,7 +267,7 @@ def _restart(op: float, mv: float, weight: float, lanes: int, s: Floats) -> None
     """A START: the whole state from the measurement."""
     for i in range(np.uint64(lanes)):
         zero, gain = s[_ZERO + i], s[_GAIN + i]
-        x = _rest(op, mv, s[_FS + i], zero, gain)
+        x = _resting_stem(op, mv, s[_FS + i], zero, gain)
         s[_P + i], s[_X + i], s[_D + i], s[_MOVING + i] = op, x, 1.0, 0.0
         s[_PRODUCT + i] *= _charge(mv - (gain * x + zero), weight)
 
@@ -277,7 +277,7 @@ def _resync(mv: float, lanes: int, s: Floats) -> None:
     """A RESYNC: where a resting stem rests, from the measurement before."""
     for i in range(np.uint64(lanes)):
         if s[_MOVING + i] == 0.0:
-            s[_X + i] = _rest(s[_P + i], mv, s[_FS + i], s[_ZERO + i], s[_GAIN + i])
+            s[_X + i] = _resting_stem(s[_P + i], mv, s[_FS + i], s[_ZERO + i], s[_GAIN + i])
 
 
 @njit(cache=True)
@@ -287,22 +287,22 @@ def _delay(
     """Each candidate's command, late by its dead time, for samples ``begin`` to ``end``."""
     for lane in range(candidates.shape[0]):
         late = candidates[lane, DEAD_TIME_S] / dt
-        whole = int(late)
-        late -= whole
-        if begin - whole > first:
-            earlier, later = op[begin - whole - 1 :], op[begin - whole :]
-            for at in range(end - begin):
-                commands[at, lane] = later[at] + late * (earlier[at] - later[at])
+        whole_samples = int(late)
+        late -= whole_samples
+        if begin - whole_samples > first:
+            earlier, later = op[begin - whole_samples - 1 :], op[begin - whole_samples :]
+            for index in range(end - begin):
+                commands[index, lane] = later[index] + late * (earlier[index] - later[index])
             continue
         for k in range(begin, end):
-            i = max(k - whole, first)
+            i = max(k - whole_samples, first)
             commands[k - begin, lane] = op[i] + late * (op[max(i - 1, first)] - op[i])
 
 
 @njit(cache=True)
-def _charge(off: float, weight: float) -> float:
-    """The factor ``1 + (r/delta)^2`` of one residual ``off``; ``weight`` = 1/delta^2."""
-    share = off * off * weight
+def _charge(residual: float, weight: float) -> float:
+    """The factor ``1 + (r/delta)^2`` of one ``residual``; ``weight`` = 1/delta^2."""
+    share = residual * residual * weight
     return 1.0 + (share if share < _LARGEST else _LARGEST)
 
 

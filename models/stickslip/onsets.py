@@ -32,9 +32,9 @@ class Onsets:
         return _upcoming(self.at[self.side > 0], n), _upcoming(self.at[self.side < 0], n)
 
 
-def _upcoming(at: Samples, n: int) -> Samples:
-    padded = np.append(at, n)
-    return np.asarray(padded[np.searchsorted(at, np.arange(n), side="left")]).astype(np.int64)
+def _upcoming(starts: Samples, n: int) -> Samples:
+    padded = np.append(starts, n)
+    return np.asarray(padded[np.searchsorted(starts, np.arange(n), side="left")]).astype(np.int64)
 
 
 @njit(cache=True)
@@ -42,11 +42,11 @@ def _scan(
     mv: Floats,
     usable: Bools,
     threshold: float,
-    rest: int,
-    at: Samples,
+    rest_samples: int,
+    starts: Samples,
     side: Floats,
     rested: Samples,
-    place: Floats,
+    places: Floats,
 ) -> int:
     """Follow the position: rest until it departs from its mean, motion until it is still."""
     count = 0
@@ -58,14 +58,14 @@ def _scan(
             continue
         if resting:
             mean = total / samples
-            off = mv[k] - mean
-            ahead = mv[k + 1] - mean if k + 1 < mv.size else off
-            departed = abs(off) > 2.0 * threshold or (
-                abs(off) > threshold and ahead * off > 0 and abs(ahead) > threshold
+            deviation = mv[k] - mean
+            ahead = mv[k + 1] - mean if k + 1 < mv.size else deviation
+            departed = abs(deviation) > 2.0 * threshold or (
+                abs(deviation) > threshold and ahead * deviation > 0 and abs(ahead) > threshold
             )
             if departed:
-                at[count], rested[count], place[count] = k, lasted, mean
-                side[count] = 1.0 if off > 0 else -1.0
+                starts[count], rested[count], places[count] = k, lasted, mean
+                side[count] = 1.0 if deviation > 0 else -1.0
                 count += 1
                 resting, samples = False, 0
             else:
@@ -78,14 +78,14 @@ def _scan(
                 lasted += 1
         else:
             samples += 1
-            if samples >= rest:
+            if samples >= rest_samples:
                 low = high = mv[k]
                 total = 0.0
-                for i in range(k - rest + 1, k + 1):
+                for i in range(k - rest_samples + 1, k + 1):
                     low, high = min(low, mv[i]), max(high, mv[i])
                     total += mv[i]
                 if high - low <= threshold:
-                    resting, samples, lasted = True, rest, rest
+                    resting, samples, lasted = True, rest_samples, rest_samples
     return count
 
 
@@ -93,8 +93,8 @@ def onsets(mv: Floats, usable: Bools, sigma: float, interval_s: float) -> Onsets
     """The breakaways of a position (n,) with noise ``sigma``, percent; finite where usable."""
     n = mv.size
     threshold = max(DEPARTS * sigma, LEAST_PERCENT)
-    rest = max(round(REST_S / interval_s), 3)
-    at, rested = np.empty(n, np.int64), np.empty(n, np.int64)
-    side, place = np.empty(n), np.empty(n)
-    count = _scan(mv, usable, threshold, rest, at, side, rested, place)
-    return Onsets(at[:count], side[:count], rested[:count], place[:count])
+    rest_samples = max(round(REST_S / interval_s), 3)
+    starts, rested = np.empty(n, np.int64), np.empty(n, np.int64)
+    side, places = np.empty(n), np.empty(n)
+    count = _scan(mv, usable, threshold, rest_samples, starts, side, rested, places)
+    return Onsets(starts[:count], side[:count], rested[:count], places[:count])

@@ -54,9 +54,9 @@ def samples_in_unit(recording: Recording) -> int:
     )
     if problem.swing <= 0.0 or np.count_nonzero(problem.scored) < FEWEST_UNITS:
         return 1
-    usual, _ = _best(problem, USUAL, USUAL_SPEEDS)
+    usual_loss, _ = _best(problem, USUAL, USUAL_SPEEDS)
     slow, stem = _best(problem, SLOW, SLOW_SPEEDS)
-    if not slow < SLOWER * usual:
+    if not slow < SLOWER * usual_loss:
         return 1
     needed = max(
         stem[kernel.DEAD_TIME_S] / DELAY, stem[kernel.LAG_UP_S] / LAG, SPEED / stem[kernel.RATE_UP]
@@ -68,23 +68,25 @@ def _best(
     problem: FitProblem, answers: tuple[tuple[float, float], ...], speeds: tuple[float, ...]
 ) -> tuple[float, Floats]:
     """The least residual of any stem of the grid, standard deviation, and the stem (10,)."""
-    known = problem.scored[OVER:] & problem.scored[:-OVER]
-    mv = _moves(problem.mv, known)
+    both_scored = problem.scored[OVER:] & problem.scored[:-OVER]
+    mv = _moves(problem.mv, both_scored)
     least, best = np.inf, np.zeros(kernel.N_PARAMETERS)
     out = np.empty(problem.op.size)
-    ways = [(delay, lag, np.inf) for delay, lag in answers] + [(0.0, 0.0, v) for v in speeds]
-    for width, (delay, lag, speed) in product(WIDTHS, ways):
+    answers_tried = [(delay, lag, np.inf) for delay, lag in answers] + [
+        (0.0, 0.0, v) for v in speeds
+    ]
+    for width, (delay, lag, speed) in product(WIDTHS, answers_tried):
         stem = _stem(width * problem.swing, delay, lag, speed)
         kernel.simulate(problem.op, problem.op, problem.start, 1.0, stem, out)
-        left = _left(_moves(out, known), mv)
-        if left < least:
-            least, best = left, stem
+        remaining = _share_left(_moves(out, both_scored), mv)
+        if remaining < least:
+            least, best = remaining, stem
     return least, best
 
 
-def _moves(stem: Floats, known: Bools) -> Floats:
-    """(m,) moves over ``OVER`` samples where both ends are ``known``, centred."""
-    moves = (stem[OVER:] - stem[:-OVER])[known]
+def _moves(stem: Floats, both_scored: Bools) -> Floats:
+    """(m,) moves over ``OVER`` samples where both ends are scored (``both_scored``), centred."""
+    moves = (stem[OVER:] - stem[:-OVER])[both_scored]
     return np.asarray(moves - moves.mean())
 
 
@@ -98,7 +100,7 @@ def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:
     return stem
 
 
-def _left(stem: Floats, mv: Floats) -> float:
+def _share_left(stem: Floats, mv: Floats) -> float:
     """Standard deviation of ``mv`` (n,) about its straight line in ``stem`` (n,), both centred."""
     power = float(stem @ stem)
     slope = float(stem @ mv) / power if power > 0.0 else 0.0

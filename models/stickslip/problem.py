@@ -100,9 +100,9 @@ class FitProblem:
         made 60 %: a stretch without movement is of no use on either side.
         """
         path = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.op)))))
-        made = path[round(TRAIN_SHARE * (self.op.size - 1))] / max(path[-1], 1e-12)
+        path_share = path[round(TRAIN_SHARE * (self.op.size - 1))] / max(path[-1], 1e-12)
         share = TRAIN_SHARE
-        if not TRAIN_WAY[0] <= made <= TRAIN_WAY[1]:
+        if not TRAIN_WAY[0] <= path_share <= TRAIN_WAY[1]:
             share = float(np.searchsorted(path, TRAIN_SHARE * path[-1])) / self.op.size
         least = round(TRAIN_LEAST * self.n_blocks)
         blocks = min(max(round(share * self.n_blocks), least), self.n_blocks - least)
@@ -133,8 +133,8 @@ def _scored(usable: Bools, start: Bools, warm_up: int) -> Bools:
     """Usable samples at least ``warm_up`` samples after the last restart."""
     index = np.arange(usable.size)
     since = index - np.maximum.accumulate(np.where(start, index, -1))
-    begun = np.maximum.accumulate(start)
-    return np.asarray(usable & begun & (since >= warm_up))
+    segment_start = np.maximum.accumulate(start)
+    return np.asarray(usable & segment_start & (since >= warm_up))
 
 
 def scored_samples(recording: Recording) -> Bools:

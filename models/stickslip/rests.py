@@ -65,19 +65,19 @@ class Rests:
 def _rests(resting: Floats, moving: Floats, usable: Bools, band: float) -> int:
     """How often ``resting`` (n,) stayed while ``moving`` (n,) went on."""
     stays = STAYS * band + NOISE * noise_sigma(resting)
-    far = GOES_ON * band + stays + NOISE * noise_sigma(moving)
+    farthest = GOES_ON * band + stays + NOISE * noise_sigma(moving)
     ends = _runs(resting, usable, stays)
-    return sum(_way(moving[first:last]) > far for first, last in _long(ends))
+    return sum(_path_length(moving[first:last]) > farthest for first, last in _long(ends))
 
 
 def _long(ends: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
     """The insides of runs that are long enough, by the ``ends`` (m,) of all."""
     begins = np.concatenate(([0], ends[:-1]))
-    for place in np.flatnonzero(ends - begins >= SHORTEST):
-        yield int(begins[place]) + 1, int(ends[place]) - 1
+    for index in np.flatnonzero(ends - begins >= SHORTEST):
+        yield int(begins[index]) + 1, int(ends[index]) - 1
 
 
-def _way(values: Floats) -> float:
+def _path_length(values: Floats) -> float:
     """The range of the medians of three ``values`` each, less the largest step between them."""
     middle = np.median(np.stack((values[:-2], values[1:-1], values[2:])), axis=0)
     return float(np.ptp(middle) - np.abs(np.diff(middle)).max())

@@ -53,38 +53,39 @@ def refine(
     """
     search = CrossEntropy(best_of(loss, start[None, :])[0], spread, bounds, rng)
     for _ in range(rounds):
-        drawn = search.draw(population)
-        search.learn(drawn, loss(drawn))
+        population_drawn = search.draw(population)
+        search.learn(population_drawn, loss(population_drawn))
     return search.best
 
 
 class CrossEntropy:
-    """Cross-entropy descent from the candidate ``begun``, one round at a time.
+    """Cross-entropy descent from the candidate ``start``, one round at a time.
 
     Each round draws a population around the mean of the elite, keeps the best quarter, and
     narrows. ``best`` is the best candidate ever seen, so that it is never worse than the first.
     """
 
     def __init__(
-        self, begun: SearchResult, spread: Floats, bounds: Bounds, rng: np.random.Generator
+        self, start: SearchResult, spread: Floats, bounds: Bounds, rng: np.random.Generator
     ) -> None:
-        self.best = begun
+        self.best = start
         self._spread, self._bounds, self._rng = spread, bounds, rng
-        self._mean, self._width = begun.candidate.copy(), spread.copy()
+        self._mean, self._width = start.candidate.copy(), spread.copy()
 
     def draw(self, population: int) -> Floats:
         """(population, size) candidates, the best one among them."""
-        about = self._rng.standard_normal((population, self._mean.size))
-        drawn = self._bounds.clip(self._mean + self._width * about)
-        drawn[0] = self.best.candidate
-        return drawn
+        normal_draws = self._rng.standard_normal((population, self._mean.size))
+        population_drawn = self._bounds.clip(self._mean + self._width * normal_draws)
+        population_drawn[0] = self.best.candidate
+        return population_drawn
 
-    def learn(self, drawn: Floats, losses: Floats) -> None:
-        """Update mean and width by the losses (m,) of the candidates ``drawn`` (m, size)."""
+    def learn(self, population_drawn: Floats, losses: Floats) -> None:
+        """Update mean and width by the losses (m,) of the candidates ``population_drawn`` (m,
+        size)."""
         order = np.argsort(losses, kind="stable")
         if losses[order[0]] < self.best.loss:
-            self.best = SearchResult(drawn[order[0]].copy(), float(losses[order[0]]))
-        elite = drawn[order[: drawn.shape[0] // 4]]
+            self.best = SearchResult(population_drawn[order[0]].copy(), float(losses[order[0]]))
+        elite = population_drawn[order[: population_drawn.shape[0] // 4]]
         mean = self._mean = 0.5 * self.best.candidate + 0.5 * elite.mean(axis=0)
         # The elite's spread about the best, a little widened, so that the search does not stall
         # on one side of a step.

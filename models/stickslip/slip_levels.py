@@ -138,16 +138,16 @@ def slip_levels(slips: Slips) -> SlipLevels:
     """Both levels from ``slips``."""
     level, level_error = _censored(*slips.let_go, slips.side, 0.5 * slips.sigma)
     kinetic, kinetic_error = _censored(*slips.stayed_behind, slips.side, slips.sigma, level)
-    usual = float(np.median(slips.high - slips.low))
-    over = OVER_AVERAGES if slips.averaged else OVER_LOOPS
-    common = float(np.hypot(over * usual, MODEL_ERROR * level))
+    usual_width = float(np.median(slips.high - slips.low))
+    averaged_over = OVER_AVERAGES if slips.averaged else OVER_LOOPS
+    common = float(np.hypot(averaged_over * usual_width, MODEL_ERROR * level))
     return SlipLevels(
         count=slips.side.size,
         level=level,
         level_error=float(np.hypot(level_error, common)),
         kinetic=kinetic,
         kinetic_error=float(np.hypot(kinetic_error, common)),
-        bounds=usual,
+        bounds=usual_width,
     )
 
 
@@ -162,50 +162,54 @@ def seen_slips(
     if gain == 0.0:
         return None
     found_onsets = onsets(problem.mv, problem.scored, problem.sigma, problem.interval_s)
-    inside = (found_onsets.at >= 3) & (found_onsets.at < problem.op.size - 2)
-    if np.count_nonzero(inside) < FEWEST:
+    away_from_ends = (found_onsets.at >= 3) & (found_onsets.at < problem.op.size - 2)
+    if np.count_nonzero(away_from_ends) < FEWEST:
         return None
-    at, side, place = (
-        found_onsets.at[inside],
-        found_onsets.side[inside],
-        (found_onsets.place[inside] - zero) / gain,
+    starts, side, places = (
+        found_onsets.at[away_from_ends],
+        found_onsets.side[away_from_ends],
+        (found_onsets.place[away_from_ends] - zero) / gain,
     )
-    stem, way = (problem.mv - zero) / gain, side * np.sign(gain)
-    near = distances(stem, problem.op, at, way, found_onsets.rested[inside], place)[0]
-    ahead = [way * (problem.op[at + step] - place) for step in (-3, -2, -1, 0, 1)]
+    stem, direction = (problem.mv - zero) / gain, side * np.sign(gain)
+    last_before = distances(
+        stem, problem.op, starts, direction, found_onsets.rested[away_from_ends], places
+    )[0]
+    ahead = [direction * (problem.op[starts + step] - places) for step in (-3, -2, -1, 0, 1)]
     before = ahead[2] - ahead[1]
     speed = np.stack((before, 0.5 * (ahead[2] - ahead[0])))
     if averaged:
-        low, high = _of_averages(way, place, stem, at, ahead, speed, near)
+        low, high = _of_averages(direction, places, stem, starts, ahead, speed, last_before)
         # The average in which a stem slipped is on its way.
-        jump, farthest = way * (stem[at + 1] - place), np.maximum(high, ahead[4])
+        jump, farthest = direction * (stem[starts + 1] - places), np.maximum(high, ahead[4])
     else:
-        low, high = near, np.maximum(ahead[2] + np.maximum(speed.max(axis=0), 0.0), ahead[3])
-        high = np.maximum(high, near)
-        jump, farthest = way * (stem[at] - place), high
-    still = np.abs(before) < 1e-9
-    answered = np.where(still, 1.0, (ahead[4] - ahead[3]) / np.where(still, 1.0, before))
+        low, high = last_before, np.maximum(ahead[2] + np.maximum(speed.max(axis=0), 0.0), ahead[3])
+        high = np.maximum(high, last_before)
+        jump, farthest = direction * (stem[starts] - places), high
+    no_travel = np.abs(before) < 1e-9
+    answered_share = np.where(
+        no_travel, 1.0, (ahead[4] - ahead[3]) / np.where(no_travel, 1.0, before)
+    )
     sigma = problem.sigma / abs(gain)
-    return _chosen(Slips(way, low, high, farthest, jump, answered, sigma, averaged))
+    return _chosen(Slips(direction, low, high, farthest, jump, answered_share, sigma, averaged))
 
 
 def _of_averages(
-    way: Floats,
-    place: Floats,
+    direction: Floats,
+    places: Floats,
     stem: Floats,
-    at: Samples,
+    starts: Samples,
     ahead: list[Floats],
     speed: Floats,
-    near: Floats,
+    last_before: Floats,
 ) -> tuple[Floats, Floats]:
     """Bounds of the command at a slip that an average caught on its way: how far the average is on
     its way tells when in its interval the stem slipped."""
-    whole, part = way * (stem[at + 1] - place), way * (stem[at] - place)
-    share = np.clip(part / np.where(whole > 0.0, whole, np.inf), 0.0, 1.0)
-    share = np.where(whole > 0.0, share, 1.0)
+    whole_move, part = direction * (stem[starts + 1] - places), direction * (stem[starts] - places)
+    share = np.clip(part / np.where(whole_move > 0.0, whole_move, np.inf), 0.0, 1.0)
+    share = np.where(whole_move > 0.0, share, 1.0)
     mean = speed.mean(axis=0)
     then, within = ahead[2] + mean * (1.5 - share), WITHIN * np.abs(mean)
-    low = np.maximum(np.maximum(then - within, 0.0), near - 0.5 * np.abs(mean))
+    low = np.maximum(np.maximum(then - within, 0.0), last_before - 0.5 * np.abs(mean))
     high = np.maximum(then + within, low)
     stepped = np.maximum(ahead[3] - np.abs(mean), ahead[4] - 2.0 * np.abs(mean)) > high
     return low, np.where(stepped, np.maximum(ahead[3], ahead[4]), high)
@@ -213,13 +217,13 @@ def _of_averages(
 
 def _chosen(slips: Slips) -> Slips | None:
     """Those that jump: a stem that creeps on is none, nor is one that follows its command."""
-    apart, moved = slips.high - slips.low, slips.jump > LEAST_JUMP_PERCENT
+    width, moved = slips.high - slips.low, slips.jump > LEAST_JUMP_PERCENT
     if np.count_nonzero(moved) < FEWEST:
         return None
-    narrow = moved & (apart <= NARROW * np.median(apart[moved]) + 0.1)
-    usual = float(np.median(slips.jump[narrow])) if narrow.any() else 0.0
-    slipped = slips.jump - 0.5 * apart >= LEAST_JUMP * usual
-    slipped |= moved & (apart > WIDE * np.median(apart))
+    narrow = moved & (width <= NARROW * np.median(width[moved]) + 0.1)
+    usual_jump = float(np.median(slips.jump[narrow])) if narrow.any() else 0.0
+    slipped = slips.jump - 0.5 * width >= LEAST_JUMP * usual_jump
+    slipped |= moved & (width > WIDE * np.median(width))
     return slips.only(slipped) if np.count_nonzero(slipped) >= FEWEST else None
 
 
@@ -228,11 +232,11 @@ def _censored(
 ) -> tuple[float, float]:
     """Mean and standard error of the level of which each slip (m,) gives bounds, percent."""
     top = REACH * (float(np.percentile(high, 98.0)) if farthest is None else farthest) + 0.5
-    usual = max(float(np.median(0.5 * (low + high))), 0.3)
-    zeros = np.linspace(-ZERO_REACH, ZERO_REACH, ZEROS) * max(usual, 0.5)
+    usual_middle = max(float(np.median(0.5 * (low + high))), 0.3)
+    zeros = np.linspace(-ZERO_REACH, ZERO_REACH, ZEROS) * max(usual_middle, 0.5)
     if min(np.count_nonzero(side > 0.0), np.count_nonzero(side < 0.0)) < FEWEST_OF_A_SIDE:
         zeros = np.zeros(1)
-    levels, scatters = np.linspace(0.0, top, LEVELS), np.array(SCATTERS) * usual
+    levels, scatters = np.linspace(0.0, top, LEVELS), np.array(SCATTERS) * usual_middle
     spread = np.hypot(scatters, noise)[None, None, :, None]
     centre = levels[:, None, None, None] + zeros[None, :, None, None] * side
     slack = 1e-3

@@ -21,14 +21,14 @@ def shown_speed_limits(fit: StickSlipFit) -> dict[str, float]:
     problem = fit.evaluator.problem
     speed = np.diff(problem.op) / problem.interval_s
     speeds: dict[str, float] = {}
-    for name, sign, where in (
+    for name, sign, mask in (
         ("rising", 1.0, coordinate.SLOW_UP),
         ("falling", -1.0, coordinate.SLOW_DOWN),
     ):
-        slow = float(fit.candidate[where])
+        slow = float(fit.candidate[mask])
         if slow <= 0.0:
             continue
-        asked = int(np.sum(sign * speed > FASTER / slow))
-        if asked >= max(FEWEST, LEAST_SHARE * speed.size):
+        faster_samples = int(np.sum(sign * speed > FASTER / slow))
+        if faster_samples >= max(FEWEST, LEAST_SHARE * speed.size):
             speeds[name] = 1.0 / slow
     return speeds

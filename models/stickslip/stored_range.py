@@ -47,11 +47,11 @@ class StoredRange:
         values = signal.values[signal.usable]
         if not values.size:
             return False
-        beyond = BEYOND * abs(self.high - self.low)
+        tolerance = BEYOND * abs(self.high - self.low)
         first, last = np.percentile(values, (0.5, 99.5))
         bottom, top = sorted((self.low, self.high))
-        reached = last - bottom >= LEAST_REACHED * (top - bottom)
-        return bool(bottom - beyond <= first and last <= top + beyond and reached)
+        enough_of_range = last - bottom >= LEAST_REACHED * (top - bottom)
+        return bool(bottom - tolerance <= first and last <= top + tolerance and enough_of_range)
 
     def read(self, signal: Signal) -> Signal:
         """``signal`` in percent."""
@@ -60,10 +60,10 @@ class StoredRange:
 
     def sentence(self, signal: Signal, name: str) -> str:
         """What was decided, and how to decide it for good."""
-        what = f" {self.unit}" if self.unit else ""
+        unit_text = f" {self.unit}" if self.unit else ""
         return (
-            f"{name} ({signal.tag}) is read as {self.low:g} to {self.high:g}{what} for 0 to 100 %, "
-            "for only so it goes with the other. Give this range in the plant file: "
+            f"{name} ({signal.tag}) is read as {self.low:g} to {self.high:g}{unit_text} for 0 "
+            "to 100 %, for only so it goes with the other. Give this range in the plant file: "
             f"low = {self.low:g}, high = {self.high:g}."
         )
 
@@ -97,22 +97,24 @@ def in_percent(recording: Recording) -> Recording:
     mv = recording.mv
     if mv is None or not _moves(recording):
         return recording
-    plain = not_percent(recording.op) is None and not_percent(mv) is None
+    in_percent_already = not_percent(recording.op) is None and not_percent(mv) is None
     # A single value that no percent can be would outweigh all the others.
-    if plain and not curve_suspected(without_impossible_values(recording)):
+    if in_percent_already and not curve_suspected(without_impossible_values(recording)):
         return recording
-    found = [
-        (off, role, stored)
+    candidates = [
+        (offset, role, stored)
         for role in (Role.MV, Role.OP)
         for stored in RANGES
-        if (off := _off(recording, role, stored)) is not None
+        if (offset := _offset_from_op(recording, role, stored)) is not None
     ]
-    found.sort(key=lambda one: one[0])
-    if not found or (len(found) > 1 and found[1][0] - found[0][0] < WORSE_PERCENT):
+    candidates.sort(key=lambda candidate: candidate[0])
+    if not candidates or (
+        len(candidates) > 1 and candidates[1][0] - candidates[0][0] < WORSE_PERCENT
+    ):
         return recording
-    _, role, stored = found[0]
-    said = stored.sentence(recording.signals[role], NAMES[role])
-    decisions = (*recording.provenance.decisions, said)
+    _, role, stored = candidates[0]
+    sentence = stored.sentence(recording.signals[role], NAMES[role])
+    decisions = (*recording.provenance.decisions, sentence)
     return replace(
         _converted(recording, role, stored),
         provenance=replace(recording.provenance, decisions=decisions),
@@ -129,7 +131,7 @@ def _converted(recording: Recording, role: Role, stored: StoredRange) -> Recordi
     return replace(recording, signals=signals)
 
 
-def _off(recording: Recording, role: Role, stored: StoredRange) -> float | None:
+def _offset_from_op(recording: Recording, role: Role, stored: StoredRange) -> float | None:
     """How far the two lie apart if ``role`` was stored so, percent; ``None`` if it was not."""
     other = recording.op if role is Role.MV else recording.mv
     assert other is not None
@@ -140,15 +142,15 @@ def _off(recording: Recording, role: Role, stored: StoredRange) -> float | None:
     if curve_suspected(read):
         return None
     assert read.mv is not None
-    both = read.usable
-    low, high = np.percentile((read.mv.values - read.op.values)[both], (2.0, 98.0))
-    off, slope = abs(float(low + high)) / 2.0, slope_of_means(read)
-    if off > OFF_PERCENT:
+    both_usable = read.usable
+    low, high = np.percentile((read.mv.values - read.op.values)[both_usable], (2.0, 98.0))
+    offset, slope = abs(float(low + high)) / 2.0, slope_of_means(read)
+    if offset > OFF_PERCENT:
         return None
     if slope is not None:
         steep = abs(slope - 1.0)
-        return off + SLOPE_PERCENT * steep if slope > PLAIN_SLOPE[0] else None
+        return offset + SLOPE_PERCENT * steep if slope > PLAIN_SLOPE[0] else None
     if swing(read.mv.values) > MOST_SWING * swing(read.op.values):
         return None
     goes_with = max(delayed_correlation(read), correlation(read)) >= GOES_WITH
-    return off if goes_with else None
+    return offset if goes_with else None

@@ -76,16 +76,16 @@ class StrokeCurve:
     def reaching(self, low: float, high: float) -> StrokeCurve:
         """The curve carried straight on to OP ``low`` and ``high`` where it ends before."""
         op, travel = np.array(self.op), np.array(self.travel)
-        beyond = np.array([end for end in (low, high) if not op[0] <= end <= op[-1]])
-        if not beyond.size:
+        new_ends = np.array([end for end in (low, high) if not op[0] <= end <= op[-1]])
+        if not new_ends.size:
             return self
         slopes = np.diff(travel)[[0, -1]] / np.diff(op)[[0, -1]]
         further = np.where(
-            beyond < op[0],
-            travel[0] + slopes[0] * (beyond - op[0]),
-            travel[-1] + slopes[1] * (beyond - op[-1]),
+            new_ends < op[0],
+            travel[0] + slopes[0] * (new_ends - op[0]),
+            travel[-1] + slopes[1] * (new_ends - op[-1]),
         )
-        order = np.argsort(knots := np.concatenate((op, beyond)))
+        order = np.argsort(knots := np.concatenate((op, new_ends)))
         moved = np.concatenate((travel, further))[order]
         return replace(self, op=tuple(knots[order].tolist()), travel=tuple(moved.tolist()))
 
@@ -140,14 +140,20 @@ class StrokeCurve:
 
     def _shape(self) -> str:
         begin, low, end, high = self.ends
-        over = f"OP {begin:.0f} to {end:.0f} % brings the position from {low:.0f} to {high:.0f} %"
+        sentence = (
+            f"OP {begin:.0f} to {end:.0f} % brings the position from {low:.0f} to {high:.0f} %"
+        )
         if self.bend_percent > NEARLY_LINEAR_PERCENT:
-            return f"{over}, bent by up to {self.bend_percent:.1f} % of travel."
+            return f"{sentence}, bent by up to {self.bend_percent:.1f} % of travel."
         if not self.slope_known:
-            return f"{over}; it moved between so few places that the curve's slope is not known."
+            return (
+                f"{sentence}; it moved between so few places that the curve's slope is not known."
+            )
         first = begin - low / self.slope
         first, last = _round(first), _round(first + 100.0 / self.slope)
-        return f"{over}, nearly linear: as if OP {first:.0f} to {last:.0f} % stroked 0 to 100 %."
+        return (
+            f"{sentence}, nearly linear: as if OP {first:.0f} to {last:.0f} % stroked 0 to 100 %."
+        )
 
 
 @dataclass(frozen=True)
@@ -204,23 +210,23 @@ def points_of(curve: StrokeCurve) -> str:
     Beyond what was seen straight on, to where OP or travel ends.
     """
     if curve.used is not None:
-        curve = curve.reaching(_reached(curve, 0), _reached(curve, -1))
+        curve = curve.reaching(_travel_at_end(curve, 0), _travel_at_end(curve, -1))
     op, travel = np.array(curve.op), np.array(curve.travel)
     chosen = {0, op.size - 1}
     while len(chosen) < op.size:
         places = sorted(chosen)
-        off = np.abs(travel - np.interp(op, op[places], travel[places]))
-        if off.max() <= POINTS_OFF_PERCENT:
+        deviation = np.abs(travel - np.interp(op, op[places], travel[places]))
+        if deviation.max() <= POINTS_OFF_PERCENT:
             break
-        chosen.add(int(np.argmax(off)))
-    return " ".join(f"{_tenth(op[place])}:{_tenth(travel[place])}" for place in sorted(chosen))
+        chosen.add(int(np.argmax(deviation)))
+    return " ".join(f"{_tenth(op[index])}:{_tenth(travel[index])}" for index in sorted(chosen))
 
 
 def _tenth(percent: float) -> str:
     return f"{round(percent, 1) + 0.0:g}"
 
 
-def _reached(curve: StrokeCurve, edge: int) -> float:
+def _travel_at_end(curve: StrokeCurve, edge: int) -> float:
     """OP, 0 to 100 %, at which the line beyond an edge (0 or -1) of the curve meets 0 or 100 % of
     travel."""
     op, travel, inner = curve.op[edge], curve.travel[edge], 1 if edge == 0 else -2
@@ -233,21 +239,21 @@ def _reached(curve: StrokeCurve, edge: int) -> float:
 
 def _round(op: float) -> float:
     """``op``, or the nearest multiple of 5 % where that is within 1 %."""
-    near = ROUND_PERCENT * round(op / ROUND_PERCENT)
-    return near if abs(op - near) <= NOT_TOLD_PERCENT else op
+    rounded = ROUND_PERCENT * round(op / ROUND_PERCENT)
+    return rounded if abs(op - rounded) <= NOT_TOLD_PERCENT else op
 
 
-def shapes_of(op: Floats, known: Floats, degree: int) -> Floats:
+def shapes_of(op: Floats, knots: Floats, degree: int) -> Floats:
     """(n, degree + 1) Legendre polynomials of ``op`` (n,) over the part of it that was used, by
-    the percentiles of ``known``; straight beyond."""
-    low, high = np.percentile(known, USED)
-    place = 2.0 * (op - low) / max(high - low, 1e-9) - 1.0
-    inside = np.clip(place, -1.0, 1.0)
+    the percentiles of ``knots``; straight beyond."""
+    low, high = np.percentile(knots, USED)
+    scaled = 2.0 * (op - low) / max(high - low, 1e-9) - 1.0
+    clipped = np.clip(scaled, -1.0, 1.0)
     order = np.arange(degree + 1)
     # P_n'(1) = n (n + 1) / 2, and (-1)^(n - 1) times as much at -1.
-    steep = order * (order + 1) / 2.0 * np.where(inside[:, None] < 0.0, (-1.0) ** (order - 1), 1.0)
-    beyond = np.where(np.isfinite(place), place - inside, 0.0)
-    return np.asarray(np.polynomial.legendre.legvander(inside, degree) + beyond[:, None] * steep)
+    steep = order * (order + 1) / 2.0 * np.where(clipped[:, None] < 0.0, (-1.0) ** (order - 1), 1.0)
+    excess = np.where(np.isfinite(scaled), scaled - clipped, 0.0)
+    return np.asarray(np.polynomial.legendre.legvander(clipped, degree) + excess[:, None] * steep)
 
 
 def with_command(recording: Recording, command: Floats, mv_unit: str | None = None) -> Recording:

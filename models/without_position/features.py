@@ -8,7 +8,6 @@ import numpy as np
 
 from stemwatch.models.recording import Floats
 from stemwatch.models.without_position import wave_shapes
-from stemwatch.models.without_position.common_phase import common_phase_surrogate
 from stemwatch.models.without_position.hammerstein import HeldOut, block_means, held_out
 
 PER_PERIOD = (25, 60)  # blocks in a period, at the two scales
@@ -68,9 +67,9 @@ def dominant_period(op: Floats) -> float:
     low, high = FEWEST_PERIODS, max(n // 4, FEWEST_PERIODS)
     # A spectrum smoothed over a sixth of an octave: a wave that wanders is one peak.
     weighted = np.cumsum(np.concatenate([[0.0], spectrum * order]))
-    left = np.maximum((order * 0.94).astype(np.int64), 0)
+    left_edge = np.maximum((order * 0.94).astype(np.int64), 0)
     right = np.minimum((order * 1.06).astype(np.int64) + 1, spectrum.size)
-    mean = (weighted[right] - weighted[left]) / (right - left)
+    mean = (weighted[right] - weighted[left_edge]) / (right - left_edge)
     return n / float(low + int(np.argmax(mean[low : high + 1])))
 
 
@@ -96,11 +95,15 @@ def evidence(op: Floats, pv: Floats, *, seed: int = 1) -> Evidence:
     spread = float(np.ptp(op))
     amplitude = max(amplitude, 1e-3 * spread)
     sizes = np.geomspace(0.08 * amplitude, max(min(spread, 3.0 * amplitude), amplitude), SIZES)
-    most = max(op.size // _FEWEST_BLOCKS, 1)
-    every = [min(max(1, round(period / blocks)), most) for blocks in PER_PERIOD]
-    coarse = held_out(op, pv, every[0], sizes)
-    fine = coarse if every[1] == every[0] else held_out(op, pv, every[1], sizes)
-    gains = _beyond(op, pv, every[0], sizes[2::3], seed)
+    longest_block = max(op.size // _FEWEST_BLOCKS, 1)
+    block_lengths = [min(max(1, round(period / blocks)), longest_block) for blocks in PER_PERIOD]
+    coarse = held_out(op, pv, block_lengths[0], sizes)
+    fine = (
+        coarse
+        if block_lengths[1] == block_lengths[0]
+        else held_out(op, pv, block_lengths[1], sizes)
+    )
+    gains = _beyond_surrogates(op, pv, block_lengths[0], sizes[2::3], seed)
     values = np.array(
         [
             *_of_scale(coarse, amplitude),
@@ -110,7 +113,9 @@ def evidence(op: Floats, pv: Floats, *, seed: int = 1) -> Evidence:
             abs(np.log(coarse.S / coarse.S_of_both)),
             np.log(op.size / period),
             *wave_shapes.wave_shapes(
-                block_means(op, every[0]), block_means(pv, every[0]), period / every[0]
+                block_means(op, block_lengths[0]),
+                block_means(pv, block_lengths[0]),
+                period / block_lengths[0],
             ),
         ]
     )
@@ -125,14 +130,14 @@ def evidence(op: Floats, pv: Floats, *, seed: int = 1) -> Evidence:
     )
 
 
-def _of_scale(told: HeldOut, amplitude: float) -> list[float]:
+def _of_scale(gains: HeldOut, amplitude: float) -> list[float]:
     return [
-        _squeezed(told.gain_of_sticking),
-        _squeezed(told.gain_of_both),
-        *told.shares,
-        told.linear_fit,
-        float(np.log(told.S / amplitude)),
-        _squeezed(float(told.curve.max() - told.curve[:2].max())),
+        _squeezed(gains.gain_of_sticking),
+        _squeezed(gains.gain_of_both),
+        *gains.shares,
+        gains.linear_fit,
+        float(np.log(gains.S / amplitude)),
+        _squeezed(float(gains.curve.max() - gains.curve[:2].max())),
     ]
 
 
@@ -141,15 +146,41 @@ def _squeezed(value: float) -> float:
     return float(np.arcsinh(value / 0.03))
 
 
-def _beyond(op: Floats, pv: Floats, every: int, sizes: Floats, seed: int) -> list[float]:
+def _beyond_surrogates(
+    op: Floats, pv: Floats, block_length: int, sizes: Floats, seed: int
+) -> list[float]:
     """Gains of both and of sticking beyond those of surrogates, in standard deviations."""
     rng = np.random.default_rng(seed)
 
     def gains(u: Floats, y: Floats) -> tuple[float, float]:
-        told = held_out(u, y, every, sizes, _COARSE_RATIOS, _COARSE_DELAYS)
-        return told.gain_of_both, told.gain_of_sticking
+        gain = held_out(u, y, block_length, sizes, _COARSE_RATIOS, _COARSE_DELAYS)
+        return gain.gain_of_both, gain.gain_of_sticking
 
-    own = np.array(gains(op, pv))
+    own_gains = np.array(gains(op, pv))
     others = np.array([gains(*common_phase_surrogate(op, pv, rng)) for _ in range(SURROGATES)])
-    beyond = (own - others.mean(axis=0)) / (others.std(axis=0) + _SPREAD_FLOOR)
-    return [float(one) for one in np.arcsinh(beyond)]
+    in_spreads = (own_gains - others.mean(axis=0)) / (others.std(axis=0) + _SPREAD_FLOOR)
+    return [float(number) for number in np.arcsinh(in_spreads)]
+
+
+def common_phase_surrogate(
+    op: Floats, pv: Floats, rng: np.random.Generator
+) -> tuple[Floats, Floats]:
+    """``op`` and ``pv`` (n,) with the same random phases added to both spectra.
+
+    Spectra and cross spectrum, and with them every linear model between the two, stay; what a
+    stick-slip element would explain does not. The line through the ends goes first, because a
+    spectrum sees it as a jump, and comes back afterwards. Prichard and Theiler (1994),
+    doi:10.1103/PhysRevLett.73.951.
+    """
+    n = op.size
+    phases = rng.uniform(0.0, 2.0 * np.pi, n // 2 + 1)
+    phases[0] = 0.0
+    if n % 2 == 0:
+        phases[-1] = 0.0
+    turn = np.exp(1j * phases)
+    return _turned(op, turn), _turned(pv, turn)
+
+
+def _turned(values: Floats, turn: np.ndarray) -> Floats:
+    line = np.linspace(values[0], values[-1], values.size)
+    return np.asarray(np.fft.irfft(np.fft.rfft(values - line) * turn, values.size) + line)

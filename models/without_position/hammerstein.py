@@ -55,25 +55,25 @@ class HeldOut:
 def element(op: Floats, S: float, J: float, x: Floats) -> None:
     """The stem ``x`` (n,) that follows ``op`` (n,) by the element, from rest at ``op[0]``."""
     fs, fd = 0.5 * (S + J), 0.5 * (S - J)
-    at, side, moving = op[0], 1.0, False
-    x[0] = at
+    stem, side, moving = op[0], 1.0, False
+    x[0] = stem
     for k in range(1, op.size):
         step = op[k] - op[k - 1]
         if moving and side * step <= 0.0:
             moving = False
-        force = op[k] - at
+        force = op[k] - stem
         if not moving and abs(force) > fs:
             moving = True
             side = 1.0 if force > 0.0 else -1.0
         if moving:
-            at = op[k] - side * fd
-        x[k] = at
+            stem = op[k] - side * fd
+        x[k] = stem
 
 
-def block_means(values: Floats, every: int) -> Floats:
-    """(..., n // every) means over blocks of ``every`` samples of the last axis."""
-    count = values.shape[-1] // every
-    parts = values[..., : count * every].reshape(*values.shape[:-1], count, every)
+def block_means(values: Floats, block_length: int) -> Floats:
+    """(..., n // block_length) means over blocks of ``block_length`` samples of the last axis."""
+    count = values.shape[-1] // block_length
+    parts = values[..., : count * block_length].reshape(*values.shape[:-1], count, block_length)
     return np.asarray(parts.mean(axis=-1))
 
 
@@ -96,10 +96,10 @@ def _fold_losses(gram: Floats, columns: slice | list[int]) -> Floats:
     ridge = np.eye(size) * (_RIDGE * np.einsum("...ii->...i", a) + _NOTHING)[..., None, :]
     b = others[..., columns, -1]
     weights = np.linalg.solve(a + ridge, b[..., None])
-    own = gram[..., columns, :][..., columns]
+    own_gram = gram[..., columns, :][..., columns]
     cross = gram[..., columns, -1][..., None]
     error = gram[..., -1, -1] - 2.0 * np.sum(weights * cross, axis=(-2, -1))
-    error = error + np.sum(weights * (own @ weights), axis=(-2, -1))
+    error = error + np.sum(weights * (own_gram @ weights), axis=(-2, -1))
     return np.asarray(np.maximum(error, _NOTHING))
 
 
@@ -118,42 +118,43 @@ def _losses(u: Floats, y: Floats, stems: Floats, delays: int) -> tuple[Floats, F
         moved = past_values(stems, first, delay)
         gram = np.empty((stems.shape[0], FOLDS, _WIDE, _WIDE))
         parts = zip(np.split(fixed, edges, axis=1), np.split(moved, edges, axis=2), strict=True)
-        for fold, (known, stem) in enumerate(parts):
-            gram[:, fold, PAST:, PAST:] = known @ known.T
-            gram[:, fold, :PAST, PAST:] = stem @ known.T
+        for fold, (inputs, stem) in enumerate(parts):
+            gram[:, fold, PAST:, PAST:] = inputs @ inputs.T
+            gram[:, fold, :PAST, PAST:] = stem @ inputs.T
             gram[:, fold, PAST:, :PAST] = np.swapaxes(gram[:, fold, :PAST, PAST:], 1, 2)
             gram[:, fold, :PAST, :PAST] = stem @ np.swapaxes(stem, 1, 2)
         losses[0].append(_fold_losses(gram[0], _LINEAR))
         losses[1].append(_fold_losses(gram, _STICKING))
         losses[2].append(_fold_losses(gram, _BOTH))
-    linear, sticking, both = (np.array(part) for part in losses)
-    return linear, sticking, both
+    linear, sticking, both_losses = (np.array(part) for part in losses)
+    return linear, sticking, both_losses
 
 
 def held_out(
     op: Floats,
     pv: Floats,
-    every: int,
+    block_length: int,
     sizes: Floats,
     ratios: Floats = RATIOS,
     delays: int = DELAYS,
 ) -> HeldOut:
-    """Compare the three models on ``op`` and ``pv`` (n,), without holes, by blocks of ``every``.
+    """Compare the three models on ``op`` and ``pv`` (n,), without holes, by blocks of
+    ``block_length``.
 
     ``sizes`` are the values of S that are tried, percent of OP.
     """
     scale_u, scale_y = max(float(np.std(op)), 1e-9), max(float(np.std(pv)), 1e-9)
     command = (op - float(np.mean(op))) / scale_u
-    tried = [(S, S * ratio) for S in sizes for ratio in ratios]
-    stems = np.empty((len(tried), op.size))
-    for stem, (S, J) in zip(stems, tried, strict=True):
+    candidates = [(S, S * ratio) for S in sizes for ratio in ratios]
+    stems = np.empty((len(candidates), op.size))
+    for stem, (S, J) in zip(stems, candidates, strict=True):
         element(command, S / scale_u, J / scale_u, stem)
-    y = block_means((pv - np.mean(pv)) / scale_y, every)
-    linear, sticking, both = _losses(
-        block_means(command, every), y, block_means(stems, every), delays
+    y = block_means((pv - np.mean(pv)) / scale_y, block_length)
+    linear, sticking, both_losses = _losses(
+        block_means(command, block_length), y, block_means(stems, block_length), delays
     )
     base = linear[int(np.argmin(linear.sum(axis=1)))]
-    sums, sums_both = sticking.sum(axis=2), both.sum(axis=2)
+    sums, sums_both = sticking.sum(axis=2), both_losses.sum(axis=2)
     delay, best = np.unravel_index(int(np.argmin(sums)), sums.shape)
     delay_both, best_both = np.unravel_index(int(np.argmin(sums_both)), sums_both.shape)
     total = float(base.sum())
@@ -163,11 +164,11 @@ def held_out(
         gain_of_both=float(np.log(total / sums_both[delay_both, best_both])),
         shares=(
             float(np.mean(sticking[delay, best] < base)),
-            float(np.mean(both[delay_both, best_both] < base)),
+            float(np.mean(both_losses[delay_both, best_both] < base)),
         ),
-        S=float(tried[best][0]),
-        J=float(tried[best][1]),
-        S_of_both=float(tried[best_both][0]),
+        S=float(candidates[best][0]),
+        J=float(candidates[best][1]),
+        S_of_both=float(candidates[best_both][0]),
         linear_fit=float(np.log(max(float(np.sum((y - y.mean()) ** 2)), 1e-12) / total)),
         curve=np.log(total / of_size),
     )

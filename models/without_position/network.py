@@ -80,8 +80,8 @@ class LoopNetwork:
     def convolved(self, windows: Floats) -> Floats:
         """(w,) logits of the windows."""
         signal = windows
-        for place, (_, stride) in enumerate(KERNELS, start=1):
-            weights, bias = self.arrays[f"conv{place}"], self.arrays[f"conv_bias{place}"]
+        for layer, (_, stride) in enumerate(KERNELS, start=1):
+            weights, bias = self.arrays[f"conv{layer}"], self.arrays[f"conv_bias{layer}"]
             parts = np.lib.stride_tricks.sliding_window_view(signal, weights.shape[2], axis=2)
             signal = np.einsum("wctk,ock->wot", parts[:, :, ::stride], weights, optimize=True)
             signal = np.maximum(signal + bias[:, None], 0.0)

@@ -38,23 +38,25 @@ class ElementTraces:
         return ElementTraces(stem=stem, linear=linear, sticking=sticking)
 
 
-def element_traces(op: Floats, pv: Floats, every: int, S: float, J: float) -> ElementTraces:
+def element_traces(op: Floats, pv: Floats, block_length: int, S: float, J: float) -> ElementTraces:
     """The traces of ``op`` and ``pv`` (n,) with the element of ``S`` and ``J``, percent of OP, and
-    models over blocks of ``every`` samples, each with the delay that it prefers."""
+    models over blocks of ``block_length`` samples, each with the delay that it prefers."""
     stem = np.empty(op.size)
     element(op - op[0], S, J, stem)
-    u, x, y = (block_means(values, every) for values in (op, stem, pv))
+    u, x, y = (block_means(values, block_length) for values in (op, stem, pv))
     y = y - y.mean()
     linear = _predicted(y, [u - u.mean()])
     sticking = _predicted(y, [u - u.mean(), x - x.mean()])
 
-    def drawn(blocks: Floats) -> Floats:
+    def spread_out(blocks: Floats) -> Floats:
         values = np.full(op.size, np.nan)
-        wide = np.repeat(blocks + float(np.mean(block_means(pv, every))), every)
+        wide = np.repeat(blocks + float(np.mean(block_means(pv, block_length))), block_length)
         values[: wide.size] = wide
         return values
 
-    return ElementTraces(stem=stem + op[0], linear=drawn(linear), sticking=drawn(sticking))
+    return ElementTraces(
+        stem=stem + op[0], linear=spread_out(linear), sticking=spread_out(sticking)
+    )
 
 
 def _predicted(y: Floats, inputs: list[Floats]) -> Floats:
@@ -66,13 +68,13 @@ def _predicted(y: Floats, inputs: list[Floats]) -> Floats:
     fixed = [past_values(y, first, 0), np.ones((1, n)), np.linspace(-1.0, 1.0, n)[None]]
     best, least = np.full(n, np.nan), np.inf
     for delay in range(DELAYS):
-        known = np.concatenate([*fixed, *(past_values(u, first, delay) for u in inputs)]).T
-        told = np.empty(n)
-        for place in range(FOLDS):
-            own = fold == place
-            weights = np.linalg.lstsq(known[~own], y[first:][~own], rcond=None)[0]
-            told[own] = known[own] @ weights
-        loss = float(np.sum((told - y[first:]) ** 2))
+        regressors = np.concatenate([*fixed, *(past_values(u, first, delay) for u in inputs)]).T
+        predicted = np.empty(n)
+        for fold_index in range(FOLDS):
+            in_fold = fold == fold_index
+            weights = np.linalg.lstsq(regressors[~in_fold], y[first:][~in_fold], rcond=None)[0]
+            predicted[in_fold] = regressors[in_fold] @ weights
+        loss = float(np.sum((predicted - y[first:]) ** 2))
         if loss < least:
-            best, least = told, loss
+            best, least = predicted, loss
     return np.concatenate([np.full(first, np.nan), best])

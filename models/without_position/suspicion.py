@@ -95,7 +95,7 @@ class SeenLoop:
     doubt: tuple[str, str] | None = None
 
 
-def look(recording: Recording) -> SeenLoop:
+def look_at_loop(recording: Recording) -> SeenLoop:
     """What ``recording`` shows by OP and PV, whether or not there is a position."""
     unit = recording.op.unit
     doubt = _doubt(recording)
@@ -103,11 +103,13 @@ def look(recording: Recording) -> SeenLoop:
         return SeenLoop(unit=unit, doubt=doubt)
     op, pv, sp, thinned_by = _thinned(*_longest(recording)[1:])
     try:
-        shown = evidence(op, pv)
+        loop_evidence = evidence(op, pv)
     except ValueError:
         return SeenLoop(unit=unit, doubt=("OP or PV stands still where both are known", _FASTER))
-    cut = windows(op, pv, sp, shown.period)
-    return SeenLoop(unit=unit, samples=op.size, thinned_by=thinned_by, shown=shown, windows=cut)
+    cut = windows(op, pv, sp, loop_evidence.period)
+    return SeenLoop(
+        unit=unit, samples=op.size, thinned_by=thinned_by, shown=loop_evidence, windows=cut
+    )
 
 
 def suspect(recording: Recording, judge: Judge) -> WithoutPosition:
@@ -116,28 +118,30 @@ def suspect(recording: Recording, judge: Judge) -> WithoutPosition:
     Never raises for what a recording holds.
     """
     try:
-        seen = look(recording)
-        said = judge.says(seen)
-        if said.verdict is not Suspicion.SUSPECTED or seen.shown is None:
-            return said
-        return replace(said, traces=_traces(recording, seen, seen.shown))
+        seen = look_at_loop(recording)
+        suspicion = judge.says(seen)
+        if suspicion.verdict is not Suspicion.SUSPECTED or seen.shown is None:
+            return suspicion
+        return replace(suspicion, traces=_traces(recording, seen, seen.shown))
     except Exception as error:  # a cross-check must not cost the verdict
         reason = f"the comparison broke down ({type(error).__name__}: {error})"
         return _cannot_tell(reason, "Report this with the recording.")
 
 
-def _traces(recording: Recording, seen: SeenLoop, shown: Evidence) -> ElementTraces:
+def _traces(recording: Recording, seen: SeenLoop, loop_evidence: Evidence) -> ElementTraces:
     first, op, pv, _ = _longest(recording)
-    every = max(1, round(shown.period * seen.thinned_by / PER_PERIOD[0]))
-    part = element_traces(op, pv, every, shown.coarse.S, shown.coarse.J)
+    block_length = max(1, round(loop_evidence.period * seen.thinned_by / PER_PERIOD[0]))
+    part = element_traces(op, pv, block_length, loop_evidence.coarse.S, loop_evidence.coarse.J)
 
-    def placed(values: Floats) -> Floats:
-        whole = np.full(len(recording), np.nan)
-        whole[first : first + values.size] = values
-        return whole
+    def on_whole_clock(values: Floats) -> Floats:
+        whole_record = np.full(len(recording), np.nan)
+        whole_record[first : first + values.size] = values
+        return whole_record
 
     return ElementTraces(
-        stem=placed(part.stem), linear=placed(part.linear), sticking=placed(part.sticking)
+        stem=on_whole_clock(part.stem),
+        linear=on_whole_clock(part.linear),
+        sticking=on_whole_clock(part.sticking),
     )
 
 
@@ -153,7 +157,7 @@ class Judge:
         if seen.doubt is not None or seen.shown is None or seen.windows is None:
             return _cannot_tell(*(seen.doubt or ("nothing was seen", _FASTER)))
         answer = self.network.answer(seen.shown.values, seen.windows)
-        return _answered(seen, seen.shown, answer, self.limits)
+        return _answer(seen, seen.shown, answer, self.limits)
 
 
 @cache
@@ -184,13 +188,16 @@ def _doubt(recording: Recording) -> tuple[str, str] | None:
     pv = recording.get(Role.PV)
     if pv is None:
         return "PV is not in this recording", "Export PV beside OP."
-    _, op, known, _ = _longest(recording)
+    _, op, op_known, _ = _longest(recording)
     if not op.size:
         return "OP and PV have no usable values at the same times", "Check both tags."
     if op.size < FEWEST_SAMPLES:
         return f"only {op.size} samples follow each other without a hole", _FASTER
-    if np.ptp(known) <= 0.0:
-        return f"PV stands at {known[0]:.6g} throughout", "Check the transmitter of PV and its tag."
+    if np.ptp(op_known) <= 0.0:
+        return (
+            f"PV stands at {op_known[0]:.6g} throughout",
+            "Check the transmitter of PV and its tag.",
+        )
     moves = int(np.count_nonzero(np.diff(op)))
     least = LEAST_MOVED_PERCENT if recording.op.unit == PERCENT else 0.0
     if moves < FEWEST_MOVES or np.ptp(op) <= least:
@@ -198,14 +205,14 @@ def _doubt(recording: Recording) -> tuple[str, str] | None:
             f"OP changed {moves} times over a range of {np.ptp(op):.3g}",
             "Record the loop in automatic while it works, or step the set point.",
         )
-    held = max(float(np.mean(op <= op.min())), float(np.mean(op >= op.max())))
-    if held > MOST_AT_LIMIT:
+    at_limit_share = max(float(np.mean(op <= op.min())), float(np.mean(op >= op.max())))
+    if at_limit_share > MOST_AT_LIMIT:
         return (
-            f"OP stands at its limit for {100.0 * held:.0f} % of the time, which looks like "
-            "sticking whatever the valve does",
+            f"OP stands at its limit for {100.0 * at_limit_share:.0f} % of the time, which "
+            "looks like sticking whatever the valve does",
             "Record the loop where OP is free to move.",
         )
-    if float(np.mean(np.diff(known) == 0.0)) > MOST_HELD:
+    if float(np.mean(np.diff(op_known) == 0.0)) > MOST_HELD:
         return "PV mostly repeats its last value", _FASTER
     return None
 
@@ -215,24 +222,24 @@ def _longest(recording: Recording) -> tuple[int, Floats, Floats, Floats | None]:
     ``LONGEST_BRIDGE`` samples."""
     op, pv, sp = recording.op, recording.get(Role.PV), recording.get(Role.SP)
     assert pv is not None
-    known = op.usable & pv.usable
-    if not known.any():
+    both_usable = op.usable & pv.usable
+    if not both_usable.any():
         return 0, np.empty(0), np.empty(0), None
-    places = np.flatnonzero(known)
+    places = np.flatnonzero(both_usable)
     breaks = np.flatnonzero(np.diff(places) > LONGEST_BRIDGE + 1)
     starts = np.concatenate([[0], breaks + 1])
     stops = np.concatenate([breaks + 1, [places.size]])
-    at = int(np.argmax(stops - starts))
-    own = places[starts[at] : stops[at]]
-    whole = np.arange(own[0], own[-1] + 1)
+    longest = int(np.argmax(stops - starts))
+    longest_places = places[starts[longest] : stops[longest]]
+    all_samples = np.arange(longest_places[0], longest_places[-1] + 1)
 
     def bridged(values: Floats) -> Floats:
-        return np.interp(whole, own, values[own])
+        return np.interp(all_samples, longest_places, values[longest_places])
 
     set_point = None
-    if sp is not None and sp.usable[own].all():
+    if sp is not None and sp.usable[longest_places].all():
         set_point = bridged(sp.values)
-    return int(own[0]), bridged(op.values), bridged(pv.values), set_point
+    return int(longest_places[0]), bridged(op.values), bridged(pv.values), set_point
 
 
 def _thinned(
@@ -242,32 +249,32 @@ def _thinned(
     of what is returned, a long one by its end."""
     if op.size <= MOST_SAMPLES:
         return op, pv, sp, 1
-    every = max(round(dominant_period(op) / _THINNED_TO), 1)
+    stride = max(round(dominant_period(op) / _THINNED_TO), 1)
 
     def short(values: Floats) -> Floats:
-        return block_means(values, every)[-MOST_SAMPLES:]
+        return block_means(values, stride)[-MOST_SAMPLES:]
 
-    return short(op), short(pv), None if sp is None else short(sp), every
+    return short(op), short(pv), None if sp is None else short(sp), stride
 
 
-def _answered(
-    seen: SeenLoop, shown: Evidence, answer: LoopScore, limits: SuspicionLimits
+def _answer(
+    seen: SeenLoop, loop_evidence: Evidence, answer: LoopScore, limits: SuspicionLimits
 ) -> WithoutPosition:
     unit = seen.unit
     said_unit = f" {unit}" if unit else ""
-    S = shown.amplitude * float(np.exp(answer.log_S))
+    S = loop_evidence.amplitude * float(np.exp(answer.log_S))
     low, high = (S * float(np.exp(side * 1.96 * answer.spread)) for side in (-1.0, 1.0))
     least = LEAST_S_PERCENT if unit == PERCENT else 0.0
-    periods = seen.samples / shown.period
-    better = shown.coarse.gain_of_both > 0.0 and shown.beyond > BEYOND
-    alike = answer.score >= limits.suspected_from and better
-    if alike and S < least:
+    periods = seen.samples / loop_evidence.period
+    better = loop_evidence.coarse.gain_of_both > 0.0 and loop_evidence.beyond > BEYOND
+    is_suspected = answer.score >= limits.suspected_from and better
+    if is_suspected and S < least:
         return _cannot_tell(
             f"it looks as if the valve sticks by {S:.2f} % of OP, which a sound valve may have",
             _TEST,
             answer.score,
         )
-    if alike:
+    if is_suspected:
         return WithoutPosition(
             verdict=Suspicion.SUSPECTED,
             reason=(
@@ -279,11 +286,11 @@ def _answered(
             advice=_TEST,
             score=answer.score,
             apparent_S=Estimate(value=S, low=low, high=high, unit=unit),
-            rivals=_rivals(shown),
+            rivals=_rivals(loop_evidence),
         )
     if periods < FEWEST_PERIODS + 1:
         return _cannot_tell("the record holds too few swings of the loop", _FASTER, answer.score)
-    shows = limits.shows_from * shown.amplitude
+    shows = limits.shows_from * loop_evidence.amplitude
     if answer.score < limits.no_sign_below:
         return WithoutPosition(
             verdict=Suspicion.NO_SIGN,
@@ -300,12 +307,12 @@ def _answered(
     return _cannot_tell("the signs are too weak either way", _TEST, answer.score)
 
 
-def _rivals(shown: Evidence) -> tuple[str, ...]:
+def _rivals(loop_evidence: Evidence) -> tuple[str, ...]:
     """Causes that make the same picture, the likeliest first."""
     rivals = [
         "a PV sensor or its linkage that sticks or has play",
         "a neighbouring loop whose valve sticks and whose swing arrives here",
     ]
-    if shown.values[_ROUND] < 0.0:
+    if loop_evidence.values[_ROUND] < 0.0:
         rivals.append("tuning at its limit or an outer swing: OP is rounder than sticking makes it")
     return tuple(rivals)

@@ -33,8 +33,8 @@ def _banded(values: Floats, period: float) -> Floats:
     spectrum = np.fft.rfft(values - line)
     frequency = np.arange(spectrum.size) / n
     spectrum[(frequency < 0.33 / period) | (frequency > 6.0 / period)] = 0.0
-    kept = np.fft.irfft(spectrum, n)
-    return np.asarray(kept / max(float(np.std(kept)), 1e-9))
+    filtered = np.fft.irfft(spectrum, n)
+    return np.asarray(filtered / max(float(np.std(filtered)), 1e-9))
 
 
 def _triangle(wave: Floats, period: float) -> float:
@@ -64,8 +64,11 @@ def _oddness(u: Floats, y: Floats, period: float) -> float:
     half = max(int(period) // 2, 2)
     forward = lagged_products(u, y, half)[1:half]
     backward = lagged_products(y, u, half)[1:half]
-    even, odd = float(np.sum((forward + backward) ** 2)), float(np.sum((forward - backward) ** 2))
-    return odd / max(even + odd, 1e-12)
+    even, odd_part = (
+        float(np.sum((forward + backward) ** 2)),
+        float(np.sum((forward - backward) ** 2)),
+    )
+    return odd_part / max(even + odd_part, 1e-12)
 
 
 def _regularity(wave: Floats, period: float) -> float:

@@ -106,7 +106,7 @@ def use_link(store: Store, secret: str, name: str, password: str, now: datetime)
 
 def check_name(name: str) -> str:
     """The name with blanks collapsed. Raises ``BadName``."""
-    plain = " ".join(clean_text(name).split())
-    if not plain or len(plain) > LONGEST_NAME or not plain.isprintable():
+    single_spaced = " ".join(clean_text(name).split())
+    if not single_spaced or len(single_spaced) > LONGEST_NAME or not single_spaced.isprintable():
         raise BadName(f"a name of 1 to {LONGEST_NAME} letters is expected")
-    return plain
+    return single_spaced

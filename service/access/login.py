@@ -48,18 +48,20 @@ def sign_in(
     ``browser`` is the cookie of ``known_browser``: in a browser in which this user has signed in
     before, failed attempts of others with the name or address cause no wait.
     """
-    known = store.accounts.password_of(name) if browser else None
-    own = None if known is None else key_of_browser(browser, known[1], now)
-    waits = waits_of(name, address) if own is None else {own: of_name}
+    stored_password = store.accounts.password_of(name) if browser else None
+    browser_key = (
+        None if stored_password is None else key_of_browser(browser, stored_password[1], now)
+    )
+    waits = waits_of(name, address) if browser_key is None else {browser_key: of_name}
     _begin(store, name, waits, now, address)
     user = check(store, name, password, now)
     if user is None:
         _note(store, name, now, address, AuditOutcome.REFUSED)
         raise LoginRefused(WRONG)
-    if own is None:
+    if browser_key is None:
         store.attempts.succeeded(key_of_name(name), [key_of_address(address)])
     else:
-        store.attempts.succeeded(own, [])
+        store.attempts.succeeded(browser_key, [])
     cookie = begin_session(store, user.id, now=now, address=address, agent=agent)
     _note(store, name, now, address, AuditOutcome.DONE)
     store.web_sessions.remove_ended(now=now, idle=IDLE)
@@ -76,10 +78,10 @@ def _begin(store: Store, name: str, waits: Mapping[str, Wait], now: datetime, ad
     until = store.attempts.begin(waits, now=now, forget=FORGET)
     if until is None:
         return
-    refused = store.attempts.refused(f"refused {key_of_name(name)}", now=now, every=NOTED_EVERY)
+    refused = store.attempts.refused(f"refused {key_of_name(name)}", now=now, interval=NOTED_EVERY)
     if refused:
-        many = "1 attempt" if refused == 1 else f"{refused} attempts"
-        detail = f"{many} not tried: too many before; noted once a minute"
+        attempts = "1 attempt" if refused == 1 else f"{refused} attempts"
+        detail = f"{attempts} not tried: too many before; noted once a minute"
         _note(store, name, now, address, AuditOutcome.REFUSED, detail)
     raise TooMany(max(1, math.ceil((until - now).total_seconds())))
 
@@ -116,17 +118,17 @@ def _note(
     detail: str = "",
 ) -> None:
     """Add an audit entry; without the typed name where no user has it, as it may be a password."""
-    known = store.accounts.find(name)
+    user = store.accounts.find(name)
     store.audit.add(
         AuditEntry(
             at=now,
-            who="" if known is None else known.name,
+            who="" if user is None else user.name,
             how="",
             address=address,
             action=ACTION,
-            about="" if known is not None else "a name that nobody has",
+            about="" if user is not None else "a name that nobody has",
             outcome=outcome,
-            detail="disabled" if known is not None and known.disabled is not None else detail,
+            detail="disabled" if user is not None and user.disabled is not None else detail,
         )
     )
 

@@ -41,18 +41,21 @@ class Busy(Exception):
 
 def check_password(password: str, name: str) -> None:
     """Raise ``WeakPassword`` where a password is too short, too long, or easily guessed."""
-    plain = _normal(password)
+    normal_form = _normal(password)
     # Normalising may lengthen a text: both lengths must be within the limits.
-    if min(len(plain), len(password)) < SHORTEST or max(len(plain), len(password)) > LONGEST:
+    if (
+        min(len(normal_form), len(password)) < SHORTEST
+        or max(len(normal_form), len(password)) > LONGEST
+    ):
         raise WeakPassword(
             f"a password of {SHORTEST} to {LONGEST} characters is expected; several words are easy "
             "to keep in mind"
         )
-    folded = name_key(plain)
-    left = folded.replace(name_key(name), "") if name_key(name) else folded
+    folded = name_key(normal_form)
+    remainder = folded.replace(name_key(name), "") if name_key(name) else folded
     for word in _KNOWN:
-        left = left.replace(word, "")
-    if len(set(folded)) < FEWEST_CHARACTERS or len(left) < SHORTEST // 2:
+        remainder = remainder.replace(word, "")
+    if len(set(folded)) < FEWEST_CHARACTERS or len(remainder) < SHORTEST // 2:
         raise WeakPassword(
             "this password is easily guessed: it is little more than the name, one of the usual "
             "words, or a few characters again and again"

@@ -96,11 +96,11 @@ class CurrentUser:
             return True
         return not right.in_person and SCOPE_OF[right.least] in self.scopes
 
-    def signature(self, said: str = "") -> str:
+    def signature(self, text: str = "") -> str:
         """The name for signatures: the user's own, and before it the name of the person for whom a
         program says it acts."""
-        said = " ".join(said.split())
-        return f"{said} (through {self.name})" if said and said != self.name else self.name
+        text = " ".join(text.split())
+        return f"{text} (through {self.name})" if text and text != self.name else self.name
 
 
 def scopes_of(role: UserRole) -> tuple[Scope, ...]:

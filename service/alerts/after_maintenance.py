@@ -50,17 +50,18 @@ def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:
     ]
     if not after or not before:
         return None
-    was, now = before[0], after[-1]
+    before_work, now = before[0], after[-1]
     return (
-        f"After the work of {work.at:%Y-%m-%d} ({work.note}): {_verdict(was.S, now.S)} S was "
-        f"{was.S} of OP span before and is {now.S} now; the valve was {was.verdict.value} and is "
+        f"After the work of {work.at:%Y-%m-%d} ({work.note}): {_verdict(before_work.S, now.S)} "
+        f"S was {before_work.S} of OP span before and is {now.S} now; the valve was "
+        f"{before_work.verdict.value} and is "
         f"{now.verdict.value}."
     )
 
 
-def _verdict(was: Estimate, now: Estimate) -> str:
+def _verdict(before_work: Estimate, now: Estimate) -> str:
     """Whether the work helped, as far as both intervals can tell."""
-    ends = (was.low, was.high, now.low, now.high)
+    ends = (before_work.low, before_work.high, now.low, now.high)
     if any(end is None for end in ends):
         return "Whether it helped cannot be told in numbers."
     low, high, now_low, now_high = (float(end) for end in ends if end is not None)

@@ -71,38 +71,40 @@ def raised_of(
         on_it = sum(valve.source == device for valve in plant.valves.values())
         rules = plant.alerts
         if len(valves) >= rules.common_valves and len(valves) >= rules.common_share * on_it:
-            raised.append(_many(plant, device, valves))
+            raised.append(_alert_of_device(plant, device, valves))
             continue
         for valve in valves:
-            known = VALVE + valve in already_open
-            why = {} if known else _why(store, dead[valve], now)
-            raised.append(_one(plant, valve, dead[valve], why))
+            is_open = VALVE + valve in already_open
+            reasons = {} if is_open else _reasons_of_tags(store, dead[valve], now)
+            raised.append(_alert_of_valve(plant, valve, dead[valve], reasons))
     return raised
 
 
-def _why(store: Store, tags: Sequence[DeadTag], now: datetime) -> dict[str, str]:
+def _reasons_of_tags(store: Store, tags: Sequence[DeadTag], now: datetime) -> dict[str, str]:
     """For each tag since when it is dead, and what its newest sample says."""
     last_good = store.samples.last_good([tag.number for tag in tags], now - _LOOK_BACK)
-    said: dict[str, str] = {}
+    reason_of_tag: dict[str, str] = {}
     for tag in tags:
         good = last_good[tag.number]
         when = "for more than a day" if good.at is None else f"since {good.at:%Y-%m-%d %H:%M} UTC"
-        said[tag.tag] = f"{when} ({good.reason})" if good.reason else when
-    return said
+        reason_of_tag[tag.tag] = f"{when} ({good.reason})" if good.reason else when
+    return reason_of_tag
 
 
-def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, str]) -> RaisedAlert:
+def _alert_of_valve(
+    plant: Plant, valve: str, tags: Sequence[DeadTag], reasons: Mapping[str, str]
+) -> RaisedAlert:
     entry = plant.valves[valve]
     name = f"{valve} ({entry.description})" if entry.description else valve
-    listed = "; ".join(
-        f"{tag.role.upper()} {tag.tag} {why.get(tag.tag, '')}".strip() for tag in tags
+    tag_list = "; ".join(
+        f"{tag.role.upper()} {tag.tag} {reasons.get(tag.tag, '')}".strip() for tag in tags
     )
     return RaisedAlert(
         cause=VALVE + valve,
         kind=AlertKind.NO_DATA,
         severity=_severity(entry.criticality),
         text=(
-            f"{name}: no good sample of {listed}. {entry.source} answers, so look at the signal: "
+            f"{name}: no good sample of {tag_list}. {entry.source} answers, so look at the signal: "
             "its transmitter, its card, its register."
         ),
         valve=valve,
@@ -111,17 +113,17 @@ def _one(plant: Plant, valve: str, tags: Sequence[DeadTag], why: Mapping[str, st
     )
 
 
-def _many(plant: Plant, device: str, valves: Sequence[str]) -> RaisedAlert:
-    listed = ", ".join(valves[:_NAMED])
-    more = f" and {len(valves) - _NAMED} more" if len(valves) > _NAMED else ""
+def _alert_of_device(plant: Plant, device: str, valves: Sequence[str]) -> RaisedAlert:
+    valve_list = ", ".join(valves[:_NAMED])
+    and_more = f" and {len(valves) - _NAMED} more" if len(valves) > _NAMED else ""
     return RaisedAlert(
         cause=MANY + device,
         kind=AlertKind.NO_DATA,
         severity=_severity(max(plant.valves[valve].criticality for valve in valves)),
         text=(
             f"{len(valves)} valves of {device} have signals without a good sample, while it "
-            f"answers ({listed}{more}). Look first for what they share: a card, a gateway behind "
-            "it, a range of registers."
+            f"answers ({valve_list}{and_more}). Look first for what they share: a card, a "
+            "gateway behind it, a range of registers."
         ),
         source=device,
         evidence={"valves": list(valves)},

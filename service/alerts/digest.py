@@ -23,9 +23,11 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
     messages: dict[str, dict[str, Any]] = {}
     for notifier in plant.notifiers.values():
         least = _ORDER.index(AlertSeverity(notifier.least_severity))
-        wanted = [alert for alert in alerts if _ORDER.index(alert.severity) <= least]
-        if wanted:
-            messages[notifier.name] = message_of(wanted, plant.name, run_id, plant.service.address)
+        severe_enough = [alert for alert in alerts if _ORDER.index(alert.severity) <= least]
+        if severe_enough:
+            messages[notifier.name] = message_of(
+                severe_enough, plant.name, run_id, plant.service.address
+            )
     numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
     return store.deliveries.put(messages, key, numbers)
@@ -38,16 +40,16 @@ def message_of(
 
     ``address`` is where people reach the pages; without it the message holds no links.
     """
-    where = f"{plant}: " if plant else ""
+    plant_prefix = f"{plant}: " if plant else ""
     first = alerts[0].text.split(". ")[0]
-    many = f"{len(alerts)} new alerts, the first: " if len(alerts) > 1 else ""
+    count_text = f"{len(alerts)} new alerts, the first: " if len(alerts) > 1 else ""
     lines = [_line(alert, address) for alert in alerts[:SHOWN]]
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
     if address:
         lines.append(f"Acknowledge, put off or mark as false: {address.rstrip('/')}/alerts")
     return {
-        "subject": _cut(f"{where}{many}{first}"),
+        "subject": _cut(f"{plant_prefix}{count_text}{first}"),
         "text": "\n\n".join(lines) + "\n",
         "plant": plant,
         "run": run_id,

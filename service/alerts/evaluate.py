@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
-from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, one_per_cause
+from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, cause, one_per_cause
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
@@ -31,11 +31,14 @@ def over_weeks(
     """What the windows of weeks say together of those of ``valves`` on which an effect is followed,
     and whether what is confirmed stands among all valves of the run: of those that stand, few are
     expected to be due to chance (``models.false_discovery``). Raises ``StoreError``."""
-    told = store.evidence(valves)
-    others = len(store.tested_of_run(run_id)) - len(told)
-    p_values = [of_valve.p_value for of_valve in told.values()]
-    standing = significant([*p_values, *[None] * max(others, 0)])
-    return {valve: (told[valve], stands) for valve, stands in zip(told, standing, strict=False)}
+    evidence = store.evidence(valves)
+    others = len(store.tested_of_run(run_id)) - len(evidence)
+    p_values = [of_valve.p_value for of_valve in evidence.values()]
+    stands_of_each = significant([*p_values, *[None] * max(others, 0)])
+    return {
+        valve: (evidence[valve], stands)
+        for valve, stands in zip(evidence, stands_of_each, strict=False)
+    }
 
 
 def gathered(
@@ -106,26 +109,29 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     It looks at what is stored alone, so that doing it twice changes nothing. The valves are read
     some hundreds at a time. Raises ``StoreError``.
     """
-    done = store.queue.valves_done(run_id)
+    valves_done = store.queue.valves_done(run_id)
     open_before = store.alerts.open_causes()
     raised: list[RaisedAlert] = []
-    over: list[str] = []
+    ended: list[str] = []
     joined_now: list[str] = []
-    for seen in gathered(store, plant, done, over_weeks(store, run_id, done)):
+    for seen in gathered(store, plant, valves_done, over_weeks(store, run_id, valves_done)):
         found, closed = apply_rules(seen, plant.alerts)
         of_valve, spoken_for = one_per_cause(found, open_before - set(closed))
         raised += of_valve
-        joined_now += [cause for cause in spoken_for if cause in open_before]
-        over += [cause for cause in closed if cause in open_before]
-    for valve in awaiting_aftermath(store, done):
+        joined_now += [one for one in spoken_for if one in open_before]
+        ended += [one for one in closed if one in open_before]
+        joined_now += [one for one in _causes_by_kind(of_valve) if one in open_before]
+    for valve in awaiting_aftermath(store, valves_done):
         note_result_of_work(store, valve)
     groups = _groups(raised, plant)
     common = [_common(group, alerts, run_id) for group, alerts in groups.items()]
-    still = {alert.cause for alert in common}
-    was = {cause for cause in open_before if cause.startswith(AlertKind.COMMON.value + ":")}
-    over += sorted(_over(was - still, set(done), plant))
-    for first in range(0, len(over), _AT_ONCE):
-        store.alerts.clear(over[first : first + _AT_ONCE], CLEARED)
+    causes_now = {alert.cause for alert in common}
+    causes_before = {
+        cause for cause in open_before if cause.startswith(AlertKind.COMMON.value + ":")
+    }
+    ended += sorted(_ended_causes(causes_before - causes_now, set(valves_done), plant))
+    for first in range(0, len(ended), _AT_ONCE):
+        store.alerts.clear(ended[first : first + _AT_ONCE], CLEARED)
     for first in range(0, len(joined_now), _AT_ONCE):
         store.alerts.clear(joined_now[first : first + _AT_ONCE], JOINED)
     joined = {alert.cause for group in groups.values() for alert in group}
@@ -134,22 +140,29 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     return store.alerts.raise_all([*common, *new])
 
 
+def _causes_by_kind(raised: Iterable[RaisedAlert]) -> list[str]:
+    """The causes that alerts would have by their kind alone, where they have another: an alert that
+    is open under such a one is part of the alert now."""
+    both = [(cause(alert.kind, alert.valve or ""), alert.cause) for alert in raised]
+    return [by_kind for by_kind, now in both if by_kind != now]
+
+
 def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[RaisedAlert]]:
     """The groups of which so many valves have the same finding that it has one cause."""
     sizes: dict[tuple[str, str], int] = defaultdict(int)
     for valve in plant.valves.values():
-        for place in _places(plant, valve.id):
-            sizes[place] += 1
+        for group_key in _places(plant, valve.id):
+            sizes[group_key] += 1
     groups: dict[_Group, list[RaisedAlert]] = defaultdict(list)
     for alert in raised:
-        for what, name in _places(plant, alert.valve or ""):
-            groups[_Group(alert.kind, what, name)].append(alert)
+        for group_kind, name in _places(plant, alert.valve or ""):
+            groups[_Group(alert.kind, group_kind, name)].append(alert)
     rules = plant.alerts
     large = {
-        group: many
-        for group, many in groups.items()
-        if len(many) >= rules.common_valves
-        and len(many) >= rules.common_share * sizes[group.what, group.name]
+        group: alerts_of_group
+        for group, alerts_of_group in groups.items()
+        if len(alerts_of_group) >= rules.common_valves
+        and len(alerts_of_group) >= rules.common_share * sizes[group.what, group.name]
         # Friction is each valve's own. That many name the same thing, or leave their baselines,
         # points to what they share: air, signal, archive.
         and group.kind in (AlertKind.BASELINE, AlertKind.MISMATCH)
@@ -159,13 +172,15 @@ def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[Ra
 
 def _largest_first(groups: dict[_Group, list[RaisedAlert]]) -> dict[_Group, list[RaisedAlert]]:
     """Each valve in one group only: an area and a source often hold the same valves."""
-    taken: set[str] = set()
+    used_causes: set[str] = set()
     chosen: dict[_Group, list[RaisedAlert]] = {}
-    for group, many in sorted(groups.items(), key=lambda group: (-len(group[1]), group[0].cause)):
-        left = [alert for alert in many if alert.cause not in taken]
-        if len(left) * 2 > len(many):
-            chosen[group] = left
-            taken.update(alert.cause for alert in left)
+    for group, alerts_of_group in sorted(
+        groups.items(), key=lambda group: (-len(group[1]), group[0].cause)
+    ):
+        remaining = [alert for alert in alerts_of_group if alert.cause not in used_causes]
+        if len(remaining) * 2 > len(alerts_of_group):
+            chosen[group] = remaining
+            used_causes.update(alert.cause for alert in remaining)
     return chosen
 
 
@@ -179,8 +194,8 @@ def _places(plant: Plant, valve: str) -> list[tuple[str, str]]:
 
 def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> RaisedAlert:
     names = [alert.valve or "" for alert in alerts]
-    listed = ", ".join(names[:_NAMED])
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
+    name_list = ", ".join(names[:_NAMED])
+    and_more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     words = {
         AlertKind.BASELINE: "move differently from their baselines",
         AlertKind.MISMATCH: "show something beside stiction",
@@ -192,19 +207,21 @@ def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> Raised
         severity=worst,
         text=(
             f"{len(names)} valves of {group.what} {group.name} {words[group.kind]} at once "
-            f"({listed}{more}). Look first for what they share: air supply, signal, archive."
+            f"({name_list}{and_more}). Look first for what they share: air supply, signal, archive."
         ),
         run_id=run_id,
         evidence={"valves": names, "kind": group.kind.value},
     )
 
 
-def _over(causes: set[str], seen: set[str], plant: Plant) -> set[str]:
+def _ended_causes(causes: set[str], seen: set[str], plant: Plant) -> set[str]:
     """Common causes that a run saw enough valves of to say that they are over."""
-    over: set[str] = set()
-    for cause in causes:
-        *_, what, name = cause.split(":", 3)
-        members = {v.id for v in plant.valves.values() if (what, name) in _places(plant, v.id)}
+    ended: set[str] = set()
+    for one in causes:
+        *_, group_kind, name = one.split(":", 3)
+        members = {
+            v.id for v in plant.valves.values() if (group_kind, name) in _places(plant, v.id)
+        }
         if len(members & seen) * 2 > len(members):
-            over.add(cause)
-    return over
+            ended.add(one)
+    return ended

@@ -13,6 +13,7 @@ from datetime import UTC, datetime, tzinfo
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.evidence_over_windows import OF_FRICTION
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
@@ -61,10 +62,10 @@ def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDe
     """
     if not present or present[0] is None:
         return AlertDecision.LEAVE
-    told = [answer for answer in present if answer is not None]
-    if told[0] and sum(told[: rules.of_runs]) >= rules.raise_after_runs:
+    answers = [answer for answer in present if answer is not None]
+    if answers[0] and sum(answers[: rules.of_runs]) >= rules.raise_after_runs:
         return AlertDecision.RAISE
-    last = told[: rules.clear_after_runs]
+    last = answers[: rules.clear_after_runs]
     if len(last) == rules.clear_after_runs and not any(last):
         return AlertDecision.CLEAR
     return AlertDecision.LEAVE
@@ -80,29 +81,40 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
     raised: list[RaisedAlert] = []
     closed: list[str] = []
     for kind, present, text in _findings(record, rules):
-        told = [
+        answers = [
             None if _worked_on(record, screening) else present(screening) for screening in judged
         ]
-        verdict = alert_decision(told, rules)
+        verdict = alert_decision(answers, rules)
         if kind is AlertKind.MISMATCH:
-            verdict = _of_physics(record, told, verdict)
+            verdict = _of_physics(record, answers, verdict)
         if verdict is AlertDecision.RAISE:
             alert = _raised(record.valve, kind, text(judged[0]), judged[0])
             if kind is AlertKind.MISMATCH and record.by_window is not None:
                 effects = [finding.slug for finding in record.by_window.confirmed]
                 alert = replace(alert, evidence={**alert.evidence, "effects": effects})
+                if _is_friction(record):
+                    alert = replace(alert, cause=cause(AlertKind.STICKY, record.valve.id))
             raised.append(alert)
         elif verdict is AlertDecision.CLEAR:
             closed.append(cause(kind, record.valve.id))
+    if _is_friction(record):  # not over, though the stem does not stick beyond its limit
+        closed = [one for one in closed if one != cause(AlertKind.STICKY, record.valve.id)]
     return raised, closed
 
 
+def _is_friction(record: ValveRecord) -> bool:
+    """Whether what is confirmed beside S and J is how friction itself shows: it has the cause of a
+    sticking stem, and its alert becomes that of one."""
+    confirmed = () if record.by_window is None else record.by_window.confirmed
+    return bool(confirmed) and {finding.slug for finding in confirmed} <= OF_FRICTION
+
+
 def _of_physics(
-    record: ValveRecord, told: Sequence[bool | None], by_runs: AlertDecision
+    record: ValveRecord, answers: Sequence[bool | None], by_runs: AlertDecision
 ) -> AlertDecision:
     """An effect beside friction is raised where the windows of weeks confirm it and it stands among
     all valves of the run; what was only seen once closes nothing either."""
-    if not told or told[0] is None:
+    if not answers or answers[0] is None:
         return AlertDecision.LEAVE
     if record.by_window is not None and record.by_window.confirmed:
         return AlertDecision.RAISE if record.stands else AlertDecision.LEAVE
@@ -121,16 +133,6 @@ FOLLOWS = {
     AlertKind.GROWN: (AlertKind.STICKY,),
     AlertKind.BASELINE: (AlertKind.STICKY, AlertKind.MISMATCH, AlertKind.GROWN),
 }
-# How friction itself shows beside S and J: on a valve that sticks they have its cause.
-OF_FRICTION = frozenset(
-    {
-        "asymmetric_slip",
-        "dwell_dependent_breakaway",
-        "growing_stiction",
-        "low_speed_restick",
-        "position_dependent_friction",
-    }
-)
 
 
 def one_per_cause(
@@ -148,14 +150,19 @@ def one_per_cause(
         valve = by_kind[kind].valve or ""
         leads = _leads(by_kind[kind])
         lead = next(
-            (one for one in leads if one in by_kind or cause(one, valve) in still_open), None
+            (
+                leading_kind
+                for leading_kind in leads
+                if leading_kind in by_kind or cause(leading_kind, valve) in still_open
+            ),
+            None,
         )
         if lead is not None:
             spoken_for.setdefault(lead, []).append(by_kind[kind])
             joined.append(cause(kind, valve))
-    gone = {alert.kind for alerts in spoken_for.values() for alert in alerts}
-    left = [by_kind[kind] for kind in LEADS if kind in by_kind and kind not in gone]
-    return [_with_evidence(alert, spoken_for.get(alert.kind, ())) for alert in left], joined
+    merged_kinds = {alert.kind for alerts in spoken_for.values() for alert in alerts}
+    lead_kinds = [by_kind[kind] for kind in LEADS if kind in by_kind and kind not in merged_kinds]
+    return [_with_evidence(alert, spoken_for.get(alert.kind, ())) for alert in lead_kinds], joined
 
 
 def _leads(alert: RaisedAlert) -> tuple[AlertKind, ...]:
@@ -166,19 +173,20 @@ def _leads(alert: RaisedAlert) -> tuple[AlertKind, ...]:
     return FOLLOWS.get(alert.kind, ())
 
 
-def _with_evidence(alert: RaisedAlert, beside: Sequence[RaisedAlert]) -> RaisedAlert:
+def _with_evidence(alert: RaisedAlert, merged: Sequence[RaisedAlert]) -> RaisedAlert:
     """The alert with what else points to its cause."""
-    if not beside:
+    if not merged:
         return alert
     name, _, _ = alert.text.partition(": ")
-    said = [one.text.removeprefix(f"{name}: ") for one in beside]
+    texts = [other.text.removeprefix(f"{name}: ") for other in merged]
     evidence = {
         **alert.evidence,
         "findings": [
-            {"kind": one.kind.value, "text": text} for one, text in zip(beside, said, strict=True)
+            {"kind": other.kind.value, "text": text}
+            for other, text in zip(merged, texts, strict=True)
         ],
     }
-    text = f"{alert.text} Also seen: {' '.join(said)}"
+    text = f"{alert.text} Also seen: {' '.join(texts)}"
     return replace(alert, text=text, evidence=evidence)
 
 
@@ -187,7 +195,7 @@ def _worked_on(record: ValveRecord, judged: JudgedScreening) -> bool:
     start, end = judged.window
     if start is None or end is None:
         return False
-    return any(start < at < end for at in record.worked_at)
+    return any(start < work_time < end for work_time in record.worked_at)
 
 
 def cause(kind: AlertKind, valve: str) -> str:
@@ -267,5 +275,5 @@ def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreen
 def severity_of(kind: AlertKind, criticality: int) -> AlertSeverity:
     """How urgent: by how much the plant needs the valve; what sticks before what changes."""
     order = (AlertSeverity.LOW, AlertSeverity.MEDIUM, AlertSeverity.HIGH)
-    place = criticality - 1 - (kind is not AlertKind.STICKY)
-    return order[min(max(place, 0), 2)]
+    level = criticality - 1 - (kind is not AlertKind.STICKY)
+    return order[min(max(level, 0), 2)]

@@ -30,7 +30,7 @@ class Sender:
         for the next time: a receiver that hangs would keep back those of all others."""
         arrived = 0
         failed: set[str] = set()
-        while (delivery := self._store.deliveries.claim(without=failed)) is not None:
+        while (delivery := self._store.deliveries.claim(except_notifiers=failed)) is not None:
             if self._send(delivery):
                 arrived += 1
             else:
@@ -49,25 +49,27 @@ class Sender:
             self._failed(delivery, error)
             return False
         self._store.deliveries.sent(delivery.id)
-        about = {"notifier": delivery.notifier}
-        log.info("message %s was taken by %s", delivery.key, delivery.notifier, extra=about)
+        log_fields = {"notifier": delivery.notifier}
+        log.info("message %s was taken by %s", delivery.key, delivery.notifier, extra=log_fields)
         return True
 
     def _failed(self, delivery: StoredDelivery, error: Exception) -> None:
         words = str(error) if isinstance(error, NotSent) else f"{type(error).__name__}: {error}"
         words = masked(" ".join(words.split()))[:500]
-        now, about = datetime.now(UTC), {"notifier": delivery.notifier}
+        now, log_fields = datetime.now(UTC), {"notifier": delivery.notifier}
         final = isinstance(error, NotSent) and error.final
-        tried = delivery.attempts >= FEWEST_ATTEMPTS
-        if final or (tried and now - delivery.created > GIVE_UP_AFTER):
+        tried_enough = delivery.attempts >= FEWEST_ATTEMPTS
+        if final or (tried_enough and now - delivery.created > GIVE_UP_AFTER):
             text = "message %s for %s is given up: %s"
-            log.error(text, delivery.key, delivery.notifier, words, extra=about)
+            log.error(text, delivery.key, delivery.notifier, words, extra=log_fields)
             self._store.deliveries.failed(delivery.id, words, None)
             return
-        log.warning("message %s for %s: %s", delivery.key, delivery.notifier, words, extra=about)
-        self._store.deliveries.failed(delivery.id, words, now + wait(delivery.attempts))
+        log.warning(
+            "message %s for %s: %s", delivery.key, delivery.notifier, words, extra=log_fields
+        )
+        self._store.deliveries.failed(delivery.id, words, now + wait_after(delivery.attempts))
 
 
-def wait(attempts: int) -> timedelta:
+def wait_after(attempts: int) -> timedelta:
     """How long until the next attempt after so many: doubled each time, up to an hour."""
     return min(FIRST_WAIT * (1 << min(max(attempts - 1, 0), 12)), LONGEST_WAIT)

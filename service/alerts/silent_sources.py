@@ -79,7 +79,7 @@ def _cause(source: str) -> str:
 
 def _silent(plant: Plant, name: str, state: SourceState | None, last: datetime) -> RaisedAlert:
     valves = [valve for valve in plant.valves.values() if valve.source == name]
-    why = f" ({state.fault})" if state is not None and state.fault else ""
+    fault = f" ({state.fault})" if state is not None and state.fault else ""
     worst = max((valve.criticality for valve in valves), default=1)
     severity = AlertSeverity.HIGH if worst == 3 else AlertSeverity.MEDIUM
     return RaisedAlert(
@@ -87,7 +87,7 @@ def _silent(plant: Plant, name: str, state: SourceState | None, last: datetime) 
         kind=AlertKind.NO_DATA,
         severity=severity,
         text=(
-            f"No good sample of {name} since {last:%Y-%m-%d %H:%M} UTC{why}; its {len(valves)} "
+            f"No good sample of {name} since {last:%Y-%m-%d %H:%M} UTC{fault}; its {len(valves)} "
             "valves are not watched. Check the connection and the device."
         ),
         source=name,

@@ -116,10 +116,10 @@ def main() -> None:
     """Run the command line; errors that a user can correct are printed and end with status 2."""
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.service.config.problems import PlantFileError
-    from stemwatch.service.process_lifecycle import (
+    from stemwatch.service.interruption import (
         INTERRUPTED,
         TERMINATED,
-        ending_on_sigterm,
+        ending_on_signals,
         terminated,
     )
     from stemwatch.service.store.errors import StoreError
@@ -134,7 +134,7 @@ def main() -> None:
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")
     try:
-        with ending_on_sigterm():
+        with ending_on_signals():
             app()
     except (ConnectorError, PlantFileError, StoreError, OSError, ValueError) as error:
         say_error(str(error))

@@ -188,15 +188,15 @@ def _say_done(text: str) -> None:
     views.say_next("`stemwatch accounts list` shows all users.")
 
 
-def _note(store: Store, action: str, about: str) -> None:
+def _note(store: Store, action: str, subject: str) -> None:
     """Add an entry to the audit log in the name of the machine's user."""
     from stemwatch.service.store.accounts.records import AuditEntry
 
     try:
-        who = getpass.getuser()
+        user = getpass.getuser()
     except (KeyError, OSError):  # a container may have no name for its user
-        who = "somebody on this machine"
+        user = "somebody on this machine"
     now = datetime.now(UTC)
     store.audit.add(
-        AuditEntry(at=now, who=who, how="command line", address="", action=action, about=about)
+        AuditEntry(at=now, who=user, how="command line", address="", action=action, about=subject)
     )

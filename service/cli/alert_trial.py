@@ -62,7 +62,7 @@ def alert_trial(
             plan,
             Path(folder),
             choose_executor(workers),
-            lambda done: progress.update(bar, completed=done),
+            lambda days_done: progress.update(bar, completed=days_done),
         )
     _print(played)
     if json_file is not None:
@@ -78,15 +78,15 @@ def _print(played: Played) -> None:
     table = Table(title="Alerts", title_justify="left")
     for name in ("what happens to the valve", "valves", "alerts", "without a cause", "closed"):
         table.add_column(name, justify="left" if name.startswith("what") else "right")
-    for life in dict.fromkeys(one.life for one in played.lives):
-        tags = {one.tag for one in played.lives if one.life is life}
-        about = [alert for alert in played.alerts if tags.intersection(alert.valves)]
+    for life in dict.fromkeys(valve_life.life for valve_life in played.lives):
+        tags = {valve_life.tag for valve_life in played.lives if valve_life.life is life}
+        alerts_of_life = [alert for alert in played.alerts if tags.intersection(alert.valves)]
         table.add_row(
             life.value,
             str(len(tags)),
-            str(len(about)),
-            str(sum(not alert.has_cause for alert in about)),
-            str(sum(alert.closed is not None for alert in about)),
+            str(len(alerts_of_life)),
+            str(sum(not alert.has_cause for alert in alerts_of_life)),
+            str(sum(alert.closed is not None for alert in alerts_of_life)),
         )
     views.out.print(table)
     for line in played.lines():

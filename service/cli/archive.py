@@ -65,8 +65,10 @@ def simulate_archive(
             f"{plan.loops} loops are simulated for {plan.valves} valves: each is used again, "
             "shifted in time and with fresh noise. Good for timing, not for counting verdicts."
         )
-    with views.progress("simulating", valves) as tell:
-        plant = write_archive(plan, folder, choose_executor(workers), lambda done, _: tell(done))
+    with views.progress("simulating", valves) as advance:
+        plant = write_archive(
+            plan, folder, choose_executor(workers), lambda valves_done, _: advance(valves_done)
+        )
     for path in (plant, folder / "truth.json"):
         views.out.print(views.escape(str(path)), highlight=False, soft_wrap=True)
     views.say_next(f"stemwatch screen --plant {plant}")

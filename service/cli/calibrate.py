@@ -43,19 +43,19 @@ def calibrate_mismatch(
 
     if seed not in CALIBRATED_WITH:
         views.say(f"Seed {seed} is not one that is kept for calibration; do not prove with it.")
-    with views.progress("nulls", cases, transient=True) as tell:
-        scores = calibrate(cases, seed, choose_executor(workers), tell)
-    rows, together = term_nulls(scores, t, share), common_limit(scores, t, share)
+    with views.progress("nulls", cases, transient=True) as advance:
+        scores = calibrate(cases, seed, choose_executor(workers), advance)
+    rows, common = term_nulls(scores, t, share), common_limit(scores, t, share)
     views.out.print(_table(rows))
     views.out.print(
-        f"One limit for all terms: mean {together.mean_limit:.2f} with t {together.t_limit:.1f} "
-        f"lets through {together.passing} of {together.of} nulls (at most {together.share:.1%})",
+        f"One limit for all terms: mean {common.mean_limit:.2f} with t {common.t_limit:.1f} "
+        f"lets through {common.passing} of {common.of} nulls (at most {common.share:.1%})",
         highlight=False,
     )
     if json_file is not None:
         limits = {
             "seed": seed,
-            "common": asdict(together),
+            "common": asdict(common),
             "terms": [asdict(row) for row in rows],
             "scores": scores,
         }
@@ -68,11 +68,11 @@ def _table(rows: Sequence[TermNulls]) -> Table:
     from stemwatch.service.cli.prove_tables import plain_table
     from stemwatch.service.studies.proof.nulls import QUANTILES
 
-    shown = [index for index, quantile in enumerate(QUANTILES) if quantile >= SHOWN_FROM]
-    names = [f"{QUANTILES[index]:.0%}" for index in shown]
+    columns = [index for index, quantile in enumerate(QUANTILES) if quantile >= SHOWN_FROM]
+    names = [f"{QUANTILES[index]:.0%}" for index in columns]
     title = "Advantage on nulls, mean (t), and the limit of the mean"
     table = plain_table(title, ("term",), (*names, "limit"))
     for row in rows:
-        cells = [f"{row.mean[index]:.2f} ({row.t[index]:.1f})" for index in shown]
+        cells = [f"{row.mean[index]:.2f} ({row.t[index]:.1f})" for index in columns]
         table.add_row(row.slug, *cells, f"{row.limit:.2f}")
     return table

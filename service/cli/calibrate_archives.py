@@ -32,29 +32,29 @@ def calibrate_archives(
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.archive_limits import limits, run_archive_limits
 
-    with views.progress("valves", 4 * valves, transient=True) as tell:
-        evidence = run_archive_limits(valves, seed, choose_executor(workers), tell)
+    with views.progress("valves", 4 * valves, transient=True) as advance:
+        evidence = run_archive_limits(valves, seed, choose_executor(workers), advance)
     all_limits = list(limits(evidence))
     columns = ("limit", "nearest null", "nulls beyond it", "late or slow beyond it")
     table = plain_table(f"{valves} sticking and healthy valves, seed {seed}", ("what",), columns)
-    for one in all_limits:
-        worst = f"{one.worst:.2f}" if one.nulls else "no null"
-        of_nulls = f"{one.nulls_beyond} of {one.nulls}"
-        beyond = f"{one.beyond} of {one.of}"
-        table.add_row(one.name, f"{one.limit:g}", worst, of_nulls, beyond)
+    for limit in all_limits:
+        worst = f"{limit.worst:.2f}" if limit.nulls else "no null"
+        of_nulls = f"{limit.nulls_beyond} of {limit.nulls}"
+        beyond_text = f"{limit.beyond} of {limit.of}"
+        table.add_row(limit.name, f"{limit.limit:g}", worst, of_nulls, beyond_text)
     views.out.print(table)
-    over = [one.name for one in all_limits if one.nulls_beyond]
-    if over:
-        views.say(f"Nulls lie beyond: {'; '.join(over)}.")
-    untold = [one.name for one in all_limits if not one.nulls]
+    exceeded = [limit.name for limit in all_limits if limit.nulls_beyond]
+    if exceeded:
+        views.say(f"Nulls lie beyond: {'; '.join(exceeded)}.")
+    untold = [limit.name for limit in all_limits if not limit.nulls]
     if untold:
         views.say(f"Draw more valves: too few without the effect for {'; '.join(untold)}.")
     if json_file is not None:
         report = {
             "seed": seed,
             "valves": valves,
-            "limits": [{**asdict(one), "holds": one.holds} for one in all_limits],
-            "recordings": [asdict(one) for one in evidence],
+            "limits": [{**asdict(limit), "holds": limit.holds} for limit in all_limits],
+            "recordings": [asdict(recording) for recording in evidence],
         }
         json_file.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     views.say_read_on("method.md")

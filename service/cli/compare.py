@@ -89,10 +89,10 @@ def _compared(recording: Recording, train_share: float, network: bool) -> Compar
     with Progress(console=views.err, transient=True) as progress:
         bar = progress.add_task("models")
 
-        def tell(model: str, finished: int, total: int) -> None:
+        def show_progress(model: str, finished: int, total: int) -> None:
             progress.update(bar, completed=finished, total=total, description=model)
 
-        return compare_models(recording, train_until, network=network, on_progress=tell)
+        return compare_models(recording, train_until, network=network, on_progress=show_progress)
 
 
 def _report(comparison: Comparison, out: Path | None, json_file: Path | None) -> None:
@@ -113,8 +113,8 @@ def _report(comparison: Comparison, out: Path | None, json_file: Path | None) ->
 
         out.mkdir(parents=True, exist_ok=True)
         (out / PAGE).write_bytes(html_bytes(comparison))
-        where = (out / PAGE).resolve()
-        views.out.print(f"Page: {where}", highlight=False, soft_wrap=True)
+        page = (out / PAGE).resolve()
+        views.out.print(f"Page: {page}", highlight=False, soft_wrap=True)
     views.say_next("`stemwatch explain FILE` says what S and J leave out of this recording.")
 
 

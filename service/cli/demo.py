@@ -68,7 +68,7 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.process_lifecycle import expect_workers
 
-    began = time.perf_counter()
+    started = time.perf_counter()
     views.say("1/3  Simulating two hours of a plant with 15 valves ...")
     executor = choose_executor(workers)
     if executor.workers > 1:
@@ -81,7 +81,7 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
     views.say(f"     wrote {written.files[0]} and {written.plant_toml}")
     views.say("2/3  Screening the export ...")
     screen_plant(written.plant_toml, out / "report", workers)
-    views.say(f"3/3  Done in {time.perf_counter() - began:.0f} s. Open the report in a browser.")
+    views.say(f"3/3  Done in {time.perf_counter() - started:.0f} s. Open the report in a browser.")
     views.say_next(
         "`stemwatch demo --live` shows the service on a valve that wears; an export of your own "
         "begins with `stemwatch inspect FILE`."
@@ -94,7 +94,7 @@ def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> Non
     from stemwatch.service.cli import views
     from stemwatch.service.live_demo import DemoTiming, LiveDemo
 
-    def say(text: str) -> None:
+    def announce(text: str) -> None:
         # With soft_wrap an address stays on one line, whatever reads it.
         views.out.print(views.escape(text), highlight=False, soft_wrap=True)
 
@@ -102,15 +102,17 @@ def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> Non
         if open_page:
             webbrowser.open(address)
 
-    made = LiveDemo(out, DemoTiming(speed=speed), port, announce=say, ready=ready, seed=seed)
-    asyncio.run(_until_asked(made))
+    live_demo = LiveDemo(
+        out, DemoTiming(speed=speed), port, announce=announce, ready=ready, seed=seed
+    )
+    asyncio.run(_until_asked(live_demo))
 
 
-async def _until_asked(made: LiveDemo) -> None:
+async def _until_asked(live_demo: LiveDemo) -> None:
     """Run the demo until SIGTERM or Ctrl-C."""
     from stemwatch.service.process_lifecycle import asked_to_stop
 
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
     # Not add_signal_handler, which Windows does not have.
     with asked_to_stop(lambda: loop.call_soon_threadsafe(stop.set), last=True):
-        await made.run(stop)
+        await live_demo.run(stop)

@@ -43,10 +43,10 @@ def drift(
     from stemwatch.service.studies.drift import HEALTHY, ValveFate, run_drift
 
     executor = choose_executor(workers)
-    with views.progress("valves", valves) as tell:
-        followed = run_drift(valves, seed, executor, tell, tuple(ValveFate))
-    with views.progress("calibration", valves) as tell:
-        calibration = run_drift(valves, seed + 1, executor, tell, HEALTHY)
+    with views.progress("valves", valves) as advance:
+        followed = run_drift(valves, seed, executor, advance, tuple(ValveFate))
+    with views.progress("calibration", valves) as advance:
+        calibration = run_drift(valves, seed + 1, executor, advance, HEALTHY)
     show(followed, calibration)
     if json_file is not None:
         report = {"valves": valves, "seed": seed, **as_json(followed, calibration)}
@@ -63,12 +63,12 @@ def areas(followed: Sequence[Followed]) -> dict[str, Estimate]:
     from stemwatch.service.studies.drift import HEALTHY, ValveFate, auc, scores
 
     growing = scores(followed, ValveFate.GROWING)
-    estimates = {way.value: auc(scores(followed, way), growing) for way in HEALTHY}
+    estimates = {fate.value: auc(scores(followed, fate), growing) for fate in HEALTHY}
     estimates["both"] = auc(scores(followed, *HEALTHY), growing)
     ranked = [(valve.way, valve.score or 0.0) for valve in followed]
     estimates["both, a refusal being no alarm"] = auc(
-        [score for way, score in ranked if way in HEALTHY],
-        [score for way, score in ranked if way is ValveFate.GROWING],
+        [score for fate, score in ranked if fate in HEALTHY],
+        [score for fate, score in ranked if fate is ValveFate.GROWING],
     )
     return estimates
 
@@ -90,15 +90,17 @@ def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, i
     """(of which valves, how many alarms, of how many that were scored)."""
     from stemwatch.service.studies.drift import ValveFate, scores
 
-    groups = [(way.value, scores(followed, way)) for way in ValveFate]
+    groups = [(fate.value, scores(followed, fate)) for fate in ValveFate]
     grown = [valve for valve in followed if valve.way is ValveFate.GROWING]
     for low, high in _BANDS:
         band = [followed for followed in grown if low <= round(followed.S, 6) < high]
         upto = f"{low:g} to {high:g} %" if high < 100.0 else f"{low:g} % and more"
         groups.append((f"growing, to S of {upto}", scores(band, ValveFate.GROWING)))
-    counted = [(name, sum(score > limit for score in group), len(group)) for name, group in groups]
+    above_limit = [
+        (name, sum(score > limit for score in group), len(group)) for name, group in groups
+    ]
     everyone = sum((followed.score or 0.0) > limit for followed in grown)
-    return [*counted, ("growing, with those refused", everyone, len(grown))]
+    return [*above_limit, ("growing, with those refused", everyone, len(grown))]
 
 
 def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> dict[str, Any]:
@@ -114,8 +116,13 @@ def as_json(followed: Sequence[Followed], calibration: Sequence[Followed]) -> di
             name: {
                 "ratio": limit,
                 "alarms": [
-                    {"of": group, "alarms": count, "scored": of, "interval": wilson(count, of)}
-                    for group, count, of in alarms(followed, limit)
+                    {
+                        "of": group,
+                        "alarms": count,
+                        "scored": total,
+                        "interval": wilson(count, total),
+                    }
+                    for group, count, total in alarms(followed, limit)
                 ],
             }
             for name, limit in limits(calibration).items()
@@ -168,13 +175,17 @@ def _ratio_table(followed: Sequence[Followed]) -> Table:
     table.add_column("valves")
     for name in ("scored", "windows refused", "lowest", "median", "nine in ten", "highest"):
         table.add_column(name, justify="right")
-    for way in ValveFate:
-        group = [valve for valve in followed if valve.way is way]
-        own = scores(followed, way)
+    for fate in ValveFate:
+        group = [valve for valve in followed if valve.way is fate]
+        scores_of_fate = scores(followed, fate)
         refused = sum(followed.refused for followed in group)
-        row = [way.value, f"{len(own)} of {len(group)}", f"{refused} of {WINDOWS * len(group)}"]
-        if own:
-            row += [f"{number:.2f}" for number in np.quantile(own, [0.0, 0.5, 0.9, 1.0])]
+        row = [
+            fate.value,
+            f"{len(scores_of_fate)} of {len(group)}",
+            f"{refused} of {WINDOWS * len(group)}",
+        ]
+        if scores_of_fate:
+            row += [f"{number:.2f}" for number in np.quantile(scores_of_fate, [0.0, 0.5, 0.9, 1.0])]
         table.add_row(*row)
     return table
 
@@ -190,10 +201,10 @@ def _alarm_table(followed: Sequence[Followed], named: dict[str, float]) -> Table
     for name in ("alarms", "share", "95 % interval"):
         table.add_column(name, justify="right")
     for limit_name, limit in named.items():
-        for index, (group, count, of) in enumerate(alarms(followed, limit)):
-            low, high = wilson(count, of)
-            share = f"{count / of:.1%}" if of else "-"
+        for index, (group, count, total) in enumerate(alarms(followed, limit)):
+            low, high = wilson(count, total)
+            share = f"{count / total:.1%}" if total else "-"
             first = f"{limit_name}: {limit:g}" if index == 0 else ""
-            table.add_row(first, group, f"{count} of {of}", share, f"{low:.1%} to {high:.1%}")
+            table.add_row(first, group, f"{count} of {total}", share, f"{low:.1%} to {high:.1%}")
         table.add_section()
     return table

@@ -52,11 +52,11 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
     plant = request.plant
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
-    everything = what_to_explain(request)
-    for place, reason in everything.left_out:
-        views.say(f"left out: {place}: {reason}")
+    work = what_to_explain(request)
+    for source, reason in work.left_out:
+        views.say(f"left out: {source}: {reason}")
     limits = plant.limits if plant else Limits()
-    return _worked(everything.valves, narx, limits, workers)
+    return _worked(work.valves, narx, limits, workers)
 
 
 def _worked(
@@ -67,12 +67,12 @@ def _worked(
     from stemwatch.service.explain.explained import Job, explain_one
 
     jobs = [Job(to_explain=task, narx=narx, limits=limits) for task in recordings]
-    done: dict[int, Explained] = {}
-    with views.progress("explaining", len(jobs), transient=True) as tell:
-        for place, explained in map_items(choose_executor(workers), explain_one, jobs):
-            done[place] = explained
-            tell(len(done))
-    return [done[place] for place in sorted(done)]
+    results: dict[int, Explained] = {}
+    with views.progress("explaining", len(jobs), transient=True) as advance:
+        for index, explained in map_items(choose_executor(workers), explain_one, jobs):
+            results[index] = explained
+            advance(len(results))
+    return [results[index] for index in sorted(results)]
 
 
 def _report(
@@ -85,19 +85,21 @@ def _report(
         from stemwatch.service.explain.explain_json import to_json
 
         json_file.write_text(to_json(valves), encoding="utf-8")
-    say_unused_options(one.recording.provenance for one in valves if one.recording is not None)
+    say_unused_options(
+        valve.recording.provenance for valve in valves if valve.recording is not None
+    )
     if not any(explained.recording is not None for explained in valves):
         reasons = dict.fromkeys(explained.mismatch.sentence.rstrip(".") for explained in valves)
-        said = "; ".join([*reasons][:MOST_REASONS]) or "no source holds a recording"
-        views.say_error(f"nothing could be explained: {said}.")
+        reason_list = "; ".join([*reasons][:MOST_REASONS]) or "no source holds a recording"
+        views.say_error(f"nothing could be explained: {reason_list}.")
         raise typer.Exit(2)
     for explained in valves:
         views.out.print(explanation(explained), highlight=False)
     if len(valves) > 1:
         views.out.print(tally(valves), highlight=False)
     if out is not None:
-        where = str(_write(valves, request, out).resolve())
-        views.out.print(f"Page: {views.escape(where)}", highlight=False, soft_wrap=True)
+        written = str(_write(valves, request, out).resolve())
+        views.out.print(f"Page: {views.escape(written)}", highlight=False, soft_wrap=True)
     first = "open the page" if out is not None else "see strokes, loops and maps, with --out FOLDER"
     views.say_next(
         f"{first}; what to check stands under each effect. `stemwatch plan-test` plans the test "

@@ -54,11 +54,9 @@ def explanation(explained: Explained) -> RenderableType:
 
 def tally(valves: Sequence[Explained]) -> str:
     """The number of recordings with each finding, in one line."""
-    counted = Counter(explained.mismatch.finding for explained in valves)
+    counts = Counter(explained.mismatch.finding for explained in valves)
     words = [
-        f"{counted[finding]} {effect_name(finding.value)}"
-        for finding in Finding
-        if counted[finding]
+        f"{counts[finding]} {effect_name(finding.value)}" for finding in Finding if counts[finding]
     ]
     return f"[bold]{len(valves)} recordings:[/] {', '.join(words)}"
 
@@ -66,8 +64,8 @@ def tally(valves: Sequence[Explained]) -> str:
 def _headline(explained: Explained) -> str:
     finding = explained.mismatch.finding
     word = f"[{STYLE[finding]}]{FINDING_SYMBOL[finding]} {effect_name(finding.value)}[/]"
-    where = f"[dim]{views.escape(explained.source)}[/]"
-    return f"{word}  [bold]{views.escape(explained.valve)}[/]  {where}"
+    source = f"[dim]{views.escape(explained.source)}[/]"
+    return f"{word}  [bold]{views.escape(explained.valve)}[/]  {source}"
 
 
 def _line(markup: str) -> Padding:
@@ -80,12 +78,12 @@ def _sentences(mismatch: Mismatch) -> Iterator[str]:
         name = effect_name(record.slug)
         yield f"[bold]In the record: {views.escape(name)}.[/] {views.escape(record.sentence)}"
     if mismatch.finding is not Finding.NONE:
-        for place in mismatch.before.hot[:MOST_HOT]:
-            yield f"[dim]Where[/]  {views.escape(place.sentence)}"
+        for cell in mismatch.before.hot[:MOST_HOT]:
+            yield f"[dim]Where[/]  {views.escape(cell.sentence)}"
     for effect in present_effects(mismatch):
         yield from _effect(effect, mismatch.sentence)
-    if told := left_to_tell(mismatch):
-        yield f"[dim]Test[/]  {views.escape(told)}"
+    if left_to_test := left_to_tell(mismatch):
+        yield f"[dim]Test[/]  {views.escape(left_to_test)}"
     if mismatch.not_testable:
         names = views.escape(effect_names(untestable.slug for untestable in mismatch.not_testable))
         yield f"[dim]Not testable here: {names}[/]"
@@ -110,10 +108,10 @@ def _numbers(mismatch: Mismatch) -> Table:
     table = Table(box=None, pad_edge=False)
     for name in ("", "S, %", "J, %", "fit, %", "rmse, %"):
         table.add_column(name, justify="right" if name else "left", no_wrap=bool(name))
-    held = mismatch.heldout
+    heldout = mismatch.heldout
     rows = (
-        ("S and J alone", mismatch.naive, held.fit_naive, held.rmse_naive),
-        ("restated", mismatch.restated, held.fit_extended, held.rmse_extended),
+        ("S and J alone", mismatch.naive, heldout.fit_naive, heldout.rmse_naive),
+        ("restated", mismatch.restated, heldout.fit_extended, heldout.rmse_extended),
     )
     for name, stiction, fit, rmse in rows:
         table.add_row(name, _number(stiction.S), _number(stiction.J), figure(fit), figure(rmse, 2))
@@ -131,15 +129,15 @@ def _number(estimate: Estimate) -> str:
 
 def _caption(mismatch: Mismatch) -> str:
     """The interval of the gain, the network and the noise floor, as on the page."""
-    held, parts = mismatch.heldout, []
-    if finite(held.gain_low) is not None and finite(held.gain_high) is not None:
+    heldout, parts = mismatch.heldout, []
+    if finite(heldout.gain_low) is not None and finite(heldout.gain_high) is not None:
         parts.append(
-            f"fit grows by {figure(held.gain_low, 2)} to {figure(held.gain_high, 2)} points"
+            f"fit grows by {figure(heldout.gain_low, 2)} to {figure(heldout.gain_high, 2)} points"
         )
-    beside = {bar.kind: bar for bar in left_over_bars(mismatch)}
+    bar_of_kind = {bar.kind: bar for bar in left_over_bars(mismatch)}
     parts += [
-        f"{beside[kind].name} {figure(beside[kind].rmse, 2)} %"
+        f"{bar_of_kind[kind].name} {figure(bar_of_kind[kind].rmse, 2)} %"
         for kind in ("narx", "floor")
-        if kind in beside
+        if kind in bar_of_kind
     ]
     return ", ".join(parts)

@@ -30,9 +30,11 @@ def feedback(
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     with open_existing_store(db or (loaded.storage if loaded else db)) as store:
         labels = store.feedback()
-    counts = {said: sum(label.judgement is said for label in labels) for said in Judgement}
-    said = ", ".join(f"{many} {word.value}" for word, many in counts.items())
-    views.say_result(f"{len(labels)} findings were judged: {said}.")
+    counts = {
+        judgement: sum(label.judgement is judgement for label in labels) for judgement in Judgement
+    }
+    count_list = ", ".join(f"{count} {word.value}" for word, count in counts.items())
+    views.say_result(f"{len(labels)} findings were judged: {count_list}.")
     if out is not None:
         out.write_text(labels_csv(labels), encoding="utf-8")
         views.say_result(f"Labels: {out.resolve()}")

@@ -11,12 +11,17 @@ from stemwatch.service.cli import options as o
 from stemwatch.service.cli.reading import given_by, read_options
 
 if TYPE_CHECKING:
-    from stemwatch.connectors.historian import HistorianFile, ReadOptions
+    from collections.abc import Sequence
+
+    from stemwatch.connectors.historian import HistorianFile, Inspection, ReadOptions
+    from stemwatch.connectors.historian.proposed_plant import ProposedSource
 
 
 @given_by(read_options, name="options")
 def inspect(
-    file: Annotated[Path, typer.Argument(help="A CSV or text export of a historian.")],
+    file: Annotated[
+        Path, typer.Argument(help="A CSV or text export of a historian, or a folder of exports.")
+    ],
     json_file: o.JsonFile = None,
     write: Annotated[
         Path | None,
@@ -34,39 +39,36 @@ def inspect(
     signals. A tag named MV may be the controller output or the valve position: it is never guessed.
     """
     import json
-    from dataclasses import replace
 
     from rich.markup import escape
     from rich.syntax import Syntax
 
-    from stemwatch.connectors.historian import HistorianFile
+    from stemwatch.connectors.historian.proposed_plant import plant_toml
     from stemwatch.service.cli import views
 
-    o.need_file(file, "FILE")
+    if not file.is_dir():
+        o.need_file(file, "FILE")
     if write is not None and write.exists():
         raise typer.BadParameter(
             f"{write} exists and is not overwritten; name another file", param_hint="--write"
         )
-    source = HistorianFile(file, options)
-    inspection = source.inspect()
-    for table in views.inspection_tables(inspection):
-        views.out.print(table)
-    for line in views.inspection_remarks(inspection):
-        views.out.print(line, highlight=False)
+    files = _files_of(file, options)
+    seen = [(source.path, source.inspect()) for source in files]
+    _show([inspection for _, inspection in seen])
     if json_file is not None:
-        text = json.dumps(inspection.to_dict(), indent=1, ensure_ascii=False)
+        found = [inspection.to_dict() for _, inspection in seen]
+        text = json.dumps(found if file.is_dir() else found[0], indent=1, ensure_ascii=False)
         json_file.write_text(text + "\n", encoding="utf-8")
+    sources = _sources(file, seen, write, options)
+    proposed = plant_toml(sources, _curves(files))
     if write is not None:
-        proposed = replace(inspection, source=_seen_from(write, file)).plant_toml(
-            curves=_curves(source)
-        )
         write.write_text(proposed, encoding="utf-8")
         views.out.print(f"\n{escape(str(write))} is written. Check the roles in it; then")
         views.out.print(f"  stemwatch screen --plant {escape(str(write))}", soft_wrap=True)
         return
     views.out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
     mapping = Syntax("", "toml", background_color="default").highlight(
-        views.as_toml_escapes(inspection.plant_toml(curves=_curves(source)))
+        views.as_toml_escapes(proposed)
     )
     views.out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
     views.say_next(
@@ -74,14 +76,82 @@ def inspect(
     )
 
 
-def _seen_from(plant_file: Path, export: Path) -> str:
-    """The path of ``export`` as ``plant_file`` must give it, where relative paths count from it."""
+def _files_of(file: Path, options: ReadOptions) -> list[HistorianFile]:
+    """The export, or the exports of the folder; those that are no recording are said and left out.
+
+    Raises ``typer.BadParameter`` for a folder without a recording.
+    """
+    from rich.markup import escape
+
+    from stemwatch.connectors.historian import HistorianFile, find_sources
+    from stemwatch.service.cli import views
+
+    if not file.is_dir():
+        return [HistorianFile(file, options)]
+    found = find_sources([file])
+    for path, why in found.skipped:
+        views.say(f"{escape(str(path))}: {escape(why)}")
+    if not found.paths:
+        raise typer.BadParameter(f"there is no recording in {file}", param_hint="FILE")
+    return [HistorianFile(path, options) for path in found.paths]
+
+
+def _show(inspections: Sequence[Inspection]) -> None:
+    """Facts of each file; its tags unless a file before has the same ones."""
+    from stemwatch.service.cli import views
+
+    shown: set[frozenset[str]] = set()
+    for inspection in inspections:
+        names = frozenset(tag.tag for tag in inspection.tags)
+        facts, tags = views.inspection_tables(inspection)
+        views.out.print(facts)
+        if names in shown:
+            continue
+        shown.add(names)
+        views.out.print(tags)
+        for line in views.inspection_remarks(inspection):
+            views.out.print(line, highlight=False)
+
+
+def _sources(
+    file: Path,
+    seen: Sequence[tuple[Path, Inspection]],
+    write: Path | None,
+    options: ReadOptions,
+) -> list[ProposedSource]:
+    """What the plant file has as sources, with paths as ``write`` must give them, where relative
+    paths count from it."""
+    import glob
+
+    from stemwatch.connectors.historian.options import given_options
+    from stemwatch.connectors.historian.proposed_plant import ProposedSource, sources_of
+
+    given = given_options(options)
+    if file.is_dir():
+        relative = [(_seen_from(write, path), inspection) for path, inspection in seen]
+        return sources_of(relative, _seen_from(write, file), given)
+    path = glob.escape(_seen_from(write, file).as_posix())
+    return [ProposedSource("historian", path, (seen[0][1],), given)]
+
+
+def _seen_from(plant_file: Path | None, export: Path) -> Path:
+    """The path of ``export`` as ``plant_file`` must give it; as it came without one."""
+    if plant_file is None:
+        return export
     folder, export = plant_file.resolve().parent, export.resolve()
-    return (export.relative_to(folder) if export.is_relative_to(folder) else export).as_posix()
+    return export.relative_to(folder) if export.is_relative_to(folder) else export
 
 
-def _curves(source: HistorianFile) -> dict[str, str]:
-    """The lines that give the curves from OP to stroke, for valves whose position is certain."""
+def _curves(files: Sequence[HistorianFile]) -> dict[str, str]:
+    """The lines that give the curves from OP to stroke, for valves whose position is certain; of a
+    valve in several files by the first that shows one."""
+    found: dict[str, str] = {}
+    for source in files:
+        found = _curves_in(source) | found
+    return found
+
+
+def _curves_in(source: HistorianFile) -> dict[str, str]:
     from stemwatch.connectors.connector import ConnectorError
     from stemwatch.connectors.historian import propose_valves
     from stemwatch.models.recording import Role
@@ -94,7 +164,7 @@ def _curves(source: HistorianFile) -> dict[str, str]:
     from stemwatch.models.quality import assess
     from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 
-    found = {}
+    curves = {}
     for valve in measured:
         try:
             assessment = assess(on_own_clock(source.read(valve)), Limits())
@@ -102,5 +172,5 @@ def _curves(source: HistorianFile) -> dict[str, str]:
             continue  # screening the valve says why
         curve = None if assessment.obstacles else find_stroke_curve(assessment.recording)
         if curve is not None and curve.proposal():
-            found[valve.valve] = curve.proposal()
-    return found
+            curves[valve.valve] = curve.proposal()
+    return curves

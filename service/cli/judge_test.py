@@ -74,14 +74,14 @@ def judge_test(
             f"{name}: no effects were left to be told apart before the test; what its recording "
             "shows say `stemwatch screen` (the verdict, after a bump test) and `stemwatch explain`"
         )
-    found = result_of(judge_test(question, recording), name, (recording.start, recording.end))
-    views.out.print(_on_terminal(found), highlight=False)
+    test_result = result_of(judge_test(question, recording), name, (recording.start, recording.end))
+    views.out.print(_on_terminal(test_result), highlight=False)
     if json_file is not None:
-        text = json.dumps(to_object(found), indent=1, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(to_object(test_result), indent=1, ensure_ascii=False, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
     if out is not None:
-        _write(found, request, out)
-    elif found.rivals:
+        _write(test_result, request, out)
+    elif test_result.rivals:
         views.say_next("the page with the picture, with --out FOLDER.")
 
 
@@ -91,10 +91,10 @@ def _recorded(request: Request, valve: str) -> Recording:
     from stemwatch.service.explain.to_explain import what_to_explain
     from stemwatch.service.run.task import recording_of
 
-    wanted = what_to_explain(request).valves
-    named = [one for one in wanted if one.valve == valve] or list(wanted)
+    candidates = what_to_explain(request).valves
+    named = [candidate for candidate in candidates if candidate.valve == valve] or list(candidates)
     if len(named) != 1:
-        names = ", ".join(one.valve for one in named[:5]) or "none"
+        names = ", ".join(candidate.valve for candidate in named[:5]) or "none"
         raise ValueError(
             f"one valve is judged; the recording of the test has {len(named)} ({names}): give its "
             "tags with --op and --mv"
@@ -112,10 +112,10 @@ def _of_store(valve: str, request: Request, db: str, begin: datetime | None) -> 
     from stemwatch.service.field_test.planned import question_before
 
     with known_store(valve, request.plant, db) as store:
-        known = question_before(store, valve, begin)
-        if known is None:
+        stored_question = question_before(store, valve, begin)
+        if stored_question is None:
             raise not_screened(valve, store)
-    question, ended = known
+    question, ended = stored_question
     views.say(f"rivals of the screening that ended {ended:%Y-%m-%d %H:%M} UTC")
     return question
 
@@ -128,7 +128,7 @@ def _of_file(request: Request) -> tuple[str, OpenQuestion]:
     return explained.valve, explained.mismatch.open_question or OpenQuestion()
 
 
-def _write(found: TestResult, request: Request, out: Path) -> None:
+def _write(result: TestResult, request: Request, out: Path) -> None:
     from stemwatch.connectors.secret import masked_command
     from stemwatch.service.cli import views
     from stemwatch.service.field_test.sheet_files import write_result
@@ -137,28 +137,28 @@ def _write(found: TestResult, request: Request, out: Path) -> None:
     plant = request.plant
     context = ReportContext(
         started=datetime.now(UTC),
-        title=found.title,
+        title=result.title,
         plant=plant.name if plant else "",
         zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
         command=masked_command(("stemwatch", *sys.argv[1:])),
     )
-    path = write_result(found, context, out).resolve()
+    path = write_result(result, context, out).resolve()
     views.out.print(views.escape(f"Page: {path}"), highlight=False, soft_wrap=True)
 
 
-def _on_terminal(found: TestResult) -> RenderableType:
+def _on_terminal(result: TestResult) -> RenderableType:
     """The result as text: what MV followed, what that means, and each rival."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    parts: list[RenderableType] = [Text(found.title, style="bold"), Text(found.headline)]
-    parts += [Text(f"- {one}") for one in found.remarks]
-    if not found.rivals:
+    parts: list[RenderableType] = [Text(result.title, style="bold"), Text(result.headline)]
+    parts += [Text(f"- {remark}") for remark in result.remarks]
+    if not result.rivals:
         return Group(*parts)
     table = Table(box=None, pad_edge=False)
     for name in ("rival", "MV off by, % rms", "its own answers as far", ""):
         table.add_column(name, justify="right" if "%" in name or "as far" in name else "left")
-    for one in found.rivals:
-        table.add_row(Text(one.name), f"{one.rms:.2f}", one.as_far, one.said)
+    for rival in result.rivals:
+        table.add_row(Text(rival.name), f"{rival.rms:.2f}", rival.as_far, rival.said)
     return Group(*parts, Text(""), table)

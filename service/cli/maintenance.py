@@ -38,7 +38,7 @@ def maintenance(
     # A plant file knows its valves before any run; an address alone may be mistyped.
     opened = open_existing_store(address) if db else open_store(address)
     with opened as store:
-        if valve not in {known.id for known in store.valves()} and (
+        if valve not in {stored_valve.id for stored_valve in store.valves()} and (
             loaded is None or valve not in loaded.valves
         ):
             raise typer.BadParameter(f"no valve {valve} in this store", param_hint="VALVE")

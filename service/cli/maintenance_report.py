@@ -51,7 +51,7 @@ def maintenance_report(
             run=run,
             valves=valve or (),
             zone=zone,
-            everything=everything,
+            all_valves=everything,
         )
     views.out.print(files.book.counts, highlight=False)
     for path in (files.pdf, files.html, files.xlsx, files.csv):

@@ -38,8 +38,8 @@ def miswiring(
 
     kinds = o.names_that_hold(kind, KINDS, "--kind", "kind")
     views.say_if_not_blind(seed)
-    with views.progress("recordings", loops * len(kinds)) as tell:
-        answers = run_miswiring(loops, seed, kinds, choose_executor(workers), tell)
+    with views.progress("recordings", loops * len(kinds)) as advance:
+        answers = run_miswiring(loops, seed, kinds, choose_executor(workers), advance)
     _print(list(rows(answers)))
     views.write_answers(answers, json_file)
     views.say_read_on("miswiring.md")

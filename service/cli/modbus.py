@@ -99,8 +99,8 @@ def _link(
 def _split(host: str) -> tuple[str, int]:
     """Host and port (0 where left out) of ``host``, ``host:port``, ``[::1]:port`` or ``::1``."""
     if host.startswith("["):
-        name, _, rest = host[1:].partition("]")
-        text = rest.removeprefix(":")
+        name, _, port_text = host[1:].partition("]")
+        text = port_text.removeprefix(":")
     elif host.count(":") == 1:
         name, _, text = host.partition(":")
     else:
@@ -120,19 +120,21 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
     table, colon, number = written.partition(":")
     try:
         if colon and table.lower() in tuple(Table) and number.isdigit():
-            at = parse_address(hex(int(number)), Table(table.lower()))
+            address = parse_address(hex(int(number)), Table(table.lower()))
         else:
-            at = parse_address(written)
+            address = parse_address(written)
     except AddressError as error:
         hint = f"{error}; on the command line holding:0 or input:0 counts from 0"
         raise typer.BadParameter(hint, param_hint="--register") from error
     try:
-        words = asyncio.run(read_raw_words(link, unit, at, count))
+        words = asyncio.run(read_raw_words(link, unit, address, count))
     except ReadFault as fault:
-        where = f"{link}, unit {unit}, {at} to {at.offset + count - 1}"
-        raise ConnectorError(f"{where}: {fault.reason}{modbus_views.advice(fault)}") from fault
-    views.out.print(modbus_views.words_table(f"{link}, unit {unit}", at, words))
-    views.out.print(modbus_views.meanings_table(at, words))
+        request_text = f"{link}, unit {unit}, {address} to {address.offset + count - 1}"
+        raise ConnectorError(
+            f"{request_text}: {fault.reason}{modbus_views.advice(fault)}"
+        ) from fault
+    views.out.print(modbus_views.words_table(f"{link}, unit {unit}", address, words))
+    views.out.print(modbus_views.meanings_table(address, words))
 
 
 def _try_maps(file: Path, name: str) -> None:
@@ -144,12 +146,12 @@ def _try_maps(file: Path, name: str) -> None:
     failed = []
     for device in _devices(file, name):
         try:
-            tried = asyncio.run(try_map(device))
+            registers = asyncio.run(try_map(device))
         except ReadFault as fault:
             failed.append(f"{device.name} at {device.link}: {fault.reason}")
             continue
-        views.out.print(modbus_views.map_table(device, tried))
-        for line in modbus_views.doubts(tried):
+        views.out.print(modbus_views.map_table(device, registers))
+        for line in modbus_views.doubts(registers):
             views.out.print(line, highlight=False)
     if failed:
         raise ConnectorError("; ".join(failed))
@@ -170,6 +172,6 @@ def _devices(file: Path, name: str) -> list[Device]:
     chosen = [device for device in devices.devices if name in ("", device.name)]
     if not chosen:
         names = ", ".join(device.name for device in devices.devices) or "none that can be read"
-        what = f"no device {name!r}" if name else "no [[devices]] to try"
-        raise typer.BadParameter(f"{what} in {file.name}; it has {names}", param_hint="--map")
+        missing = f"no device {name!r}" if name else "no [[devices]] to try"
+        raise typer.BadParameter(f"{missing} in {file.name}; it has {names}", param_hint="--map")
     return chosen

@@ -32,13 +32,13 @@ def advice(fault: ReadFault) -> str:
     return _ADVICE_FOR_CODE.get(fault.code or 0, _ADVICE.get(fault.kind, ""))
 
 
-def words_table(where: str, at: RegisterAddress, words: Sequence[int]) -> Grid:
+def words_table(title: str, address: RegisterAddress, words: Sequence[int]) -> Grid:
     """Each word with its addresses, as hexadecimal, unsigned and signed number."""
-    grid = Grid(title=escape(where), title_justify="left")
+    grid = Grid(title=escape(title), title_justify="left")
     for name in ("address", "Modicon", "word", "UINT16", "INT16"):
         grid.add_column(name, justify="right")
     for index, word in enumerate(words):
-        register_address = RegisterAddress(at.table, at.offset + index)
+        register_address = RegisterAddress(address.table, address.offset + index)
         signed = word - 65_536 if word >= 32_768 else word
         grid.add_row(
             str(register_address), register_address.modicon, f"0x{word:04X}", str(word), str(signed)
@@ -46,9 +46,10 @@ def words_table(where: str, at: RegisterAddress, words: Sequence[int]) -> Grid:
     return grid
 
 
-def meanings_table(at: RegisterAddress, words: Sequence[int]) -> Grid:
-    """Types down, byte orders across, for the value that begins at ``at``; unlikely ones dim."""
-    title = f"the value that begins at {at} ({at.modicon}), in every type and order"
+def meanings_table(address: RegisterAddress, words: Sequence[int]) -> Grid:
+    """Types down, byte orders across, for the value that begins at ``address``; unlikely ones
+    dim."""
+    title = f"the value that begins at {address} ({address.modicon}), in every type and order"
     grid = Grid(title=title, title_justify="left")
     grid.add_column("type", no_wrap=True)
     for order in ByteOrder:
@@ -62,16 +63,16 @@ def meanings_table(at: RegisterAddress, words: Sequence[int]) -> Grid:
     return grid
 
 
-def map_table(device: Device, tried: Sequence[TriedRegister]) -> Grid:
+def map_table(device: Device, registers: Sequence[TriedRegister]) -> Grid:
     """The map of ``device`` as it was read: addresses, words, value, and why there is none."""
-    asked = f"{len(tried)} registers, requests for each poll: {len(device.blocks())}"
-    title = f"{device.name} at {device.link}: {asked}"
+    caption = f"{len(registers)} registers, requests for each poll: {len(device.blocks())}"
+    title = f"{device.name} at {device.link}: {caption}"
     grid = Grid(title=escape(title), title_justify="left")
     for name in ("tag", "as written", "address", "Modicon", "unit id", "type", "words"):
         grid.add_column(name, no_wrap=name != "tag", overflow="fold")
     grid.add_column("value", justify="right", no_wrap=True)
     grid.add_column("remark")
-    for answer in tried:
+    for answer in registers:
         register = answer.register
         kind = register.kind.value
         grid.add_row(
@@ -88,14 +89,16 @@ def map_table(device: Device, tried: Sequence[TriedRegister]) -> Grid:
     return grid
 
 
-def doubts(tried: Sequence[TriedRegister]) -> Iterator[str]:
+def doubts(registers: Sequence[TriedRegister]) -> Iterator[str]:
     """One line for each register whose value looks likelier in another byte order."""
-    for answer in tried:
+    for answer in registers:
         if others := other_orders(answer):
-            shown = ", ".join(f"{each.order.value} {_number(each.value)}" for each in others)
+            readings = ", ".join(
+                f"{meaning.order.value} {_number(meaning.value)}" for meaning in others
+            )
             yield (
                 f"[yellow]{escape(answer.register.tag)}[/]: {answer.register.order.value} gives no "
-                f"likely value; raw in other orders: {shown}"
+                f"likely value; raw in other orders: {readings}"
             )
 
 
@@ -108,7 +111,7 @@ def _number(value: Number) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
-def _value(tried: TriedRegister) -> str:
-    if tried.reading is None or tried.reading.reason:
+def _value(register: TriedRegister) -> str:
+    if register.reading is None or register.reading.reason:
         return "-"
-    return escape(f"{tried.reading.value:.6g} {tried.register.unit}".strip())
+    return escape(f"{register.reading.value:.6g} {register.register.unit}".strip())

@@ -105,13 +105,13 @@ def names_that_hold(
 ) -> list[str]:
     """The ``names`` that hold one of ``parts``, all of them where none is given. Raises
     ``typer.BadParameter`` where no name does."""
-    held = [name for name in names if not parts or any(part in name for part in parts)]
-    if not held:
+    matching = [name for name in names if not parts or any(part in name for part in parts)]
+    if not matching:
         raise typer.BadParameter(
             f"no {noun} holds {', '.join(parts or ())}; there are: {'; '.join(names)}",
             param_hint=option,
         )
-    return held
+    return matching
 
 
 def need_file(path: Path, option: str) -> Path:

@@ -99,17 +99,17 @@ def plan_test(
         views.say_next("the sheet to print, with --out FOLDER.")
 
 
-def _refuse_of_file(valve: str, given: RecordingOptions) -> None:
+def _refuse_of_file(valve: str, options: RecordingOptions) -> None:
     """Wrong usage where options that say what is read of a file come with a valve of the store;
     the zone is that of the sheet's times, too."""
     from stemwatch.connectors.historian.options import given_options
 
-    window = {"from": given.start, "to": given.stop, "valve": given.valve}
-    said = [role.value for role in given.tags]
-    said += [name for name, value in window.items() if value]
-    said += [name for name in given_options(given.read_options) if name != "zone"]
-    if said:
-        option = "--" + said[0].replace("_", "-")
+    window = {"from": options.start, "to": options.stop, "valve": options.valve}
+    option_names = [role.value for role in options.tags]
+    option_names += [name for name, value in window.items() if value]
+    option_names += [name for name in given_options(options.read_options) if name != "zone"]
+    if option_names:
+        option = "--" + option_names[0].replace("_", "-")
         raise typer.BadParameter(
             f"{option} says what is read of a file, and {valve} is none; leave it out for a valve "
             "of the store, or give the path of its export",
@@ -145,9 +145,9 @@ def known_store(valve: str, plant: Plant | None, db: str) -> Store:
 
 def not_screened(valve: str, store: Store) -> typer.BadParameter:
     """That the store has no screening of ``valve``, and which valves it has."""
-    known = ", ".join(one.id for one in store.valves()[:5]) or "none"
+    examples = ", ".join(valve.id for valve in store.valves()[:5]) or "none"
     return typer.BadParameter(
-        f"{valve} was not screened into this store; it has {known}. Run `stemwatch screen`, or "
+        f"{valve} was not screened into this store; it has {examples}. Run `stemwatch screen`, or "
         "give a file",
         param_hint="VALVE",
     )
@@ -168,16 +168,16 @@ def explained_file(request: Request) -> Explained:
     from stemwatch.service.explain.explained import Job, explain_one
     from stemwatch.service.explain.to_explain import what_to_explain
 
-    wanted = what_to_explain(request).valves
-    if len(wanted) != 1:
-        names = ", ".join(task.valve for task in wanted[:5]) or "none"
+    candidates = what_to_explain(request).valves
+    if len(candidates) != 1:
+        names = ", ".join(task.valve for task in candidates[:5]) or "none"
         raise ValueError(
-            f"a test is planned for one valve; the file has {len(wanted)} ({names}): give its tags "
-            "with --op and --mv, or screen the file and name the valve with --db"
+            f"a test is planned for one valve; the file has {len(candidates)} ({names}): give "
+            "its tags with --op and --mv, or screen the file and name the valve with --db"
         )
     from stemwatch.service.cli.reading import say_unused_options
 
-    explained = explain_one(Job(to_explain=wanted[0], narx=False))
+    explained = explain_one(Job(to_explain=candidates[0], narx=False))
     if explained.recording is None:
         raise ValueError(explained.mismatch.sentence)
     say_unused_options([explained.recording.provenance])
@@ -214,7 +214,7 @@ def _on_terminal(sheet: TestSheet) -> RenderableType:
         return Text.from_markup(escape(text))
 
     parts: list[RenderableType] = [Text(sheet.title, style="bold"), line(sheet.headline)]
-    parts += [line(f"- {one}") for one in sheet.remarks]
+    parts += [line(f"- {remark}") for remark in sheet.remarks]
     if sheet.test is None:
         return Group(*parts)
     legs = Table(title="The test", title_justify="left", box=None, pad_edge=False)
@@ -226,10 +226,13 @@ def _on_terminal(sheet: TestSheet) -> RenderableType:
     looks = Table(title="Watch", title_justify="left", box=None, pad_edge=False)
     for name in ("at", "OP, %", *(f"MV, {name}" for name in sheet.rivals)):
         looks.add_column(name, justify="right")
-    for look in sheet.looks:
-        looks.add_row(look.clock, f"{look.op:.1f}", *(f"{mv:.1f}" for mv in look.mv))
-    parts += [Text(""), *(line(one) for one in sheet.before), Text(""), legs, Text(""), looks]
+    for reading in sheet.looks:
+        looks.add_row(reading.clock, f"{reading.op:.1f}", *(f"{mv:.1f}" for mv in reading.mv))
+    parts += [Text(""), *(line(step) for step in sheet.before), Text(""), legs, Text(""), looks]
     parts.append(line(sheet.passes))
-    parts += [line(f"{one.name}: {one.means}. {one.then}".rstrip()) for one in sheet.outcomes]
-    parts += [line("Stop when:"), *(line(f"- {one}") for one in sheet.stop)]
+    parts += [
+        line(f"{outcome.name}: {outcome.means}. {outcome.then}".rstrip())
+        for outcome in sheet.outcomes
+    ]
+    parts += [line("Stop when:"), *(line(f"- {reason}") for reason in sheet.stop)]
     return Group(*parts, line(sheet.after))

@@ -96,16 +96,16 @@ def _trial(
     from stemwatch.service.studies.proof.draw import write_cases
     from stemwatch.service.studies.proof.rates import score
 
-    with views.progress("simulating", len(cases)) as tell:
-        sealed = write_cases(cases, seed, folder, executor, tell)
+    with views.progress("simulating", len(cases)) as advance:
+        sealed = write_cases(cases, seed, folder, executor, advance)
     views.out.print(
         f"Truth of {len(cases)} cases sealed, SHA-256 {sealed.digest}",
         highlight=False,
         soft_wrap=True,
     )
     files = sorted(path.name for path in folder.iterdir())
-    with views.progress("judging", len(files)) as tell:
-        answers = judge(folder, files, executor, tell, options)
+    with views.progress("judging", len(files)) as advance:
+        answers = judge(folder, files, executor, advance, options)
     return sealed, score(sealed.open(), answers)
 
 

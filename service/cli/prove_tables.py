@@ -64,7 +64,7 @@ def figures_lines(marks: Sequence[CaseMark]) -> Iterator[str]:
         yield f"[yellow]no verdict[/] on {count}: {escape(reason)}"
 
 
-def plain_table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
+def plain_table(title: str, left_columns: Sequence[str], right: Sequence[str]) -> Table:
     """A table without frames, so that numbers fit into eighty columns uncut."""
     table = Table(
         title=title,
@@ -74,7 +74,7 @@ def plain_table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
         pad_edge=False,
         show_edge=False,
     )
-    for name in left:
+    for name in left_columns:
         table.add_column(name, overflow="fold")
     for name in right:
         table.add_column(name, justify="right", no_wrap=True)
@@ -127,8 +127,8 @@ def _confusions(marks: Sequence[CaseMark]) -> Table:
     """For each hidden effect, the wrong answers and their number."""
     table = plain_table("What else was said", ("hidden", "said"), ("cases",))
     last = ""
-    for truth, said, count in confusions([m for m in marks if m.truth.kind is not CaseKind.PAIR]):
-        if truth != said:
-            table.add_row("" if truth == last else escape(truth), escape(said), str(count))
+    for truth, answer, count in confusions([m for m in marks if m.truth.kind is not CaseKind.PAIR]):
+        if truth != answer:
+            table.add_row("" if truth == last else escape(truth), escape(answer), str(count))
             last = truth
     return table

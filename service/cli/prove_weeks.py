@@ -60,7 +60,7 @@ def prove_weeks(
             windows,
             seed,
             choose_executor(workers),
-            lambda done: progress.update(bar, completed=done),
+            lambda windows_done: progress.update(bar, completed=windows_done),
             slugs,
         )
     _print(followed, days, windows)
@@ -78,13 +78,13 @@ def _print(followed: list[FollowedValve], days: int, windows: int) -> None:
     table = Table(title="Confirmed by windows", title_justify="left")
     for name in ("windows", "nothing hidden", "effect found, by class", "right when confirmed"):
         table.add_column(name, justify="right")
-    for many in sorted({1, 2, 4, 8, windows, days}):
-        counted = count_over(followed, many)
+    for window_count in sorted({1, 2, 4, 8, windows, days}):
+        counts = count_over(followed, window_count)
         table.add_row(
-            str(many),
-            f"{counted.false} of {counted.nulls} false" if counted.nulls else "",
-            f"{counted.found} of {counted.valves}" if many <= windows else "",
-            f"{counted.right} of {counted.named}" if many <= windows else "",
+            str(window_count),
+            f"{counts.false} of {counts.nulls} false" if counts.nulls else "",
+            f"{counts.found} of {counts.valves}" if window_count <= windows else "",
+            f"{counts.right} of {counts.named}" if window_count <= windows else "",
         )
     views.out.print(table)
     for line in size_errors(followed):

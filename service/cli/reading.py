@@ -32,19 +32,23 @@ def given_by(make: Callable[..., Any], *, name: str) -> Callable[[Command], Comm
     shared = inspect.signature(make).parameters
 
     def with_options(command: Command) -> Command:
-        own = inspect.signature(command).parameters
-        seen = {option: parameter.annotation for option, parameter in own.items() if option != name}
+        own_parameters = inspect.signature(command).parameters
+        seen = {
+            option: parameter.annotation
+            for option, parameter in own_parameters.items()
+            if option != name
+        }
         hints = get_type_hints(
             SimpleNamespace(__annotations__=seen), command.__globals__, include_extras=True
         )
         options: list[inspect.Parameter] = []
-        for option, parameter in own.items():
+        for option, parameter in own_parameters.items():
             options += shared.values() if option == name else [parameter]
 
         @wraps(command)
-        def run(**given: Any) -> Any:
-            made = make(**{option: given.pop(option) for option in shared})
-            return command(**{name: made}, **given)
+        def run(**arguments: Any) -> Any:
+            made = make(**{option: arguments.pop(option) for option in shared})
+            return command(**{name: made}, **arguments)
 
         run.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
             [
@@ -82,9 +86,9 @@ def read_options(
         "time_column": time_column,
         "time_format": time_format,
     }
-    given = {name: value for name, value in named.items() if value}
+    arguments = {name: value for name, value in named.items() if value}
     try:
-        return ReadOptions(day_first=day_first, interval_s=interval_s, **given)
+        return ReadOptions(day_first=day_first, interval_s=interval_s, **arguments)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from error
 
@@ -188,9 +192,9 @@ def _refuse_what_nobody_asks_for(
         )
     if plant is None or sources:
         return  # what a file then does not need is said with what was read
-    given = set(given_options(options)) - ({"zone"} if any(window) else set())
-    if given:
-        option = "--" + min(given).replace("_", "-")
+    option_names = set(given_options(options)) - ({"zone"} if any(window) else set())
+    if option_names:
+        option = "--" + min(option_names).replace("_", "-")
         raise typer.BadParameter(
             f"{option} says how the files on the command line are read, and there are none; for "
             f"the plant's own sources say it in [[sources]] of {plant}",
@@ -203,16 +207,16 @@ def say_unused_options(recordings: "Iterable[Provenance]") -> None:
     from stemwatch.connectors.historian.unused_options import unused_sentences
     from stemwatch.service.cli import views
 
-    said = {
-        (Path(one.source).name, sentence): None
-        for one in recordings
-        for sentence in unused_sentences(one.decisions)
+    unused = {
+        (Path(provenance.source).name, sentence): None
+        for provenance in recordings
+        for sentence in unused_sentences(provenance.decisions)
     }
-    shown = list(said)
-    for source, sentence in shown[:MOST_FILES_SAID]:
+    names_of_unused = list(unused)
+    for source, sentence in names_of_unused[:MOST_FILES_SAID]:
         views.say(f"{source}: {sentence}")
-    if len(shown) > MOST_FILES_SAID:
-        views.say(f"and so in {len(shown) - MOST_FILES_SAID} more; the report names each")
+    if len(names_of_unused) > MOST_FILES_SAID:
+        views.say(f"and so in {len(names_of_unused) - MOST_FILES_SAID} more; the report names each")
 
 
 def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> "Plant | None":

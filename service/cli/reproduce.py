@@ -47,11 +47,11 @@ def reproduce(
 
     tasks = [StudyTask(case=case, seeds=seeds) for case in CASES]
     finished: dict[int, CaseResult] = {}
-    with views.progress("cases", len(tasks)) as tell:
-        for place, result in map_items(choose_executor(workers), study_case, tasks):
-            finished[place] = result
-            tell(len(finished))
-    results = [finished[place] for place in sorted(finished)]
+    with views.progress("cases", len(tasks)) as advance:
+        for index, result in map_items(choose_executor(workers), study_case, tasks):
+            finished[index] = result
+            advance(len(finished))
+    results = [finished[index] for index in sorted(finished)]
     show(results, seeds)
     if json_file is not None:
         text = json.dumps(as_json(results, seeds), indent=1, allow_nan=False)
@@ -120,10 +120,10 @@ def _sine_table(results: Sequence[CaseResult]) -> Table:
         table.add_column(name, justify="right")
     for case in results:
         S_J = f"S {case.case.S:g}, J {case.case.J:g}"
-        about = [case.case.shape.value, S_J, f"moves {case.moving_percent:.0f} %"]
-        about += [""] * (len(case.results) - len(about))
-        for own, result in zip(about, case.results, strict=True):
-            table.add_row(own, *_sine_row(result))
+        case_cells = [case.case.shape.value, S_J, f"moves {case.moving_percent:.0f} %"]
+        case_cells += [""] * (len(case.results) - len(case_cells))
+        for case_cell, result in zip(case_cells, case.results, strict=True):
+            table.add_row(case_cell, *_sine_row(result))
         table.add_section()
     return table
 
@@ -147,10 +147,10 @@ def _unseen_table(case: CaseResult, wide: bool) -> Table:
     from rich.table import Table
 
     families = case.results[0].unseen
-    shown = "median | four in five at most | largest" if wide else "median"
+    columns_text = "median | four in five at most | largest" if wide else "median"
     title = (
         f"{case.case.shape.value}: RMSE on {families[0].inputs} inputs of each kind that no "
-        f"network was trained on; {shown}"
+        f"network was trained on; {columns_text}"
     )
     table = Table(title=title, title_justify="left")
     for name in ("network", *(family.family for family in families)):

@@ -36,10 +36,10 @@ def robustness(
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.robustness import WAYS, rows, run_robustness
 
-    ways = o.names_that_hold(way, WAYS, "--way", "way")
+    storages = o.names_that_hold(way, WAYS, "--way", "way")
     views.say_if_not_blind(seed)
-    with views.progress("recordings", 2 * valves * len(ways)) as tell:
-        answers = run_robustness(valves, seed, ways, choose_executor(workers), tell)
+    with views.progress("recordings", 2 * valves * len(storages)) as advance:
+        answers = run_robustness(valves, seed, storages, choose_executor(workers), advance)
     _print(list(rows(answers)))
     views.write_answers(answers, json_file)
     views.say_read_on("robustness.md")
@@ -74,8 +74,8 @@ def _print(rows: Sequence[Row]) -> None:
     )
 
 
-def _numbers(name: str, of: int, error: float, held: int, width: float | None = None) -> str:
+def _numbers(name: str, total: int, error: float, covered: int, width: float | None = None) -> str:
     """What S or J came to over the sticking valves that were given one."""
-    if not of:
+    if not total:
         return f"no {name}"
-    return f"{error:.2f}, {held} of {of}" + ("" if width is None else f", {width:.2f}")
+    return f"{error:.2f}, {covered} of {total}" + ("" if width is None else f", {width:.2f}")

@@ -95,8 +95,8 @@ def _run(
         views.say_error(str(problem))
     out.mkdir(parents=True, exist_ok=True)
     address = db or (plant.storage if plant else f"sqlite:///{out / 'stemwatch.db'}")
-    with open_store(address) as store, views.screening_progress(0) as tell:
-        how = RunNow(
+    with open_store(address) as store, views.screening_progress(0) as on_screened:
+        how_to_run = RunNow(
             store=store,
             executor=executor,
             out=out,
@@ -104,7 +104,7 @@ def _run(
             command=("stemwatch", *sys.argv[1:]),
             new_baseline=new_baseline,
         )
-        result: RunResult = screen_now(request, how, tell)
+        result: RunResult = screen_now(request, how_to_run, on_screened)
     show(result, json_file)
     # What a plant file says of its sources holds for all their files; the report names those that
     # did without.
@@ -121,17 +121,17 @@ def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def
     views.out.print(views.summary(result.brief))
     for line in views.undetermined_lines(result.brief):
         views.out.print(line, highlight=False)
-    for place, reason in (*result.not_read, *result.not_saved):
-        views.say(f"left out: {place}: {reason}")
+    for source, reason in (*result.not_read, *result.not_saved):
+        views.say(f"left out: {source}: {reason}")
     if json_file is not None:
         json_file.write_bytes(result.report.json.read_bytes() + b"\n")
-    for what, path in (
+    for label, path in (
         ("Report", result.report.html),
         ("For maintenance, to print", result.report.html.with_name(PDF)),
         ("Work orders", result.report.html.with_name(ORDERS_XLSX)),
     ):
         if path.is_file():
-            text = f"{what}: {views.escape(str(path.resolve()))}"
+            text = f"{label}: {views.escape(str(path.resolve()))}"
             views.out.print(text, highlight=False, soft_wrap=True)
     views.say_next(
         "open the report; the PDF and the work orders beside it go to whoever plans the work. "

@@ -47,19 +47,19 @@ def serve(
     set_up_logs(as_json=json_logs)
     hide_secrets(loaded)
     stop = threading.Event()
-    where = ListenAddress(host=host, port=port, hosts=tuple(allow_host or ()))
+    address = ListenAddress(host=host, port=port, hosts=tuple(allow_host or ()))
 
     def ready(address: str) -> None:
         # With soft_wrap the address stays on one line, whatever reads it.
         views.out.print(f"Serving {address}", highlight=False, soft_wrap=True)
 
     def invite(link: str) -> None:
-        said = "Nobody can sign in yet. Within 24 hours this link makes the first admin, once:"
-        views.out.print(said, highlight=False)
+        sentence = "Nobody can sign in yet. Within 24 hours this link makes the first admin, once:"
+        views.out.print(sentence, highlight=False)
         views.out.print(views.escape(link), highlight=False, soft_wrap=True)
 
     with asked_to_stop(stop.set, last=True):
-        Service(loaded, where, logs_as_json=json_logs).run(stop, ready, invite)
+        Service(loaded, address, logs_as_json=json_logs).run(stop, ready, invite)
 
 
 def run_now(
@@ -94,8 +94,10 @@ def run_now(
         served = store.leases.holder(LEASE) is not None
         if number is None:
             raise typer.Exit(1)
-        by = "the service works on it" if served else "no service runs here; this command does it"
-        views.out.print(f"Run {number} is queued; {by}.", highlight=False)
+        who_works = (
+            "the service works on it" if served else "no service runs here; this command does it"
+        )
+        views.out.print(f"Run {number} is queued; {who_works}.", highlight=False)
         working = None
         if not served:
             worker = QueueWorker(store, loaded)
@@ -105,12 +107,12 @@ def run_now(
             if wait or working is not None:
                 _follow(store, number, working, stop)
         finally:
-            asked = stop.is_set()
+            interrupted = stop.is_set()
             stop.set()
             if working is not None:
                 working.join()
         if wait or working is not None:
-            _show(store.run(number), left=asked)
+            _show(store.run(number), left_behind=interrupted)
 
 
 def _load(plant: Path) -> Plant:
@@ -154,10 +156,10 @@ def _follow(
                 return
 
 
-def _show(run: StoredRun, *, left: bool) -> None:
+def _show(run: StoredRun, *, left_behind: bool) -> None:
     from stemwatch.service.cli import views
 
-    if left and run.finished is None:
+    if left_behind and run.finished is None:
         so_far = f" after {run.done} of {run.total} valves" if run.total else ""
         views.out.print(
             f"Run {run.id} is left{so_far}: the service goes on with it, or the next one that "
@@ -166,10 +168,12 @@ def _show(run: StoredRun, *, left: bool) -> None:
         )
         raise typer.Exit(1)
     counts = ", ".join(f"{count} {verdict.value}" for verdict, count in run.counts.items())
-    said = f"Run {run.id}: {run.state.value}, {run.done} of {run.total} valves ({counts or 'none'})"
+    sentence = (
+        f"Run {run.id}: {run.state.value}, {run.done} of {run.total} valves ({counts or 'none'})"
+    )
     if run.set_aside:
-        said += f", {run.set_aside} set aside"
-    views.out.print(said + (f". {run.reason}" if run.reason else ""), highlight=False)
+        sentence += f", {run.set_aside} set aside"
+    views.out.print(sentence + (f". {run.reason}" if run.reason else ""), highlight=False)
     if run.report:
         views.out.print(f"Report: {views.escape(run.report)}", highlight=False, soft_wrap=True)
     if run.finished is None or run.state.value in ("failed", "cancelled"):

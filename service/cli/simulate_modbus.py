@@ -55,9 +55,9 @@ def serve_modbus(
 
     views.say(f"Simulating {len(loops)} loops ...")
     with contextlib.ExitStack() as stack:
-        beside = None
+        repairing = None
         if repairs:
-            beside = _repairing(stack.enter_context(open_store(repairs)), loops)
+            repairing = _repairing(stack.enter_context(open_store(repairs)), loops)
         serve_plant(
             loops,
             out,
@@ -68,7 +68,7 @@ def serve_modbus(
             wear=wearing,
             seed=seed,
             ready=ready,
-            beside=beside,
+            beside_serving=repairing,
         )
 
 
@@ -79,11 +79,11 @@ def _repairing(
     from stemwatch.service.cli import views
     from stemwatch.service.live_demo import Technician, repair_what_is_recorded
 
-    def told(tag: str) -> None:
+    def note_repair(tag: str) -> None:
         views.out.print(views.escape(f"{tag} was repaired and is as new."), highlight=False)
 
     technician = Technician(store, [loop.tag for loop in loops])
-    return lambda server: repair_what_is_recorded(technician, server, told)
+    return lambda server: repair_what_is_recorded(technician, server, note_repair)
 
 
 def wear_of(
@@ -95,19 +95,19 @@ def wear_of(
 
     if declared and "none" in declared:
         return {}
-    known = [loop.tag for loop in loops]
+    tags = [loop.tag for loop in loops]
     wears: dict[str, Wear] = {}
-    for text in declared or [f"{known[0]}={USUAL}"]:
+    for text in declared or [f"{tags[0]}={USUAL}"]:
         read = WEAR.fullmatch(text)
         if read is None:
             raise typer.BadParameter(
                 f"{text!r} is not understood; expected TAG=S or TAG=S/J in percent of span, such "
-                f"as {known[0]}={USUAL}, or none",
+                f"as {tags[0]}={USUAL}, or none",
                 param_hint="--wear",
             )
-        if read["tag"] not in known:
+        if read["tag"] not in tags:
             raise typer.BadParameter(
-                f"no loop {read['tag']} in this plant; it has {', '.join(known[:_SHOWN])}",
+                f"no loop {read['tag']} in this plant; it has {', '.join(tags[:_SHOWN])}",
                 param_hint="--wear",
             )
         try:

@@ -39,13 +39,15 @@ def study_oscillations(
     from stemwatch.service.executors import choose_executor, map_items
 
     judged: dict[int, tuple[JudgedPlant, Any]] = {}
-    with views.progress("plants", plants, transient=True) as tell:
+    with views.progress("plants", plants, transient=True) as advance:
         numbers = list(range(plants))
-        for place, result in map_items(choose_executor(workers), partial(_one, seed), numbers):
-            judged[place] = result
-            tell(len(judged))
-    results = [judged[place][0] for place in sorted(judged)]
-    nulls = [judged[place][1] for place in sorted(judged) if judged[place][1] is not None]
+        for index, result in map_items(
+            choose_executor(workers), partial(_judge_one_plant, seed), numbers
+        ):
+            judged[index] = result
+            advance(len(judged))
+    results = [judged[index][0] for index in sorted(judged)]
+    nulls = [judged[index][1] for index in sorted(judged) if judged[index][1] is not None]
     figures = _figures(results)
     if nulls:
         figures["nulls: 95th percentile of regularity, prominence"] = [
@@ -59,7 +61,7 @@ def study_oscillations(
         json_file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
-def _one(seed: int, number: int) -> tuple[JudgedPlant, tuple[float, float] | None]:
+def _judge_one_plant(seed: int, number: int) -> tuple[JudgedPlant, tuple[float, float] | None]:
     from stemwatch.models.studies.interacting_loops.judge import (
         judge_plant,
         null_statistics,
@@ -74,17 +76,17 @@ def _figures(results: Sequence[JudgedPlant]) -> dict[str, Any]:
     """The figures by name."""
     index = [plant.rand_index for plant in results if plant.rand_index is not None]
     quiet = [plant for plant in results if plant.quiet]
-    found = [group for plant in results if not plant.quiet for group in plant.groups]
-    true = [group for group in found if group.kind]
+    groups = [group for plant in results if not plant.quiet for group in plant.groups]
+    true = [group for group in groups if group.kind]
 
-    def share(count: int, of: int) -> str:
-        return f"{count} of {of} ({100.0 * count / of:.0f} %)" if of else "none"
+    def share(count: int, total: int) -> str:
+        return f"{count} of {total} ({100.0 * count / total:.0f} %)" if total else "none"
 
     figures: dict[str, Any] = {
         "plants with groups, quiet plants": [len(index), len(quiet)],
         "adjusted Rand index, mean": round(sum(index) / len(index), 3) if index else None,
         "adjusted Rand index, median": round(sorted(index)[len(index) // 2], 3) if index else None,
-        "groups found, of them of no source": [len(found), len(found) - len(true)],
+        "groups found, of them of no source": [len(groups), len(groups) - len(true)],
         "true source first": share(sum(group.place == 0 for group in true), len(true)),
         "true source among the first two": share(
             sum(group.place in (0, 1) for group in true), len(true)
@@ -92,8 +94,10 @@ def _figures(results: Sequence[JudgedPlant]) -> dict[str, Any]:
         "quiet plants with a group": share(sum(bool(p.groups) for p in quiet), len(quiet)),
     }
     for kind in _KINDS:
-        of = [group for group in true if group.kind == kind]
-        figures[f"{kind}: source first"] = share(sum(group.place == 0 for group in of), len(of))
+        of_kind = [group for group in true if group.kind == kind]
+        figures[f"{kind}: source first"] = share(
+            sum(group.place == 0 for group in of_kind), len(of_kind)
+        )
     return figures
 
 
@@ -111,9 +115,9 @@ def _seconds(loops: int) -> float:
     while len(rows) < loops:
         plant = plant_of(1, number)
         number += 1
-        twice = np.concatenate([plant.sp - plant.pv, (plant.sp - plant.pv)[:, ::-1]], axis=1)
-        rows += list(twice[:, :_DAY])
+        doubled = np.concatenate([plant.sp - plant.pv, (plant.sp - plant.pv)[:, ::-1]], axis=1)
+        rows += list(doubled[:, :_DAY])
     errors = np.array(rows[:loops])
-    began = time.process_time()
+    started = time.process_time()
     find_groups(loop_spectra(errors, 10.0), LIMITS)
-    return time.process_time() - began
+    return time.process_time() - started

@@ -43,15 +43,15 @@ def trial(
 
     if seed == CALIBRATED_WITH:
         views.say("Seed 11 is the one that intervals were calibrated with: these are not blind.")
-    with views.progress("valves", loops + loops // 2) as tell:
-        marked = run_trial(loops, seed, choose_executor(workers), tell, narx=narx)
-    _print(marked)
+    with views.progress("valves", loops + loops // 2) as advance:
+        marks = run_trial(loops, seed, choose_executor(workers), advance, narx=narx)
+    _print(marks)
     if json_file is not None:
-        _write(marked, json_file)
+        _write(marks, json_file)
     views.say_read_on("trial.md")
 
 
-def _print(marked: Sequence[Marked]) -> None:
+def _print(marks: Sequence[Marked]) -> None:
     from rich.table import Table
 
     from stemwatch.service.cli import views
@@ -60,28 +60,28 @@ def _print(marked: Sequence[Marked]) -> None:
     table = Table(title="Verdicts", title_justify="left")
     for name in ("loops", "verdict", "count", "share", "95 % interval"):
         table.add_column(name, justify="left" if name in ("loops", "verdict") else "right")
-    for group, verdict, count, of in rates(marked):
-        low, high = wilson(count, of)
-        share = f"{count / of:.1%}"
-        table.add_row(group, verdict, f"{count} of {of}", share, f"{low:.1%} to {high:.1%}")
+    for group, verdict, count, total in rates(marks):
+        low, high = wilson(count, total)
+        share = f"{count / total:.1%}"
+        table.add_row(group, verdict, f"{count} of {total}", share, f"{low:.1%} to {high:.1%}")
     views.out.print(table)
-    for line in accuracy(marked):
+    for line in accuracy(marks):
         if line.of:
             views.out.print(
                 f"{line.name}: median error {line.median_error:.2f} % of span; the interval holds "
                 f"the truth in {line.within} of {line.of} ({line.within / line.of:.0%})",
                 highlight=False,
             )
-    right = "; ".join(f"{shape} {hits} of {of}" for shape, hits, of in shapes(marked) if of)
+    right = "; ".join(f"{shape} {hits} of {total}" for shape, hits, total in shapes(marks) if total)
     if right:
         views.out.print(f"Shape named right: {right}", highlight=False)
-    seconds = sum(mark.seconds for mark in marked) / max(len(marked), 1)
+    seconds = sum(mark.seconds for mark in marks) / max(len(marks), 1)
     views.out.print(f"{seconds:.2f} s a valve", highlight=False)
 
 
-def _write(marked: Sequence[Marked], json_file: Path) -> None:
+def _write(marks: Sequence[Marked], json_file: Path) -> None:
     objects = [
         {**asdict(mark), "truth": mark.truth.as_json(), "verdict": mark.verdict.value}
-        for mark in marked
+        for mark in marks
     ]
     json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")

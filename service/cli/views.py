@@ -143,9 +143,9 @@ def progress(
 ) -> Iterator[Callable[[int], None]]:
     """A progress bar; gives what is told how many of ``total`` are done. A transient one leaves no
     line."""
-    with Progress(console=err, transient=transient) as shown:
-        bar = shown.add_task(description, total=total)
-        yield lambda done: shown.update(bar, completed=done)
+    with Progress(console=err, transient=transient) as bars:
+        bar = bars.add_task(description, total=total)
+        yield lambda items_done: bars.update(bar, completed=items_done)
 
 
 @contextmanager
@@ -162,16 +162,16 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err) as shown:
-        bar = shown.add_task("screening", total=total, rate="")
+    with Progress(*columns, console=err) as bars:
+        bar = bars.add_task("screening", total=total, rate="")
 
-        def tell(screening: Screening, finished: int, total: int) -> None:
-            elapsed = shown.tasks[0].elapsed or 1e-9
-            shown.update(bar, completed=finished, total=total, rate=f"{finished / elapsed:.1f}/s")
+        def on_screened(screening: Screening, finished: int, total: int) -> None:
+            elapsed = bars.tasks[0].elapsed or 1e-9
+            bars.update(bar, completed=finished, total=total, rate=f"{finished / elapsed:.1f}/s")
             if is_final(screening) and screening.verdict in (Verdict.STICKY, Verdict.WATCH):
-                shown.console.print(verdict_line(screening), highlight=False)
+                bars.console.print(verdict_line(screening), highlight=False)
 
-        yield tell
+        yield on_screened
 
 
 def is_final(screening: Screening) -> bool:
@@ -189,8 +189,10 @@ def summary(screenings: Sequence[Screening]) -> Table:
     from stemwatch.service.report.report_context import ReportContext
 
     ranking = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
-    more = f", the worst {SHOWN} shown" if len(ranking) > SHOWN else ""
-    table = Table(title=f"{ranking.counts.sentence.rstrip('.')}{more}.", title_justify="left")
+    worst_shown = f", the worst {SHOWN} shown" if len(ranking) > SHOWN else ""
+    table = Table(
+        title=f"{ranking.counts.sentence.rstrip('.')}{worst_shown}.", title_justify="left"
+    )
     first = suspected_sentence(ranking.suspected)
     table.caption, table.caption_justify = (
         "\n".join(filter(None, (_verdicts(ranking), escape(first)))),
@@ -200,7 +202,9 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table.add_column("", justify="right")
     table.add_column("valve", overflow="fold")  # names must not be cut
     table.add_column("verdict", no_wrap=True, min_width=len(Verdict.UNDETERMINED))
-    numbers = [_number(one) for v in ranking[:SHOWN] for one in (v.screening.S, v.screening.J)]
+    numbers = [
+        _number(estimate) for v in ranking[:SHOWN] for estimate in (v.screening.S, v.screening.J)
+    ]
     longest = max((len(part) for text in numbers for part in text.split(" ")), default=0)
     for name in ("S, %", "J, %"):  # an interval that is cut is none
         table.add_column(name, justify="right", min_width=longest)
@@ -212,14 +216,14 @@ def summary(screenings: Sequence[Screening]) -> Table:
     for valve in ranking[:SHOWN]:
         screening = valve.screening
         shape = screening.shape.value if screening.shape else ""
-        beside = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
+        side_cells = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
         table.add_row(
             str(valve.rank),
             escape(screening.valve),
             f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]",
             _number(screening.S),
             _number(screening.J),
-            *beside,
+            *side_cells,
             *([escape(valve.finding.reason)] if wide else []),
         )
     return table
@@ -230,7 +234,7 @@ def _verdicts(ranking: Ranking) -> str:
     from stemwatch.service.report.ranking import count_verdicts
 
     counts = count_verdicts(ranking)
-    return ", ".join(f"{many} {verdict.value}" for verdict, many in counts.items() if many)
+    return ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items() if count)
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
@@ -241,8 +245,8 @@ def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
             by_reason.setdefault(screening.reason, []).append(screening.valve)
     for reason, valves in by_reason.items():
         names = ", ".join(dict.fromkeys(valves[:NAMED]))
-        more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
-        yield f"[cyan]undetermined[/] [bold]{escape(names)}{more}[/]  {escape(reason)}"
+        and_more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
+        yield f"[cyan]undetermined[/] [bold]{escape(names)}{and_more}[/]  {escape(reason)}"
 
 
 def inspection_tables(inspection: Inspection) -> Iterator[Table]:
@@ -257,7 +261,7 @@ def inspection_tables(inspection: Inspection) -> Iterator[Table]:
         tags.add_column(name, overflow="fold", min_width=tag_width if name == "tag" else None)
     for tag in inspection.tags:
         low_high = "" if tag.low is None or tag.high is None else f"{tag.low:.4g} to {tag.high:.4g}"
-        every = tag.own_interval_s or tag.interval_s
+        interval_s = tag.own_interval_s or tag.interval_s
         tags.add_row(
             escape(tag.tag),
             tag.role or "?",
@@ -265,7 +269,7 @@ def inspection_tables(inspection: Inspection) -> Iterator[Table]:
             escape(tag.valve),
             low_high,
             "text" if tag.role == "mode" and tag.low is None else f"{tag.bad_share:.1%}",
-            "" if every is None else f"{every:g}",
+            "" if interval_s is None else f"{interval_s:g}",
             "; ".join(_evidence(tag)),
         )
     yield tags
@@ -277,9 +281,9 @@ def inspection_remarks(inspection: Inspection) -> Iterator[str]:
     for tag in inspection.tags:
         if tag.remark:
             by_remark.setdefault(tag.remark, []).append(tag.tag)
-    for remark, tags in by_remark.items():
+    for remark_text, tags in by_remark.items():
         names = ", ".join(tags[:NAMED]) + (" ..." if len(tags) > NAMED else "")
-        yield f"[bold]{escape(names)}[/]  {escape(remark)}"
+        yield f"[bold]{escape(names)}[/]  {escape(remark_text)}"
 
 
 def _facts(inspection: Inspection) -> list[tuple[str, str]]:
@@ -312,14 +316,14 @@ def _facts(inspection: Inspection) -> list[tuple[str, str]]:
 
 
 def _evidence(tag: TagInspection) -> list[str]:
-    said = []
+    clauses = []
     if tag.compressed:
-        said.append(f"compressed ({tag.line_share:.0%} on lines)")
+        clauses.append(f"compressed ({tag.line_share:.0%} on lines)")
     if tag.quantum:
-        said.append(f"steps of {tag.quantum:.3g}")
+        clauses.append(f"steps of {tag.quantum:.3g}")
     if tag.frozen and tag.role not in ("sp", "mode"):  # those are meant to rest
-        said.append(f"frozen up to {tag.longest_repeat_s:g} s")
-    return said
+        clauses.append(f"frozen up to {tag.longest_repeat_s:g} s")
+    return clauses
 
 
 def health_table(address: str, health: DatabaseHealth) -> Table:
@@ -337,13 +341,13 @@ def health_table(address: str, health: DatabaseHealth) -> Table:
     return table
 
 
-def told_table(title: str, told: Mapping[str, TableDigest]) -> Table:
+def told_table(title: str, digests: Mapping[str, TableDigest]) -> Table:
     """The copied rows of each table and the beginning of their digest."""
     table = Table(title=escape(title), title_justify="left")
     table.add_column("table")
     table.add_column("rows", justify="right")
     table.add_column("digest")
-    for name, digest in told.items():
+    for name, digest in digests.items():
         table.add_row(name, str(digest.rows), digest.digest[:16])
     return table
 

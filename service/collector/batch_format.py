@@ -54,15 +54,15 @@ def pack(batch: SampleBatch) -> bytes:
 
 def unpack(body: bytes) -> SampleBatch:
     """The batch in the ``body`` of a record whose checksum is right."""
-    plain = zlib.decompress(body)
-    (length,) = _META.unpack_from(plain)
+    body_bytes = zlib.decompress(body)
+    (length,) = _META.unpack_from(body_bytes)
     start = _META.size + length
-    meta = json.loads(plain[_META.size : start])
+    meta = json.loads(body_bytes[_META.size : start])
     count = len(meta["tags"])
 
     def column(kind: str) -> NDArray[Any]:
         nonlocal start
-        values = np.frombuffer(plain, dtype=kind, count=count, offset=start)
+        values = np.frombuffer(body_bytes, dtype=kind, count=count, offset=start)
         start += values.nbytes
         return values
 
@@ -74,7 +74,7 @@ def unpack(body: bytes) -> SampleBatch:
         at_us=at_us.astype(np.int64),
         values=values.astype(np.float64),
         quality=quality.astype(np.uint8),
-        reasons=tuple(reasons[place] for place in column("<u4").tolist()),
+        reasons=tuple(reasons[index] for index in column("<u4").tolist()),
     )
 
 
@@ -85,24 +85,24 @@ def records(data: bytes, start: int = 0) -> Iterator[SpooledRecord]:
     Bytes behind the last record, such as one that was being written at a power failure, are not
     reported; they begin at ``stop`` of the last record.
     """
-    place, skipped_from = start, start
-    while (place := data.find(MARK, place)) >= 0:
-        record = _at(data, place, place - skipped_from)
+    offset, skipped_from = start, start
+    while (offset := data.find(MARK, offset)) >= 0:
+        record = _record_at(data, offset, offset - skipped_from)
         if record is None:
-            place += 1
+            offset += 1
             continue
         yield record
-        place = skipped_from = record.stop
+        offset = skipped_from = record.stop
 
 
-def _at(data: bytes, place: int, skipped: int) -> SpooledRecord | None:
-    if place + HEAD_BYTES > len(data):
+def _record_at(data: bytes, offset: int, skipped: int) -> SpooledRecord | None:
+    if offset + HEAD_BYTES > len(data):
         return None
-    _, length, checksum = _HEAD.unpack_from(data, place)
-    stop = place + HEAD_BYTES + length
+    _, length, checksum = _HEAD.unpack_from(data, offset)
+    stop = offset + HEAD_BYTES + length
     if length > LARGEST_BODY or stop > len(data):
         return None
-    body = data[place + HEAD_BYTES : stop]
+    body = data[offset + HEAD_BYTES : stop]
     if zlib.crc32(body) != checksum:
         return None
     try:

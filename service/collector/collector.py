@@ -84,17 +84,17 @@ class Collector:
 
     def _keep(self) -> None:
         """Append polled batches to the spool; keep them in memory while the disk is full."""
-        held: deque[SampleBatch] = deque()
+        waiting: deque[SampleBatch] = deque()
         while True:
             batch = self._queue.get()
             if batch is not None:
-                held.append(batch)
-            while held and self._appended(held[0]):
-                held.popleft()
-            while len(held) > _IN_MEMORY:
-                self._drop(held.popleft())
+                waiting.append(batch)
+            while waiting and self._appended(waiting[0]):
+                waiting.popleft()
+            while len(waiting) > _IN_MEMORY:
+                self._drop(waiting.popleft())
             if batch is None:
-                for lost in held:
+                for lost in waiting:
                     self._drop(lost)
                 return
 
@@ -105,8 +105,8 @@ class Collector:
             log.error("the spool cannot be written: %s; samples wait in memory", error)
             return False
         except Exception:  # a bug may cost this batch, but not the following ones
-            about = {"device": batch.source}
-            log.exception("a batch of %s cannot be kept", batch.source, extra=about)
+            log_fields = {"device": batch.source}
+            log.exception("a batch of %s cannot be kept", batch.source, extra=log_fields)
             self._drop(batch)
             return True
         self._more.set()

@@ -46,12 +46,12 @@ class Forwarder:
         self._backoff = Backoff(0.5, LONGEST_WAIT_S)
         self._place: Position | None = None  # up to where all is stored, also if noting it failed
 
-    def run(self, more: threading.Event, stop: threading.Event, pause_s: float) -> None:
-        """Store batches until ``stop``, then once more. ``more`` is set when something was
+    def run(self, more_arrived: threading.Event, stop: threading.Event, pause_s: float) -> None:
+        """Store batches until ``stop``, then once more. ``more_arrived`` is set when something was
         appended; ``pause_s`` is how long samples are gathered before they are stored."""
         while not stop.wait(pause_s):
-            if more.wait(timeout=1.0):
-                more.clear()
+            if more_arrived.wait(timeout=1.0):
+                more_arrived.clear()
                 self._until_taken(stop)
         self.once()
 
@@ -97,8 +97,8 @@ class Forwarder:
     def _hand_over(self, group: list[Waiting]) -> None:
         by_source = attrgetter("source")
         batches = sorted((waiting.batch for waiting in group), key=by_source)
-        for _, same in groupby(batches, key=by_source):
-            run = list(same)
+        for _, of_source in groupby(batches, key=by_source):
+            run = list(of_source)
             try:
                 self._write(joined(run))
             except SinkRefused:
@@ -116,19 +116,19 @@ class Forwarder:
         self._sink.write(batch)
         self.state.stored += len(batch)
 
-    def _set_aside(self, batch: SampleBatch, why: str, name: str) -> None:
+    def _set_aside(self, batch: SampleBatch, reason: str, name: str) -> None:
         folder = self._spool.folder / REFUSED
         folder.mkdir(exist_ok=True)
         path = folder / f"{name}.csv"
         with path.open("w", encoding="utf-8", errors="replace", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow([f"# the store refused these samples: {why}"])
+            writer.writerow([f"# the store refused these samples: {reason}"])
             writer.writerow(["source", "tag", "at", "value", "quality", "reason"])
             for index, tag in enumerate(batch.tags):
-                at = _EPOCH + timedelta(microseconds=int(batch.at_us[index]))
+                instant = _EPOCH + timedelta(microseconds=int(batch.at_us[index]))
                 numbers = (batch.values[index], batch.quality[index])
-                row = (batch.source, tag, at.isoformat(), *numbers, batch.reasons[index])
+                row = (batch.source, tag, instant.isoformat(), *numbers, batch.reasons[index])
                 writer.writerow(row)
         self.state.refused += len(batch)
         text = "the store refused %d samples for good (%s): see %s"
-        log.error(text, len(batch), why, path, extra={"device": batch.source})
+        log.error(text, len(batch), reason, path, extra={"device": batch.source})

@@ -24,13 +24,15 @@ class PolledTimes:
     """The stretches of time that were polled, first and last instant in microseconds, by device.
 
     Each stretch runs forward; a clock that is set back, or ahead by more than an hour, begins
-    another. ``known`` is what an earlier process left.
+    another. ``stretches_of_device`` is what an earlier process left.
     """
 
-    def __init__(self, known: Mapping[str, Sequence[Sequence[int]]] | None = None) -> None:
+    def __init__(
+        self, stretches_of_device: Mapping[str, Sequence[Sequence[int]]] | None = None
+    ) -> None:
         self.stretches: Stretches = {
-            device: [[int(first), int(last)] for first, last in each]
-            for device, each in (known or {}).items()
+            device: [[int(first), int(last)] for first, last in of_device]
+            for device, of_device in (stretches_of_device or {}).items()
         }
 
     def checked(self, batch: SampleBatch) -> SampleBatch:
@@ -47,12 +49,12 @@ class PolledTimes:
         )
 
     def _came_before(self, device: str, at_us: int) -> bool:
-        known = self.stretches.setdefault(device, [])
+        of_device = self.stretches.setdefault(device, [])
         # The last instant again is none that came before: a process that follows another at once
         # may begin with it, and a batch that a full disk refused is tried again.
-        if known and 0 <= at_us - known[-1][1] <= _HOLE_US:
-            known[-1][1] = at_us
+        if of_device and 0 <= at_us - of_device[-1][1] <= _HOLE_US:
+            of_device[-1][1] = at_us
         else:
-            known.append([at_us, at_us])
-            del known[:-_STRETCHES]
-        return any(first <= at_us <= last for first, last in known[:-1])
+            of_device.append([at_us, at_us])
+            del of_device[:-_STRETCHES]
+        return any(first <= at_us <= last for first, last in of_device[:-1])

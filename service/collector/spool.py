@@ -153,30 +153,30 @@ class Spool:
         if stop < len(data) and finished:
             self._report_damage(number, start + stop, len(data) - stop)
 
-    def _report_damage(self, number: int, place: int, count: int) -> None:
-        if (number, place) in self._damaged:
+    def _report_damage(self, number: int, offset: int, count: int) -> None:
+        if (number, offset) in self._damaged:
             return
-        self._damaged.add((number, place))
+        self._damaged.add((number, offset))
         self.damaged_bytes += count
         log.error(
             "spool file %s: %d bytes from byte %d on are no record (a crash in the middle of a "
             "write, or damage); what stands around them is used",
             self._path(number),
             count,
-            place,
+            offset,
         )
 
     def _write(self, record: bytes) -> None:
-        begun = self._written
+        size_before = self._written
         try:
-            done = 0
-            while done < len(record):  # an unbuffered write may take a part only
-                done += self._file.write(record[done:]) or 0
+            bytes_written = 0
+            while bytes_written < len(record):  # an unbuffered write may take a part only
+                bytes_written += self._file.write(record[bytes_written:]) or 0
             if self.sync:
                 os.fsync(self._file.fileno())
         except OSError:
             # An incomplete record on a full disk is removed, so that the next one is readable.
-            self._file.truncate(begun)
+            self._file.truncate(size_before)
             raise
         self._written += len(record)
         self._size += len(record)
@@ -193,8 +193,8 @@ class Spool:
         if oldest == self._segment:
             return False
         start = self._acknowledged.offset if oldest == self._acknowledged.segment else 0
-        done = oldest < self._acknowledged.segment
-        data = b"" if done else self._path(oldest).read_bytes()
+        fully_handed_on = oldest < self._acknowledged.segment
+        data = b"" if fully_handed_on else self._path(oldest).read_bytes()
         lost = sum(record.samples for record in records(data, start))
         self._remove(oldest)
         self._acknowledged = max(self._acknowledged, Position(oldest + 1))
@@ -247,13 +247,13 @@ class Spool:
             }
         )
         path = self.folder / _CURSOR
-        fresh = path.with_suffix(".new")
-        with fresh.open("w", encoding="utf-8") as file:
+        new_file = path.with_suffix(".new")
+        with new_file.open("w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
             if self.sync:
                 os.fsync(file.fileno())
-        fresh.replace(path)  # whole or not at all
+        new_file.replace(path)  # whole or not at all
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -66,9 +66,9 @@ class CronTimes:
 
     def _instants(self, wall: datetime) -> list[datetime]:
         """The instants with the local time ``wall``: one, or two in a repeated hour."""
-        both = [wall.replace(tzinfo=self._zone, fold=fold).astimezone(UTC) for fold in (0, 1)]
-        twice = both[0] < both[1]
-        return both if twice and self._each_hour else both[:1]
+        instants = [wall.replace(tzinfo=self._zone, fold=fold).astimezone(UTC) for fold in (0, 1)]
+        is_repeated = instants[0] < instants[1]
+        return instants if is_repeated and self._each_hour else instants[:1]
 
     def _offset(self, instant: datetime) -> timedelta | None:
         return instant.astimezone(self._zone).utcoffset()

@@ -33,10 +33,14 @@ def limits_in_force(plant: Plant | None, limits_set: Mapping[str, SetLimit]) -> 
     """
     limits = plant.limits if plant is not None else Limits()
     named = plant.named_limits if plant is not None else frozenset()
-    known = {limit.name for limit in fields(Limits)}
-    more = {name: one.value for name, one in limits_set.items() if name in known - named}
+    limit_names = {limit.name for limit in fields(Limits)}
+    unfixed = {
+        name: set_limit.value
+        for name, set_limit in limits_set.items()
+        if name in limit_names - named
+    }
     try:
-        return replace(limits, **more)
+        return replace(limits, **unfixed)
     except ValueError as error:
         log.error("the limits that were set on the pages are not in force: %s", error)
         return limits
@@ -51,24 +55,31 @@ def checked_limits(
     contradicts the others.
     """
     named = plant.named_limits if plant is not None else frozenset()
-    known = {limit.name for limit in fields(Limits)}
+    limit_names = {limit.name for limit in fields(Limits)}
     read: dict[str, float | None] = {}
     for name, text in changes.items():
-        if name not in known:
+        if name not in limit_names:
             raise BadSetting(f"there is no limit {name}")
         if name in named:
             raise BadSetting(
                 f"{name} stands in the plant file, which is its source: change it there"
             )
         read[name] = _number(name, text) if text else None
-    kept = {name: one.value for name, one in limits_set.items() if name in known - named}
-    together = {**kept, **{name: value for name, value in read.items() if value is not None}}
+    set_in_browser = {
+        name: set_limit.value
+        for name, set_limit in limits_set.items()
+        if name in limit_names - named
+    }
+    all_limits = {
+        **set_in_browser,
+        **{name: value for name, value in read.items() if value is not None},
+    }
     for name, value in read.items():
         if value is None:
-            together.pop(name, None)
+            all_limits.pop(name, None)
     base = plant.limits if plant is not None else Limits()
     try:
-        replace(base, **together)
+        replace(base, **all_limits)
     except ValueError as error:
         raise BadSetting(str(error)) from None
     return read
@@ -97,18 +108,18 @@ def checked_schedule(
     except ValidationError as error:
         location = TableLocation("", "schedule", lambda path: None)
         problems = problems_of(error, ScheduleTable, location)
-        said = (
+        complaints = (
             f"{problem.key}: found {problem.found}; expected {problem.expected}"
             for problem in problems
         )
-        raise BadSetting("; ".join(said)) from None
-    for what, asked, known in (
+        raise BadSetting("; ".join(complaints)) from None
+    for noun, asked_names, known_names in (
         ("area", schedule.areas, set(areas)),
         ("valve", schedule.valves, set(valves)),
     ):
-        for name in asked:
-            if name not in known:
-                raise BadSetting(f"there is no {what} {name!r}")
+        for name in asked_names:
+            if name not in known_names:
+                raise BadSetting(f"there is no {noun} {name!r}")
     return schedule
 
 
@@ -119,11 +130,11 @@ def as_plant_toml(limits: Mapping[str, SetLimit], schedules: Iterable[ScreeningS
         lines = [f"{name} = {field.value!r}" for name, field in sorted(limits.items())]
         parts.append("\n".join(["[limits]", *lines]))
     for schedule in schedules:
-        plain = ScreeningSchedule(name="")
+        defaults = ScreeningSchedule(name="")
         lines = [
             f"{field.name} = {_toml(getattr(schedule, field.name))}"
             for field in fields(schedule)
-            if getattr(schedule, field.name) != getattr(plain, field.name)
+            if getattr(schedule, field.name) != getattr(defaults, field.name)
         ]
         parts.append("\n".join(["[[schedules]]", *lines]))
     return "\n\n".join(parts) + ("\n" if parts else "")
@@ -131,5 +142,5 @@ def as_plant_toml(limits: Mapping[str, SetLimit], schedules: Iterable[ScreeningS
 
 def _toml(value: Any) -> str:
     """A value as TOML, whose texts and lists are written as in JSON but for U+007F."""
-    plain = list(value) if isinstance(value, tuple) else value
-    return json.dumps(plain, ensure_ascii=False).replace("\x7f", "\\u007f")
+    toml_value = list(value) if isinstance(value, tuple) else value
+    return json.dumps(toml_value, ensure_ascii=False).replace("\x7f", "\\u007f")

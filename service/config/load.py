@@ -87,8 +87,8 @@ def read_limits(table: Any, location: TableLocation) -> tuple[Limits, list[Probl
     if not isinstance(table, dict):
         return Limits(), []  # reported with the top
     try:
-        given = LimitsTable.model_validate(table)
-        return Limits(**given.model_dump()), []
+        limits_table = LimitsTable.model_validate(table)
+        return Limits(**limits_table.model_dump()), []
     except ValidationError as error:
         return Limits(), problems_of(error, LimitsTable, location)
     except ValueError as error:
@@ -124,8 +124,8 @@ def tables(data: dict[str, Any], key: str) -> list[tuple[int, dict[str, Any]]]:
 
 def place_of(file: str, lines: TomlLines, kind: str, position: int, name: object) -> TableLocation:
     """The place of the entry at ``position`` of ``[[kind]]``, shown by its name if it has one."""
-    shown = name.strip() if isinstance(name, str) and name.strip() else position + 1
-    return TableLocation(file, f"{kind}[{shown}]", lambda path: lines.of((kind, position, *path)))
+    label = name.strip() if isinstance(name, str) and name.strip() else position + 1
+    return TableLocation(file, f"{kind}[{label}]", lambda path: lines.of((kind, position, *path)))
 
 
 def name_taken(
@@ -138,9 +138,9 @@ def name_taken(
     first = places.setdefault(name, location)
     if first is location:
         return []
-    found = f"{name!r}, which {first.file}, line {first.line_of((key,))} has already"
+    found_text = f"{name!r}, which {first.file}, line {first.line_of((key,))} has already"
     expected = "a name of its own (the first entry counts, this one is left out)"
-    return [location.problem((key,), found, expected)]
+    return [location.problem((key,), found_text, expected)]
 
 
 def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -> Plant:
@@ -188,8 +188,8 @@ def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, reading: Pl
     for position, table in tables(data, "sources"):
         name = table.get("name")
         location = place_of(file, lines, "sources", position, name)
-        again = name_taken("name", name, location, reading.source_places)
-        reading.problems += again
+        taken = name_taken("name", name, location, reading.source_places)
+        reading.problems += taken
         model = _settings_model(table, location, reading)
         if model is None:
             continue
@@ -198,7 +198,7 @@ def _read_sources(data: dict[str, Any], file: str, lines: TomlLines, reading: Pl
         except ValidationError as error:
             reading.problems += problems_of(error, model, location)
             continue
-        if again:
+        if taken:
             continue
         if isinstance(source, TextExportSettings):
             reading.sources[source.name] = source
@@ -243,12 +243,12 @@ def _read_list(data: dict[str, Any], file: Path, reading: PlantReading) -> None:
     if not isinstance(name, str) or not name.strip():
         return
     try:
-        listed = read_valve_list(file.parent / name.strip(), shown_as=name.strip())
+        listing = read_valve_list(file.parent / name.strip(), shown_as=name.strip())
     except PlantFileError as error:
         reading.fatal += error.problems
         return
-    reading.problems += listed.problems
-    for row in listed.rows:
+    reading.problems += listing.problems
+    for row in listing.rows:
         _add_valve(row.table, row.location, reading, strict=False)
 
 
@@ -256,8 +256,8 @@ def _add_valve(
     table: dict[str, Any], location: TableLocation, reading: PlantReading, *, strict: bool
 ) -> None:
     """Add the valve if it is correct. ``strict`` is false for CSV rows, whose numbers are texts."""
-    again = name_taken("id", table.get("id"), location, reading.valve_places)
-    reading.problems += again
+    taken = name_taken("id", table.get("id"), location, reading.valve_places)
+    reading.problems += taken
     context = {"sources": reading.source_places}
     try:
         valve = Valve.model_validate(table, strict=strict, context=context)
@@ -267,21 +267,21 @@ def _add_valve(
     if valve.source in reading.devices:
         missing = tags_without_register(valve, reading.devices[valve.source], location)
         reading.problems += missing
-        if not again and not missing:
+        if not taken and not missing:
             reading.valves[valve.id] = valve
     elif valve.source not in reading.sources and valve.source not in reading.archives:
         reading.orphans.setdefault(valve.source, []).append(valve.id)
-    elif not again:
+    elif not taken:
         reading.valves[valve.id] = valve
 
 
 def _report_orphans(reading: PlantReading) -> None:
     """One problem for each wrong source, instead of one for each of its valves."""
     for source, valves in reading.orphans.items():
-        shown = ", ".join(valves[:5]) + (", ..." if len(valves) > 5 else "")
+        valve_list = ", ".join(valves[:5]) + (", ..." if len(valves) > 5 else "")
         problem = reading.source_places[source].problem(
             (),
-            f"a source that is wrong, so its {len(valves)} valves are left out ({shown})",
+            f"a source that is wrong, so its {len(valves)} valves are left out ({valve_list})",
             "the mistakes in this source to be mended",
         )
         reading.problems.append(problem)
@@ -295,24 +295,24 @@ def read_device_tables(
 ) -> None:
     """Read ``[[devices]]``; their names share one namespace with sources, and their register lists
     are relative to ``file``."""
-    listed = tables(data, "devices")
-    if not listed:
+    device_tables = tables(data, "devices")
+    if not device_tables:
         return
     # Imported here, so that pymodbus is loaded only where a plant has devices.
     from stemwatch.connectors.modbus.read_devices import read_devices
 
     good = []
-    for position, table in listed:
+    for position, table in device_tables:
         name = table.get("name")
         location = place_of(file.name, lines, "devices", position, name)
-        again = name_taken("name", name, location, reading.source_places)
-        reading.problems += again
-        if not again:
+        taken = name_taken("name", name, location, reading.source_places)
+        reading.problems += taken
+        if not taken:
             good.append((position, table))
     for position, table in good:
         read = read_devices(
             [table],
-            lambda path, at=position: lines.of((path[0], at, *path[2:])),  # type: ignore[misc]
+            lambda path, index=position: lines.of((path[0], index, *path[2:])),  # type: ignore[misc]
             file.name,
             folder=file.parent,
         )
@@ -324,14 +324,14 @@ def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantR
     """Read schedules and notifiers; a wrong one is left out."""
     places: dict[str, TableLocation] = {}
     for position, table in tables(data, "schedules"):
-        place = place_of(file, lines, "schedules", position, table.get("name"))
-        if read := _named(ScheduleTable, table, place, places, reading):
+        location = place_of(file, lines, "schedules", position, table.get("name"))
+        if read := _named(ScheduleTable, table, location, places, reading):
             reading.schedules[read.name] = read.schedule()
-            reading.problems += _unknown_valves(read, place, reading)
+            reading.problems += _unknown_valves(read, location, reading)
     places = {}
     for position, table in tables(data, "notifiers"):
-        place = place_of(file, lines, "notifiers", position, table.get("name"))
-        if notifier := _named(NotifierTable, table, place, places, reading):
+        location = place_of(file, lines, "notifiers", position, table.get("name"))
+        if notifier := _named(NotifierTable, table, location, places, reading):
             reading.notifiers[notifier.name] = notifier
 
 
@@ -340,12 +340,12 @@ def _unknown_valves(
 ) -> list[Problem]:
     """Problems for valves and areas of a schedule that the plant does not have."""
     areas = {valve.area for valve in reading.valves.values()}
-    asked = [("valves", name, reading.valves) for name in read.valves]
-    asked += [("areas", name, areas) for name in read.areas]  # type: ignore[misc]
+    references = [("valves", name, reading.valves) for name in read.valves]
+    references += [("areas", name, areas) for name in read.areas]  # type: ignore[misc]
     return [
         location.problem((key,), f"the unknown {key[:-1]} {name!r}", "one that this file describes")
-        for key, name, known in asked
-        if name not in known
+        for key, name, known_names in references
+        if name not in known_names
     ]
 
 
@@ -357,14 +357,14 @@ def _named(
     reading: PlantReading,
 ) -> Read | None:
     """``table`` as ``model`` if it is correct and its name is not taken."""
-    again = name_taken("name", table.get("name"), location, places)
-    reading.problems += again
+    taken = name_taken("name", table.get("name"), location, places)
+    reading.problems += taken
     try:
         read = model.model_validate(table)
     except ValidationError as error:
         reading.problems += problems_of(error, model, location)
         return None
-    return None if again else read
+    return None if taken else read
 
 
 def tags_without_register(valve: Valve, device: Device, location: TableLocation) -> list[Problem]:

@@ -81,7 +81,9 @@ class Plant:
         path = self._source(source).path
         if path is None:
             return ()
-        pattern = self.beside(path)
+        if self.beside(path).is_file():  # also where its name has a bracket, as a pattern has
+            return (self.beside(path),)
+        pattern = Path(glob.escape(str(self.file.parent))) / path
         paths = (Path(name) for name in glob.glob(str(pattern), recursive=True))
         return tuple(sorted(path for path in paths if path.is_file()))
 

@@ -84,17 +84,17 @@ def _short(text: str) -> str:
 def _problem(details: ErrorDetails, model: type[BaseModel], location: TableLocation) -> Problem:
     path: KeyPath = tuple(details["loc"])
     if details["type"] == "extra_forbidden":
-        known = _model_at(model, path[:-1]).model_fields
-        hint = nearest(str(path[-1]), known)
+        model_fields = _model_at(model, path[:-1]).model_fields
+        hint = nearest(str(path[-1]), model_fields)
         if len(path) > 1 and path[-1] in model.model_fields:
             hint = f"; {path[-1]} belongs at the top of the file, before the first [table]"
-        return location.problem(path, "an unknown key", either_of(known) + hint)
+        return location.problem(path, "an unknown key", either_of(model_fields) + hint)
     if details["type"] == CONTRADICTION:
         context = details["ctx"]
         return location.problem((*path, *context["key"]), context["found"], context["expected"])
     field = _field_at(model, path)
-    found = described(None) if details["type"] == "missing" else described(details["input"])
-    return location.problem(path, found, _expected(details, field))
+    found_text = described(None) if details["type"] == "missing" else described(details["input"])
+    return location.problem(path, found_text, _expected(details, field))
 
 
 def _expected(details: ErrorDetails, field: FieldInfo | None) -> str:

@@ -81,11 +81,11 @@ def _known_points(text: str) -> str:
 
 def _existing_source(name: str, info: ValidationInfo) -> str:
     """Check that the source exists, where the validation's context names the sources."""
-    known = None if info.context is None else info.context["sources"]
-    if known is None or name in known:
+    source_names = None if info.context is None else info.context["sources"]
+    if source_names is None or name in source_names:
         return name
-    expected = either_of(known) if known else "a [[sources]] table with this name"
-    raise contradiction((), f"the unknown source {name!r}", expected + nearest(name, known))
+    expected = either_of(source_names) if source_names else "a [[sources]] table with this name"
+    raise contradiction((), f"the unknown source {name!r}", expected + nearest(name, source_names))
 
 
 class PlantSection(TomlTable):
@@ -119,13 +119,13 @@ class Tag(TomlTable):
     @model_validator(mode="after")
     def _range(self) -> Self:
         if (self.low is None) != (self.high is None):
-            given, other = ("low", "high") if self.high is None else ("high", "low")
-            found = f"{given} without {other}"
-            raise contradiction((given,), found, "both low and high, or neither")
+            given_end, other = ("low", "high") if self.high is None else ("high", "low")
+            found_text = f"{given_end} without {other}"
+            raise contradiction((given_end,), found_text, "both low and high, or neither")
         if self.low is not None and self.high is not None and self.low >= self.high:
-            found = f"low = {self.low:g} and high = {self.high:g}"
+            found_text = f"low = {self.low:g} and high = {self.high:g}"
             expected = "low below high: the engineering values at 0 % and at 100 %"
-            raise contradiction(("low",), found, expected)
+            raise contradiction(("low",), found_text, expected)
         return self
 
 
@@ -151,9 +151,9 @@ class Tags(TomlTable):
     def _position_is_measured(self) -> Self:
         # Historians ignore the case of tags, so two spellings may be the same tag.
         if self.mv is not None and self.mv.tag.casefold() == self.op.tag.casefold():
-            found = f"{self.mv.tag!r}, which is also the op tag"
+            found_text = f"{self.mv.tag!r}, which is also the op tag"
             expected = "the tag of the measured valve position; with no position transmitter, no mv"
-            raise contradiction(("mv", "tag"), found, expected)
+            raise contradiction(("mv", "tag"), found_text, expected)
         return self
 
     def given(self) -> dict[Role, Tag]:

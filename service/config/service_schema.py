@@ -63,8 +63,10 @@ class ScheduleTable(TomlTable):
     @model_validator(mode="after")
     def _either_cron_or_interval(self) -> Self:
         if (self.cron is None) == (self.every_s is None):
-            found = "neither cron nor every_s" if self.cron is None else "both cron and every_s"
-            raise contradiction(("cron",), found, "one of the two")
+            found_text = (
+                "neither cron nor every_s" if self.cron is None else "both cron and every_s"
+            )
+            raise contradiction(("cron",), found_text, "one of the two")
         return self
 
     def schedule(self) -> ScreeningSchedule:
@@ -105,8 +107,8 @@ class AlertRules(TomlTable):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         if self.raise_after_runs > self.of_runs:
-            found = f"raise_after_runs = {self.raise_after_runs} of of_runs = {self.of_runs}"
-            raise contradiction(("raise_after_runs",), found, "at most of_runs")
+            found_text = f"raise_after_runs = {self.raise_after_runs} of of_runs = {self.of_runs}"
+            raise contradiction(("raise_after_runs",), found_text, "at most of_runs")
         return self
 
 
@@ -150,10 +152,10 @@ class NotifierTable(TomlTable):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        known = notifier_kinds()
-        if self.kind not in known:
+        kinds = notifier_kinds()
+        if self.kind not in kinds:
             expected = (
-                f"one of {', '.join(map(repr, known))}" if known else "an installed stemwatch"
+                f"one of {', '.join(map(repr, kinds))}" if kinds else "an installed stemwatch"
             )
             raise contradiction(("kind",), repr(self.kind), expected)
         needed = _NEEDED.get(self.kind, ())
@@ -166,11 +168,11 @@ class NotifierTable(TomlTable):
         if self.url is not None and not self.url.startswith(("http://", "https://")):
             raise contradiction(("url",), repr(self.url), "an address with http:// or https://")
         if self.secret_variable is not None and self.secret_file is not None:
-            both = "both secret_variable and secret_file"
-            raise contradiction(("secret_file",), both, "one of the two")
+            both_given = "both secret_variable and secret_file"
+            raise contradiction(("secret_file",), both_given, "one of the two")
         if self.user is not None and not (self.secret_variable or self.secret_file):
-            found = "a user without a password"
-            raise contradiction(("user",), found, "secret_variable or secret_file as well")
+            found_text = "a user without a password"
+            raise contradiction(("user",), found_text, "secret_variable or secret_file as well")
         return self
 
 
@@ -241,12 +243,12 @@ class ServiceSection(TomlTable):
     @model_validator(mode="after")
     def _known_executor(self) -> Self:
         """``local``, a cluster, or what the entry point group ``stemwatch.executors`` has."""
-        name, separator, rest = self.executor.partition("://")
-        if self.executor == "local" or (name == "dask" and _HOST_AND_PORT.fullmatch(rest)):
+        name, separator, address_part = self.executor.partition("://")
+        if self.executor == "local" or (name == "dask" and _HOST_AND_PORT.fullmatch(address_part)):
             return self
         others = {entry.name for entry in entry_points(group="stemwatch.executors")} - {"dask"}
         if separator and name in others:
             return self
-        more = "".join(f', or "{other}://..."' for other in sorted(others))
-        expected = f'"local" or "dask://HOST:PORT"{more}'
+        other_forms = "".join(f', or "{other}://..."' for other in sorted(others))
+        expected = f'"local" or "dask://HOST:PORT"{other_forms}'
         raise contradiction(("executor",), repr(self.executor), expected)

@@ -81,18 +81,18 @@ def _single_path(parsed: dict[str, Any]) -> list[str]:
 
 def _statements(text: str) -> Iterator[tuple[int, str]]:
     """Each header or ``key = value`` with the number of its first line."""
-    begun: list[str] = []
+    open_statement: list[str] = []
     first = 1
     for number, line in enumerate(text.split("\n"), start=1):
-        if not begun:
+        if not open_statement:
             first = number
-        begun.append(line)
-        if len(begun) > 1 and not any(closer in line for closer in _CLOSERS):
+        open_statement.append(line)
+        if len(open_statement) > 1 and not any(closer in line for closer in _CLOSERS):
             continue
-        statement = "\n".join(begun)
+        statement = "\n".join(open_statement)
         if _is_complete(statement):
             yield first, statement
-            begun = []
+            open_statement = []
 
 
 def _is_complete(statement: str) -> bool:
@@ -125,28 +125,28 @@ def _text(file: Path) -> str:
     except FileNotFoundError:
         raise _error(file, None, f"no such file in {file.parent}", "a plant file") from None
     except OSError as error:
-        found = f"a file that cannot be read ({error.strerror})"
-        raise _error(file, None, found, "a plant file") from None
+        found_text = f"a file that cannot be read ({error.strerror})"
+        raise _error(file, None, found_text, "a plant file") from None
     try:
         # Windows editors begin UTF-8 with a byte order mark and end lines with two characters.
         return raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
-        found = f"the byte 0x{raw[error.start]:02x}, which is not UTF-8"
-        raise _error(file, line, found, "the file saved as UTF-8") from None
+        found_text = f"the byte 0x{raw[error.start]:02x}, which is not UTF-8"
+        raise _error(file, line, found_text, "the file saved as UTF-8") from None
 
 
 def _not_toml(file: Path, text: str, message: str) -> PlantFileError:
     line = text.count("\n") + 1
-    if at := _AT_LINE.search(message):
-        line = int(at[1])
-    found = _AT_LINE.sub("", _AT_END.sub(" at the end of the file", message))
-    return _error(file, line, f"text that is not TOML ({found})", _advice(text, line, message))
+    if position := _AT_LINE.search(message):
+        line = int(position[1])
+    found_text = _AT_LINE.sub("", _AT_END.sub(" at the end of the file", message))
+    return _error(file, line, f"text that is not TOML ({found_text})", _advice(text, line, message))
 
 
 def _advice(text: str, line: int, message: str) -> str:
-    shown = text.split("\n")[line - 1]
-    if "\\" in shown and ("Unescaped" in message or "Hex value" in message):
+    shown_line = text.split("\n")[line - 1]
+    if "\\" in shown_line and ("Unescaped" in message or "Hex value" in message):
         return "Windows paths in single quotes ('C:\\exports\\*.csv') or with forward slashes"
     if "Cannot overwrite" in message or "Cannot declare" in message:
         return 'each key and each table once; lists of tables have double brackets: "[[valves]]"'

@@ -60,8 +60,8 @@ def read_valve_list(path: Path, shown_as: str) -> ValveList:
     for line, cells in records[1:]:
         location = _row_place(shown_as, line)
         if any(cells[len(heading) :]) or len(cells) < len(heading):
-            found = f"{len(cells)} cells"
-            problems.append(location.problem((), found, f"{len(heading)}, as in the heading"))
+            found_text = f"{len(cells)} cells"
+            problems.append(location.problem((), found_text, f"{len(heading)}, as in the heading"))
             continue
         rows.append(
             ListedValve(_table(dict(zip(heading, cells, strict=False)), separator), location)
@@ -73,8 +73,8 @@ def _text(path: Path, shown_as: str) -> tuple[str, list[Problem]]:
     try:
         raw = path.read_bytes()
     except OSError as error:
-        found = error.strerror or str(error)
-        raise _unusable(shown_as, None, "valve_list", found, "a CSV file of valves") from None
+        found_text = error.strerror or str(error)
+        raise _unusable(shown_as, None, "valve_list", found_text, "a CSV file of valves") from None
     try:
         return decoded(raw), []
     except ListFault as fault:

@@ -82,8 +82,12 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
 def short_recording() -> Recording:
     """Ten minutes of a sticking valve with noise, for which all kernels are needed."""
     n, stick, jump = 600, 4.0, 2.0  # samples, percent, percent
-    at = np.arange(n)
-    op = 50.0 + 15.0 * np.sin(2.0 * np.pi * at / 97.0) + 3.0 * np.sin(2.0 * np.pi * at / 31.0)
+    sample_index = np.arange(n)
+    op = (
+        50.0
+        + 15.0 * np.sin(2.0 * np.pi * sample_index / 97.0)
+        + 3.0 * np.sin(2.0 * np.pi * sample_index / 31.0)
+    )
     mv, stem = np.empty(n), float(op[0])
     for k, command in enumerate(op):
         if abs(command - stem) > stick:

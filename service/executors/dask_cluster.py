@@ -135,36 +135,36 @@ class _HandedOut:
 
     def answers(self, stop: threading.Event) -> Generator[Answer[Any]]:
         """The answer of each batch, until ``stop``."""
-        out = distributed().as_completed(self._more(self._ahead), loop=self._client.loop)
+        out = distributed().as_completed(self._submit_more(self._ahead), loop=self._client.loop)
         while not out.is_empty() and not stop.is_set():
             self._pulse.feel()
-            done = out.next_batch(block=False)
-            if not done:
+            finished = out.next_batch(block=False)
+            if not finished:
                 stop.wait(LOOK_S)
-            for future in done:
+            for future in finished:
                 answer = self._answer(future)
                 future.release()  # the cluster may forget it
-                out.update(self._more(1))
+                out.update(self._submit_more(1))
                 yield answer
 
-    def _more(self, count: int) -> list[Any]:
+    def _submit_more(self, count: int) -> list[Any]:
         """Hand out the next ``count`` batches."""
         futures = []
-        for place, batch in islice(self._waiting, count):
+        for index, batch in islice(self._waiting, count):
             future = self._client.submit(
                 in_worker, self._work, list(batch), __version__, pure=False
             )
-            self._out[future.key] = place
+            self._out[future.key] = index
             futures.append(future)
         return futures
 
     def _answer(self, future: Any) -> Answer[Any]:
         dask = distributed()
-        place = self._out.pop(future.key)
+        index = self._out.pop(future.key)
         try:
-            return Answer(index=place, results=future.result())
+            return Answer(index=index, results=future.result())
         except dask.KilledWorker:
-            return Answer(index=place, failure=Failure(reason=DEADLY, lost=True))
+            return Answer(index=index, failure=Failure(reason=DEADLY, lost=True))
         except (dask.CancelledError, dask.comm.CommClosedError) as error:
             # No failure of the work, which would be a result with that reason.
             raise ClusterError(
@@ -175,7 +175,7 @@ class _HandedOut:
         except ClusterError:
             raise
         except Exception as error:
-            return Answer(index=place, failure=failure_of(error))
+            return Answer(index=index, failure=failure_of(error))
 
 
 class _Pulse:

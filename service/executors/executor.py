@@ -105,7 +105,7 @@ def outcomes(
     when ``stop`` is set.
     """
     firsts = list(accumulate((len(batch) for batch in batches), initial=0))
-    again: list[tuple[int, Item]] = []
+    to_repeat: list[tuple[int, Item]] = []
     with closing(executor.hand_out(work, batches, stop)) as answers:
         for answer in answers:
             numbered = list(enumerate(batches[answer.index], start=firsts[answer.index]))
@@ -113,14 +113,14 @@ def outcomes(
             if failure is not None and (len(numbered) > 1 or failure.lost):
                 text = "a batch of %d: %s; done again one by one"
                 log.warning(text, len(numbered), failure.reason)
-                again += numbered
+                to_repeat += numbered
             else:
                 yield _outcomes_of(numbered, answer)
-    if again and not stop.is_set():
-        singles = [[item] for _, item in again]
+    if to_repeat and not stop.is_set():
+        singles = [[item] for _, item in to_repeat]
         with closing(executor.hand_out(work, singles, stop, alone=True)) as answers:
             for answer in answers:
-                yield _outcomes_of([again[answer.index]], answer)
+                yield _outcomes_of([to_repeat[answer.index]], answer)
 
 
 def map_items(
@@ -138,10 +138,10 @@ def map_items(
             out[index] = item
             yield [item]
 
-    each = partial(_one, work)
+    work_on_each = partial(_work_on_each, work)
     never = threading.Event()
     lost: list[tuple[int, Item]] = []
-    with closing(executor.hand_out(each, singly(), never)) as answers:
+    with closing(executor.hand_out(work_on_each, singly(), never)) as answers:
         for answer in answers:
             item = out.pop(answer.index)
             if answer.failure is None:
@@ -153,15 +153,17 @@ def map_items(
     if not lost:
         return
     log.warning("%d pieces of work lost their worker and are done again", len(lost))
-    again = executor.hand_out(each, [[item] for _, item in lost], never, alone=True)
-    with closing(again) as answers:
+    second_answers = executor.hand_out(
+        work_on_each, [[item] for _, item in lost], never, alone=True
+    )
+    with closing(second_answers) as answers:
         for answer in answers:
-            place, item = lost[answer.index]
+            index, item = lost[answer.index]
             if answer.failure is None:
-                yield place, answer.results[0]
+                yield index, answer.results[0]
             elif answer.failure.lost:
                 log.warning("two workers were lost on one piece of work; it is done here")
-                yield place, work(item)
+                yield index, work(item)
             else:
                 raise answer.failure.error or RuntimeError(answer.failure.reason)
 
@@ -174,19 +176,19 @@ def map_in_order(
 ) -> list[Result]:
     """All results of ``work``, several for each item, in the order of the items; ``on_progress`` is
     given how many there are so far. Raises what ``work`` raises."""
-    done: dict[int, Sequence[Result]] = {}
-    for place, results in map_items(executor, work, items):
-        done[place] = results
-        on_progress(sum(map(len, done.values())))
-    return [result for place in sorted(done) for result in done[place]]
+    results_at: dict[int, Sequence[Result]] = {}
+    for index, results in map_items(executor, work, items):
+        results_at[index] = results
+        on_progress(sum(map(len, results_at.values())))
+    return [result for index in sorted(results_at) for result in results_at[index]]
 
 
 def _outcomes_of(
     numbered: Sequence[tuple[int, Item]], answer: Answer[Result]
 ) -> list[Outcome[Item, Result]]:
     if answer.failure is not None:
-        why = answer.failure.reason
-        return [Outcome(index=n, item=item, result=None, reason=why) for n, item in numbered]
+        reason = answer.failure.reason
+        return [Outcome(index=n, item=item, result=None, reason=reason) for n, item in numbered]
     pairs = zip(numbered, answer.results, strict=True)
     return [Outcome(index=n, item=item, result=result) for (n, item), result in pairs]
 
@@ -210,5 +212,5 @@ def one_thread() -> None:
         torch.set_num_threads(1)
 
 
-def _one(work: Callable[[Item], Result], batch: Sequence[Item]) -> list[Result]:
+def _work_on_each(work: Callable[[Item], Result], batch: Sequence[Item]) -> list[Result]:
     return [work(item) for item in batch]

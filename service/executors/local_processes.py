@@ -111,25 +111,25 @@ class _Pool(Generic[Item, Result]):
     ) -> Generator[Answer[Result]]:
         """An answer for each batch, until ``stop``."""
         numbered = enumerate(batches)
-        answered: list[Answer[Result]] = []
+        answers: list[Answer[Result]] = []
         while not stop.is_set():
             # Workers get new batches before the caller spends time on saving the answers.
-            for place, batch in islice(numbered, self._count - len(self._busy)):
-                self._employ(place, batch)
-            yield from answered
+            for index, batch in islice(numbered, self._count - len(self._busy)):
+                self._employ(index, batch)
+            yield from answers
             if not self._busy:
                 return
             heard = [self._hear(worker) for worker in self._ready()]
-            answered = [answer for answer in heard if answer is not None]
+            answers = [answer for answer in heard if answer is not None]
 
     def end(self) -> None:
         """End every process, whatever it is doing."""
         for worker in (*self._idle, *self._busy):
             _end(worker)
 
-    def _employ(self, place: int, batch: Sequence[Item]) -> None:
+    def _employ(self, index: int, batch: Sequence[Item]) -> None:
         worker = self._idle.pop() if self._idle else self._start()
-        worker.batch_index, worker.batch = place, batch
+        worker.batch_index, worker.batch = index, batch
         self._busy.append(worker)
         if worker.ready:
             self._send(worker)
@@ -137,7 +137,7 @@ class _Pool(Generic[Item, Result]):
     def _start(self) -> _Worker:
         """A new process; retried, since the server that it is forked from may have to restart."""
         for trial in range(_MOST_STARTS):
-            ours, theirs = self._context.Pipe()
+            our_end, theirs = self._context.Pipe()
             process = self._context.Process(
                 target=_serve, args=(theirs, self._work, environment()), daemon=True
             )
@@ -145,13 +145,13 @@ class _Pool(Generic[Item, Result]):
                 with quiet_start():
                     process.start()
             except (EOFError, OSError) as error:
-                ours.close()
+                our_end.close()
                 log.warning("a worker process could not be started: %r", error)
                 time.sleep(_RETRY_S * (trial + 1))
                 continue
             finally:
                 theirs.close()
-            return _Worker(process, ours, until=time.monotonic() + _START_S)
+            return _Worker(process, our_end, until=time.monotonic() + _START_S)
         raise ExecutorUnavailable(
             f"no worker process could be started in {_MOST_STARTS} trials; look for a limit on "
             "processes, memory or open files (`ulimit -a`), or use fewer --workers"

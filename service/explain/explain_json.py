@@ -30,9 +30,9 @@ def to_object(explained: Explained, *, stands: bool | None = None) -> dict[str, 
 
 def to_json(valves: Sequence[Explained]) -> str:
     """All of them as a list, in the order in which they were asked for."""
-    standing = discoveries([explained.mismatch for explained in valves]).standing
+    stands_of_each = discoveries([explained.mismatch for explained in valves]).standing
     objects = [
-        to_object(explained, stands=stands)
-        for explained, stands in zip(valves, standing, strict=True)
+        to_object(explained, stands=stands_of_valve)
+        for explained, stands_of_valve in zip(valves, stands_of_each, strict=True)
     ]
     return json.dumps(objects, allow_nan=False, ensure_ascii=False, indent=1) + "\n"

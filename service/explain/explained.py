@@ -50,21 +50,21 @@ class Job:
 
 def explain_one(job: Job) -> Explained:
     """The explanation of one valve in one source; never raises for what the source holds."""
-    asked = job.to_explain
-    if asked.task is None or asked.reason:
-        return _without(asked, asked.reason)
+    to_explain = job.to_explain
+    if to_explain.task is None or to_explain.reason:
+        return _not_explained(to_explain, to_explain.reason)
     try:
-        recording = recording_of(asked.task)
+        recording = recording_of(to_explain.task)
     except ConnectorError as error:
-        return _without(asked, str(error))
+        return _not_explained(to_explain, str(error))
     except (OSError, ValueError, MemoryError) as error:
-        return _without(asked, f"{asked.source}: {type(error).__name__}: {error}")
+        return _not_explained(to_explain, f"{to_explain.source}: {type(error).__name__}: {error}")
     return explain_recording(
         recording,
-        asked.source,
+        to_explain.source,
         narx=job.narx,
         limits=job.limits,
-        known_curve=asked.task.given_curve,
+        known_curve=to_explain.task.given_curve,
     )
 
 
@@ -82,13 +82,14 @@ def explain_recording(
     samples as a screening fits. ``known_curve`` is how OP strokes the valve, where the plant file
     says it.
     """
+    from stemwatch.models.loop_pace import at_loop_pace
     from stemwatch.models.stickslip.stored_range import in_percent
 
-    by_window = None
+    by_window, limits = None, limits or Limits()
     try:
-        mismatch, by_window = _explained(recording, narx, limits or Limits(), known_curve)
-        # What is drawn beside the runs is in percent, as they are.
-        recording = in_percent(recording)
+        # As a screening reads it; what is drawn beside the runs is so, too.
+        recording = at_loop_pace(in_percent(recording), round(limits.fitted_samples))
+        mismatch, by_window = _explained(recording, narx, limits, known_curve)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
         mismatch = not_testable(reason)
@@ -104,46 +105,52 @@ def explain_recording(
 def not_testable(reason: str) -> Mismatch:
     """The mismatch of a recording that could not be looked at."""
     unknown = Estimate.unknown(reason, unit=PERCENT)
-    nothing = Stiction(S=unknown, J=unknown)
-    return Mismatch(finding=Finding.NOT_TESTABLE, sentence=reason, naive=nothing, restated=nothing)
+    no_stiction = Stiction(S=unknown, J=unknown)
+    return Mismatch(
+        finding=Finding.NOT_TESTABLE, sentence=reason, naive=no_stiction, restated=no_stiction
+    )
 
 
-def _without(to_explain: ToExplain, reason: str) -> Explained:
+def _not_explained(to_explain: ToExplain, reason: str) -> Explained:
     mismatch = not_testable(reason or "there is nothing to explain")
     return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
 
 
 def _explained(
-    recording: Recording, narx: bool, limits: Limits, known: KnownCurve | None
+    recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
 ) -> tuple[Mismatch, EvidenceOfWeeks | None]:
     """The mismatch of a recording, and what its windows say together where it is a long one."""
     from stemwatch.models.explained_windows import explain_windows
 
-    def alone(part: Recording) -> Mismatch:
-        return _mismatch(part, False, limits, known)
+    def explain_alone(part: Recording) -> Mismatch:
+        return _mismatch(part, False, limits, known_curve)
 
-    def shown(part: Recording) -> Mismatch:
-        return _mismatch(part, True, limits, known)
+    def explain_shown(part: Recording) -> Mismatch:
+        return _mismatch(part, True, limits, known_curve)
 
     samples = round(limits.fitted_samples)
-    told = explain_windows(recording, samples, alone, shown if narx else None)
-    if told is None:
-        return _mismatch(recording, narx, limits, known), None
-    evidence = EvidenceOfWeeks(
-        windows=told.windows,
-        findings=told.findings,
-        pooled=told.pooled,
-        recording_began=told.began,
-        by_whole=told.by_whole,
+    evidence_windows = explain_windows(
+        recording, samples, explain_alone, explain_shown if narx else None
     )
-    said = list(evidence.sentences())
-    if told.shown is not None:
-        begin = told.shown.first * recording.interval_s / 3600.0
-        hours = told.shown.length * recording.interval_s / 3600.0
-        where = f"What follows is of the window of {hours:.3g} h that begins after {begin:.3g} h."
-        said.append(where)
-    sentence = " ".join((*said, told.mismatch.sentence))
-    return replace(told.mismatch, sentence=sentence), evidence
+    if evidence_windows is None:
+        return _mismatch(recording, narx, limits, known_curve), None
+    evidence = EvidenceOfWeeks(
+        windows=evidence_windows.windows,
+        findings=evidence_windows.findings,
+        pooled=evidence_windows.pooled,
+        recording_began=evidence_windows.began,
+        by_whole=evidence_windows.by_whole,
+    )
+    sentences = list(evidence.sentences())
+    if evidence_windows.shown is not None:
+        begin = evidence_windows.shown.first * recording.interval_s / 3600.0
+        hours = evidence_windows.shown.length * recording.interval_s / 3600.0
+        position_text = (
+            f"What follows is of the window of {hours:.3g} h that begins after {begin:.3g} h."
+        )
+        sentences.append(position_text)
+    sentence = " ".join((*sentences, evidence_windows.mismatch.sentence))
+    return replace(evidence_windows.mismatch, sentence=sentence), evidence
 
 
 def _mismatch(
@@ -159,7 +166,7 @@ def _mismatch(
 
     if narx:
         import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
-    began, recording = time.perf_counter(), on_own_clock(in_percent(recording))
+    started, recording = time.perf_counter(), on_own_clock(in_percent(recording))
     assessment = assess(recording, limits)
     masked, ceiling, curve = assessment.recording, None, None
     if not assessment.obstacles:
@@ -168,7 +175,7 @@ def _mismatch(
             ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
     # As it was read: record effects come first.
     mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known_curve is None)
-    return replace(mismatch, seconds=time.perf_counter() - began)
+    return replace(mismatch, seconds=time.perf_counter() - started)
 
 
 def _ceiling(recording: Recording, fit: StickSlipFit, curve: StrokeCurve | None) -> Floats | None:

@@ -37,20 +37,20 @@ class ExplainedEntry:
 
 def entries(valves: Sequence[Explained]) -> list[ExplainedEntry]:
     """The explanations in their order, each with an anchor that no other has."""
-    taken: Counter[str] = Counter()
-    return [_entry(explained, index, taken) for index, explained in enumerate(valves)]
+    used_anchors: Counter[str] = Counter()
+    return [_entry(explained, index, used_anchors) for index, explained in enumerate(valves)]
 
 
-def html_bytes(shown: Sequence[ExplainedEntry], context: ReportContext) -> bytes:
+def html_bytes(explained_entries: Sequence[ExplainedEntry], context: ReportContext) -> bytes:
     """The page as UTF-8."""
-    counted = Counter(entry.explained.mismatch.finding for entry in shown)
+    counts = Counter(entry.explained.mismatch.finding for entry in explained_entries)
     templates = environment(context, _load)
     templates.filters["change"] = change
     page = templates.get_template("explain.html")
     text = page.render(
         context=context,
-        entries=shown,
-        counts={finding: counted[finding] for finding in Finding if counted[finding]},
+        entries=explained_entries,
+        counts={finding: counts[finding] for finding in Finding if counts[finding]},
         most_plotted=MOST_PLOTTED,
         compact=False,
         **inlined(PLOT_SCRIPTS),
@@ -64,8 +64,8 @@ def change(before: float | None, after: float | None) -> str:
     return first if first == second else f"{first} → {second}"
 
 
-def _entry(explained: Explained, place: int, used_anchors: Counter[str]) -> ExplainedEntry:
-    recording = explained.recording if place < MOST_PLOTTED else None
+def _entry(explained: Explained, number: int, used_anchors: Counter[str]) -> ExplainedEntry:
+    recording = explained.recording if number < MOST_PLOTTED else None
     anchor = anchor_of(explained.valve, used_anchors)
     return ExplainedEntry(
         explained=explained,
@@ -76,8 +76,8 @@ def _entry(explained: Explained, place: int, used_anchors: Counter[str]) -> Expl
 @cache
 def _load(name: str) -> str:
     """A template of this page, or one of the report's."""
-    own = files(HERE).joinpath(name)
-    return own.read_text("utf-8") if own.is_file() else template(name)
+    source = files(HERE).joinpath(name)
+    return source.read_text("utf-8") if source.is_file() else template(name)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -73,7 +73,9 @@ def _best(judgement: TestJudgement) -> str:
 
 def _follows(judgement: TestJudgement) -> Words:
     name = _best(judgement)
-    others = [rival_name(one.slug) for one in judgement.models if one.slug != judgement.winner]
+    others = [
+        rival_name(model.slug) for model in judgement.models if model.slug != judgement.winner
+    ]
     ruled = "is ruled out" if len(others) == 1 else "are ruled out"
     outcome = outcome_of(judgement.models[judgement.best].slug)
     then = (f"First: {outcome.then}",) if outcome.then else ()
@@ -101,7 +103,7 @@ def _cannot_tell(judgement: TestJudgement) -> Words:
 
 
 def _none_follows(judgement: TestJudgement) -> Words:
-    names = [rival_name(one.slug) for one in judgement.models]
+    names = [rival_name(model.slug) for model in judgement.models]
     return (
         "the test speaks for none of the rivals",
         f"MV follows none of {joined(tuple(names))}: the nearest, {_best(judgement)}, leaves "
@@ -143,31 +145,31 @@ def _rivals(judgement: TestJudgement) -> tuple[RivalSeen, ...]:
             name=rival_name(judgement.models[k].slug),
             rms=float(np.sqrt(np.mean((judgement.fits[k].followed - judgement.mv) ** 2))),
             as_far=_as_far(judgement, k),
-            said=_said(judgement, k),
+            said=_sentence_of_model(judgement, k),
         )
         for k in order
     )
 
 
-def _as_far(judgement: TestJudgement, place: int) -> str:
+def _as_far(judgement: TestJudgement, index: int) -> str:
     """How many of the rival's own answers would speak for the best as much."""
-    if place == judgement.best:
+    if index == judgement.best:
         return ""
-    return f"{round(judgement.as_far[place] * (DRAWN + 1))} in {DRAWN + 1}"
+    return f"{round(judgement.as_far[index] * (DRAWN + 1))} in {DRAWN + 1}"
 
 
-def _said(judgement: TestJudgement, place: int) -> str:
+def _sentence_of_model(judgement: TestJudgement, index: int) -> str:
     if judgement.outcome is TestOutcome.NONE_FOLLOWS:
-        return "nearest, does not follow" if place == judgement.best else "does not follow"
-    if place == judgement.best:
+        return "nearest, does not follow" if index == judgement.best else "does not follow"
+    if index == judgement.best:
         return "follows best"
-    return "not ruled out" if judgement.models[place].slug in judgement.left else "ruled out"
+    return "not ruled out" if judgement.models[index].slug in judgement.left else "ruled out"
 
 
 def to_object(result: TestResult) -> dict[str, Any]:
     """The result as plain JSON types, described in docs/plan-test.md."""
     judgement = result.judgement
-    start, end = (None if at is None else at.isoformat() for at in result.window)
+    start, end = (None if instant is None else instant.isoformat() for instant in result.window)
     return {
         "version": VERSION,
         "valve": result.valve,
@@ -186,9 +188,9 @@ def to_object(result: TestResult) -> dict[str, Any]:
                 "slug": model.slug,
                 "name": rival_name(model.slug),
                 "cost": finite(fit.cost),
-                "as_far": finite(far),
+                "as_far": finite(distance),
             }
-            for model, fit, far in zip(
+            for model, fit, distance in zip(
                 judgement.models, judgement.fits, judgement.as_far, strict=False
             )
         ],

@@ -39,14 +39,14 @@ def picture_of_test(sheet: TestSheet) -> Drawing | None:
         return None
     op = sheet.plan.op + test.change
     panel, marks = _traces(op, test.interval_s, sheet.rivals, test.predicted)
-    for number, look in enumerate(sheet.looks, start=1):
-        x = panel.x(look.at_s / 60.0)
+    for number, reading in enumerate(sheet.looks, start=1):
+        x = panel.x(reading.at_s / 60.0)
         marks.append(
             DrawnLine(((x, panel.top), (x, panel.top + panel.height)), width=0.3, grey=0.6)
         )
         marks.append(DrawnText((x, panel.top - 2.0), str(number), 6.5, "middle", bold=True))
-    says = f"OP of the test over time, and MV for {', '.join(sheet.rivals)}."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says)
+    caption = f"OP of the test over time, and MV for {', '.join(sheet.rivals)}."
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption)
 
 
 def picture_of_result(
@@ -54,8 +54,8 @@ def picture_of_result(
 ) -> Drawing:
     """OP dashed, the recorded MV in grey, and MV as each rival follows it."""
     _, marks = _traces(op, interval_s, rivals, followed, mv)
-    says = f"OP and MV of the test as recorded, and MV as {', '.join(rivals)} would follow."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says)
+    caption = f"OP and MV of the test as recorded, and MV as {', '.join(rivals)} would follow."
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption)
 
 
 def _traces(
@@ -79,13 +79,13 @@ def _traces(
         y1=high,
     )
     marks: list[Mark] = [*panel.frame("minutes from the start", "%")]
-    drawn: list[tuple[str, Floats, Look]] = [("OP", op, (0.6, OP_DASH, 0.0))]
+    lines: list[tuple[str, Floats, Look]] = [("OP", op, (0.6, OP_DASH, 0.0))]
     if mv is not None:
-        drawn.append(("MV recorded", mv, RECORDED))
+        lines.append(("MV recorded", mv, RECORDED))
     named = [f"MV, {name}" for name in rivals]
-    drawn += [*zip(named, runs, LOOKS_OF_RIVALS, strict=False)]
+    lines += [*zip(named, runs, LOOKS_OF_RIVALS, strict=False)]
     names: list[Legend] = []
-    for name, values, (width, dash, grey) in drawn:
+    for name, values, (width, dash, grey) in lines:
         marks += panel.lines(minutes, values, width, dash, grey)
         names.append((name, width, dash, grey))
     return panel, [*marks, *_legend(names)]

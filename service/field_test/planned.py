@@ -27,10 +27,10 @@ def plan_of(
 ) -> FieldTestPlan:
     """The plan for what was found, of a valve that was ``judged`` or got no verdict."""
     question = None if mismatch is None else mismatch.open_question
-    told = mismatch is not None and mismatch.finding is not Finding.NOT_TESTABLE
-    plan = plan_test(question, limits, judged=judged or told, op=op)
-    untold = () if mismatch is None or told else mismatch.not_testable
-    blind = any(one.reason == identifiability.NO_POSITION for one in untold)
+    is_judged = mismatch is not None and mismatch.finding is not Finding.NOT_TESTABLE
+    plan = plan_test(question, limits, judged=judged or is_judged, op=op)
+    untold = () if mismatch is None or is_judged else mismatch.not_testable
+    blind = any(untold_effect.reason == identifiability.NO_POSITION for untold_effect in untold)
     return _without_position(plan) if blind else plan
 
 
@@ -58,11 +58,11 @@ def question_before(
 
     One that holds the test itself may have settled what the test was planned for.
     """
-    known = store.screenings(valve, LOOKED_BACK)
-    if not known:
+    screenings = store.screenings(valve, LOOKED_BACK)
+    if not screenings:
         return None
-    before = [one for one in known if begin is not None and one.at <= begin]
-    chosen = (before or known)[0]
+    before = [screening for screening in screenings if begin is not None and screening.at <= begin]
+    chosen = (before or screenings)[0]
     mismatch = screening_of(chosen).mismatch
     question = None if mismatch is None else mismatch.open_question
     return question or OpenQuestion(), chosen.at
@@ -72,8 +72,8 @@ class PlanCache:
     """Plans from a store. Each takes seconds, so those that were asked for last are kept; a new
     screening of a valve is planned anew."""
 
-    def __init__(self, most: int = KEPT) -> None:
-        self._most = most
+    def __init__(self, largest: int = KEPT) -> None:
+        self._most = largest
         self._kept: OrderedDict[tuple[object, ...], FieldTestPlan] = OrderedDict()
         self._guard = Lock()
 

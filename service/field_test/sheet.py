@@ -127,8 +127,8 @@ def rival_name(slug: str) -> str:
 
 def clock(seconds: float) -> str:
     """``3:05`` for 185 s."""
-    whole = round(seconds)
-    return f"{whole // 60}:{whole % 60:02d}"
+    whole_seconds = round(seconds)
+    return f"{whole_seconds // 60}:{whole_seconds % 60:02d}"
 
 
 def sheet_of(plan: FieldTestPlan, valve: str) -> TestSheet:
@@ -136,28 +136,37 @@ def sheet_of(plan: FieldTestPlan, valve: str) -> TestSheet:
     names = tuple(rival_name(slug) for slug in plan.rivals)
     if plan.kind is PlanKind.NOTHING_LEFT:
         title = f"{valve}: no test is needed"
-        said = (
+        sentence = (
             "Nothing is left to be told apart: the last recording names what it shows, or needs "
             "nothing beside S and J."
         )
-        return TestSheet(valve=valve, plan=plan, title=title, headline=said, remarks=(LAST_WORD,))
+        return TestSheet(
+            valve=valve, plan=plan, title=title, headline=sentence, remarks=(LAST_WORD,)
+        )
     title = f"{valve}: the test that tells {joined(names)} apart"
     if plan.kind is PlanKind.BUMP:
         title = f"{valve}: the bump test that would give a verdict"
     test = plan.test
     if not names:
-        title, said = f"{valve}: no test can be planned", f"No test can be planned: {plan.reason}."
-        return TestSheet(valve=valve, plan=plan, title=title, headline=said, remarks=(LAST_WORD,))
+        title, sentence = (
+            f"{valve}: no test can be planned",
+            f"No test can be planned: {plan.reason}.",
+        )
+        return TestSheet(
+            valve=valve, plan=plan, title=title, headline=sentence, remarks=(LAST_WORD,)
+        )
     if test is None:
-        said = f"No test within these limits can tell {joined(names)} apart: {plan.reason}."
-        remarks = (*_wider(plan), LAST_WORD)
-        return TestSheet(valve=valve, plan=plan, title=title, headline=said, remarks=remarks)
+        sentence = f"No test within these limits can tell {joined(names)} apart: {plan.reason}."
+        closing_remarks = (*_wider(plan), LAST_WORD)
+        return TestSheet(
+            valve=valve, plan=plan, title=title, headline=sentence, remarks=closing_remarks
+        )
     return TestSheet(
         valve=valve,
         plan=plan,
         title=title,
         headline=_headline(plan, test, names),
-        remarks=tuple(_remarks(plan, test)),
+        remarks=tuple(_remarks_on_test(plan, test)),
         before=tuple(_before(plan, test)),
         legs=legs_of(test.programme, plan.op),
         looks=looks_of(plan, test),
@@ -182,40 +191,40 @@ def _headline(plan: FieldTestPlan, test: DesignedTest, names: tuple[str, ...]) -
     minutes = test.programme.duration_s / 60.0
     share = sureness(test)
     low, high = float(test.change.min()), float(test.change.max())
-    where = (
+    where_text = (
         f"in {minutes:.0f} minutes with OP between {plan.op + low:.1f} and {plan.op + high:.1f} %"
     )
     if plan.kind is PlanKind.CANNOT_TELL:
         return (
-            f"No test within these limits tells {joined(names)} apart: the best one, {where}, "
+            f"No test within these limits tells {joined(names)} apart: the best one, {where_text}, "
             f"finds the right one with a probability of {share}, where guessing has "
             f"{100.0 / len(names):.0f} %."
         )
     return (
-        f"The right one of {joined(names)} is found with a probability of {share}, {where}; each "
-        "is taken to be as likely as the others."
+        f"The right one of {joined(names)} is found with a probability of {share}, "
+        f"{where_text}; each is taken to be as likely as the others."
     )
 
 
 def sureness(test: DesignedTest) -> str:
     """The probability in words; where every answer that was drawn went to the right one, what the
     number of draws allows to say (rule of three, 95 %)."""
-    drawn = REPLICATES * len(test.models)
-    if test.probability > 1.0 - 0.5 / drawn:
-        return f"more than {100.0 * (1.0 - 3.0 / drawn):.0f} %"
+    runs_drawn = REPLICATES * len(test.models)
+    if test.probability > 1.0 - 0.5 / runs_drawn:
+        return f"more than {100.0 * (1.0 - 3.0 / runs_drawn):.0f} %"
     return f"{100.0 * test.probability:.0f} %"
 
 
-def _remarks(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
+def _remarks_on_test(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
     for first, second in plan.undecided:
         yield f"This test does not tell {rival_name(first)} from {rival_name(second)}."
     yield from _wider(plan)
     process = plan.question.process
     if test.upset is None:
-        why = "" if process is None else process.gain.reason or ""
+        reason = "" if process is None else process.gain.reason or ""
         yield (
             "How PV answers OP is not known"
-            + (f" ({why})" if why else "")
+            + (f" ({reason})" if reason else "")
             + ": begin with the smallest step and watch PV; no limit of PV was kept."
         )
     else:
@@ -266,8 +275,8 @@ def _stop(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
     if plan.allowed_upset is not None:
         unit = "" if process is None else f" {process.unit}".rstrip()
         yield f"PV has changed by more than {plan.allowed_upset:.3g}{unit} from where it was."
-    far = _farthest(plan, test)
-    yield f"MV is more than {far:.0f} % away from where it began."
+    farthest = _farthest(plan, test)
+    yield f"MV is more than {farthest:.0f} % away from where it began."
     yield "An alarm comes, or somebody needs the loop."
     yield f"To stop: OP back to {plan.op:.1f} %, and the controller to automatic."
 
@@ -279,10 +288,11 @@ def _farthest(plan: FieldTestPlan, test: DesignedTest) -> float:
 
 def _passes(plan: FieldTestPlan) -> str:
     sigma = plan.question.sigma
-    near = max(3.0 * sigma, 2.0 * plan.question.scatter, 0.2)
+    tolerance = max(3.0 * sigma, 2.0 * plan.question.scatter, 0.2)
     return (
-        f"Passed: at each of these instants MV is within {near:.1f} % of one and the same column. "
-        "Failed: it follows none of them, or another one each time; then what is wrong is not "
+        f"Passed: at each of these instants MV is within {tolerance:.1f} % of one and the same "
+        "column. Failed: it follows none of them, or another one each time; then what is wrong "
+        "is not "
         "among them, and the recording is worth more than any guess."
     )
 
@@ -302,7 +312,7 @@ def outcome_of(slug: str) -> RivalOutcome:
 
 def legs_of(programme: Programme, op: float) -> tuple[Leg, ...]:
     """The values of a programme, those on one way together."""
-    found: list[Leg] = []
+    legs: list[Leg] = []
     for begin, move in zip(programme.begins_s, programme.moves, strict=True):
         last, k = 0.0, 0
         while k < len(move.changes):
@@ -312,19 +322,19 @@ def legs_of(programme: Programme, op: float) -> tuple[Leg, ...]:
                 _rounded(move.changes[end] - move.changes[end - 1]), first
             ):
                 end += 1
-            count, to = end - k, move.changes[end - 1]
-            found.append(
+            count, level = end - k, move.changes[end - 1]
+            legs.append(
                 Leg(
                     at_s=begin + k * move.hold_s,
-                    to=op + to,
-                    change=to,
+                    to=op + level,
+                    change=level,
                     values=count,
-                    step=abs(to - last) / count,
+                    step=abs(level - last) / count,
                     hold_s=move.hold_s,
                 )
             )
-            last, k = to, end
-    return tuple(found)
+            last, k = level, end
+    return tuple(legs)
 
 
 def _rounded(step: float) -> float:
@@ -342,14 +352,14 @@ def looks_of(plan: FieldTestPlan, test: DesignedTest) -> tuple[TellingInstant, .
     """The instants at which the rivals' readings lie farthest apart, in order of time."""
     predicted = test.predicted
     # The two that are nearest to each other decide whether a look tells.
-    apart = np.min(np.diff(np.sort(predicted, axis=0), axis=0), axis=0)
-    apart = apart + 0.2 * np.ptp(predicted, axis=0)
+    separation = np.min(np.diff(np.sort(predicted, axis=0), axis=0), axis=0)
+    separation = separation + 0.2 * np.ptp(predicted, axis=0)
     # A slip comes a little earlier or later than predicted: a look must tell for some seconds.
     around = max(round(LOOK_S / test.interval_s), 1)
-    edges = np.pad(apart, around, constant_values=0.0)
-    apart = np.lib.stride_tricks.sliding_window_view(edges, 2 * around + 1).min(axis=1)
+    edges = np.pad(separation, around, constant_values=0.0)
+    separation = np.lib.stride_tricks.sliding_window_view(edges, 2 * around + 1).min(axis=1)
     chosen: list[int] = []
-    for k in np.argsort(-apart, kind="stable").tolist():
+    for k in np.argsort(-separation, kind="stable").tolist():
         if all(abs(k - other) * test.interval_s >= LEAST_APART_S for other in chosen):
             chosen.append(k)
         if len(chosen) == LOOKS:
@@ -409,11 +419,13 @@ def to_object(sheet: TestSheet) -> dict[str, Any]:
         ],
         "looks": [
             {
-                "at_s": look.at_s,
-                "op_percent": round(look.op, 3),
-                "mv_percent": dict(zip(plan.rivals, (round(mv, 3) for mv in look.mv), strict=True)),
+                "at_s": reading.at_s,
+                "op_percent": round(reading.op, 3),
+                "mv_percent": dict(
+                    zip(plan.rivals, (round(mv, 3) for mv in reading.mv), strict=True)
+                ),
             }
-            for look in sheet.looks
+            for reading in sheet.looks
         ],
     }
 

@@ -35,7 +35,7 @@ def write_sheet(sheet: TestSheet, context: ReportContext, folder: Path) -> tuple
     return page, paper
 
 
-def shown(sheet: TestSheet) -> dict[str, Any]:
+def page_values(sheet: TestSheet) -> dict[str, Any]:
     """What the templates of the sheet want beside it."""
     picture, test = picture_of_test(sheet), sheet.test
     return {
@@ -50,7 +50,7 @@ def first_letter_large(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def said(outcome: RivalOutcome) -> str:
+def outcome_sentence(outcome: RivalOutcome) -> str:
     """An outcome in one line."""
     first = f" First: {outcome.then}" if outcome.then else ""
     return f"{first_letter_large(outcome.name)}: {outcome.means}.{first}"
@@ -61,7 +61,10 @@ def html_of(sheet: TestSheet, context: ReportContext) -> bytes:
     env = environment(context, resource)
     page = env.get_template("test_plan.html")
     text = page.render(
-        context=context, signed=SIGNED, styles=Markup(resource("test_plan.css")), **shown(sheet)
+        context=context,
+        signed=SIGNED,
+        styles=Markup(resource("test_plan.css")),
+        **page_values(sheet),
     )
     return text.encode()
 
@@ -88,8 +91,8 @@ def html_of_result(result: TestResult, context: ReportContext) -> bytes:
                 judgement.op,
                 judgement.mv,
                 judgement.interval_s,
-                [one.name for one in result.rivals],
-                [followed[one.slug] for one in result.rivals],
+                [rival.name for rival in result.rivals],
+                [followed[rival.slug] for rival in result.rivals],
             )
         )
     page = environment(context, resource).get_template("test_result.html")
@@ -109,42 +112,42 @@ def pdf_of(sheet: TestSheet, context: ReportContext, *, compress: bool = True) -
 
     memory = io.BytesIO()
     document = PlainDocument(memory, sheet.title, context, SIGNED, compress=compress)
-    story: list[Any] = []
+    flowables: list[Any] = []
     for size in SIZES:
-        story = _story(TypeSize(size), sheet, context)
-        if height_of(story) <= document.room:
+        flowables = _flowables(TypeSize(size), sheet, context)
+        if height_of(flowables) <= document.room:
             break
-    document.build(story)
+    document.build(flowables)
     return memory.getvalue()
 
 
 # Type sizes are ``TypeSize`` of ``maintenance.paper``, which is imported only where a PDF is made:
 # reportlab takes long to import.
-def _story(t: Any, sheet: TestSheet, context: ReportContext) -> list[Any]:
+def _flowables(t: Any, sheet: TestSheet, context: ReportContext) -> list[Any]:
     from reportlab.platypus import Spacer
 
     from stemwatch.service.maintenance.paper import PaperPicture
 
     plant = f"{context.plant} · " if context.plant else ""
     planned = f"{plant}planned {instant(context.started, context.tz)} ({context.zone})"
-    story: list[Any] = [
+    flowables: list[Any] = [
         t.text(sheet.title, 1.7, bold=True, spaceAfter=3.0),
         t.text(f"{planned} · {context.software}", 0.86),
         t.text(sheet.headline, bold=True, spaceBefore=3.0, spaceAfter=2.0),
-        *(t.text(f"• {remark}", 0.95) for remark in sheet.remarks),
+        *(t.text(f"• {remark_text}", 0.95) for remark_text in sheet.remarks),
     ]
     picture = picture_of_test(sheet)
     if sheet.test is None or picture is None:
-        return story
+        return flowables
     return [
-        *story,
+        *flowables,
         Spacer(1, 3.0),
         PaperPicture(picture),
-        t.columns(_left(t, sheet), _right(t, sheet)),
+        t.columns(_left_column(t, sheet), _right(t, sheet)),
     ]
 
 
-def _left(t: Any, sheet: TestSheet) -> list[Any]:
+def _left_column(t: Any, sheet: TestSheet) -> list[Any]:
     from stemwatch.service.maintenance.paper import GAP, WIDTH
 
     assert sheet.test is not None
@@ -155,7 +158,7 @@ def _left(t: Any, sheet: TestSheet) -> list[Any]:
     width = (WIDTH - GAP) / 2
     return [
         t.heading("Before"),
-        *(t.text(f"{k}. {one}") for k, one in enumerate(sheet.before, start=1)),
+        *(t.text(f"{k}. {step}") for k, step in enumerate(sheet.before, start=1)),
         t.heading("The test"),
         t.grid(rows, [0.12 * width, 0.27 * width, 0.61 * width]),
     ]
@@ -168,11 +171,11 @@ def _right(t: Any, sheet: TestSheet) -> list[Any]:
     count = len(sheet.rivals)
     rows = [("", "At", "OP, %", *(f"MV: {name}" for name in sheet.rivals), "seen")]
     rows += [
-        (str(k), look.clock, f"{look.op:.1f}", *(f"{mv:.1f}" for mv in look.mv), "____")
-        for k, look in enumerate(sheet.looks, start=1)
+        (str(k), reading.clock, f"{reading.op:.1f}", *(f"{mv:.1f}" for mv in reading.mv), "____")
+        for k, reading in enumerate(sheet.looks, start=1)
     ]
     shares = [0.06, 0.12, 0.14, *[0.54 / count] * count, 0.14]
-    outcomes = [t.text(said(one)) for one in sheet.outcomes]
+    outcomes = [t.text(outcome_sentence(outcome)) for outcome in sheet.outcomes]
     return [
         t.heading("Watch"),
         t.grid(rows, [share * width for share in shares]),
@@ -180,7 +183,7 @@ def _right(t: Any, sheet: TestSheet) -> list[Any]:
         t.heading("What each outcome means"),
         *outcomes,
         t.heading("Stop when"),
-        *(t.text(f"• {one}") for one in sheet.stop),
+        *(t.text(f"• {reason}") for reason in sheet.stop),
         t.heading("Afterwards"),
         t.text(sheet.after),
     ]

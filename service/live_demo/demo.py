@@ -28,7 +28,8 @@ T = TypeVar("T")
 class LiveDemo:
     """The demo in the folder ``out`` with its pages on ``port`` (0 takes a free one).
 
-    ``say`` gets lines for the terminal, ``ready`` the address of the pages once they are served.
+    ``announce`` gets lines for the terminal, ``ready`` the address of the pages once they are
+    served.
     """
 
     def __init__(
@@ -81,7 +82,7 @@ class LiveDemo:
             address = await _first(service.address(), stop)
             if address is None:
                 return
-            for line in self._story(address):
+            for line in self._introduction(address):
                 self._say(line)
             self._ready(address)
 
@@ -97,10 +98,10 @@ class LiveDemo:
             await _first(work(), stop)
 
     def _wears(self, tag: str) -> None:
-        told = self._timing.alert_after_s / self._timing.speed / 60.0
+        alert_wait_min = self._timing.alert_after_s / self._timing.speed / 60.0
         self._say(
             f"{tag} was screened as new and begins to wear. Its alert and the mail come in about "
-            f"{told:.0f} minutes."
+            f"{alert_wait_min:.0f} minutes."
         )
 
     def _repaired(self, tag: str) -> None:
@@ -113,7 +114,7 @@ class LiveDemo:
     def _mail_came(self, mail: CaughtMail) -> None:
         self._say(f"A mail arrived ({mail.file}): {mail.subject}")
 
-    def _story(self, address: str) -> list[str]:
+    def _introduction(self, address: str) -> list[str]:
         return [
             f"1. All valves are screened every {self._timing.schedule_s:g} s. Once {WEARING} has a "
             "baseline it wears, until it sticks.",

@@ -27,8 +27,8 @@ class DemoFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path.resolve()
-        about = self.path / ABOUT
-        if self.path.exists() and not about.is_file() and any(self.path.iterdir()):
+        about_file = self.path / ABOUT
+        if self.path.exists() and not about_file.is_file() and any(self.path.iterdir()):
             raise FileExistsError(
                 f"{path} holds other files and was not made by a live demo; name a new folder or "
                 "an empty one with --out"
@@ -40,7 +40,7 @@ class DemoFolder:
             raise BlockingIOError(
                 f"a live demo is running in {path}; end it, or name another folder with --out"
             ) from None
-        about.write_text(_ABOUT_TEXT, encoding="utf-8", newline="\n")
+        about_file.write_text(_ABOUT_TEXT, encoding="utf-8", newline="\n")
         self._clear()
 
     @property

@@ -45,9 +45,9 @@ class MailCatcher:
     """Receives mails by SMTP on loopback, stores each as ``0001.eml`` and so on in ``folder``, and
     lists them in ``index.html`` there, newest first.
 
-    Use it with ``async with``; with ``port`` 0 it takes a free one and sets ``port``. ``told`` is
-    called with each mail. Mails of more than 1 MiB are refused. Raises ``MailCatcherMissing`` where
-    the extra ``live-demo`` is not installed.
+    Use it with ``async with``; with ``port`` 0 it takes a free one and sets ``port``. ``on_mail``
+    is called with each mail. Mails of more than 1 MiB are refused. Raises ``MailCatcherMissing``
+    where the extra ``live-demo`` is not installed.
     """
 
     def __init__(
@@ -109,9 +109,9 @@ class MailCatcher:
         text = pages.get_template(TEMPLATE).render(
             mails=self.caught[::-1][:_SHOWN], count=len(self.caught)
         )
-        fresh = self.list_file.with_suffix(".new")
-        fresh.write_text(text, encoding="utf-8", newline="\n")
-        fresh.replace(self.list_file)
+        new_file = self.list_file.with_suffix(".new")
+        new_file.write_text(text, encoding="utf-8", newline="\n")
+        new_file.replace(self.list_file)
 
 
 class _Handler:

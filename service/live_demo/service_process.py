@@ -27,7 +27,8 @@ class ServiceEnded(OSError):
 
 class ServiceProcess:
     """The service for ``plant_file`` on loopback with its log in the file ``log``; use it with
-    ``async with``. ``say`` gets each line that it prints: its address, and how to sign in first."""
+    ``async with``. ``announce`` gets each line that it prints: its address, and how to sign in
+    first."""
 
     def __init__(
         self, plant_file: Path, port: int, log: Path, announce: Callable[[str], None]
@@ -85,9 +86,9 @@ class ServiceProcess:
         assert self._process.stdout is not None
         assert self._address is not None
         async for line in self._process.stdout:
-            said = line.decode("utf-8", "replace").rstrip()
-            self._say(said)
-            if (match := _ADDRESS.match(said)) and not self._address.done():
+            log_line = line.decode("utf-8", "replace").rstrip()
+            self._say(log_line)
+            if (match := _ADDRESS.match(log_line)) and not self._address.done():
                 self._address.set_result(match[1])
         if not self._address.done():
             self._address.set_exception(self._sentence(await self._process.wait()))

@@ -28,9 +28,9 @@ class Technician:
     def look(self) -> list[str]:
         """The valves with maintenance that is new since the last call. Raises ``StoreError``."""
         to_repair = []
-        for valve, done in self._done.items():
+        for valve, repaired_at in self._done.items():
             recorded = len(self._store.maintenance(valve))
-            if recorded > done:
+            if recorded > repaired_at:
                 to_repair.append(valve)
             self._done[valve] = recorded
         return to_repair

@@ -86,20 +86,18 @@ def _crossings(points: tuple[Point, ...], level: float) -> list[float]:
     """Abscissae at which the polygon's edges cross the line x + y = ``level``."""
     crossings = []
     for (x0, y0), (x1, y1) in zip(points, (*points[1:], points[0]), strict=True):
-        here, there = x0 + y0 - level, x1 + y1 - level
-        if (here < 0.0) != (there < 0.0):
-            crossings.append(x0 + (x1 - x0) * here / (here - there))
+        offset0, offset1 = x0 + y0 - level, x1 + y1 - level
+        if (offset0 < 0.0) != (offset1 < 0.0):
+            crossings.append(x0 + (x1 - x0) * offset0 / (offset0 - offset1))
     return crossings
 
 
 def svg_of(drawing: Drawing) -> Markup:
     """The picture as an element; every text is escaped."""
-    inside = Markup("").join(_mark(mark) for mark in drawing.marks)
+    marks = Markup("").join(_mark(mark) for mark in drawing.marks)
     return Markup(
         '<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{says}">{inside}</svg>'
-    ).format(
-        width=drawing.width, height=drawing.height, says=printable(drawing.says), inside=inside
-    )
+    ).format(width=drawing.width, height=drawing.height, says=printable(drawing.says), inside=marks)
 
 
 def _mark(mark: Mark) -> Markup:
@@ -181,8 +179,8 @@ class Panel:
         self, x: Floats, y: Floats, width: float, dash: tuple[float, ...] = (), grey: float = 0.0
     ) -> list[DrawnLine]:
         """Polylines through ``x`` and ``y`` (n,), broken where either is not known."""
-        known = np.isfinite(x) & np.isfinite(y)
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], known.astype(np.int8), [0]))))
+        finite = np.isfinite(x) & np.isfinite(y)
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], finite.astype(np.int8), [0]))))
         return [
             DrawnLine(
                 tuple(self.at(float(a), float(b)) for a, b in zip(x[i:j], y[i:j], strict=True)),
@@ -203,7 +201,7 @@ class Panel:
             x = self.x(value)
             marks.append(DrawnLine(((x, foot), (x, foot + 2.5)), width=0.5, grey=0.3))
             marks.append(DrawnText((x, foot + 9.5), tick_text(value), TICK_SIZE, "middle"))
-        for value in ticks(self.y0, self.y1, most=5):
+        for value in ticks(self.y0, self.y1, most_ticks=5):
             y = self.y(value)
             marks.append(DrawnLine(((self.left - 2.5, y), (self.left, y)), width=0.5, grey=0.3))
             marks.append(DrawnText((self.left - 4.0, y + 2.3), tick_text(value), TICK_SIZE, "end"))
@@ -217,19 +215,29 @@ class Panel:
 def span(*traces: Floats) -> tuple[float, float]:
     """The range of all finite values with a twentieth to spare; something to draw on where it is
     a point or nothing."""
-    known = (
+    finite = (
         np.concatenate([trace[np.isfinite(trace)] for trace in traces]) if traces else np.zeros(0)
     )
-    if not known.size:
+    if not finite.size:
         return 0.0, 1.0
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite.min()), float(finite.max())
     spare = max(0.05 * (high - low), 0.5 if high - low < 0.5 else 0.0, 1e-6 * abs(high))
     return low - spare, high + spare
 
 
-def ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """At most ``most`` round numbers between ``low`` and ``high``, evenly apart."""
-    rough = (high - low) / most
+def equally_long(
+    x: tuple[float, float], y: tuple[float, float], width_by_height: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Both ends wide enough that a percent is as long on either axis."""
+    wider = max(x[1] - x[0], width_by_height * (y[1] - y[0]))
+    middle_x, middle_y = (x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0
+    half_x, half_y = wider / 2.0, wider / width_by_height / 2.0
+    return (middle_x - half_x, middle_x + half_x), (middle_y - half_y, middle_y + half_y)
+
+
+def ticks(low: float, high: float, most_ticks: int = 6) -> list[float]:
+    """At most ``most_ticks`` round numbers between ``low`` and ``high``, evenly apart."""
+    rough = (high - low) / most_ticks
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * k for k in (1, 2, 2.5, 5, 10) if power * k >= rough)
     first = math.ceil(low / step)

@@ -17,6 +17,7 @@ from stemwatch.service.maintenance.drawing import (
     DrawnText,
     Mark,
     Panel,
+    equally_long,
     span,
 )
 from stemwatch.service.presenter.wording import instant, printable
@@ -54,17 +55,17 @@ def picture_of(
     if not np.isfinite(recording.op.values).sum() > 1:
         return None, NOTHING_TO_DRAW
     simulated = simulated_run(screening, recording)
-    part, why = part_drawn(recording, simulated)
-    why += _from(recording, part, zone)
-    beside = recording.mv is not None
-    width = WIDTH - LEFT - (LOOP_WIDTH + 44.0 if beside else 0.0) - 6.0
-    marks, says = _over_time(recording, simulated, part, width)
-    if beside:
+    part, reason = part_drawn(recording, simulated)
+    reason += _from(recording, part, zone)
+    has_position = recording.mv is not None
+    width = WIDTH - LEFT - (LOOP_WIDTH + 44.0 if has_position else 0.0) - 6.0
+    marks, caption = _over_time(recording, simulated, part, width)
+    if has_position:
         marks += _against_op(screening, recording, part)
-        says += " Beside it MV against OP, with the stick band of S and J."
+        caption += " Beside it MV against OP, with the stick band of S and J."
         if screening.stroke_curve is not None:
-            says += " The curve from OP to stroke goes through it."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=says), why
+            caption += " The curve from OP to stroke goes through it."
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption), reason
 
 
 def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
@@ -84,8 +85,8 @@ def part_drawn(recording: Recording, simulated: Floats | None) -> tuple[slice, s
     longest = max(2, round(LONGEST_S / recording.interval_s))
     if len(recording) <= longest:
         return slice(0, len(recording)), "The whole record"
-    known = np.flatnonzero(np.isfinite(recording.op.values))
-    last = int(known[-1]) + 1
+    finite = np.flatnonzero(np.isfinite(recording.op.values))
+    last = int(finite[-1]) + 1
     return slice(max(0, last - longest), last), "The last hour of the record"
 
 
@@ -136,9 +137,11 @@ def _panel_over_time(
         y1=high,
     )
     marks = panel.frame(what, printable(unit))
-    picked = telling_samples([trace.values for trace in traces], POINTS * len(traces))
-    for drawn in traces:
-        marks += panel.lines(seconds[picked] / scale, drawn.values[picked], drawn.width, drawn.dash)
+    kept_samples = telling_samples([trace.values for trace in traces], POINTS * len(traces))
+    for trace in traces:
+        marks += panel.lines(
+            seconds[kept_samples] / scale, trace.values[kept_samples], trace.width, trace.dash
+        )
     return marks + _legend(traces, top)
 
 
@@ -169,7 +172,7 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
     (x0, x1) = span(op, *(shape[:, 0] for shape in drawn))
     (y0, y1) = span(mv, *(shape[:, 1] for shape in drawn))
     if comparable:
-        (x0, x1), (y0, y1) = _alike((x0, x1), (y0, y1), LOOP_WIDTH / (HEIGHT - TOP - FOOT))
+        (x0, x1), (y0, y1) = equally_long((x0, x1), (y0, y1), LOOP_WIDTH / (HEIGHT - TOP - FOOT))
     panel = Panel(
         left=WIDTH - LOOP_WIDTH - 4.0,
         top=TOP,
@@ -191,18 +194,8 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
         marks.append(DrawnLine(line, width=1.3, dash=OP_DASH))
         marks += _curve_legend(panel)
     marks += _recorded_legend(panel, lines_below=(band is not None) + (curve is not None))
-    picked = telling_samples([op, mv], 2 * POINTS)
-    return marks + panel.lines(op[picked], mv[picked], 0.8)
-
-
-def _alike(
-    x: tuple[float, float], y: tuple[float, float], width_by_height: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Both ends wide enough that a percent is as long on either axis."""
-    wider = max(x[1] - x[0], width_by_height * (y[1] - y[0]))
-    middle_x, middle_y = (x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0
-    half_x, half_y = wider / 2.0, wider / width_by_height / 2.0
-    return (middle_x - half_x, middle_x + half_x), (middle_y - half_y, middle_y + half_y)
+    kept_samples = telling_samples([op, mv], 2 * POINTS)
+    return marks + panel.lines(op[kept_samples], mv[kept_samples], 0.8)
 
 
 def _recorded_legend(panel: Panel, lines_below: int) -> list[Mark]:

@@ -62,7 +62,7 @@ def sentence(first_seen: FirstSeen, zone: tzinfo) -> str:
     if first_seen.first is None:
         if first_seen.before is None:
             return "First screening that is known of this valve: nothing to compare with."
-        return f"New in this screening; the one before, {_said(first_seen.before, zone)}."
+        return f"New in this screening; the one before, {_past_sentence(first_seen.before, zone)}."
     begins = "at least since" if first_seen.at_least else "since"
     text = (
         f"Seen {begins} {instant(first_seen.first.at, zone)} (run {first_seen.first.run}), "
@@ -70,24 +70,24 @@ def sentence(first_seen: FirstSeen, zone: tzinfo) -> str:
     )
     if first_seen.before is None:
         return f"{text}; nothing earlier is stored." if not first_seen.at_least else f"{text}."
-    return f"{text}; the one before, {_said(first_seen.before, zone)}."
+    return f"{text}; the one before, {_past_sentence(first_seen.before, zone)}."
 
 
-def work_sentence(work: Sequence[Remark], began: datetime | None, zone: tzinfo) -> str:
+def work_sentence(work: Sequence[Remark], window_start: datetime | None, zone: tzinfo) -> str:
     """The last work on the valve, against the instant since which it is seen; empty without."""
     if not work:
         return ""
     last = work[-1]
     text = f"Last work: {instant(last.at, zone)}, {last.note}."
-    if began is None:
+    if window_start is None:
         return text
-    if last.at > began:
+    if last.at > window_start:
         return f"{text} It was seen before that work already, and is still there."
-    days = (began - last.at).days
+    days = (window_start - last.at).days
     return f"{text} It came {days} {'day' if days == 1 else 'days'} after that work."
 
 
-def _said(past: PreviousFinding, zone: tzinfo) -> str:
+def _past_sentence(past: PreviousFinding, zone: tzinfo) -> str:
     return f"of {instant(past.at, zone)}, said {k.verdict_before(past).value} and did not show it"
 
 

@@ -24,23 +24,25 @@ def page_anchor(valve: str) -> str:
     return f"valve-{sha256(valve.encode('utf-8', 'surrogatepass')).hexdigest()[:16]}"
 
 
-def book_html(book: WorkList) -> bytes:
+def book_html(work_list: WorkList) -> bytes:
     """The page as UTF-8. There is no script in it, and its policy allows none."""
-    env = environment(book.context, _resource)
+    env = environment(work_list.context, _resource)
 
     def day(moment: datetime | None) -> str:
-        return NOTHING if moment is None else f"{moment.astimezone(book.context.tz):%Y-%m-%d}"
+        return NOTHING if moment is None else f"{moment.astimezone(work_list.context.tz):%Y-%m-%d}"
 
     env.filters["day"] = day
     env.filters["verdict_before"] = verdict_before
     env.filters["page_anchor"] = page_anchor
     text = env.get_template(TEMPLATE).render(
-        book=book,
-        context=book.context,
-        run=book.run,
+        book=work_list,
+        context=work_list.context,
+        run=work_list.run,
         pictures=[
-            Markup("") if sheet.picture is None else svg_of(sheet.picture) for sheet in book.sheets
+            Markup("") if sheet.picture is None else svg_of(sheet.picture)
+            for sheet in work_list.sheets
         ],
+        drawn=[None if one.drawing is None else svg_of(one.drawing) for one in work_list.done],
         levels=LEVEL_NAME,
         hint=HINT,
         styles=Markup(_resource(STYLE)),

@@ -131,8 +131,8 @@ class PlainDocument(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no 
         folio(canvas, self._context)
         width = WIDTH / max(len(self._signs), 1)
         canvas.setLineWidth(0.6)
-        for at, title in enumerate(self._signs):
-            left = MARGIN + at * width
+        for index, title in enumerate(self._signs):
+            left = MARGIN + index * width
             canvas.line(left, FOOT, left + width - 8.0, FOOT)
             write(canvas, title, left, FOOT - 8.0)
 
@@ -140,19 +140,19 @@ class PlainDocument(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no 
 def folio(canvas: Any, context: ReportContext) -> None:
     """Plant, day and page at the foot of a page."""
     day = context.started.astimezone(context.tz)
-    told = f"{context.plant or context.software} · {day:%Y-%m-%d}"
-    write(canvas, told[:120] + f" · page {canvas.getPageNumber()}", A4[0] - MARGIN, 10.0, "end")
+    footer = f"{context.plant or context.software} · {day:%Y-%m-%d}"
+    write(canvas, footer[:120] + f" · page {canvas.getPageNumber()}", A4[0] - MARGIN, 10.0, "end")
 
 
 class PaperPicture(Flowable):  # type: ignore[misc]  # reportlab has no types
-    """A drawing as wide as the page."""
+    """A drawing as wide as the page, or ``width`` points wide."""
 
-    def __init__(self, drawing: Drawing) -> None:
+    def __init__(self, drawing: Drawing, width: float = WIDTH) -> None:
         super().__init__()
-        self._drawing, self._scale = drawing, WIDTH / drawing.width
+        self._drawing, self._width, self._scale = drawing, width, width / drawing.width
 
     def wrap(self, *_: float) -> tuple[float, float]:
-        return WIDTH, self._scale * self._drawing.height
+        return self._width, self._scale * self._drawing.height
 
     def draw(self) -> None:
         self.canv.scale(self._scale, self._scale)
@@ -170,8 +170,8 @@ class PaperPicture(Flowable):  # type: ignore[misc]  # reportlab has no types
             self.canv.setStrokeGray(line.grey)
             self.canv.setDash(list(line.dash) if line.dash else [])
             path = self.canv.beginPath()
-            for at, (x, y) in enumerate(line.points):
-                (path.lineTo if at else path.moveTo)(x, height - y)
+            for index, (x, y) in enumerate(line.points):
+                (path.lineTo if index else path.moveTo)(x, height - y)
             self.canv.drawPath(path)
 
 
@@ -197,14 +197,14 @@ class TypeSize:
     def columns(self, *cells: Sequence[Any]) -> Table:
         """Flowables side by side."""
         width = (WIDTH - GAP * (len(cells) - 1)) / len(cells)
-        widths = [width + (GAP if at < len(cells) - 1 else 0.0) for at in range(len(cells))]
+        widths = [width + (GAP if column < len(cells) - 1 else 0.0) for column in range(len(cells))]
         style = [*BARE, ("RIGHTPADDING", (0, 0), (-2, -1), GAP)]
         return Table([[list(cell) for cell in cells]], colWidths=widths, style=style)
 
     def grid(self, rows: Sequence[Sequence[Any]], widths: Sequence[float]) -> Table:
         """A table of texts without rules; the first row and column are bold."""
         cells = [
-            [self.text(cell, bold=line == 0 or at == 0) for at, cell in enumerate(row)]
+            [self.text(cell, bold=line == 0 or column == 0) for column, cell in enumerate(row)]
             for line, row in enumerate(rows)
         ]
         return Table(cells, colWidths=list(widths), style=BARE, hAlign="LEFT")
@@ -213,9 +213,9 @@ class TypeSize:
 class Ruled(Flowable):  # type: ignore[misc]  # reportlab has no types
     """A paragraph with a rule below it."""
 
-    def __init__(self, inside: Paragraph, weight: float) -> None:
+    def __init__(self, paragraph: Paragraph, weight: float) -> None:
         super().__init__()
-        self._inside, self._weight = inside, weight
+        self._inside, self._weight = paragraph, weight
         self.keepWithNext = 1
 
     def getSpaceBefore(self) -> float:  # reportlab's name
@@ -253,9 +253,9 @@ def markup(text: str, bold: bool) -> str:
     )
 
 
-def cut(text: str, most: int) -> str:
+def cut(text: str, longest: int) -> str:
     """``text`` of at most so many letters."""
-    return text if len(text) <= most else f"{text[: most - 1]}…"
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 def write(
@@ -269,19 +269,19 @@ def write(
     bold: bool = False,
 ) -> None:
     """One line of words whose baseline is ``y`` above the foot."""
-    whole = width_of(printable(text), bold) * points
-    x -= whole if anchor == "end" else whole / 2 if anchor == "middle" else 0.0
+    width = width_of(printable(text), bold) * points
+    x -= width if anchor == "end" else width / 2 if anchor == "middle" else 0.0
     for font, letters in runs(printable(text), bold):
         canvas.setFont(font, points)
         canvas.drawString(x, y, letters)
         x += width_of(letters, bold) * points
 
 
-def height_of(story: Sequence[Any]) -> float:
-    """How much room ``story`` takes."""
+def height_of(flowables: Sequence[Any]) -> float:
+    """How much room ``flowables`` takes."""
     tall, after = 0.0, 0.0
-    for at, part in enumerate(story):
-        before = part.getSpaceBefore() if at else 0.0
+    for index, part in enumerate(flowables):
+        before = part.getSpaceBefore() if index else 0.0
         tall += max(before, after) + part.wrap(WIDTH, 10_000.0)[1]
         after = part.getSpaceAfter()
     return tall

@@ -44,6 +44,7 @@ from stemwatch.service.maintenance.paper import (
     is_whole,
     write,
 )
+from stemwatch.service.maintenance.work_compared import WorkCompared
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
@@ -75,39 +76,39 @@ LEGEND = (
 LONGEST_CELL, LONGEST_NAME = 1200, 200
 
 
-def book_pdf(book: WorkList, *, compress: bool = True) -> bytes:
+def book_pdf(work_list: WorkList, *, compress: bool = True) -> bytes:
     """The report as PDF, the same for the same book; uncompressed where a test reads it."""
     fonts()
     memory = io.BytesIO()
-    document = _Document(book, memory, compress)
-    story: list[Any] = [*_front(book)]
-    for number, sheet in enumerate(book.sheets, start=1):
-        story += [NextPageTemplate("sheet"), PageBreak(), _Bookmark(number, sheet)]
-        story += _fitting(sheet, book.context)
-    document.build(story)
+    document = _Document(work_list, memory, compress)
+    flowables: list[Any] = [*_front(work_list)]
+    for number, sheet in enumerate(work_list.sheets, start=1):
+        flowables += [NextPageTemplate("sheet"), PageBreak(), _Bookmark(number, sheet)]
+        flowables += _fitting(sheet, work_list.context)
+    document.build(flowables)
     return memory.getvalue()
 
 
 class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no types
     """A4 with a folio on every page, and lines to sign on below a valve's page."""
 
-    def __init__(self, book: WorkList, file: io.BytesIO, compress: bool) -> None:
+    def __init__(self, work_list: WorkList, file: io.BytesIO, compress: bool) -> None:
         super().__init__(
             file,
             pagesize=A4,
-            title=printable(f"Maintenance report {book.context.plant}".strip()),
-            author=book.context.software,
+            title=printable(f"Maintenance report {work_list.context.plant}".strip()),
+            author=work_list.context.software,
             pageCompression=int(compress),
             invariant=1,
             initialFontName=REGULAR,
         )
-        self._context = book.context
-        whole = Frame(MARGIN, FOOT, WIDTH, A4[1] - TOP - FOOT, **PLAIN)
-        above = Frame(MARGIN, FOOT + SIGN_HEIGHT, WIDTH, ROOM, **PLAIN)
+        self._context = work_list.context
+        page_frame = Frame(MARGIN, FOOT, WIDTH, A4[1] - TOP - FOOT, **PLAIN)
+        sheet_frame = Frame(MARGIN, FOOT + SIGN_HEIGHT, WIDTH, ROOM, **PLAIN)
         self.addPageTemplates(
             [
-                PageTemplate("list", [whole], onPage=self._folio),
-                PageTemplate("sheet", [above], onPage=self._signed),
+                PageTemplate("list", [page_frame], onPage=self._folio),
+                PageTemplate("sheet", [sheet_frame], onPage=self._signed),
             ]
         )
 
@@ -121,9 +122,9 @@ class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no type
         titles = ("Found", "Done, parts used", "Name", "Date")
         canvas.setLineWidth(0.6)
         for title, begin, end in zip(titles, shares, shares[1:], strict=False):
-            left = MARGIN + begin * WIDTH
-            canvas.line(left, FOOT, left + (end - begin) * WIDTH - 8.0, FOOT)
-            write(canvas, title, left, FOOT - 8.0)
+            x = MARGIN + begin * WIDTH
+            canvas.line(x, FOOT, x + (end - begin) * WIDTH - 8.0, FOOT)
+            write(canvas, title, x, FOOT - 8.0)
 
 
 class _Bookmark(Flowable):  # type: ignore[misc]  # reportlab has no types
@@ -150,40 +151,45 @@ _LIST = [
 ]
 
 
-def _front(book: WorkList) -> list[Any]:
+def _front(work_list: WorkList) -> list[Any]:
     """What is in the report, the valves in their order, and those without a page."""
-    t, context = TypeSize(LIST_SIZE), book.context
-    told = f"{instant(context.started, context.tz)} ({context.zone})"
-    told += f", run {book.run}" if book.run is not None else ""
+    t, context = TypeSize(LIST_SIZE), work_list.context
+    date_line = f"{instant(context.started, context.tz)} ({context.zone})"
+    date_line += f", run {work_list.run}" if work_list.run is not None else ""
     plant = f"{context.plant}, " if context.plant else ""
-    story: list[Any] = [
+    flowables: list[Any] = [
         t.text("Maintenance report", 2.2, bold=True, spaceAfter=4.0),
-        t.text(f"{plant}{told}. {context.software}."),
-        t.text(book.counts, bold=True, spaceBefore=2.0),
+        t.text(f"{plant}{date_line}. {context.software}."),
+        t.text(work_list.counts, bold=True, spaceBefore=2.0),
     ]
-    if book.discovered:
-        story.append(t.text(book.discovered, spaceBefore=2.0))
-    story.append(Spacer(1, 6.0))
-    if book.sheets:
+    if work_list.discovered:
+        flowables.append(t.text(work_list.discovered, spaceBefore=2.0))
+    flowables.append(Spacer(1, 6.0))
+    if work_list.sheets:
         rows = [[t.text(name, bold=True) for name in HEADINGS]]
         rows += [
-            _row(t, number, sheet, context) for number, sheet in enumerate(book.sheets, start=1)
+            _row(t, number, sheet, context)
+            for number, sheet in enumerate(work_list.sheets, start=1)
         ]
         widths = [share * WIDTH for share in SHARES]
-        story.append(LongTable(rows, colWidths=widths, repeatRows=1, style=_LIST))
+        flowables.append(LongTable(rows, colWidths=widths, repeatRows=1, style=_LIST))
     else:
-        story.append(t.text("There is no page for a valve in this report."))
-    if book.others:
-        many = "valve" if len(book.others) == 1 else "valves"
-        story.append(t.heading(f"{len(book.others)} {many} without a page"))
-        rest = [_brief(t, other) for other in book.others]
-        story.append(LongTable(rest, colWidths=[78.0, 118.0, WIDTH - 196.0], style=BARE))
+        flowables.append(t.text("There is no page for a valve in this report."))
+    if work_list.others:
+        noun = "valve" if len(work_list.others) == 1 else "valves"
+        flowables.append(t.heading(f"{len(work_list.others)} {noun} without a page"))
+        other_lines = [_brief(t, other) for other in work_list.others]
+        flowables.append(LongTable(other_lines, colWidths=[78.0, 118.0, WIDTH - 196.0], style=BARE))
+    if work_list.done:
+        flowables.append(t.heading(work_list.done_title))
+        for index, compared in enumerate(work_list.done):
+            flowables += _work_done(t, compared, context, explain=index == 0)
     if context.sources_not_read:
-        story.append(t.heading("Remarks"))
-        story += [
+        flowables.append(t.heading("Remarks"))
+        flowables += [
             t.text(f"{unread.source}: {unread.reason}", 0.9) for unread in context.sources_not_read
         ]
-    return [*story, t.text(f"{LEGEND} {HINT}", 0.86, spaceBefore=6.0)]
+    return [*flowables, t.text(f"{LEGEND} {HINT}", 0.86, spaceBefore=6.0)]
 
 
 def _row(t: TypeSize, number: int, sheet: WorkSheet, context: ReportContext) -> list[Any]:
@@ -212,12 +218,30 @@ def _brief(t: TypeSize, valve: ValveWithoutPage) -> list[Any]:
     ]
 
 
+def _work_done(
+    t: TypeSize, compared: WorkCompared, context: ReportContext, *, explain: bool
+) -> list[Any]:
+    """What was done at a valve, S and J before and after it, and both loops on the same axes."""
+    work, drawing = compared.around.work, compared.drawing
+    ends = [instant(one.end, context.tz) for one in (compared.around.before, compared.around.after)]
+    windows = f"The window until {ends[0]}, and the latest one, until {ends[1]}."
+    said = [
+        t.text(cut(work.valve, LONGEST_NAME), bold=True, spaceBefore=3.0),
+        t.text(f"{instant(work.at, context.tz)}: {cut(work.note, LONGEST_CELL)}"),
+        t.text(f"S {compared.sizes[0]}, J {compared.sizes[1]}", bold=True),
+        t.text(f"{windows} {compared.says}" if explain and drawing else windows, 0.86),
+    ]
+    if drawing is None:
+        return said
+    return [t.columns(said, [PaperPicture(drawing, (WIDTH - GAP) / 2)])]
+
+
 def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:
     """The page of ``sheet`` in the largest type that fits; else in one column over several."""
     for size in SIZES:
-        story = _sheet(TypeSize(size), sheet, context)
-        if height_of(story) <= ROOM:
-            return story
+        flowables = _sheet(TypeSize(size), sheet, context)
+        if height_of(flowables) <= ROOM:
+            return flowables
     return _sheet(TypeSize(SIZES[-1]), sheet, context, side_by_side=False)
 
 
@@ -229,7 +253,7 @@ def _sheet(
     seen += f" · run {sheet.run}" if sheet.run is not None else ""
     picture = sheet.picture
     note = sheet.picture_note + (" OP dashed, MV solid." if picture is not None else "")
-    story = [
+    flowables = [
         *_head(t, sheet, context),
         t.heading("What was found"),
         t.text(sheet.finding.in_full),
@@ -242,31 +266,31 @@ def _sheet(
     second = _hand(t, sheet), _doubt(t, sheet)
     if side_by_side:
         return [
-            *story,
+            *flowables,
             t.columns(*first),
             *_steps(t, sheet),
             t.columns(*second),
             *_isolation(t, sheet),
         ]
     return [
-        *[*story, *first[0], *first[1], *_steps(t, sheet)],
+        *[*flowables, *first[0], *first[1], *_steps(t, sheet)],
         *[*second[0], *second[1], *_isolation(t, sheet)],
     ]
 
 
 def _head(t: TypeSize, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     facts, screening = sheet.valve.facts, sheet.screening
-    about = [facts.description, facts.area]
-    about += [f"criticality {facts.criticality}"] if facts.criticality else []
-    about += [f"stroke {facts.stroke}"] if facts.stroke else []
+    details = [facts.description, facts.area]
+    details += [f"criticality {facts.criticality}"] if facts.criticality else []
+    details += [f"stroke {facts.stroke}"] if facts.stroke else []
     title = f"{VERDICT_SYMBOL[sheet.valve.verdict]} {sheet.title} ({sheet.valve.verdict.value})"
-    left = [
+    left_column = [
         t.text(cut(screening.valve, LONGEST_NAME), 1.75, bold=True),
-        t.text(cut(" · ".join(text for text in about if text), LONGEST_CELL), 0.92),
+        t.text(cut(" · ".join(text for text in details if text), LONGEST_CELL), 0.92),
         t.text(title, 1.25, bold=True, spaceBefore=1.0),
     ]
     if not is_whole(screening.valve + facts.description):
-        left.append(t.text(SEE_LETTERS, 0.8))
+        left_column.append(t.text(SEE_LETTERS, 0.8))
     middle: dict[str, Any] = {"alignment": 1}
     weight, dash = FRAME[sheet.priority.code if sheet.has_order else 4]
     if sheet.has_order:
@@ -287,7 +311,7 @@ def _head(t: TypeSize, sheet: WorkSheet, context: ReportContext) -> list[Any]:
         ("LINEBELOW", (0, 0), (-1, -1), 1.0, "black"),
         ("BOTTOMPADDING", (0, 0), (-1, -1), 3),
     ]
-    return [Table([[left, inner]], colWidths=[WIDTH - 102.0, 102.0], style=style)]
+    return [Table([[left_column, inner]], colWidths=[WIDTH - 102.0, 102.0], style=style)]
 
 
 def _sizes(t: TypeSize, sheet: WorkSheet, width: float) -> list[Any]:
@@ -315,7 +339,9 @@ def _since(t: TypeSize, sheet: WorkSheet, context: ReportContext, width: float) 
     ]
     step = (width - 28.0) / max(len(sheet.past), 4)
     small = TypeSize(0.76 * t.size)
-    cells = [[small.text(cell, bold=at == 0) for at, cell in enumerate(row)] for row in rows]
+    cells = [
+        [small.text(cell, bold=column == 0) for column, cell in enumerate(row)] for row in rows
+    ]
     widths = [28.0, *[step] * len(sheet.past)]
     return [*parts, Table(cells, colWidths=widths, style=BARE, hAlign="LEFT")]
 
@@ -345,10 +371,10 @@ def _hand(t: TypeSize, sheet: WorkSheet) -> list[Any]:
 
 
 def _doubt(t: TypeSize, sheet: WorkSheet) -> list[Any]:
-    said = " ".join(sheet.finding.otherwise) or "Nothing that this recording would show."
+    doubts = " ".join(sheet.finding.otherwise) or "Nothing that this recording would show."
     reason = t.text(f"{sheet.priority.reason}.")
     return [
-        *[t.heading("What else it could be"), t.text(said)],
+        *[t.heading("What else it could be"), t.text(doubts)],
         *[t.heading("Why this priority"), reason],
     ]
 

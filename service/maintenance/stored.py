@@ -38,21 +38,27 @@ def background_of(store: Store, plant: Plant | None = None, run: int | None = No
             return screening.recording
         return read_samples(store, plant, screening)
 
-    return ValveHistory(earlier=earlier, work=store.maintenance, samples=samples, run=run)
+    return ValveHistory(
+        earlier=earlier,
+        work=store.maintenance,
+        samples=samples,
+        compared=lambda valves: store.work_compared(valves, run),
+        run=run,
+    )
 
 
 def facts_of(
     store: Store, plant: Plant | None, screenings: Sequence[Screening]
 ) -> dict[str, ValveFacts]:
     """What plant file and store say of the valves, and what was found of them before."""
-    known = {valve.id: valve for valve in store.valves()}
+    stored_valves = {valve.id: valve for valve in store.valves()}
     valves = [screening.valve for screening in screenings]
     limits = limits_in_force(plant, store.browser_settings.limits())
     weeks, by_window = store.trends(valves, limits), store.evidence(valves)
     return {
         screening.valve: replace(
             _facts(
-                known.get(screening.valve),
+                stored_valves.get(screening.valve),
                 plant,
                 screening.valve,
                 store.previous_finding(screening),
@@ -71,13 +77,13 @@ def _facts(
     previous: PreviousFinding | None,
 ) -> ValveFacts:
     entry = plant.valves.get(valve) if plant is not None else None
-    told = entry or stored_valve
-    if told is None:
+    described = entry or stored_valve
+    if described is None:
         return ValveFacts(previous=previous)
     return ValveFacts(
-        description=told.description,
-        area=told.area,
-        criticality=str(told.criticality),
+        description=described.description,
+        area=described.area,
+        criticality=str(described.criticality),
         stroke="" if entry is None else entry.stroke or "",
         previous=previous,
     )
@@ -106,7 +112,7 @@ def report_of_store(
     run: int | None = None,
     valves: Collection[str] = (),
     zone: str = "",
-    everything: bool = False,
+    all_valves: bool = False,
 ) -> MaintenanceFiles:
     """Write the report of ``run``, or without one of each valve's latest screening, into
     ``out_dir``; of ``valves`` only, where some are named.
@@ -114,29 +120,30 @@ def report_of_store(
     What stands beside friction is decided over all valves either way. Raises ``StoreError`` where
     there is no such run, or none of a valve that was named.
     """
-    every = store.latest_screenings() if run is None else store.screenings_of_run(run)
-    if not every and run is None:
+    screenings = store.latest_screenings() if run is None else store.screenings_of_run(run)
+    if not screenings and run is None:
         raise StoreError(
             f"{store.address}: no valve was screened into this database yet; `stemwatch screen "
             f"--db {store.address}` does"
         )
-    known = {screening.valve for screening in every}
-    if unknown := sorted(set(valves) - known):
-        where = "the store" if run is None else f"run {run}"
+    valves_of_run = {screening.valve for screening in screenings}
+    if unknown := sorted(set(valves) - valves_of_run):
+        origin = "the store" if run is None else f"run {run}"
         raise StoreError(
-            f"{store.address}: {where} has no screening of {', '.join(map(repr, unknown))}; "
-            f"it has {len(known)} valves, such as {', '.join(sorted(known)[:5]) or 'none'}"
+            f"{store.address}: {origin} has no screening of {', '.join(map(repr, unknown))}; "
+            f"it has {len(valves_of_run)} valves, such as "
+            f"{', '.join(sorted(valves_of_run)[:5]) or 'none'}"
         )
-    chosen = [screening for screening in every if not valves or screening.valve in valves]
+    chosen = [screening for screening in screenings if not valves or screening.valve in valves]
     context = ReportContext(
         started=datetime.now(UTC) if run is None else store.run(run).started,
         plant=plant.name if plant is not None else "",
         zone=zone or (plant.zone if plant is not None else None) or "UTC",
         valves=facts_of(store, plant, chosen),
-        p_elsewhere=_p_elsewhere(every, valves),
+        p_elsewhere=_p_elsewhere(screenings, valves),
     )
     background = background_of(store, plant, run)
-    return write_maintenance(chosen, context, out_dir, background, everything=everything)
+    return write_maintenance(chosen, context, out_dir, background, everything=all_valves)
 
 
 def _p_elsewhere(restored: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:

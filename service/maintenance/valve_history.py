@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.records import Remark
 
 # A year of daily runs: "since when" goes back no further, and says so.
@@ -21,22 +22,28 @@ def _no_work(valve: str) -> Sequence[Remark]:
     return ()
 
 
+def _nothing_compared(valves: Collection[str]) -> Sequence[AroundWork]:
+    return ()
+
+
 def _no_samples(screening: Screening) -> Recording | None:
     return screening.recording
 
 
 @dataclass(frozen=True, kw_only=True)
 class ValveHistory:
-    """Where to ask. Each is called only for valves that get a page.
+    """Where to ask. Each but ``compared`` is called only for valves that get a page.
 
     ``earlier`` gives the screenings before this one, newest first, at most ``LOOK_BACK``; ``work``
-    what was done at the valve, oldest first; ``samples`` what the picture is drawn from. ``run`` is
-    the number of the run that is reported.
+    what was done at the valve, oldest first; ``samples`` what the picture is drawn from;
+    ``compared`` the last work on each of several valves between two windows. ``run`` is the number
+    of the run that is reported.
     """
 
     earlier: Callable[[Screening], Sequence[PreviousFinding]] = _no_past
     work: Callable[[str], Sequence[Remark]] = _no_work
     samples: Callable[[Screening], Recording | None] = _no_samples
+    compared: Callable[[Collection[str]], Sequence[AroundWork]] = _nothing_compared
     run: int | None = None
 
 

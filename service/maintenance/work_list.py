@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
+from stemwatch.service.maintenance.work_compared import WorkCompared, newest_first
 from stemwatch.service.maintenance.work_sheet import WorkSheet, brief_of, work_sheet_of
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.ranking import discovered, rank_valves
@@ -26,13 +27,16 @@ class ValveWithoutPage:
 @dataclass(frozen=True, kw_only=True)
 class WorkList:
     """``sheets`` in the order in which to work, each followed by the next; ``others`` in the order
-    of the report. ``discovered`` is what stands of all that was named in the run."""
+    of the report. ``discovered`` is what stands of all that was named in the run; ``done`` the last
+    work on its valves that has a window before and one after it, the newest of ``worked``."""
 
     sheets: tuple[WorkSheet, ...]
     others: tuple[ValveWithoutPage, ...]
     counted: WorkCounts
     context: ReportContext
     discovered: str = ""
+    done: tuple[WorkCompared, ...] = ()
+    worked: int = 0
     run: int | None = None
 
     @property
@@ -44,6 +48,13 @@ class WorkList:
             if sheet.has_order:
                 first.setdefault(sheet.screening.valve, sheet)
         return tuple(first.values())
+
+    @property
+    def done_title(self) -> str:
+        """What stands over ``done``."""
+        some = self.worked > len(self.done)
+        more = f" ({len(self.done)} newest of {self.worked})" if some else ""
+        return f"Before and after the last work{more}"
 
     @property
     def counts(self) -> str:
@@ -72,12 +83,15 @@ def work_list_of(
             )
             others.append(brief)
     sheets.sort(key=_order)
+    works = background.compared({valve.screening.valve for valve in ranked})
     return WorkList(
         sheets=tuple(sheets),
         others=tuple(others),
         counted=ranked.counts,
         context=context,
         discovered=discoveries.sentence,
+        done=newest_first(works),
+        worked=len(works),
         run=background.run,
     )
 

@@ -41,11 +41,11 @@ class OrderField:
     width: int = 14
 
 
-def rows_of(book: WorkList) -> list[list[Cell]]:
+def rows_of(work_list: WorkList) -> list[list[Cell]]:
     """One row for each valve with work, in the order of the report, every text printable."""
     return [
-        [clean_cell(field.read(sheet, book.context)) for field in FIELDS]
-        for sheet in book.to_work_on
+        [clean_cell(field.read(sheet, work_list.context)) for field in FIELDS]
+        for sheet in work_list.to_work_on
     ]
 
 
@@ -87,27 +87,30 @@ def reference(sheet: WorkSheet) -> str:
     """A name that stays the same as long as the same finding goes on, so that a second import can
     be told from a new finding: valve, kind, and since when."""
     first = sheet.since.first
-    began = first.at if first is not None else sheet.screening.window[1]
+    begin = first.at if first is not None else sheet.screening.window[1]
     # A finding that goes back beyond what was read would get a new name with each run.
-    told = "" if began is None or sheet.since.at_least else f"{began:%Y-%m-%dT%H:%M}"
-    text = f"{sheet.screening.valve}|{sheet.kinds[0]}|{told}"
+    begin_text = "" if begin is None or sheet.since.at_least else f"{begin:%Y-%m-%dT%H:%M}"
+    text = f"{sheet.screening.valve}|{sheet.kinds[0]}|{begin_text}"
     digest = hashlib.sha256(text.encode("utf-8", errors="replace")).hexdigest()
     return f"SW-{digest[:10].upper()}"
 
 
 def _measured(sheet: WorkSheet) -> list[str]:
-    said = []
+    clauses = []
     for size in sheet.sizes:
-        more = [size.interval and f"95 %: {size.interval}", size.travel and f"{size.travel} travel"]
-        tail = "; ".join(text for text in more if text)
-        said.append(f"{size.name}: {size.percent}{f' ({tail})' if tail else ''}")
-    return said
+        size_clauses = [
+            size.interval and f"95 %: {size.interval}",
+            size.travel and f"{size.travel} travel",
+        ]
+        tail = "; ".join(text for text in size_clauses if text)
+        clauses.append(f"{size.name}: {size.percent}{f' ({tail})' if tail else ''}")
+    return clauses
 
 
 def _seen_from(sheet: WorkSheet, context: ReportContext) -> datetime | None:
     first = sheet.since.first
-    began = first.at if first is not None else sheet.screening.window[1]
-    return None if began is None else began.astimezone(context.tz)
+    begin = first.at if first is not None else sheet.screening.window[1]
+    return None if begin is None else begin.astimezone(context.tz)
 
 
 def _number(name: str, part: str) -> Callable[[WorkSheet, ReportContext], Cell]:
@@ -118,8 +121,8 @@ def _number(name: str, part: str) -> Callable[[WorkSheet, ReportContext], Cell]:
     return read
 
 
-def _travel(at: int) -> Callable[[WorkSheet, ReportContext], Cell]:
-    return lambda sheet, _: sheet.sizes[at].travel
+def _travel(index: int) -> Callable[[WorkSheet, ReportContext], Cell]:
+    return lambda sheet, _: sheet.sizes[index].travel
 
 
 FIELDS = (
@@ -172,29 +175,29 @@ def _level(sheet: WorkSheet) -> str:
     return LEVEL_NAME[sheet.isolation[-1][0]]
 
 
-def orders_csv(book: WorkList) -> bytes:
+def orders_csv(work_list: WorkList) -> bytes:
     """UTF-8 with a byte order mark, commas; one header row, one row per work order, numbers
     unrounded, times ISO 8601 with their offset."""
     sheet = io.StringIO(newline="")
     writer = csv.writer(sheet)
     writer.writerow([field.name for field in FIELDS])
-    writer.writerows([[harmless(cell) for cell in row] for row in rows_of(book)])
+    writer.writerows([[harmless(cell) for cell in row] for row in rows_of(work_list)])
     return sheet.getvalue().encode("utf-8-sig")
 
 
-def orders_xlsx(book: WorkList) -> bytes:
+def orders_xlsx(work_list: WorkList) -> bytes:
     """The same in a workbook, with a second sheet that says what each column means."""
     memory = io.BytesIO()
     with Workbook(memory, {"in_memory": True, "remove_timezone": True}) as workbook:
-        started = book.context.started.astimezone(UTC).replace(tzinfo=None)
-        title = printable(f"Work orders {book.context.plant}".strip())
+        started = work_list.context.started.astimezone(UTC).replace(tzinfo=None)
+        title = printable(f"Work orders {work_list.context.plant}".strip())
         workbook.set_properties({"title": title, "created": started})
-        _orders(workbook, book)
-        _meanings(workbook, book)
+        _orders(workbook, work_list)
+        _meanings(workbook, work_list)
     return memory.getvalue()
 
 
-def _orders(workbook: Any, book: WorkList) -> None:
+def _orders(workbook: Any, work_list: WorkList) -> None:
     sheet = workbook.add_worksheet("Work orders")
     bold = workbook.add_format({"bold": True, "bottom": 1, "text_wrap": True, "valign": "top"})
     styles = {
@@ -203,7 +206,7 @@ def _orders(workbook: Any, book: WorkList) -> None:
         float: workbook.add_format({"valign": "top", "num_format": "0.00"}),
         datetime: workbook.add_format({"valign": "top", "num_format": "yyyy-mm-dd hh:mm"}),
     }
-    rows = rows_of(book)
+    rows = rows_of(work_list)
     for index, field in enumerate(FIELDS):
         sheet.set_column(index, index, field.width)
         sheet.write_string(0, index, field.name, bold)
@@ -218,13 +221,13 @@ def _orders(workbook: Any, book: WorkList) -> None:
     sheet.repeat_rows(0)
 
 
-def _meanings(workbook: Any, book: WorkList) -> None:
+def _meanings(workbook: Any, work_list: WorkList) -> None:
     sheet = workbook.add_worksheet("Columns")
     sheet.set_column(0, 0, 24)
     sheet.set_column(1, 1, 90)
     wrap = workbook.add_format({"text_wrap": True, "valign": "top"})
-    told = [(field.name, field.meaning) for field in FIELDS]
-    told.append(("times", f"in {book.context.zone}"))
-    for line, (name, meaning) in enumerate([*told, ("", HINT), ("", book.counts)]):
+    meanings = [(field.name, field.meaning) for field in FIELDS]
+    meanings.append(("times", f"in {work_list.context.zone}"))
+    for line, (name, meaning) in enumerate([*meanings, ("", HINT), ("", work_list.counts)]):
         sheet.write_string(line, 0, name, wrap)
         sheet.write_string(line, 1, meaning, wrap)

@@ -73,12 +73,12 @@ def priority(severity: float, criticality: str, trend: Change) -> Priority:
     It is reckoned from the whole number that people read, so that they come to the same class.
     """
     severity = round(severity)
-    known = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
+    level = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
     weight = WEIGHT_OF_TREND.get(trend.direction, 1.0)
-    score = round(severity / 100.0 * WEIGHT_OF_CRITICALITY[known] * weight, 6)
+    score = round(severity / 100.0 * WEIGHT_OF_CRITICALITY[level] * weight, 6)
     code = next(code for least, code in CLASSES if score >= least)
-    stated = f"criticality {known} of 3"
-    if known != criticality:
+    stated = f"criticality {level} of 3"
+    if level != criticality:
         stated += f" (plant says {criticality!r})" if criticality else " (none is given)"
     reason = f"{stated}, severity {severity:.0f} of 100, trend: {trend.words}"
     return Priority(code=code, words=WORDS[code], score=score, reason=reason)
@@ -145,8 +145,8 @@ def work_sheet_of(
     valve: RankedValve, discoveries: Discoveries, background: ValveHistory, zone: tzinfo
 ) -> WorkSheet:
     """The page of ``valve``; ``discoveries`` says what stands in the run."""
-    screening, said = valve.screening, valve.finding
-    kinds = said.decision.kinds
+    screening, finding = valve.screening, valve.finding
+    kinds = finding.decision.kinds
     earlier = background.earlier(screening)
     since = s.first_seen(kinds[0], earlier)
     steps = _with_field_test(advice.steps_for(kinds), field_test(screening))
@@ -154,7 +154,7 @@ def work_sheet_of(
     sizes, stroke_note = sizes_of(screening, valve.facts.stroke)
     return WorkSheet(
         valve=replace(valve, screening=screening.without_samples()),
-        finding=said,
+        finding=finding,
         advice=advice.advice_for(kinds[0]),
         sizes=sizes,
         stroke_note=stroke_note,
@@ -164,9 +164,9 @@ def work_sheet_of(
         since=since,
         since_said=_since(since, valve, background, zone),
         past=tuple(earlier[:MOST_PAST]),
-        sure=how_sure(screening, said.decision, valve.stands, discoveries, since),
+        sure=how_sure(screening, finding.decision, valve.stands, discoveries, since),
         priority=priority(
-            finite(said.decision.severity) or 0.0, valve.facts.criticality, valve.trend
+            finite(finding.decision.severity) or 0.0, valve.facts.criticality, valve.trend
         ),
         picture=picture,
         picture_note=note,
@@ -176,10 +176,12 @@ def work_sheet_of(
 
 def _with_field_test(steps: tuple[CheckStep, ...], test: str) -> tuple[CheckStep, ...]:
     """The steps, with the test of this valve's own size in place of the one for all valves."""
-    at = next((k for k, step in enumerate(steps) if step.text.startswith(GENERAL_TEST)), None)
-    if at is None or not test:
+    test_index = next(
+        (k for k, step in enumerate(steps) if step.text.startswith(GENERAL_TEST)), None
+    )
+    if test_index is None or not test:
         return steps
-    return (*steps[:at], replace(steps[at], text=test), *steps[at + 1 :])
+    return (*steps[:test_index], replace(steps[test_index], text=test), *steps[test_index + 1 :])
 
 
 def sizes_of(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
@@ -189,12 +191,14 @@ def sizes_of(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
     is none) times the stroke.
     """
     full, curve = _stroke(stroke), screening.stroke_curve
-    known = full is not None and (curve is None or curve.slope_known)
+    slope_is_known = full is not None and (curve is None or curve.slope_known)
     slope = 1.0 if curve is None else abs(curve.slope)
-    sizes = tuple(_size(name, getattr(screening, name), full, slope, known) for name in MEANING)
+    sizes = tuple(
+        _size(name, getattr(screening, name), full, slope, slope_is_known) for name in MEANING
+    )
     if full is None:
         return sizes, "The plant file gives no stroke, so there is no travel in mm or degrees."
-    if not known:
+    if not slope_is_known:
         return sizes, "No travel: how far a percent of OP moves this valve is not known."
     note = f"Travel: of a stroke of {full}, 100 % of OP taken as the whole of it."
     if curve is not None:
@@ -212,7 +216,9 @@ def _stroke(text: str) -> Stroke | None:
         return None
 
 
-def _size(name: str, estimate: Estimate, full: Stroke | None, slope: float, known: bool) -> Size:
+def _size(
+    name: str, estimate: Estimate, full: Stroke | None, slope: float, slope_is_known: bool
+) -> Size:
     value = finite(estimate.value)
     return Size(
         name=name,
@@ -221,7 +227,7 @@ def _size(name: str, estimate: Estimate, full: Stroke | None, slope: float, know
         interval=f"{interval(estimate)} %" if value is not None and interval(estimate) else "",
         travel=(
             full.of_percent(slope * value)
-            if known and full is not None and value is not None
+            if slope_is_known and full is not None and value is not None
             else ""
         ),
     )
@@ -231,12 +237,15 @@ def _since(
     first_seen: s.FirstSeen, valve: RankedValve, background: ValveHistory, zone: tzinfo
 ) -> tuple[str, ...]:
     screening, by_window = valve.screening, valve.facts.by_window
-    began = first_seen.first.at if first_seen.first is not None else screening.window[1]
+    window_start = first_seen.first.at if first_seen.first is not None else screening.window[1]
     work = background.work(screening.valve)
-    said: tuple[str, ...] = (s.sentence(first_seen, zone), s.work_sentence(work, began, zone))
+    sentences: tuple[str, ...] = (
+        s.sentence(first_seen, zone),
+        s.work_sentence(work, window_start, zone),
+    )
     if by_window is not None:
-        said += by_window.sentences(zone)
-    return tuple(sentence for sentence in said if sentence)
+        sentences += by_window.sentences(zone)
+    return tuple(sentence for sentence in sentences if sentence)
 
 
 def brief_of(valve: RankedValve) -> str:
@@ -245,8 +254,8 @@ def brief_of(valve: RankedValve) -> str:
     if screening.verdict is Verdict.UNDETERMINED:
         return screening.reason
     S = finite(screening.S.value)
-    said = "" if S is None else f", S {span_percent(S)} %"
-    return f"{valve.finding.meaning}{said}; trend: {valve.trend.words}"
+    size_clause = "" if S is None else f", S {span_percent(S)} %"
+    return f"{valve.finding.meaning}{size_clause}; trend: {valve.trend.words}"
 
 
 def how_sure(
@@ -257,13 +266,13 @@ def how_sure(
     first_seen: FirstSeen,
 ) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
-    said = [_confidence(decision), _seen_often(first_seen), _wrong_of_sticky(screening)]
+    sentences = [_confidence(decision), _seen_often(first_seen), _wrong_of_sticky(screening)]
     if stands is not None:
-        said.append(_standing(stands, discoveries))
-        said.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
-        said.append(_rate("the same with a stickband that scatters", *FALSE_EFFECT_SCATTERED))
-    said.append(_data(screening))
-    return tuple(sentence for sentence in said if sentence)
+        sentences.append(_discovery_sentence(stands, discoveries))
+        sentences.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
+        sentences.append(_rate("the same with a stickband that scatters", *FALSE_EFFECT_SCATTERED))
+    sentences.append(_data(screening))
+    return tuple(sentence for sentence in sentences if sentence)
 
 
 def _confidence(decision: WorkDecision) -> str:
@@ -284,13 +293,14 @@ def _wrong_of_sticky(screening: Screening) -> str:
     return _rate("simulated healthy valves, called sticky", *FALSE_STICKY)
 
 
-def _rate(what: str, count: int, of: int, interval: str) -> str:
+def _rate(statement: str, count: int, total: int, interval: str) -> str:
     return (
-        f"Published false alarms: {what}: {count} of {of} ({100 * count / of:.1f} %, {interval})."
+        f"Published false alarms: {statement}: {count} of {total} ({100 * count / total:.1f} %, "
+        f"{interval})."
     )
 
 
-def _standing(stands: bool, discoveries: Discoveries) -> str:
+def _discovery_sentence(stands: bool, discoveries: Discoveries) -> str:
     if not stands:
         return discoveries.remark
     return (
@@ -301,5 +311,5 @@ def _standing(stands: bool, discoveries: Discoveries) -> str:
 
 def _data(screening: Screening) -> str:
     quality = screening.quality
-    remarks = " ".join(quality.reasons)
-    return f"Data grade {quality.grade}{': ' + remarks if remarks else '.'}"
+    quality_reasons = " ".join(quality.reasons)
+    return f"Data grade {quality.grade}{': ' + quality_reasons if quality_reasons else '.'}"

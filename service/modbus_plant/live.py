@@ -66,7 +66,7 @@ class LivePlant:
         self._pool = ProcessPoolExecutor(
             max_workers=1, mp_context=context, initializer=_leave_ctrl_c
         )
-        seeds = [seed + 100_003 * place for place in range(len(loops))]
+        seeds = [seed + 100_003 * index for index in range(len(loops))]
         with quiet_start():  # it is here that the process begins
             first = [
                 self._pool.submit(
@@ -165,7 +165,7 @@ def _check(loops: Sequence[PlantLoop], wear: Mapping[str, Wear]) -> None:
     tags = [loop.tag for loop in loops]
     if not 1 <= len(tags) <= MOST_LOOPS:
         raise ValueError(f"1 to {MOST_LOOPS} loops are served, received {len(tags)}")
-    if twice := sorted({tag for tag in tags if tags.count(tag) > 1}):
-        raise ValueError(f"every loop needs a tag of its own; twice: {twice}")
+    if repeated := sorted({tag for tag in tags if tags.count(tag) > 1}):
+        raise ValueError(f"every loop needs a tag of its own; twice: {repeated}")
     if unknown := sorted(set(wear) - set(tags)):
         raise ValueError(f"wear of loops that are not there: {unknown}; there are {sorted(tags)}")

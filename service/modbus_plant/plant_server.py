@@ -107,8 +107,8 @@ class PlantServer:
         tick = int(self.plant_s / self._tick_s)
         if tick != self._shown:
             self._shown = tick
-            fresh = words(self.plant.rows(tick * self._tick_s))
-            current_registers[: len(fresh)] = fresh
+            new_words = words(self.plant.rows(tick * self._tick_s))
+            current_registers[: len(new_words)] = new_words
         return None
 
 
@@ -123,13 +123,13 @@ def serve_plant(
     wear: Mapping[str, Wear] | None = None,
     seed: int = 1,
     ready: Callable[[PlantServer, Path], None] = lambda server, file: None,
-    beside: Callable[[PlantServer], Awaitable[object]] | None = None,
+    beside_serving: Callable[[PlantServer], Awaitable[object]] | None = None,
 ) -> None:
     """Serve ``loops`` until interrupted, with ``plant.toml`` written into ``folder``.
 
     ``ready`` is called once with the server and the plant file when requests are answered, and
-    ``beside`` runs as long as the server does. Raises ``OSError`` where the address cannot be
-    listened on.
+    ``beside_serving`` runs as long as the server does. Raises ``OSError`` where the address cannot
+    be listened on.
     """
 
     async def run() -> None:
@@ -138,7 +138,7 @@ def serve_plant(
         with asked_to_stop(lambda: loop.call_soon_threadsafe(stop.set)):
             async with PlantServer(plant, host, port, speed=speed) as server:
                 begin(server)
-                await _until(stop, None if beside is None else beside(server))
+                await _until(stop, None if beside_serving is None else beside_serving(server))
 
     def begin(server: PlantServer) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -151,13 +151,13 @@ def serve_plant(
         asyncio.run(run())
 
 
-async def _until(stop: asyncio.Event, beside: Awaitable[object] | None) -> None:
-    """Wait for ``stop`` or for the end of ``beside``, which may be that it fails."""
+async def _until(stop: asyncio.Event, beside_serving: Awaitable[object] | None) -> None:
+    """Wait for ``stop`` or for the end of ``beside_serving``, which may be that it fails."""
     stopping = asyncio.ensure_future(stop.wait())
-    working = stopping if beside is None else asyncio.ensure_future(beside)
+    working = stopping if beside_serving is None else asyncio.ensure_future(beside_serving)
     await asyncio.wait({stopping, working}, return_when=asyncio.FIRST_COMPLETED)
     if working.done():
         working.result()
-    for one in (stopping, working):
-        one.cancel()
+    for pending in (stopping, working):
+        pending.cancel()
     await asyncio.gather(stopping, working, return_exceptions=True)

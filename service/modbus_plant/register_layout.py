@@ -67,5 +67,5 @@ def words(rows: Sequence[Floats]) -> list[int]:
     memory = np.zeros((len(table), STRIDE), dtype=">u2")
     memory[:, :8] = np.ascontiguousarray(table[:, :4], dtype=">f4").view(">u2")
     memory[:, 8] = np.where(np.isfinite(table[:, 4]), table[:, 4], 65_535).astype(np.uint16)
-    listed: list[int] = memory.ravel().tolist()
-    return listed
+    word_list: list[int] = memory.ravel().tolist()
+    return word_list

@@ -62,8 +62,8 @@ def simulate_stretch(
 
 def _simulated(loop: PlantLoop, start_s: float, seed: int) -> tuple[Floats, float]:
     """Rows (n, 5) of ``loop`` with the chance of plant time ``start_s``, and their interval."""
-    place = round(start_s / loop.archive.interval_s)
-    recording = simulate_loop(loop, seed + 7919 * place).recording
+    row = round(start_s / loop.archive.interval_s)
+    recording = simulate_loop(loop, seed + 7919 * row).recording
     columns = []
     for role in ROLES:
         signal = recording.get(role)
@@ -84,17 +84,17 @@ def _going_on(rows: Floats, before: Floats) -> int:
     measured in its own spread; signals without a value in ``before`` do not count.
     """
     past = sliding_window_view(rows, len(before), axis=0)  # (n - ALIKE + 1, 5, ALIKE)
-    known = np.isfinite(before).T
+    finite = np.isfinite(before).T
     spread = np.array([_spread(column) for column in rows.T])
-    away = np.where(known, (past - before.T) / spread[:, np.newaxis], 0.0)
-    distance = np.sum(away**2, axis=(1, 2))
+    deviation = np.where(finite, (past - before.T) / spread[:, np.newaxis], 0.0)
+    distance = np.sum(deviation**2, axis=(1, 2))
     return int(np.argmin(np.where(np.isnan(distance), np.inf, distance))) + len(before)
 
 
 def _spread(values: Floats) -> float:
     """Standard deviation of what is there; 1 where nothing is, or nothing moves."""
-    there = values[np.isfinite(values)]
-    return float(np.std(there)) or 1.0 if there.size else 1.0
+    finite = values[np.isfinite(values)]
+    return float(np.std(finite)) or 1.0 if finite.size else 1.0
 
 
 class SimulatedAhead:
@@ -111,8 +111,10 @@ class SimulatedAhead:
 
     def append(self, stretch: Stretch) -> None:
         """Go on with ``stretch`` from its start; what was simulated beyond that is forgotten."""
-        kept = [earlier for earlier in self._stretches if earlier.start_s < stretch.start_s]
-        self._stretches = [*kept, stretch]
+        earlier_stretches = [
+            earlier for earlier in self._stretches if earlier.start_s < stretch.start_s
+        ]
+        self._stretches = [*earlier_stretches, stretch]
 
     def before(self, plant_s: float) -> Floats:
         """The last ``ALIKE`` rows (n, 5) before ``plant_s``; fewer where fewer are simulated, none
@@ -120,8 +122,10 @@ class SimulatedAhead:
         for stretch in reversed(self._stretches):
             if stretch.start_s < plant_s:
                 behind = math.ceil((plant_s - stretch.start_s) / stretch.interval_s - 1e-9)
-                known = behind <= len(stretch.rows)
-                return stretch.rows[max(behind - ALIKE, 0) : behind] if known else stretch.rows[:0]
+                has_row = behind <= len(stretch.rows)
+                return (
+                    stretch.rows[max(behind - ALIKE, 0) : behind] if has_row else stretch.rows[:0]
+                )
         return self._stretches[0].rows[:0]
 
     def row(self, plant_s: float) -> Floats:
@@ -130,5 +134,5 @@ class SimulatedAhead:
         while len(self._stretches) > 1 and self._stretches[1].start_s <= plant_s:
             self._stretches.pop(0)
         stretch = self._stretches[0]
-        place = int((plant_s - stretch.start_s) / stretch.interval_s + 1e-9)
-        return stretch.rows[place] if 0 <= place < len(stretch.rows) else self._none
+        row = int((plant_s - stretch.start_s) / stretch.interval_s + 1e-9)
+        return stretch.rows[row] if 0 <= row < len(stretch.rows) else self._none

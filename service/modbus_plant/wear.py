@@ -42,8 +42,8 @@ class Wear:
     def even_for_s(self, worn_s: float) -> float:
         """For how many seconds from ``worn_s`` on the wear keeps its slope; inf for ever."""
         kinks = (self.after_s, self.after_s + self.over_s)
-        left = [kink - worn_s for kink in kinks if kink - worn_s >= _SHORTEST_S]
-        return min(left, default=math.inf)
+        seconds_left = [kink - worn_s for kink in kinks if kink - worn_s >= _SHORTEST_S]
+        return min(seconds_left, default=math.inf)
 
 
 def worn(loop: PlantLoop, wear: Wear | None, worn_s: float, length_s: float = 0.0) -> PlantLoop:

@@ -104,34 +104,34 @@ def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:
     All of the first kind's are there; the others fill what room is left, in turn.
     """
     first, *queues = ([*advice_for(kind).steps] for kind in kinds)
-    taken = first
-    while any(queues) and len(taken) < MOST_STEPS:
+    steps = first
+    while any(queues) and len(steps) < MOST_STEPS:
         for queue in queues:
             step = queue.pop(0) if queue else None
-            if step is not None and step not in taken and len(taken) < MOST_STEPS:
-                taken.append(step)
-    return tuple(sorted(taken, key=lambda step: step.level))
+            if step is not None and step not in steps and len(steps) < MOST_STEPS:
+                steps.append(step)
+    return tuple(sorted(steps, key=lambda step: step.level))
 
 
 def parts_for(kinds: Iterable[str]) -> tuple[str, ...]:
     """What to have at hand for several kinds, none twice; "none" only where it stands alone."""
-    every = list(dict.fromkeys(part for kind in kinds for part in advice_for(kind).parts))
-    needed = [part for part in every if not part.startswith("none")]
-    return tuple(needed or every[:1])
+    parts = list(dict.fromkeys(part for kind in kinds for part in advice_for(kind).parts))
+    needed = [part for part in parts if not part.startswith("none")]
+    return tuple(needed or parts[:1])
 
 
 def isolation_for(steps: Iterable[CheckStep]) -> tuple[tuple[IsolationLevel, str], ...]:
     """What each level that ``steps`` reach asks for, the cheapest first; the desk only alone."""
     levels = sorted({step.level for step in steps})
-    beyond = [level for level in levels if level > IsolationLevel.DESK]
-    return tuple((level, ISOLATION[level]) for level in beyond or levels)
+    away_from_desk = [level for level in levels if level > IsolationLevel.DESK]
+    return tuple((level, ISOLATION[level]) for level in away_from_desk or levels)
 
 
 def _advice(table: Mapping[str, object]) -> FieldAdvice:
-    steps, parts, alike = table["steps"], table["parts"], table.get("otherwise", [])
+    steps, parts, otherwise = table["steps"], table["parts"], table.get("otherwise", [])
     assert isinstance(steps, list)
     assert isinstance(parts, list)
-    assert isinstance(alike, list)
+    assert isinstance(otherwise, list)
     return FieldAdvice(
         title=str(table["title"]),
         parts=tuple(map(str, parts)),
@@ -139,5 +139,5 @@ def _advice(table: Mapping[str, object]) -> FieldAdvice:
         cause=str(table["cause"]),
         part=str(table["object"]),
         steps=check_steps(*map(str, steps)),
-        otherwise=tuple(map(str, alike)),
+        otherwise=tuple(map(str, otherwise)),
     )

@@ -63,15 +63,15 @@ class EvidenceOfWeeks:
         """What is confirmed and what to check; in the words of the ``newest`` window, where that
         names it too."""
         confirmed = self.confirmed
-        said = [finding_sentence(finding, zone) for finding in confirmed]
+        sentences = [finding_sentence(finding, zone) for finding in confirmed]
         effects = {effect.slug: effect for effect in newest.effects} if newest is not None else {}
         for finding in confirmed[:1]:
             words = term_words(finding.slug)
             effect = effects.get(finding.slug)
-            said = [*([effect.sentence] if effect is not None else []), *said]
+            sentences = [*([effect.sentence] if effect is not None else []), *sentences]
             check = words.check if words is not None else effect.check if effect else ""
-            said.append(check)
-        return " ".join(sentence for sentence in said if sentence)
+            sentences.append(check)
+        return " ".join(sentence for sentence in sentences if sentence)
 
     @property
     def shown(self) -> tuple[WindowEvidence, ...]:
@@ -81,11 +81,16 @@ class EvidenceOfWeeks:
     def sentences(self, zone: tzinfo = UTC) -> tuple[str, ...]:
         """One sentence for each finding, and one for S and J where they are pooled."""
         if self.of_one_recording:
-            said = [_within_recording(one, one.slug in self.by_whole) for one in self.findings]
-            said = said or [f"None of {len(self.windows)} windows of the recording names anything."]
+            sentences = [
+                _within_recording(finding, finding.slug in self.by_whole)
+                for finding in self.findings
+            ]
+            sentences = sentences or [
+                f"None of {len(self.windows)} windows of the recording names anything."
+            ]
         else:
-            said = [finding_sentence(finding, zone) for finding in self.findings]
-        return (*said, *([self.pooled_sentence] if self.pooled is not None else []))
+            sentences = [finding_sentence(finding, zone) for finding in self.findings]
+        return (*sentences, *([self.pooled_sentence] if self.pooled is not None else []))
 
     @property
     def pooled_sentence(self) -> str:
@@ -103,13 +108,13 @@ class EvidenceOfWeeks:
 
 def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | None:
     """What ``windows`` of one valve say together; ``None`` where no effect is followed."""
-    counted = that_count(windows)
-    findings = lasting_findings(counted)
+    count_text = that_count(windows)
+    findings = lasting_findings(count_text)
     if not findings:
         return None
-    holds = any(finding.holds for finding in findings)
-    pooled = pooled_stiction(counted, findings) if holds else None
-    return EvidenceOfWeeks(windows=tuple(counted), findings=findings, pooled=pooled)
+    any_holds = any(finding.holds for finding in findings)
+    pooled = pooled_stiction(count_text, findings) if any_holds else None
+    return EvidenceOfWeeks(windows=tuple(count_text), findings=findings, pooled=pooled)
 
 
 def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
@@ -119,7 +124,7 @@ def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
     if finding.state is FindingState.FIRST_SEEN:
         if finding.of == 1:
             return f"{text}, in the only window that counts so far; another one must confirm it."
-        return f"{text}, in {_counted(finding)}; not confirmed yet."
+        return f"{text}, in {_count_text(finding)}; not confirmed yet."
     if finding.state is FindingState.GONE:
         assert finding.confirmed is not None
         return (
@@ -127,8 +132,10 @@ def finding_sentence(finding: LastingFinding, zone: tzinfo = UTC) -> str:
             f"{_day(finding.last_seen, zone)}, and not in the windows since."
         )
     if finding.named == 1:
-        return f"{text}, named in {_counted(finding)} and confirmed by what it gains in the others."
-    return f"{text}, confirmed in {_counted(finding)}."
+        return (
+            f"{text}, named in {_count_text(finding)} and confirmed by what it gains in the others."
+        )
+    return f"{text}, confirmed in {_count_text(finding)}."
 
 
 def _within_recording(finding: LastingFinding, by_whole: bool) -> str:
@@ -139,20 +146,20 @@ def _within_recording(finding: LastingFinding, by_whole: bool) -> str:
             f"{name[0].upper()}{name[1:]}: named in the recording as a whole, and confirmed by "
             f"what {finding.of} windows of it gain together, {finding.named} of which name it."
         )
-    said = f"{name[0].upper()}{name[1:]}: named in {finding.named} of {finding.of} windows"
+    sentence = f"{name[0].upper()}{name[1:]}: named in {finding.named} of {finding.of} windows"
     if finding.state is FindingState.FIRST_SEEN:
-        return f"{said} of the recording, which the others do not confirm."
+        return f"{sentence} of the recording, which the others do not confirm."
     if finding.state is FindingState.GONE:
-        return f"{said} of the recording, and in none of the last ones."
-    by = ", and confirmed by what it gains in the others" if finding.named == 1 else ""
-    return f"{said} of the recording{by or ', which confirms it'}."
+        return f"{sentence} of the recording, and in none of the last ones."
+    gain_clause = ", and confirmed by what it gains in the others" if finding.named == 1 else ""
+    return f"{sentence} of the recording{gain_clause or ', which confirms it'}."
 
 
-def _counted(finding: LastingFinding) -> str:
+def _count_text(finding: LastingFinding) -> str:
     """``5 of 8 windows``: the last ones, where there were more."""
     last = "the last " if finding.of == MEMORY else ""
     return f"{finding.named} of {last}{finding.of} windows"
 
 
-def _day(at: datetime, zone: tzinfo) -> str:
-    return at.astimezone(zone).strftime("%Y-%m-%d")
+def _day(instant: datetime, zone: tzinfo) -> str:
+    return instant.astimezone(zone).strftime("%Y-%m-%d")

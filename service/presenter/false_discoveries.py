@@ -36,19 +36,20 @@ class Discoveries:
         """The whole run in one or two sentences; empty where no valve could be tested."""
         if not self.tested:
             return ""
-        said = f"Hidden physics named on {self.named} of {valves_counted(self.tested)} tested"
+        sentence = f"Hidden physics named on {self.named} of {valves_counted(self.tested)} tested"
         if self.named:
-            said += (
+            sentence += (
                 f"; at most {LEVEL_PERCENT} of such findings are expected to be due to chance "
                 "(Benjamini-Hochberg)"
             )
         if not self.held_back:
-            return f"{said}."
-        many = self.held_back > 1
+            return f"{sentence}."
+        several = self.held_back > 1
         return (
-            f"{said}. {self.held_back} {'more ' if self.named else ''}{'are' if many else 'is'} "
+            f"{sentence}. {self.held_back} "
+            f"{'more ' if self.named else ''}{'are' if several else 'is'} "
             f"held back: across {valves_counted(self.tested)} chance alone may have named "
-            f"{'them' if many else 'it'}."
+            f"{'them' if several else 'it'}."
         )
 
     @property
@@ -71,17 +72,17 @@ def discoveries(
     """
     p_values = [mismatch.p_value for mismatch in mismatches if tested(mismatch)]
     verdicts = iter(significant([*p_values, *elsewhere]))
-    standing = tuple(
+    stands_of_each = tuple(
         _named(mismatch, next(verdicts)) if tested(mismatch) else None for mismatch in mismatches
     )
     # The verdicts that are left are those of ``elsewhere``.
     others = [stood for stood, p in zip(verdicts, elsewhere, strict=True) if p is not None]
-    said = [stands for stands in standing if stands is not None] + others
+    outcomes = [outcome for outcome in stands_of_each if outcome is not None] + others
     return Discoveries(
-        standing=standing,
+        standing=stands_of_each,
         tested=len(p_values) + len(elsewhere),
-        named=sum(said),
-        held_back=len(said) - sum(said),
+        named=sum(outcomes),
+        held_back=len(outcomes) - sum(outcomes),
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from math import ceil
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldTest
@@ -111,7 +112,7 @@ def present(
         decision=decision,
         title=advice_for(decision.kinds[0]).title,
         meaning=VERDICT_MEANING[decision.verdict],
-        found=_found(screening, decision),
+        found=_found_sentences(screening, decision),
         still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
         next_step=_next_step(screening, decision),
         beside_friction=_measured_beside(screening),
@@ -138,7 +139,7 @@ def present_effect(effect: Effect) -> PresentedEffect:
     """One effect in words. What to check and the test that tells stand with its term; a term of
     another version is said as it was stored."""
     words = term_words(effect.slug)
-    alike = other_members(effect)
+    similar_effects = other_members(effect)
     decide = effect.decide if words is None else words.decide
     return PresentedEffect(
         slug=effect.slug,
@@ -146,8 +147,8 @@ def present_effect(effect: Effect) -> PresentedEffect:
         sentence=effect.sentence,
         where=effect.where,
         check=effect.check if words is None else words.check,
-        instead=effect_names(alike),
-        decide=decide if alike else "",
+        instead=effect_names(similar_effects),
+        decide=decide if similar_effects else "",
         evidence=_evidence(effect),
         test=effect_test(effect),
     )
@@ -163,45 +164,55 @@ def _evidence(effect: Effect) -> str:
     return f"{removed} to{t}. {evidence.note}".rstrip()
 
 
-def _found(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
+def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
     """The screening's reason, each effect that stands, and which of them are no defects."""
-    said, standing = [screening.reason], (*decision.effects, *decision.inherent)
-    said += not_yet_said((effect.sentence for effect in standing), screening.reason)
+    sentences, named_effects = [screening.reason], (*decision.effects, *decision.inherent)
+    sentences += not_yet_said((effect.sentence for effect in named_effects), screening.reason)
     if decision.inherent:
-        said.append(belong_to_machine(decision.inherent))
+        sentences.append(belong_to_machine(decision.inherent))
     mismatch = screening.mismatch
     if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
-        said += not_yet_said([mismatch.sentence], screening.reason)
-    return tuple(said)
+        sentences += not_yet_said([mismatch.sentence], screening.reason)
+    return tuple(sentences)
 
 
 def belong_to_machine(effects: Sequence[Effect]) -> str:
     """That ``effects`` are how such a machine is made."""
     names = effect_names(effect.slug for effect in effects)
-    one = len(effects) == 1
-    subject = f"{names[:1].upper()}{names[1:]} {'belongs' if one else 'belong'}"
-    return f"{subject} to such a machine and {'is no defect' if one else 'are no defects'}."
+    is_single = len(effects) == 1
+    subject = f"{names[:1].upper()}{names[1:]} {'belongs' if is_single else 'belong'}"
+    return f"{subject} to such a machine and {'is no defect' if is_single else 'are no defects'}."
 
 
 def field_test(screening: Screening) -> str:
     """A test by hand that can move this valve, with what to expect from its own S and J; empty
-    where they are not known or nothing is to be confirmed."""
+    where they are not known or nothing is to be confirmed.
+
+    Steps back that add up to S are needed before the stick-slip element moves; by the last of them
+    it moves J and what they are more than S.
+    """
     S, J = finite(screening.S.value), finite(screening.J.value) or 0.0
     if screening.verdict not in (Verdict.STICKY, Verdict.WATCH) or S is None or S < LEAST_TESTED:
         return ""
     step = next(step for least, step in TEST_STEPS if least <= S)
     low, high = finite(screening.S.low) or S, finite(screening.S.high) or S
-    fewest, most = max(1, round(low / step)), max(1, round(high / step))
-    about = f"{max(1, round(S / step))}"
-    if fewest != most:
-        about += f" ({fewest} to {most})"
-    jump = f"a jump of about {span_percent(J)} %" if J >= step / 2 else "no jump"
+    fewest, most_steps = _steps_for(low, step), _steps_for(high, step)
+    expected = f"{_steps_for(S, step)}"
+    if fewest != most_steps:
+        expected += f" ({fewest} to {most_steps})"
+    moves = "no more than a step, without a jump"
+    if J >= step / 2:
+        moves = f"{span_percent(J)} to {span_percent(J + step)} % of OP at once"
     return (
         f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
-        f"back by the same steps, and count them. Expect about {about} "
-        f"before it moves back, with {jump}. A stem that answers the first or second step back "
-        "passes."
+        f"back; wait after each step, and count those back. Expect about {expected} until it "
+        f"moves, by {moves}. A stem that answers the first or second step back passes."
     )
+
+
+def _steps_for(S: float, step: float) -> int:
+    """How many steps back add up to S; a millionth less is S as well."""
+    return max(1, ceil(S / step - 1e-6))
 
 
 def _next_step(screening: Screening, decision: WorkDecision) -> str:
@@ -217,21 +228,22 @@ def _otherwise(
 ) -> tuple[str, ...]:
     """What else it could be: what looks alike, what this recording cannot tell apart, what was
     held back, what it could not have shown."""
-    said = list(advice_for(kinds[0]).otherwise)
+    alternatives = list(advice_for(kinds[0]).otherwise)
     if mismatch is None:
-        return tuple(said)
+        return tuple(alternatives)
     for effect in present_effects(mismatch):
-        said += _alternatives(effect, held_back=stands is False)
+        alternatives += _alternatives(effect, held_back=stands is False)
     if mismatch.not_testable:
         named = effect_names(
             untestable.slug for untestable in mismatch.not_testable[:MOST_UNTESTABLE]
         )
-        more = len(mismatch.not_testable) - MOST_UNTESTABLE
-        said.append(
-            f"Not testable in this recording: {named}{f' and {more} more' if more > 0 else ''}; "
+        unlisted = len(mismatch.not_testable) - MOST_UNTESTABLE
+        alternatives.append(
+            "Not testable in this recording: "
+            f"{named}{f' and {unlisted} more' if unlisted > 0 else ''}; "
             f"the first because {mismatch.not_testable[0].reason.rstrip('.')}."
         )
-    return tuple(said)
+    return tuple(alternatives)
 
 
 def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
@@ -245,8 +257,10 @@ def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
 
 def beside_friction(screening: Screening) -> str:
     """One sentence on what delays or slows the stem; empty where nothing but friction was seen."""
-    said = [clause for clause in (_late(screening), _lag(screening), _speed(screening)) if clause]
-    return f"Beside friction: {'; '.join(said)}." if said else ""
+    clauses = [
+        clause for clause in (_late(screening), _lag(screening), _speed(screening)) if clause
+    ]
+    return f"Beside friction: {'; '.join(clauses)}." if clauses else ""
 
 
 def without_them(screening: Screening) -> str:
@@ -298,22 +312,22 @@ def _speed(screening: Screening) -> str:
     speeds = [_value(screening, name) for name in names]
     slow = [speed if speed is not None and speed <= fastest else None for speed in speeds]
 
-    def said(speed: float) -> str:
+    def speed_text(speed: float) -> str:
         return rate(speed * interval_s, interval_s)
 
-    return _two_ways(slow[0], slow[1], said, "moves at most")
+    return _two_ways(slow[0], slow[1], speed_text, "moves at most")
 
 
 def _two_ways(
-    rising: float | None, falling: float | None, said: Callable[[float], str], what: str
+    rising: float | None, falling: float | None, as_text: Callable[[float], str], quantity: str
 ) -> str:
     if rising is None:
-        return "" if falling is None else f"{what} {said(falling)} when position falls"
+        return "" if falling is None else f"{quantity} {as_text(falling)} when position falls"
     if falling is None:
-        return f"{what} {said(rising)} when position rises"
+        return f"{quantity} {as_text(rising)} when position rises"
     if abs(rising - falling) <= ALIKE_SHARE * max(rising, falling):
-        return f"{what} {said((rising + falling) / 2)}"
-    return f"{what} {said(rising)} rising and {said(falling)} falling"
+        return f"{quantity} {as_text((rising + falling) / 2)}"
+    return f"{quantity} {as_text(rising)} rising and {as_text(falling)} falling"
 
 
 def stiction_grown(before: Estimate | None, now: Estimate) -> str:

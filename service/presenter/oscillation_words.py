@@ -49,34 +49,43 @@ def cost(group: OscillationGroup) -> str:
     )
 
 
-def begun(group: OscillationGroup, zone: tzinfo) -> str:
+def begin_clause(group: OscillationGroup, zone: tzinfo) -> str:
     """Since when it oscillates; empty where it always did or nobody knows."""
-    return "" if group.since is None else f"since {words.instant(group.since, zone)}"
+    if group.since is not None:
+        return f"since {words.instant(group.since, zone)}"
+    if group.first_found is not None:
+        return f"since {words.instant(group.first_found, zone)} or earlier"
+    return ""
+
+
+def seen(group: OscillationGroup) -> str:
+    """In how many windows it was found; empty where only in this one."""
+    return f"It was found in {group.windows} windows so far." if group.windows > 1 else ""
 
 
 def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
     """The sentence on a member's page."""
-    member = next(one for one in group.members if one.loop == loop)
-    since = begun(group, zone)
+    member = next(candidate for candidate in group.members if candidate.loop == loop)
+    since = begin_clause(group, zone)
     when = f" {since}" if since else ""
-    told = f"{words.share(member.share)} of its PV's variance, period {period(group)}"
+    sentence = f"{words.share(member.share)} of its PV's variance, period {period(group)}"
     if group.source == loop:
-        others = [one.loop for one in group.members if one.loop != loop]
+        others = [member.loop for member in group.members if member.loop != loop]
         named = ", ".join(others[:NAMED])
-        more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
-        why = f": {', '.join(member.evidence)}" if member.evidence else ""
+        and_more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+        evidence = f": {', '.join(member.evidence)}" if member.evidence else ""
         return (
-            f"Oscillates{when} with {named}{more} ({told}); of these loops it is the likeliest "
-            f"source ({words.share(member.probability)}){why}."
+            f"Oscillates{when} with {named}{and_more} ({sentence}); of these loops it is the "
+            f"likeliest source ({words.share(member.probability)}){evidence}."
         )
     if not group.source:
         return (
-            f"Oscillates{when} with {len(group.members) - 1} other loops ({told}); most likely "
+            f"Oscillates{when} with {len(group.members) - 1} other loops ({sentence}); most likely "
             "none of them is the source. Retuning this one alone would not help."
         )
     return (
-        f"Oscillates{when} with {group.source} ({told}), where it more likely begins. Look there "
-        "first: retuning this loop would not help."
+        f"Oscillates{when} with {group.source} ({sentence}), where it more likely begins. Look "
+        "there first: retuning this loop would not help."
     )
 
 

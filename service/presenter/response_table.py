@@ -49,7 +49,7 @@ def response_table(screening: Screening) -> ResponseTable | None:
 
 
 def _sentences(figures: ResponseFigures) -> list[str]:
-    said = [
+    sentences = [
         f"Dead band {figures.dead_band} of OP, resolution {figures.resolution}, in the words of "
         f"{STANDARD}: a step the same way as the last moves the stem if it is larger than the "
         "resolution, one the other way if it is larger than the dead band. Computed from the model "
@@ -57,16 +57,16 @@ def _sentences(figures: ResponseFigures) -> list[str]:
     ]
     if figures.simulated:
         names = ", ".join(effect_name(slug) for slug in figures.simulated)
-        said.append(f"The steps were run on the fitted model, with: {names}.")
+        sentences.append(f"The steps were run on the fitted model, with: {names}.")
     if figures.left_out:
         names = ", ".join(effect_name(slug) for slug in figures.left_out)
-        said.append(f"Not in these figures: {names}.")
-    return said
+        sentences.append(f"Not in these figures: {names}.")
+    return sentences
 
 
-def _row(step: StepFigures, alike: bool) -> ResponseRow:
-    way = "" if alike else f", position {'rising' if step.rising else 'falling'}"
-    name = f"{step.step_percent:g} %, {step.way.value}{way}"
+def _row(step: StepFigures, same_both_ways: bool) -> ResponseRow:
+    direction = "" if same_both_ways else f", position {'rising' if step.rising else 'falling'}"
+    name = f"{step.step_percent:g} %, {step.way.value}{direction}"
     if step.dead_time.value is None:
         return ResponseRow(step=name, moves="does not move")
     moves = "moves" if step.moves > 0.99 else f"moves in {share(step.moves)} of draws"
@@ -82,11 +82,11 @@ def _row(step: StepFigures, alike: bool) -> ResponseRow:
 
 def _spread(estimate: Estimate) -> str:
     """A number with its interval in brackets, where it is one."""
-    value, low, high = (finite(one) for one in (estimate.value, estimate.low, estimate.high))
-    shown = figure(_tidy(value), 2)
+    value, low, high = (finite(number) for number in (estimate.value, estimate.low, estimate.high))
+    value_text = figure(_tidy(value), 2)
     if low is None or high is None or figure(_tidy(low), 2) == figure(_tidy(high), 2):
-        return shown
-    return f"{shown} ({figure(_tidy(low), 2)} to {figure(_tidy(high), 2)})"
+        return value_text
+    return f"{value_text} ({figure(_tidy(low), 2)} to {figure(_tidy(high), 2)})"
 
 
 def _tidy(value: float | None) -> float | None:

@@ -44,22 +44,22 @@ def stale_data(
     ``newest`` is the end of the newest window that was screened, ``failed`` what the last run that
     is over says of its failure, empty where it did not fail.
     """
-    said = [_silent(source, now) for source in silent]
-    said += [
+    sentences = [_silent(source, now) for source in silent]
+    sentences += [
         f"The schedule {schedule.name} was due {_ago(now - schedule.next_due)} ago and has not "
         "begun: see whether stemwatch serve is running."
         for schedule in schedules
         if schedule.next_due is not None and now - schedule.next_due > OVERDUE + schedule.spread
     ]
     if failed:
-        said.append(f"The last run failed: {failed.rstrip('.')}.")
+        sentences.append(f"The last run failed: {failed.rstrip('.')}.")
     limit = OLD_WITH_SCHEDULE if schedules else OLD_WITHOUT
     if newest is not None and now - newest > limit:
-        said.append(
+        sentences.append(
             f"The newest recording that was screened ended {_ago(now - newest)} ago: what is shown "
             "here is as old."
         )
-    return said
+    return sentences
 
 
 def _silent(source: SilentSource, now: datetime) -> str:
@@ -68,8 +68,8 @@ def _silent(source: SilentSource, now: datetime) -> str:
         if source.last_good is None
         else f"has delivered no good sample for {_ago(now - source.last_good)}"
     )
-    why = f" ({source.fault.rstrip('.')})" if source.fault else ""
-    return f"The source {source.name} {since}{why}: its valves are not watched."
+    fault = f" ({source.fault.rstrip('.')})" if source.fault else ""
+    return f"The source {source.name} {since}{fault}: its valves are not watched."
 
 
 def _ago(age: timedelta) -> str:

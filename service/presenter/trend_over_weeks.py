@@ -30,8 +30,8 @@ class TrendOverWeeks:
     @property
     def is_change(self) -> bool:
         """Whether the interval leaves no rate of 0, and what came together could be seen at all."""
-        together = abs(self.per_month) * self.days / DAYS_A_MONTH
-        return not self.low <= 0.0 <= self.high and together >= SMALLEST_PERCENT
+        total_change = abs(self.per_month) * self.days / DAYS_A_MONTH
+        return not self.low <= 0.0 <= self.high and total_change >= SMALLEST_PERCENT
 
     @property
     def words(self) -> str:
@@ -54,9 +54,9 @@ def trend_over_weeks(
     centred = t - t.mean()
     spread = float(centred @ centred)
     slope = float(centred @ y) / spread
-    left = y - y.mean() - slope * centred
+    residual = y - y.mean() - slope * centred
     freedom = t.size - 2
-    error = float(np.sqrt(left @ left / freedom / spread))
+    error = float(np.sqrt(residual @ residual / freedom / spread))
     reach = float(stdtrit(freedom, 0.975)) * error
     trend = TrendOverWeeks(
         per_month=DAYS_A_MONTH * slope,

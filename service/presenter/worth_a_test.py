@@ -28,11 +28,11 @@ def suspicion_title(told: WithoutPosition) -> str:
 def worth_a_test(screening: Screening) -> bool:
     """Whether the loop deserves a position transmitter or a test before the others: it has no
     verdict, and OP and PV alone let sticking be suspected."""
-    told = screening.without_position
+    suspicion = screening.without_position
     return (
         screening.verdict is Verdict.UNDETERMINED
-        and told is not None
-        and told.verdict is Suspicion.SUSPECTED
+        and suspicion is not None
+        and suspicion.verdict is Suspicion.SUSPECTED
     )
 
 
@@ -42,7 +42,11 @@ def loops_to_test(screenings: Iterable[Screening]) -> tuple[str, ...]:
     votes: dict[str, list[bool]] = {}
     for screening in screenings:
         votes.setdefault(screening.valve, []).append(worth_a_test(screening))
-    return tuple(valve for valve, told in votes.items() if 2 * sum(told) >= len(told))
+    return tuple(
+        valve
+        for valve, votes_of_valve in votes.items()
+        if 2 * sum(votes_of_valve) >= len(votes_of_valve)
+    )
 
 
 def suspected_sentence(named: Sequence[str]) -> str:

@@ -97,12 +97,12 @@ def gauge(estimate: Estimate, top: float) -> Gauge | None:
         return None
     low, high = finite(estimate.low), finite(estimate.high)
     return Gauge(
-        at=_place(value, top),
-        low=_place(value if low is None else low, top),
-        high=_place(value if high is None else high, top),
+        at=_position_percent(value, top),
+        low=_position_percent(value if low is None else low, top),
+        high=_position_percent(value if high is None else high, top),
         beyond=high is not None and high > top,
     )
 
 
-def _place(value: float, top: float) -> float:
+def _position_percent(value: float, top: float) -> float:
     return round(100.0 * min(max(value / top, 0.0), 1.0), 1)

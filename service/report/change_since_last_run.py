@@ -59,14 +59,14 @@ def change_since_last_run(
     """
     if before is None:
         return Change(direction="new", words="first look")
-    was = verdict_before(before)
-    if verdict not in _GRAVITY or was not in _GRAVITY:
-        return Change(direction="unknown", words=f"was {was.value}")
-    if verdict != was:
-        worse = _GRAVITY[verdict] > _GRAVITY[was]
+    previous_verdict = verdict_before(before)
+    if verdict not in _GRAVITY or previous_verdict not in _GRAVITY:
+        return Change(direction="unknown", words=f"was {previous_verdict.value}")
+    if verdict != previous_verdict:
+        worse = _GRAVITY[verdict] > _GRAVITY[previous_verdict]
         return Change(
             direction="worse" if worse else "better",
-            words=f"{'worse' if worse else 'better'}, was {was.value}",
+            words=f"{'worse' if worse else 'better'}, was {previous_verdict.value}",
         )
     if weeks is not None and weeks.is_change:
         direction = "worse" if weeks.per_month > 0.0 else "better"

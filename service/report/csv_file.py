@@ -18,10 +18,10 @@ FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "�
 
 def write_csv(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
     """One header row, one row per valve; numbers unrounded, times ISO 8601 with their offset."""
-    shown, rows = header_and_rows(ranked, context)
+    columns, rows = header_and_rows(ranked, context)
     sheet = io.TextIOWrapper(file, encoding="utf-8-sig", newline="")
     writer = csv.writer(sheet)
-    writer.writerow([column.header for column in shown])
+    writer.writerow([column.header for column in columns])
     writer.writerows([harmless(cell) for cell in row] for row in rows)
     sheet.flush()
     sheet.detach()  # the file is the caller's to close

@@ -25,10 +25,12 @@ def evidence_picture(evidence: EvidenceOfWeeks, zone: tzinfo) -> Markup:
     windows = evidence.shown
     width = LEFT + CELL * max(len(windows), 3) + RIGHT
     height = TOP + CELL * len(evidence.findings) + BOTTOM
-    spoken = escape(printable(" ".join(evidence.sentences(zone))))
+    description = escape(printable(" ".join(evidence.sentences(zone))))
     size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
     parts = [
-        Markup(f'<svg class="by-window" {size} role="img" aria-label="') + spoken + Markup('">'),
+        Markup(f'<svg class="by-window" {size} role="img" aria-label="')
+        + description
+        + Markup('">'),
         *[
             _row(finding, windows, TOP + CELL * index)
             for index, finding in enumerate(evidence.findings)
@@ -75,18 +77,18 @@ def _times(evidence: EvidenceOfWeeks, y: int, zone: tzinfo) -> list[Markup]:
         return []
     step = max(-(-len(windows) // MOST_DAYS), 1)
     step = max(step, 2) if len(windows) > 2 else max(len(windows) - 1, 1)
-    shown = [place for place in range(0, len(windows), step) if place + step <= len(windows)]
+    labelled = [index for index in range(0, len(windows), step) if index + step <= len(windows)]
     return [
-        _text(LEFT + CELL * (place + 0.5), y, _time(evidence, place, zone), "axis", "middle")
-        for place in shown
+        _text(LEFT + CELL * (index + 0.5), y, _time(evidence, index, zone), "axis", "middle")
+        for index in labelled
     ]
 
 
-def _time(evidence: EvidenceOfWeeks, place: int, zone: tzinfo) -> str:
-    window, began = evidence.shown[place], evidence.recording_began
-    if began is None:
+def _time(evidence: EvidenceOfWeeks, index: int, zone: tzinfo) -> str:
+    window, recording_began = evidence.shown[index], evidence.recording_began
+    if recording_began is None:
         return window.at.astimezone(zone).strftime("%m-%d")
-    return f"{((window.start or window.at) - began).total_seconds() / 3600.0:.3g} h"
+    return f"{((window.start or window.at) - recording_began).total_seconds() / 3600.0:.3g} h"
 
 
 def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:

@@ -31,8 +31,8 @@ ALONE = Markup(
 
 def largest(*maps: ResidualMap) -> float:
     """The largest rms of several maps in percent of span: the end of their common scale."""
-    known = [number for residuals in maps for row in residuals.grid for number in _finite(row)]
-    return max(known, default=0.0)
+    numbers = [number for residuals in maps for row in residuals.grid for number in _finite(row)]
+    return max(numbers, default=0.0)
 
 
 def heat_map(
@@ -51,10 +51,10 @@ def heat_map(
     space = ' xmlns="http://www.w3.org/2000/svg"' if alone else ""
     parts = [
         Markup(f'<svg class="map"{space} {size} role="img" aria-label="')
-        + escape(printable(_spoken(residuals, name)))
+        + escape(printable(_description(residuals, name)))
         + Markup('">'),
         ALONE if alone else Markup(""),
-        *[_column(at, label) for at, label in enumerate(residuals.columns)],
+        *[_column(column, label) for column, label in enumerate(residuals.columns)],
         *[_row(residuals, row, top) for row in range(len(residuals.grid))],
         Markup("</svg>"),
     ]
@@ -65,18 +65,18 @@ def _finite(row: Sequence[float | None]) -> list[float]:
     return [number for value in row if (number := finite(value)) is not None]
 
 
-def _spoken(residuals: ResidualMap, name: str) -> str:
-    known = [
+def _description(residuals: ResidualMap, name: str) -> str:
+    cells = [
         (number, column, row)
         for row, cells in enumerate(residuals.grid)
         for column, cell in zip(residuals.columns, cells, strict=False)
         if (number := finite(cell)) is not None
     ]
-    if not known:
+    if not cells:
         return f"{name}: no samples."
-    worst, column, row = max(known)
-    where = f"{column}, {_travel(residuals.travel_edges, row)}".rstrip(", ")
-    return f"{name}: the largest rms, {figure(worst, 2)} % of span, is at {where}."
+    worst, column, row = max(cells)
+    place = f"{column}, {_travel(residuals.travel_edges, row)}".rstrip(", ")
+    return f"{name}: the largest rms, {figure(worst, 2)} % of span, is at {place}."
 
 
 def _travel(edges: Sequence[float], row: int) -> str:
@@ -92,9 +92,9 @@ def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:
     return Markup(f'<text x="{x}" y="{y}" class="{kind}" text-anchor="{anchor}">{words}</text>')
 
 
-def _column(at: int, label: str) -> Markup:
+def _column(column: int, label: str) -> Markup:
     """The heading of a column, on two lines where it has two words."""
-    middle = LEFT + CELL_WIDTH * (at + 0.5)
+    middle = LEFT + CELL_WIDTH * (column + 0.5)
     short = label if len(label) <= LONGEST_LABEL else label[: LONGEST_LABEL - 1] + "…"
     first, _, second = short.partition(" ")
     lines = [first, second] if second else ["", first]
@@ -110,8 +110,8 @@ def _row(residuals: ResidualMap, row: int, top: float) -> Markup:
     y = TOP + CELL_HEIGHT * (len(residuals.grid) - 1 - row)
     middle = y + CELL_HEIGHT / 2 + 4
     parts = [_text(LEFT - 6, middle, _travel(residuals.travel_edges, row), "axis", "end")]
-    for at, cell in enumerate(residuals.grid[row][: len(residuals.columns)]):
-        x, number = LEFT + CELL_WIDTH * at, finite(cell)
+    for column, cell in enumerate(residuals.grid[row][: len(residuals.columns)]):
+        x, number = LEFT + CELL_WIDTH * column, finite(cell)
         box = f'x="{x + 1}" y="{y + 1}" width="{CELL_WIDTH - 2}" height="{CELL_HEIGHT - 2}" rx="3"'
         if number is None:
             parts.append(Markup(f'<rect {box} class="none"/>'))

@@ -41,9 +41,9 @@ from stemwatch.service.report.mismatch_view import (
 from stemwatch.service.report.ranking import (
     RankedValve,
     count_verdicts,
-    counted,
     discovered,
     suspected,
+    work_counts,
 )
 from stemwatch.service.report.report_context import ReportContext
 
@@ -104,7 +104,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
     return page.generate(
         context=context,
         counts=counts,
-        work=counted(ranked),
+        work=work_counts(ranked),
         ranked=ranked,
         valves=_plotted(ranked, counts, discoveries.remark),
         discovered=discoveries.sentence,
@@ -125,30 +125,30 @@ def told_limit(counts: dict[Verdict, int]) -> int:
 
 def plot_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, get plots."""
-    wanted = sum(counts[verdict] for verdict in ALWAYS_WITH_PLOTS)
-    return min(max(wanted, ALWAYS_PLOTTED), MOST_PLOTTED)
+    valves_with_plots = sum(counts[verdict] for verdict in ALWAYS_WITH_PLOTS)
+    return min(max(valves_with_plots, ALWAYS_PLOTTED), MOST_PLOTTED)
 
 
 def _plotted(
     ranked: Sequence[RankedValve], counts: dict[Verdict, int], remark: str
 ) -> Iterator[PlottedValve]:
-    limit, told = plot_limit(counts), told_limit(counts)
-    return (_plot(valve, limit, remark) for valve in islice(ranked, told))
+    limit, limit_text = plot_limit(counts), told_limit(counts)
+    return (_plot(valve, limit, remark) for valve in islice(ranked, limit_text))
 
 
 def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
     plotted = valve.rank <= limit
     evidence = (valve.evidence or plots_of(valve.screening)) if plotted else NOTHING_DRAWN
     if not plotted:
-        why = (
+        reason = (
             f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
             "small; run a report of this valve alone to see its plots."
         )
     else:
-        nothing = "There is nothing to plot: no samples could be read."
-        why = nothing if evidence.chart is None else ""
+        no_samples = "There is nothing to plot: no samples could be read."
+        reason = no_samples if evidence.chart is None else ""
     mismatch = _view(valve, evidence, remark if valve.stands is False else "")
-    return PlottedValve(valve=valve, chart=evidence.chart, why_not=why, mismatch=mismatch)
+    return PlottedValve(valve=valve, chart=evidence.chart, why_not=reason, mismatch=mismatch)
 
 
 def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchView | None:
@@ -201,7 +201,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "figure": words.figure,
         "group_headline": oscillation_words.headline,
         "group_cost": oscillation_words.cost,
-        "group_begun": lambda group: oscillation_words.begun(group, context.tz),
+        "group_begun": lambda group: oscillation_words.begin_clause(group, context.tz),
+        "group_seen": oscillation_words.seen,
         "oscillates_with": lambda loop: oscillation_words.of_loops(
             context.groups, loop, context.tz
         ),

@@ -72,7 +72,7 @@ def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[s
             "before": _hot(mismatch.before.hot),
             "after": _hot(mismatch.after.hot),
         },
-        "tried": [_tried(tried_effect) for tried_effect in mismatch.tried],
+        "tried": [_tried_effect(tried_effect) for tried_effect in mismatch.tried],
         "together": _gain(mismatch.together),
         "p_value": finite(mismatch.p_value),
         "stands": stands,
@@ -108,29 +108,29 @@ def estimate_object(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def without_position_object(told: WithoutPosition | None) -> dict[str, Any] | None:
+def without_position_object(suspicion: WithoutPosition | None) -> dict[str, Any] | None:
     """What OP and PV alone say of the valve; ``None`` where they were not asked."""
-    if told is None:
+    if suspicion is None:
         return None
     return {
-        "verdict": told.verdict.value,
-        "score": finite(told.score),
-        "apparent_S": estimate_object(told.apparent_S),
-        "shows_from": finite(told.shows_from),
-        "rivals": [printable(rival) for rival in told.rivals],
-        "reason": printable(told.reason),
-        "advice": printable(told.advice),
+        "verdict": suspicion.verdict.value,
+        "score": finite(suspicion.score),
+        "apparent_S": estimate_object(suspicion.apparent_S),
+        "shows_from": finite(suspicion.shows_from),
+        "rivals": [printable(rival) for rival in suspicion.rivals],
+        "reason": printable(suspicion.reason),
+        "advice": printable(suspicion.advice),
     }
 
 
 def _effect(effect: Effect) -> dict[str, Any]:
-    evidence, said = effect.evidence, present_effect(effect)
+    evidence, presented = effect.evidence, present_effect(effect)
     return {
         "slug": printable(effect.slug),
         "class": [printable(slug) for slug in effect.members],
-        "sentence": printable(said.sentence),
-        "where": printable(said.where),
-        "check": printable(said.check),
+        "sentence": printable(presented.sentence),
+        "where": printable(presented.where),
+        "check": printable(presented.check),
         "decide": printable(effect.decide),
         "parameters": {
             printable(name): estimate_object(parameter)
@@ -144,11 +144,11 @@ def _effect(effect: Effect) -> dict[str, Any]:
             "note": printable(evidence.note),
         },
         "test": None
-        if said.test is None
+        if presented.test is None
         else {
-            "do": printable(said.test.do),
-            "fails": printable(said.test.fails),
-            "passes": printable(said.test.passes),
+            "do": printable(presented.test.do),
+            "fails": printable(presented.test.fails),
+            "passes": printable(presented.test.passes),
         },
         "inherent": effect.inherent,
     }
@@ -158,12 +158,12 @@ def _gain(gain: Gain | None) -> dict[str, float | None] | None:
     return None if gain is None else {"mean": finite(gain.mean), "t": finite(gain.t)}
 
 
-def _tried(tried: TriedEffect) -> dict[str, Any]:
+def _tried_effect(tried_effect: TriedEffect) -> dict[str, Any]:
     return {
-        "slug": printable(tried.slug),
-        "alone": _gain(tried.alone),
-        "beside": _gain(tried.beside),
-        "outcome": tried.outcome.value,
+        "slug": printable(tried_effect.slug),
+        "alone": _gain(tried_effect.alone),
+        "beside": _gain(tried_effect.beside),
+        "outcome": tried_effect.outcome.value,
     }
 
 
@@ -188,13 +188,13 @@ def _heldout(heldout: HeldOutFit) -> dict[str, float | None]:
 def _hot(places: Sequence[HotPlace]) -> list[dict[str, Any]]:
     return [
         {
-            "facet": printable(place.facet),
-            "label": printable(place.label),
-            "share": finite(place.share),
-            "z": finite(place.z),
-            "sentence": printable(place.sentence),
+            "facet": printable(cell.facet),
+            "label": printable(cell.label),
+            "share": finite(cell.share),
+            "z": finite(cell.z),
+            "sentence": printable(cell.sentence),
         }
-        for place in places
+        for cell in places
     ]
 
 
@@ -207,10 +207,10 @@ def to_contracts(screenings: Sequence[Screening]) -> list[dict[str, Any]]:
 
     Whether a valve's effects stand depends on all the others.
     """
-    standing = discoveries([screening.mismatch for screening in screenings]).standing
+    stands_of_each = discoveries([screening.mismatch for screening in screenings]).standing
     return [
-        to_contract(screening, stands=stands)
-        for screening, stands in zip(screenings, standing, strict=True)
+        to_contract(screening, stands=stands_of_valve)
+        for screening, stands_of_valve in zip(screenings, stands_of_each, strict=True)
     ]
 
 
@@ -228,20 +228,20 @@ def to_contract(
     windows of the last weeks say together, ``groups`` which loops
     oscillate together. Days in sentences are those of ``zone``, as in a report.
     """
-    mismatch, said = screening.mismatch, present(screening, stands=stands)
+    mismatch, presented = screening.mismatch, present(screening, stands=stands)
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,
         "valve": printable(screening.valve),
         "recording": printable(screening.provenance.source),
         "window": {"start": _instant(start), "end": _instant(end)},
-        "verdict": said.decision.verdict.value,
-        "reason": printable(said.reason),
-        "advice": printable(said.next_step),
+        "verdict": presented.decision.verdict.value,
+        "reason": printable(presented.reason),
+        "advice": printable(presented.next_step),
         "shape": None if screening.shape is None else screening.shape.value,
-        "severity": finite(said.decision.severity),
-        "confidence": finite(said.decision.confidence),
-        "ne107": said.decision.ne107,
+        "severity": finite(presented.decision.severity),
+        "confidence": finite(presented.decision.confidence),
+        "ne107": presented.decision.ne107,
         "stem_verdict": screening.verdict.value,
         "stem_confidence": finite(screening.confidence),
         "stiction": {"S": estimate_object(screening.S), "J": estimate_object(screening.J)},
@@ -274,11 +274,13 @@ def _oscillates_with(groups: Sequence[OscillationGroup], loop: str) -> list[dict
         {
             "period_s": finite(group.period_s),
             "loops": [printable(member.loop) for member in group.members],
-            "share": finite(next(one.share for one in group.members if one.loop == loop)),
+            "share": finite(next(member.share for member in group.members if member.loop == loop)),
             "source": printable(group.source) or None,
             "source_probability": finite(group.members[0].probability),
             "outside_probability": finite(group.outside),
             "since": _instant(group.since),
+            "first_found": _instant(group.first_found or group.start),
+            "windows": group.windows,
         }
         for group in groups
         if any(member.loop == loop for member in group.members)
@@ -288,13 +290,13 @@ def _oscillates_with(groups: Sequence[OscillationGroup], loop: str) -> list[dict
 def by_window_object(evidence: EvidenceOfWeeks) -> dict[str, Any]:
     """What the windows of one recording say together: each window, in seconds from the
     recording's beginning, what is followed, S and J."""
-    pooled, began = evidence.pooled, evidence.recording_began
-    assert began is not None
+    pooled, recording_began = evidence.pooled, evidence.recording_began
+    assert recording_began is not None
     return {
         "windows": [
             {
-                "begin_s": ((window.start or window.at) - began).total_seconds(),
-                "end_s": (window.at - began).total_seconds(),
+                "begin_s": ((window.start or window.at) - recording_began).total_seconds(),
+                "end_s": (window.at - recording_began).total_seconds(),
                 "named": [list(map(printable, members)) for members in window.named],
             }
             for window in evidence.windows

@@ -117,7 +117,7 @@ def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
     after = finite(heldout.rmse_extended) if mismatch.effects else None
     before, ceiling = finite(heldout.rmse_naive), finite(heldout.rmse_ceiling)
     noise = finite(heldout.noise_floor)
-    nearest = min((one for one in (before, after, ceiling) if one is not None), default=math.inf)
+    nearest = min((rmse for rmse in (before, after, ceiling) if rmse is not None), default=math.inf)
     network = "NARX network, the ceiling"
     if ceiling is not None and nearest < ceiling:
         network = "NARX network"
@@ -130,8 +130,10 @@ def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
         ("narx", network, ceiling, None),
         ("floor", floor_name, floor, None),
     )
-    known = [(*row[:2], rmse, row[3]) for row in rows if (rmse := finite(row[2])) is not None]
-    longest = max((rmse for _, _, rmse, _ in known), default=0.0)
+    rows_with_rmse = [
+        (*row[:2], rmse, row[3]) for row in rows if (rmse := finite(row[2])) is not None
+    ]
+    longest = max((rmse for _, _, rmse, _ in rows_with_rmse), default=0.0)
     return [
         LeftOver(
             kind=kind,
@@ -140,7 +142,7 @@ def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
             fit_percent=finite(fit),
             length=round(100.0 * rmse / longest, 1) if longest > 0.0 else 0.0,
         )
-        for kind, name, rmse, fit in known
+        for kind, name, rmse, fit in rows_with_rmse
     ]
 
 
@@ -156,11 +158,11 @@ class GainRow:
 
 def gain_rows(mismatch: Mismatch) -> list[GainRow]:
     """Each named effect and, where they are several, all together; empty where nothing is named."""
-    alone = {one.slug: one.alone for one in mismatch.tried}
+    gain_alone = {tried.slug: tried.alone for tried in mismatch.tried}
     rows = [
         GainRow(
             name=effect_name(effect.slug),
-            alone=alone.get(effect.slug),
+            alone=gain_alone.get(effect.slug),
             besides=Gain(mean=effect.evidence.mean, t=effect.evidence.t),
         )
         for effect in mismatch.effects
@@ -184,13 +186,13 @@ def rejected_rows(mismatch: Mismatch) -> list[RejectedRow]:
     """What was tried and is not named, the largest gain first."""
     return [
         RejectedRow(
-            name=effect_name(one.slug),
-            alone=one.alone,
-            beside=one.beside,
-            why=OUTCOME_MEANING[one.outcome],
+            name=effect_name(tried.slug),
+            alone=tried.alone,
+            beside=tried.beside,
+            why=OUTCOME_MEANING[tried.outcome],
         )
-        for one in mismatch.tried
-        if one.outcome is not TriedOutcome.NAMED
+        for tried in mismatch.tried
+        if tried.outcome is not TriedOutcome.NAMED
     ]
 
 
@@ -224,19 +226,19 @@ def facet_bars(mismatch: Mismatch) -> list[FacetBars]:
     """The facets in the order of the map; the longest bar of all is the largest rms before."""
     before = mismatch.before.cells
     after = {(cell.facet, cell.label): cell for cell in mismatch.after.cells}
-    hot = {(place.facet, place.label) for place in mismatch.before.hot}
-    every = [finite(cell.rms) or 0.0 for cell in (*before, *after.values())]
-    top = max(every, default=0.0)
+    hot = {(cell.facet, cell.label) for cell in mismatch.before.hot}
+    values = [finite(cell.rms) or 0.0 for cell in (*before, *after.values())]
+    top = max(values, default=0.0)
     bars: dict[str, list[PlaceBar]] = {}
     for cell in before:
         key = (cell.facet, cell.label)
-        bars.setdefault(cell.facet, []).append(_place(cell, after.get(key), key in hot, top))
+        bars.setdefault(cell.facet, []).append(_place_bar(cell, after.get(key), key in hot, top))
     return [
         FacetBars(title=facet_title(facet), places=tuple(places)) for facet, places in bars.items()
     ]
 
 
-def _place(before: Cell, after: Cell | None, hot: bool, top: float) -> PlaceBar:
+def _place_bar(before: Cell, after: Cell | None, hot: bool, top: float) -> PlaceBar:
     rms = finite(before.rms)
     rms_after = None if after is None else finite(after.rms)
     return PlaceBar(

@@ -83,18 +83,18 @@ class Ranking(Sequence[RankedValve]):
         decided = [
             decide(note, stands=stands) for note, stands in zip(notes, run.standing, strict=True)
         ]
-        keys = [_key(note, of_it) for note, of_it in zip(notes, decided, strict=True)]
-        self._order = sorted(range(len(notes)), key=lambda place: keys[place])
+        keys = [_key(note, decision) for note, decision in zip(notes, decided, strict=True)]
+        self._order = sorted(range(len(notes)), key=lambda index: keys[index])
         self.discovered: Discoveries = replace(
-            run, standing=tuple(run.standing[place] for place in self._order)
+            run, standing=tuple(run.standing[index] for index in self._order)
         )
-        self.verdicts = tuple(of_it.verdict for of_it in decided)
+        self.verdicts = tuple(decision.verdict for decision in decided)
         self.counts = count_valves(
-            (note.valve, of_it) for note, of_it in zip(notes, decided, strict=True)
+            (note.valve, decision) for note, decision in zip(notes, decided, strict=True)
         )
-        self.suspected = loops_to_test(notes[place] for place in self._order)
-        taken: Counter[str] = Counter()
-        self._anchors = [anchor_of(notes[place].valve, taken) for place in self._order]
+        self.suspected = loops_to_test(notes[index] for index in self._order)
+        used_anchors: Counter[str] = Counter()
+        self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
 
     def __len__(self) -> int:
         return len(self._order)
@@ -111,22 +111,22 @@ class Ranking(Sequence[RankedValve]):
             return [self._valve(rank) for rank in range(*at.indices(len(self)))]
         return self._valve(range(len(self))[at])
 
-    def _valve(self, at: int) -> RankedValve:
-        place = self._order[at]
-        screening = self._screenings[place]
+    def _valve(self, rank: int) -> RankedValve:
+        index = self._order[rank]
+        screening = self._screenings[index]
         facts = self._context.facts(screening.valve)
-        finding = present(screening, stands=self.discovered.standing[at], run=self.discovered)
+        finding = present(screening, stands=self.discovered.standing[rank], run=self.discovered)
         return RankedValve(
-            rank=at + 1,
-            anchor=self._anchors[at],
+            rank=rank + 1,
+            anchor=self._anchors[rank],
             screening=screening,
             facts=facts,
             trend=change_since_last_run(
                 screening, finding.decision.verdict, facts.previous, facts.weeks
             ),
             finding=finding,
-            stands=self.discovered.standing[at],
-            plots=partial(self._evidence, place),
+            stands=self.discovered.standing[rank],
+            plots=partial(self._evidence, index),
         )
 
 
@@ -146,7 +146,7 @@ def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discove
     return discoveries([valve.screening.mismatch for valve in ranked], context.p_elsewhere)
 
 
-def counted(ranked: Sequence[RankedValve]) -> WorkCounts:
+def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:
     """How many valves need work, and where the others stand."""
     if isinstance(ranked, Ranking):
         return ranked.counts
@@ -157,16 +157,16 @@ def light(screening: Screening) -> Screening:
     """As much of a screening as it takes to rank it and to say which effects stand."""
     mismatch = screening.mismatch
     if mismatch is not None:
-        nothing = ResidualMap()
-        mismatch = replace(mismatch, before=nothing, after=nothing, runs=None, not_testable=())
+        empty_map = ResidualMap()
+        mismatch = replace(mismatch, before=empty_map, after=empty_map, runs=None, not_testable=())
     return replace(screening.without_samples(), mismatch=mismatch, indicators={})
 
 
 def count_verdicts(ranked: Sequence[RankedValve]) -> dict[Verdict, int]:
     """How many recordings there are of each verdict, worst first."""
     verdicts = ranked.verdicts if isinstance(ranked, Ranking) else [v.verdict for v in ranked]
-    counted = Counter(verdicts)
-    return {verdict: counted[verdict] for verdict in WORST_FIRST}
+    counts = Counter(verdicts)
+    return {verdict: counts[verdict] for verdict in WORST_FIRST}
 
 
 def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
@@ -177,8 +177,8 @@ def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
 def _key(screening: Screening, decided: WorkDecision) -> RankKey:
     """By verdict, then severity and tag; of those without a verdict whose severity is the same,
     the suspected first, by their score."""
-    told = screening.without_position if worth_a_test(screening) else None
-    score = 0.0 if told is None else finite(told.score) or 0.0
+    suspicion = screening.without_position if worth_a_test(screening) else None
+    score = 0.0 if suspicion is None else finite(suspicion.score) or 0.0
     severity = finite(decided.severity) or 0.0
     return WORST_FIRST.index(decided.verdict), -severity, -score, screening.valve
 

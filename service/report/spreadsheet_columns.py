@@ -42,7 +42,7 @@ class SpreadsheetColumn:
 def columns(context: ReportContext) -> list[SpreadsheetColumn]:
     """Every column, in order; times in the plant's zone, which their headers name."""
     return [
-        *_place(),
+        *_identity_columns(),
         *_finding(),
         *_stiction(),
         *_residuals("stiction", "stick-slip model"),
@@ -77,7 +77,7 @@ def _text(
     return SpreadsheetColumn(header=header, meaning=meaning, read=read, width=width)
 
 
-def _place() -> list[SpreadsheetColumn]:
+def _identity_columns() -> list[SpreadsheetColumn]:
     return [
         _text("rank", "1 is the valve to look at first", lambda v: v.rank, 6),
         _text("valve", "tag", lambda v: v.screening.valve, 18),
@@ -134,8 +134,8 @@ def _stiction() -> list[SpreadsheetColumn]:
             columns.append(
                 SpreadsheetColumn(header=header, meaning=note, read=_estimate(name, part), width=10)
             )
-        why = f"why there is no {name}"
-        columns.append(_text(f"{name} remark", why, _estimate(name, "reason"), 24))
+        reason = f"why there is no {name}"
+        columns.append(_text(f"{name} remark", reason, _estimate(name, "reason"), 24))
     return columns
 
 
@@ -206,8 +206,8 @@ def _without_position() -> list[SpreadsheetColumn]:
         return lambda valve: getattr(valve.screening.without_position, part, None)
 
     def apparent_S(valve: RankedValve) -> Cell:
-        told = valve.screening.without_position
-        return None if told is None else told.apparent_S.value
+        suspicion = valve.screening.without_position
+        return None if suspicion is None else suspicion.apparent_S.value
 
     return [
         _text("OP and PV alone", "what they let suspect; no verdict", _suspicion, 14),
@@ -221,8 +221,8 @@ def _without_position() -> list[SpreadsheetColumn]:
 
 
 def _suspicion(valve: RankedValve) -> Cell:
-    told = valve.screening.without_position
-    return None if told is None else told.verdict.value.replace("_", " ")
+    suspicion = valve.screening.without_position
+    return None if suspicion is None else suspicion.verdict.value.replace("_", " ")
 
 
 def _recording(context: ReportContext) -> list[SpreadsheetColumn]:

@@ -76,17 +76,17 @@ def put_all(contents: Mapping[Path, bytes]) -> None:
 
     Raises ``ReportNotWritten``, after writing what can be written, with each file and what to do.
     """
-    _all_put({path: partial(_whole, content) for path, content in contents.items()})
+    _all_put({path: partial(_write_all, content) for path, content in contents.items()})
 
 
-def _whole(content: bytes, file: BinaryIO) -> None:
+def _write_all(content: bytes, file: BinaryIO) -> None:
     file.write(content)
 
 
 def _all_put(writers: Mapping[Path, Callable[[BinaryIO], None]]) -> None:
     failures = [_put(path, write) for path, write in writers.items()]
-    if said := [failure for failure in failures if failure]:
-        raise ReportNotWritten(" ".join(said))
+    if failures_found := [failure for failure in failures if failure]:
+        raise ReportNotWritten(" ".join(failures_found))
 
 
 def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
@@ -108,13 +108,13 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
 
 def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
     """Write beside, then rename, so that nobody opens half a report. Returns what went wrong."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with beside.open("wb") as file:
+        with temporary.open("wb") as file:
             write(file)
-        beside.replace(path)
+        temporary.replace(path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         return (
             f"{path}: could not be written ({error.strerror or error}); "
             "close the program that has it open, or choose another folder, and run again."

@@ -10,7 +10,7 @@ from xlsxwriter import Workbook
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.wording import VERDICT_MEANING, finite, printable
-from stemwatch.service.report.ranking import RankedValve, counted, discovered
+from stemwatch.service.report.ranking import RankedValve, discovered, work_counts
 from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import Cell, SpreadsheetColumn, header_and_rows
 
@@ -34,21 +34,23 @@ def write_xlsx(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
 
     Rows go to the disk as they are written, so that memory does not grow with the valves.
     """
-    with Workbook(file, {"constant_memory": True, "remove_timezone": True}) as book:
-        book.set_properties(
+    with Workbook(file, {"constant_memory": True, "remove_timezone": True}) as workbook:
+        workbook.set_properties(
             {"title": printable(context.title), "created": _naive_utc(context.started)}
         )
-        shown = _ranking(book, ranked, context)
-        _indicators(book, ranked)
-        _read_me(book, shown, context, ranked)
+        columns = _ranking(workbook, ranked, context)
+        _indicators(workbook, ranked)
+        _read_me(workbook, columns, context, ranked)
 
 
 def _naive_utc(moment: datetime) -> datetime:
     return moment.astimezone(UTC).replace(tzinfo=None)
 
 
-def _header(book: Any, sheet: Any, titles: Sequence[str], widths: Sequence[int], rows: int) -> None:
-    style = book.add_format(
+def _header(
+    workbook: Any, sheet: Any, titles: Sequence[str], widths: Sequence[int], rows: int
+) -> None:
+    style = workbook.add_format(
         {"bold": True, "bottom": 1, "bg_color": "#eef1f5", "text_wrap": True, "valign": "top"}
     )
     for index, (title, width) in enumerate(zip(titles, widths, strict=True)):
@@ -62,30 +64,30 @@ def _header(book: Any, sheet: Any, titles: Sequence[str], widths: Sequence[int],
 
 
 def _ranking(
-    book: Any, ranked: Sequence[RankedValve], context: ReportContext
+    workbook: Any, ranked: Sequence[RankedValve], context: ReportContext
 ) -> Sequence[SpreadsheetColumn]:
-    sheet = book.add_worksheet("Ranking")
-    shown, rows = header_and_rows(ranked, context)
-    titles = [column.header for column in shown]
-    _header(book, sheet, titles, [column.width for column in shown], len(ranked))
+    sheet = workbook.add_worksheet("Ranking")
+    columns, rows = header_and_rows(ranked, context)
+    titles = [column.header for column in columns]
+    _header(workbook, sheet, titles, [column.width for column in columns], len(ranked))
     sheet.freeze_panes(1, titles.index("valve") + 1)
-    styles = [_style(book, column) for column in shown]
+    styles = [_style(workbook, column) for column in columns]
     for line, row in enumerate(rows, start=1):
         for index, cell in enumerate(row):
             write_cell(sheet, line, index, cell, styles[index])
-    _colours(book, sheet, titles, len(ranked))
-    return shown
+    _colours(workbook, sheet, titles, len(ranked))
+    return columns
 
 
-def _style(book: Any, column: SpreadsheetColumn) -> dict[type, Any]:
+def _style(workbook: Any, column: SpreadsheetColumn) -> dict[type, Any]:
     wrap = {"valign": "top", "text_wrap": column.width >= 30}
     return {
-        str: book.add_format(wrap),
-        int: book.add_format({"valign": "top", "num_format": "0"}),
-        float: book.add_format(
+        str: workbook.add_format(wrap),
+        int: workbook.add_format({"valign": "top", "num_format": "0"}),
+        float: workbook.add_format(
             {"valign": "top", "num_format": "0." + "0" * column.digits if column.digits else "0"}
         ),
-        datetime: book.add_format({"valign": "top", "num_format": "yyyy-mm-dd hh:mm"}),
+        datetime: workbook.add_format({"valign": "top", "num_format": "yyyy-mm-dd hh:mm"}),
     }
 
 
@@ -106,12 +108,12 @@ def _fitting(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"
 
 
-def _colours(book: Any, sheet: Any, titles: list[str], rows: int) -> None:
+def _colours(workbook: Any, sheet: Any, titles: list[str], rows: int) -> None:
     if not rows:
         return
     verdict, severity = titles.index("verdict"), titles.index("severity (0 to 100)")
     for word, (ink, paper) in VERDICT_COLOURS.items():
-        style = book.add_format({"font_color": ink, "bg_color": paper, "bold": True})
+        style = workbook.add_format({"font_color": ink, "bg_color": paper, "bold": True})
         rule = {"type": "cell", "criteria": "==", "value": f'"{word.value}"', "format": style}
         sheet.conditional_format(1, verdict, rows, verdict, rule)
     bar: dict[str, Any] = {"type": "data_bar", "bar_color": "#b9c6d8", "min_type": "num"}
@@ -119,18 +121,18 @@ def _colours(book: Any, sheet: Any, titles: list[str], rows: int) -> None:
     sheet.conditional_format(1, severity, rows, severity, bar)
 
 
-def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
-    sheet = book.add_worksheet("Indicators")
+def _indicators(workbook: Any, ranked: Sequence[RankedValve]) -> None:
+    sheet = workbook.add_worksheet("Indicators")
     indicators = (
         (screening.valve, indicator)
         for screening in (valve.screening for valve in ranked)
         for indicator in screening.indicators.values()
     )
     rows = sum(len(valve.screening.indicators) for valve in ranked)
-    _header(book, sheet, _INDICATOR_HEADERS, _INDICATOR_WIDTHS, rows)
+    _header(workbook, sheet, _INDICATOR_HEADERS, _INDICATOR_WIDTHS, rows)
     sheet.freeze_panes(1, 2)
-    styles: dict[type, Any] = {str: book.add_format({"text_wrap": True, "valign": "top"})}
-    styles[float] = book.add_format({"num_format": "0.000", "valign": "top"})
+    styles: dict[type, Any] = {str: workbook.add_format({"text_wrap": True, "valign": "top"})}
+    styles[float] = workbook.add_format({"num_format": "0.000", "valign": "top"})
     for line, (valve, measured) in enumerate(indicators, start=1):
         numbers = [finite(measured.value), finite(measured.low), finite(measured.high)]
         texts = [measured.unit, _WORSE.get(measured.worse, "neither"), measured.meaning]
@@ -140,16 +142,16 @@ def _indicators(book: Any, ranked: Sequence[RankedValve]) -> None:
 
 
 def _read_me(
-    book: Any,
+    workbook: Any,
     columns: Sequence[SpreadsheetColumn],
     context: ReportContext,
     ranked: Sequence[RankedValve],
 ) -> None:
-    sheet = book.add_worksheet("Read me")
+    sheet = workbook.add_worksheet("Read me")
     sheet.set_column(0, 0, 34)
     sheet.set_column(1, 1, 90)
-    heading = book.add_format({"bold": True, "font_size": 12})
-    wrap = book.add_format({"text_wrap": True, "valign": "top"})
+    heading = workbook.add_format({"bold": True, "font_size": 12})
+    wrap = workbook.add_format({"text_wrap": True, "valign": "top"})
     first = 0
     for title, pairs in _read_me_parts(columns, context, ranked):
         sheet.write_string(first, 0, title, heading)
@@ -174,7 +176,7 @@ def _read_me_parts(
     not_read = [(unread.source, unread.reason) for unread in context.sources_not_read]
     return [
         (printable(context.title), run),
-        ("Work", [("all valves", counted(ranked).sentence)]),
+        ("Work", [("all valves", work_counts(ranked).sentence)]),
         ("Verdicts", [(word.value, text) for word, text in VERDICT_MEANING.items()]),
         ("Hidden physics", [("all valves", physics or "no valve was tested for it")]),
         ("Columns of Ranking", [(column.header, column.meaning) for column in columns]),

@@ -10,9 +10,9 @@ without samples.
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,7 +23,8 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
-from stemwatch.service.process_lifecycle import Terminated, process_name
+from stemwatch.service.interruption import Terminated, interrupts_held, interrupts_let_through
+from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.report import ReportFiles
 from stemwatch.service.report.ranking import light
 from stemwatch.service.run.execute import (
@@ -39,6 +40,8 @@ from stemwatch.service.run.plan import Plan, Request, make_plan, read_tags_with
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
+
+log = logging.getLogger(__name__)
 
 MOST_REASONS = 5  # of a run in which nothing could be read
 
@@ -78,15 +81,20 @@ class NothingScreened(ConnectorError):
     def of(cls, screenings: Sequence[Screening], not_read: NotRead) -> NothingScreened:
         """The error of a run none of whose sources could be read."""
         reasons = [screening.S.reason or screening.reason for screening in screenings]
-        reasons += [f"{place}: {reason}" for place, reason in not_read]
+        reasons += [f"{source}: {reason}" for source, reason in not_read]
         unique = [reason.rstrip(".") for reason in dict.fromkeys(reasons)]
-        more = len(unique) - MOST_REASONS
-        listed = [*unique[:MOST_REASONS], *([f"and {more} more reasons"] if more > 0 else [])]
-        return cls(f"nothing could be screened: {'; '.join(listed) or 'no valve was asked for'}.")
+        unlisted = len(unique) - MOST_REASONS
+        reason_list = [
+            *unique[:MOST_REASONS],
+            *([f"and {unlisted} more reasons"] if unlisted > 0 else []),
+        ]
+        return cls(
+            f"nothing could be screened: {'; '.join(reason_list) or 'no valve was asked for'}."
+        )
 
 
 def screen_now(
-    request: Request, how: RunNow, on_screened: OnScreened = lambda *_: None
+    request: Request, how_to_run: RunNow, on_screened: OnScreened = lambda *_: None
 ) -> RunResult:
     """Screen everything that a request names, as a run of its own.
 
@@ -95,34 +103,40 @@ def screen_now(
     """
     plant, started = request.plant, datetime.now(UTC)
     planned = make_plan(request)
-    run = Run(
-        store=how.store,
-        number=how.store.begin_run(
-            command=how.command,
-            software_version=__version__,
-            settings_digest=plant.settings_digest if plant else "",
-            owner=process_name(),
-        ),
-        started=started,
-        executor=how.executor,
-        out=how.out,
-        plant=plant,
-        limits=how.limits,
-        command=masked_command(how.command),
-        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
-        new_baseline=how.new_baseline,
-    )
-    try:
-        if plant is not None:
-            how.store.save_valves(plant.valves.values())
-        executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
-        brief = tuple(in_brief(result) for result in executed.results)
-        if not any(screening.was_read for screening in brief):
-            raise NothingScreened.of(brief, planned.not_read)
-        report = finish(run, executed, planned.not_read)
-    except BaseException as error:
-        _note_end(run, error)
-        raise
+    with interrupts_held():  # from its row on, the run is this function's to end
+        run = Run(
+            store=how_to_run.store,
+            number=how_to_run.store.begin_run(
+                command=how_to_run.command,
+                software_version=__version__,
+                settings_digest=plant.settings_digest if plant else "",
+                owner=process_name(),
+            ),
+            started=started,
+            executor=how_to_run.executor,
+            out=how_to_run.out,
+            plant=plant,
+            limits=how_to_run.limits,
+            command=masked_command(how_to_run.command),
+            zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
+            new_baseline=how_to_run.new_baseline,
+        )
+        try:
+            with interrupts_let_through():
+                return _screen_planned(run, planned, on_screened)
+        except BaseException as error:
+            _note_end(run, error)
+            raise
+
+
+def _screen_planned(run: Run, planned: Plan, on_screened: OnScreened) -> RunResult:
+    if run.plant is not None:
+        run.store.save_valves(run.plant.valves.values())
+    executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
+    brief = tuple(in_brief(result) for result in executed.results)
+    if not any(screening.was_read for screening in brief):
+        raise NothingScreened.of(brief, planned.not_read)
+    report = finish(run, executed, planned.not_read)
     assert report is not None  # a run of the command line writes one or raises
     return RunResult(
         screenings=executed.results,
@@ -144,14 +158,14 @@ def continue_queued(
     read_tags = read_tags_with(run.executor, stop)
     planned = make_plan(request, read_tags) if request.valves else Plan(tasks=())
     executed = execute(run, planned.tasks, stop, on_valve_done=on_valve_done)
-    shown = run.store.worst_of_run(run.number, run.shown or 0)
-    known = run.plant.valves if run.plant else {}
+    to_plot = run.store.worst_of_run(run.number, run.shown or 0)
+    plant_valves = run.plant.valves if run.plant else {}
     without_plots = tuple(
-        valve for valve in shown if valve not in executed.previous and valve in known
+        valve for valve in to_plot if valve not in executed.previous and valve in plant_valves
     )
     if without_plots and not stop.is_set():
-        again = make_plan(replace(request, valves=without_plots), read_tags)
-        add_unsaved(run, executed, again.tasks, stop)
+        plan_of_plots = make_plan(replace(request, valves=without_plots), read_tags)
+        add_unsaved(run, executed, plan_of_plots.tasks, stop)
     return executed, planned.not_read
 
 
@@ -172,6 +186,13 @@ def _note_end(run: Run, error: BaseException) -> None:
     if by_hand:
         terminated = isinstance(error, Terminated)
         reason = "ended by SIGTERM" if terminated else "interrupted by Ctrl-C"
-    with suppress(StoreError):
+    try:
         if run.store.run(run.number).finished is None:
             run.store.queue.finish(run.number, state, reason=reason)
+    except StoreError as refused:
+        log.warning(
+            "run %d is over (%s), which could not be stored: %s. The next run ends it",
+            run.number,
+            reason,
+            refused,
+        )

@@ -44,36 +44,36 @@ OnValveDone = Callable[[str, str], None]  # (valve, why it was given up; empty w
 def make_chunks(
     items: Sequence[T],
     workers: int,
-    most: int,
+    largest: int,
     file_of: Callable[[T], str | None] = lambda _: None,
 ) -> list[tuple[T, ...]]:
     """``items`` in order, divided into chunks so that ``workers`` finish at nearly the same time.
 
     Each chunk has the number of remaining items divided by ``PER_WORKER * workers``, rounded up and
-    at most ``most``: guided self-scheduling (Polychronopoulos and Kuck, 1987). With equal chunks
+    at most ``largest``: guided self-scheduling (Polychronopoulos and Kuck, 1987). With equal chunks
     all but one worker could idle during the last one. ``file_of`` names the file that has to be
-    parsed for an item, if any: neighbours of one file go to one worker where ``most`` allows it.
+    parsed for an item, if any: neighbours of one file go to one worker where ``largest`` allows it.
     """
     files = [file_of(item) for item in items]
     chunks: list[tuple[T, ...]] = []
     begin = 0
     while begin < len(items):
-        end = begin + min(most, -(-(len(items) - begin) // (PER_WORKER * workers)))
-        end = _between_files(files, begin, end, most)
+        end = begin + min(largest, -(-(len(items) - begin) // (PER_WORKER * workers)))
+        end = _between_files(files, begin, end, largest)
         chunks.append(tuple(items[begin:end]))
         begin = end
     return chunks
 
 
-def _between_files(files: Sequence[str | None], begin: int, end: int, most: int) -> int:
-    """``end``, moved to the nearest boundary between two files: after it within ``most`` items of
-    ``begin``, else before it; unchanged where there is none."""
+def _between_files(files: Sequence[str | None], begin: int, end: int, largest: int) -> int:
+    """``end``, moved to the nearest boundary between two files: after it within ``largest`` items
+    of ``begin``, else before it; unchanged where there is none."""
 
-    def splits_file(place: int) -> bool:
-        inside = 0 < place < len(files) and files[place] is not None
-        return inside and files[place - 1] == files[place]
+    def splits_file(index: int) -> bool:
+        is_between = 0 < index < len(files) and files[index] is not None
+        return is_between and files[index - 1] == files[index]
 
-    after = next((p for p in range(end, begin + most + 1) if not splits_file(p)), None)
+    after = next((p for p in range(end, begin + largest + 1) if not splits_file(p)), None)
     if after is not None:
         return min(after, len(files))
     return next((p for p in range(end - 1, begin, -1) if not splits_file(p)), end)
@@ -138,8 +138,8 @@ def execute(
         must_save=run.queued,
         on_valve_done=on_valve_done,
     )
-    for done in _screened(run, tasks, stop):
-        arrived = [_put(results, outcome) for outcome in done]
+    for outcome in _screened(run, tasks, stop):
+        arrived = [_put(results, outcome) for outcome in outcome]
         saving.take(arrived, results)
         for nth, result in enumerate(arrived, start=len(results) - len(arrived) + 1):
             on_screened(result.screening, nth, len(tasks))
@@ -149,8 +149,8 @@ def execute(
 def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:
     """Screen tasks again for their plots, whose results are in the store; nothing is saved."""
     first = len(executed.results)
-    for done in _screened(run, with_stored_context(tasks, run.store), stop):
-        for outcome in done:
+    for finished in _screened(run, with_stored_context(tasks, run.store), stop):
+        for outcome in finished:
             result = _put(executed.results, outcome, first)
             previous = run.store.previous_finding(result.screening, run.started)
             executed.previous[result.screening.valve] = previous
@@ -188,14 +188,14 @@ def _put(
     results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
 ) -> PlacedScreening:
     """Put the outcome of a task into ``results``; return what is saved in the store."""
-    place = first + outcome.index
+    index = first + outcome.index
     if outcome.result is None:
         screening, evidence = plots_instead_of_samples(given_up(outcome.item, outcome.reason))
     else:
         screening, evidence = outcome.result
-    results.add(place, screening, evidence)
+    results.add(index, screening, evidence)
     return PlacedScreening(
-        task_index=place,
+        task_index=index,
         screening=screening,
         given_up=outcome.reason,
         packed_pictures=pack_pictures(evidence.pictures),

@@ -38,13 +38,17 @@ def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
     Repeating the call changes nothing. Raises ``StoreError``.
     """
     tested = store.tested_of_run(run_id)
-    standing = significant([screening.p_value for screening in tested])
-    pairs = list(zip(tested, standing, strict=True))
-    named = sum(screening.named and stands for screening, stands in pairs)
-    held = {screening.screening for screening, stands in pairs if screening.named and not stands}
-    remark = Discoveries(standing=(), tested=len(tested), named=named, held_back=len(held)).remark
+    stands_of_each = significant([screening.p_value for screening in tested])
+    pairs = list(zip(tested, stands_of_each, strict=True))
+    named = sum(screening.named and holds_up for screening, holds_up in pairs)
+    held_back = {
+        screening.screening for screening, holds_up in pairs if screening.named and not holds_up
+    }
+    sentence = Discoveries(
+        standing=(), tested=len(tested), named=named, held_back=len(held_back)
+    ).remark
     marks = {
-        screening.screening: remark if screening.screening in held else ""
+        screening.screening: sentence if screening.screening in held_back else ""
         for screening in tested
         if screening.named
     }
@@ -115,13 +119,16 @@ def _write_worst(
     tested: Sequence[TestedScreening],
 ) -> ReportFiles:
     """The report of the worst valves only, with a note on how many it leaves out."""
-    shown = [screening.valve for screening in worst_screenings]
+    valves_shown = [screening.valve for screening in worst_screenings]
     notes = context.sources_not_read
-    more = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(shown))
-    if more:
-        text = f"{more} valves less severe than these are in the ranking of the service only"
+    valves_not_shown = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(valves_shown))
+    if valves_not_shown:
+        text = (
+            f"{valves_not_shown} valves less severe than these are in the ranking of the "
+            "service only"
+        )
         notes = (*notes, SourceNotRead(source="this report", reason=text))
-    elsewhere = p_elsewhere(tested, shown)
+    elsewhere = p_elsewhere(tested, valves_shown)
     part = replace(context, sources_not_read=notes, p_elsewhere=elsewhere)
     return write_report(worst_screenings, part, run.out, worst_screenings.evidence)
 
@@ -132,23 +139,24 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
     background = background_of(run.store, run.plant, run.number)
     screenings: Sequence[Screening] = executed.results
     if run.queued:
-        rest = [
+        other_valves = [
             screening
             for screening in run.store.screenings_of_run(run.number)
             if screening.valve not in executed.previous
         ]
-        if rest:
-            screenings = [*executed.results, *rest]
-            facts = stored_maintenance.facts_of(run.store, run.plant, rest)
+        if other_valves:
+            screenings = [*executed.results, *other_valves]
+            facts = stored_maintenance.facts_of(run.store, run.plant, other_valves)
             context = replace(context, valves={**context.valves, **facts})
     write_maintenance(screenings, context, run.out, background)
 
 
 def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
-    """Loops of the run that oscillate together; none where looking for them fails, since all else
-    matters more."""
+    """Loops of the run that oscillate together, kept in the store with what earlier windows found;
+    none where looking for them fails, since all else matters more."""
     try:
-        return tuple(plant_groups(executed.results.waves()))
+        groups = plant_groups(executed.results.waves())
+        return tuple(run.store.keep_oscillations(run.number, groups))
     except Exception:
         text = "run %d: loops that oscillate together could not be looked for"
         log.exception(text, run.number, extra={"run": run.number})
@@ -157,10 +165,10 @@ def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
 
 def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
     plant = run.plant
-    notes = [SourceNotRead(source=source, reason=why) for source, why in not_read]
+    notes = [SourceNotRead(source=source, reason=reason) for source, reason in not_read]
     if run.queued:
         aside = run.store.queue.set_aside(run.number)
-        notes += [SourceNotRead(source=valve, reason=why) for valve, why in aside]
+        notes += [SourceNotRead(source=valve, reason=reason) for valve, reason in aside]
     if plant is not None:
         notes += [
             SourceNotRead(source=str(problem.file), reason=str(problem))

@@ -87,9 +87,9 @@ def read_tags_with(executor: Executor, stop: threading.Event) -> ReadTags:
         work = partial(tags_of_files, os.getcwd())
         answers: dict[int, TagsOrReason] = {}
         for (outcome,) in outcomes(executor, work, [[file] for file in files], stop):
-            why = f"{outcome.item.path}: {outcome.reason}"
-            answers[outcome.index] = why if outcome.result is None else outcome.result
-        return [answers.get(place, "it was not looked at") for place in range(len(files))]
+            reason = f"{outcome.item.path}: {outcome.reason}"
+            answers[outcome.index] = reason if outcome.result is None else outcome.result
+        return [answers.get(index, "it was not looked at") for index in range(len(files))]
 
     return read_tags
 
@@ -101,8 +101,8 @@ def make_plan(request: Request, read_tags: ReadTags = read_tags_here) -> Plan:
     """
     plan = _plan(request, read_tags)
     valves = {} if request.plant is None else request.plant.valves
-    given = {valve.id: valve.given_curve for valve in valves.values()}
-    tasks = [replace(task, given_curve=given.get(task.tags.valve)) for task in plan.tasks]
+    given_curves = {valve.id: valve.given_curve for valve in valves.values()}
+    tasks = [replace(task, given_curve=given_curves.get(task.tags.valve)) for task in plan.tasks]
     return replace(plan, tasks=tuple(tasks))
 
 
@@ -120,14 +120,14 @@ def _plan(request: Request, read_tags: ReadTags) -> Plan:
 
 def _of_plant(request: Request, plant: Plant, read_tags: ReadTags) -> Plan:
     """Every valve in every file of its source that has its OP tag."""
-    wanted = [plant.valves[valve] for valve in request.valves or plant.valves]
+    chosen = [plant.valves[valve] for valve in request.valves or plant.valves]
     live_window = request.live_window or request.window
-    tasks = [live_task(plant, v.id, live_window) for v in wanted if plant.is_live(v.id)]
-    archived = [valve for valve in wanted if valve.source in plant.archives]
+    tasks = [live_task(plant, v.id, live_window) for v in chosen if plant.is_live(v.id)]
+    archived = [valve for valve in chosen if valve.source in plant.archives]
     tasks += [archive_task(plant, valve.id, request.window) for valve in archived]
     not_read: list[tuple[str, str]] = []
     for source in plant.sources.values():
-        valves = [plant.valve_tags(v) for v in wanted if v.source == source.name]
+        valves = [plant.valve_tags(v) for v in chosen if v.source == source.name]
         if source.folder is not None or (request.valves and not valves):
             continue
         files = plant.source_files(source)
@@ -176,8 +176,8 @@ def tasks_of_files(
         if valve.valve not in in_a_file:
             reason = f"the OP tag {valve.tags[Role.OP].tag} is in none of the source's files"
             reason = ". ".join([reason, *unreadable])
-            where = files[0] if len(files) == 1 else ", ".join(files[:3]) or "no file"
-            tasks.append(Task(path=where, tags=valve, window=window, reason=reason))
+            file_names = files[0] if len(files) == 1 else ", ".join(files[:3]) or "no file"
+            tasks.append(Task(path=file_names, tags=valve, window=window, reason=reason))
     return tasks
 
 
@@ -185,12 +185,12 @@ def _tags_in(
     valves: Sequence[ValveTags], files: Sequence[str], options: ReadOptions, read_tags: ReadTags
 ) -> list[TagsOrReason]:
     """The tags in each file: from its header where that names them, else by parsing the file."""
-    wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
+    tags_wanted = {mapping.tag for valve in valves for mapping in valve.tags.values()}
     if not valves:
         return [frozenset() for _ in files]
     tags: dict[str, TagsOrReason] = {}
     for path in files:
-        if named := header_tags(path, wanted):
+        if named := header_tags(path, tags_wanted):
             tags[path] = frozenset(named)
     unknown = [path for path in files if path not in tags]
     parsed = read_tags([TextFile(path=path, options=options) for path in unknown])
@@ -204,12 +204,12 @@ def _present(valve: ValveTags, tags_in_file: Set[str]) -> ValveTags:
     A missing MV tag is kept: reading then reports it as missing, which tells more than the verdict
     "no position".
     """
-    kept = {
+    present = {
         role: mapping
         for role, mapping in valve.tags.items()
         if role in (Role.OP, Role.MV) or mapping.tag in tags_in_file
     }
-    return replace(valve, tags=kept)
+    return replace(valve, tags=present)
 
 
 def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
@@ -259,30 +259,30 @@ def _of_archive(request: Request, path: str) -> list[Task]:
     return [Task(path=path, tags=tags, archive=address, window=request.window) for tags in valves]
 
 
-def _plant_options(plant: Plant, path: str, given: ReadOptions) -> ReadOptions:
+def _plant_options(plant: Plant, path: str, options: ReadOptions) -> ReadOptions:
     """The reading options of the plant's source, overridden by those of the command line.
 
     The source is the one whose pattern matches the file, or the plant's only one.
     """
-    wanted = Path(path).resolve()
+    resolved = Path(path).resolve()
     sources = [
         source
         for source in plant.sources.values()
-        if len(plant.sources) == 1 or wanted in {f.resolve() for f in plant.source_files(source)}
+        if len(plant.sources) == 1 or resolved in {f.resolve() for f in plant.source_files(source)}
     ]
     base = (
         ReadOptions(**plant.read_options(sources[0])) if sources else ReadOptions(zone=plant.zone)
     )
-    return replace(base, **given_options(given))
+    return replace(base, **given_options(options))
 
 
 def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:
     """The tags of a readable file without a recognised valve, and why none was taken for OP."""
     infos = open_file(path, options).tags()
     names = ", ".join(info.tag for info in infos[:MOST_NAMED])
-    more = f" and {len(infos) - MOST_NAMED} more" if len(infos) > MOST_NAMED else ""
-    remarks = [f"{info.tag}: {info.remark}" for info in infos[:MOST_NAMED] if info.remark]
-    return (f"The file was read; its tags are {names}{more}.", *remarks)
+    and_more = f" and {len(infos) - MOST_NAMED} more" if len(infos) > MOST_NAMED else ""
+    tag_remarks = [f"{info.tag}: {info.remark}" for info in infos[:MOST_NAMED] if info.remark]
+    return (f"The file was read; its tags are {names}{and_more}.", *tag_remarks)
 
 
 def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> Task:

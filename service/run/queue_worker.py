@@ -82,8 +82,8 @@ class QueueWorker:
         stored = self._store.queue.claim(self.owner, silent_after=self._silent_after)
         if stored is None:
             return False
-        done = f" ({stored.done} valves are done)" if stored.done else ""
-        log.info("run %d begins%s", stored.id, done, extra={"run": stored.id})
+        progress = f" ({stored.done} valves are done)" if stored.done else ""
+        log.info("run %d begins%s", stored.id, progress, extra={"run": stored.id})
         halt = threading.Event()
         heart = _Heartbeat(self._store, stored.id, self.owner, halt, self._heartbeat_s)
         following = threading.Thread(target=_follow, args=(stop, halt), daemon=True)
@@ -124,9 +124,9 @@ class QueueWorker:
             """Only now that all is saved: a valve interrupted before is simply screened again."""
             state = ValveState.SET_ASIDE if given_up else ValveState.DONE
             if given_up:
-                about = {"run": stored.id, "valve": valve}
+                log_fields = {"run": stored.id, "valve": valve}
                 text = "run %d: %s is set aside: %s"
-                log.warning(text, stored.id, valve, given_up, extra=about)
+                log.warning(text, stored.id, valve, given_up, extra=log_fields)
             self._store.queue.mark(stored.id, valve, state, given_up)
 
         executed, not_read = continue_queued(run, self._pending(stored, plant), halt, on_valve_done)
@@ -136,10 +136,10 @@ class QueueWorker:
         files = finish(run, executed, not_read)
         _remove_old(run.out.parent, self._plant.service.keep_reports)
         report = None if files is None else str(run.out)
-        done = self._store.queue.finish(stored.id, RunState.DONE, report=report)
+        finished = self._store.queue.finish(stored.id, RunState.DONE, report=report)
         self._trials.pop(stored.id, None)
         text = "run %d is over: %d valves, %d set aside"
-        log.info(text, stored.id, done.total, done.set_aside, extra={"run": stored.id})
+        log.info(text, stored.id, finished.total, finished.set_aside, extra={"run": stored.id})
 
     def _executor(self) -> Executor:
         """The executor of ``[service]``; isolated, since work in this process could end the
@@ -175,10 +175,10 @@ class QueueWorker:
         """The valves of the run: the requested ones, else its schedule's, else all."""
         if stored.asked:
             return list(stored.asked)
-        kept = {
+        known_valves = {
             schedule.schedule.name: schedule.schedule for schedule in self._store.schedules.all()
         }
-        schedule = kept.get(stored.schedule or "")
+        schedule = known_valves.get(stored.schedule or "")
         if schedule is None or not (schedule.areas or schedule.valves):
             return list(self._plant.valves)
         return [
@@ -195,8 +195,8 @@ class QueueWorker:
             self._store.queue.finish(stored.id, RunState.CANCELLED, reason=reason)
             log.info("run %d: %s", stored.id, reason, extra={"run": stored.id})
             return
-        why = "another process has taken it" if heart.taken_over else "the service stops"
-        log.info("run %d is left for later (%s)", stored.id, why, extra={"run": stored.id})
+        cause = "another process has taken it" if heart.taken_over else "the service stops"
+        log.info("run %d is left for later (%s)", stored.id, cause, extra={"run": stored.id})
         if not heart.taken_over:
             self._store.queue.leave(stored.id, self.owner)
 
@@ -244,9 +244,9 @@ class _Heartbeat:
             try:
                 run = self.store.queue.beat(self.run_id, self.owner)
             except StoreError as error:
-                about = {"run": self.run_id}
+                log_fields = {"run": self.run_id}
                 text = "run %d: the heartbeat could not be updated: %s"
-                log.warning(text, self.run_id, error, extra=about)
+                log.warning(text, self.run_id, error, extra=log_fields)
                 continue
             if run is not None and run.cancel_asked_by is None:
                 continue

@@ -38,8 +38,8 @@ def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
                 )
             )
         if valve not in curves:
-            given = task.given_curve is not None
-            curves[valve] = () if given else tuple(store.earlier_curves(valve))
+            curve_is_given = task.given_curve is not None
+            curves[valve] = () if curve_is_given else tuple(store.earlier_curves(valve))
     return [
         replace(task, baseline=baselines[task.tags.valve], earlier_curves=curves[task.tags.valve])
         for task in tasks
@@ -110,18 +110,18 @@ class Saving:
             self._save_due_networks(result, spill)
 
     def _save(self, arrived: Sequence[PlacedScreening]) -> None:
-        many = [result.screening for result in arrived]
+        screenings = [result.screening for result in arrived]
         pictures = [result.packed_pictures for result in arrived]
-        report = self._store.save_many(many, self._number, self._compared, pictures)
+        report = self._store.save_many(screenings, self._number, self._compared, pictures)
         reasons = {failure.valve: failure.reason for failure in report.failures}
         for result in arrived:
             reason = reasons.get(result.screening.valve, "")
             if reason and self._must_save:
                 self._store.run(self._number)  # raises while the database is not available
-                again = self._store.save_many(
+                saved = self._store.save_many(
                     [result.screening], self._number, self._compared, [result.packed_pictures]
                 )
-                reason = "".join(failure.reason for failure in again.failures)
+                reason = "".join(failure.reason for failure in saved.failures)
             if reason:
                 self._unsaved.add(result.task_index)
                 self._left_out(result.screening.valve, f"not saved: {reason}")
@@ -168,8 +168,8 @@ def keep_network(screening: Screening, store: Store, *, new_baseline: bool = Fal
     if screening.network is None or screening.verdict not in WITH_VERDICT:
         return
     blob = screening.network.to_bytes()
-    why = f"fitted to a window that was {screening.verdict.value}"
-    store.set_fitted(screening.valve, blob, window=screening.window, reason=why)
+    kept_because = f"fitted to a window that was {screening.verdict.value}"
+    store.set_fitted(screening.valve, blob, window=screening.window, reason=kept_because)
     reason = _due(screening, store, new_baseline)
     if reason:
         store.set_baseline(screening.valve, blob, window=screening.window, reason=reason)

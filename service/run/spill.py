@@ -48,38 +48,38 @@ class ResultSpill(Sequence[Screening]):
         self._worst: list[tuple[_ReversedRank, int]] = []
         self._order: list[int] | None = None
 
-    def add(self, place: int, screening: Screening, evidence: ValvePlots) -> None:
-        """Store the screening at ``place``, and its plots while it is among the worst."""
-        self._where[place] = self._write(screening)
+    def add(self, index: int, screening: Screening, evidence: ValvePlots) -> None:
+        """Store the screening at ``index``, and its plots while it is among the worst."""
+        self._where[index] = self._write(screening)
         if evidence.waves is not None:
             if len(self._waves) < MOST_WAVES:
                 self._waves.append(self._write(evidence.waves))
             evidence = replace(evidence, waves=None)
-        self._badness[place] = (-screening.severity, screening.valve)
+        self._badness[index] = (-screening.severity, screening.valve)
         self._order = None
-        heapq.heappush(self._worst, (_ReversedRank(worst_first(screening)), place))
+        heapq.heappush(self._worst, (_ReversedRank(worst_first(screening)), index))
         dropped = heapq.heappop(self._worst)[1] if len(self._worst) > self._plotted else None
-        if dropped != place:
-            self._plots[place] = self._write(evidence)
+        if dropped != index:
+            self._plots[index] = self._write(evidence)
         if dropped is not None:
             self._plots.pop(dropped, None)
 
-    def evidence(self, at: int) -> ValvePlots | None:
+    def evidence(self, rank: int) -> ValvePlots | None:
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
-        return self.evidence_at(self._places()[at])
+        return self.evidence_at(self._places()[rank])
 
     def waves(self) -> Iterator[LoopWaves]:
         """What the loops are compared by, in the order in which they came."""
         return (self._read(offset) for offset in self._waves)
 
-    def at_place(self, place: int) -> Screening:
-        """The screening that was put at ``place``."""
-        screening: Screening = self._read(self._where[place])
+    def at_place(self, index: int) -> Screening:
+        """The screening that was put at ``index``."""
+        screening: Screening = self._read(self._where[index])
         return screening
 
-    def evidence_at(self, place: int) -> ValvePlots | None:
-        """The plots of the screening at ``place``, where they are kept."""
-        offset = self._plots.get(place)
+    def evidence_at(self, index: int) -> ValvePlots | None:
+        """The plots of the screening at ``index``, where they are kept."""
+        offset = self._plots.get(index)
         return None if offset is None else self._read(offset)
 
     def worst(self, limit: int) -> WorstScreenings:
@@ -90,7 +90,7 @@ class ResultSpill(Sequence[Screening]):
         return len(self._where)
 
     @overload
-    def __getitem__(self, at: int) -> Screening: ...
+    def __getitem__(self, rank: int) -> Screening: ...
 
     @overload
     def __getitem__(self, at: slice) -> list[Screening]: ...
@@ -99,7 +99,7 @@ class ResultSpill(Sequence[Screening]):
         """The screening at ``at`` in the order of places, or those of a slice."""
         places = self._places()
         if isinstance(at, slice):
-            return [self.at_place(place) for place in places[at]]
+            return [self.at_place(index) for index in places[at]]
         return self.at_place(places[at])
 
     def _places(self) -> list[int]:
@@ -123,15 +123,15 @@ class WorstScreenings(Sequence[Screening]):
     def __init__(self, spill: ResultSpill, places: list[int]) -> None:
         self._spill, self._places = spill, places
 
-    def evidence(self, at: int) -> ValvePlots | None:
+    def evidence(self, rank: int) -> ValvePlots | None:
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
-        return self._spill.evidence_at(self._places[at])
+        return self._spill.evidence_at(self._places[rank])
 
     def __len__(self) -> int:
         return len(self._places)
 
     @overload
-    def __getitem__(self, at: int) -> Screening: ...
+    def __getitem__(self, rank: int) -> Screening: ...
 
     @overload
     def __getitem__(self, at: slice) -> list[Screening]: ...
@@ -139,5 +139,5 @@ class WorstScreenings(Sequence[Screening]):
     def __getitem__(self, at: int | slice) -> Screening | list[Screening]:
         """The screening at ``at`` of this sequence, or those of a slice."""
         if isinstance(at, slice):
-            return [self._spill.at_place(place) for place in self._places[at]]
+            return [self._spill.at_place(index) for index in self._places[at]]
         return self._spill.at_place(self._places[at])

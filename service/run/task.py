@@ -215,8 +215,8 @@ def given_up(task: Task, reason: str) -> Screening:
         "Screen this valve alone: a shorter window or a larger valve_timeout_s may do. The other "
         "valves are not affected."
     )
-    why = f"the work on it was given up: {reason}"
-    return failed(task.tags.valve, why, advice, Provenance(source=task.path))
+    explanation = f"the work on it was given up: {reason}"
+    return failed(task.tags.valve, explanation, advice, Provenance(source=task.path))
 
 
 def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba

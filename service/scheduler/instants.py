@@ -90,8 +90,8 @@ def _anchor(zone: str) -> datetime:
 
 def _number(schedule: ScreeningSchedule, instant: datetime, zone: str) -> int:
     """How many whole intervals lie between the anchor and ``instant``."""
-    every = timedelta(seconds=schedule.every_s or 1.0)
-    return (instant - _anchor(zone)) // every
+    interval = timedelta(seconds=schedule.every_s or 1.0)
+    return (instant - _anchor(zone)) // interval
 
 
 def _instant(schedule: ScreeningSchedule, number: int, zone: str) -> datetime:

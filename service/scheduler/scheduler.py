@@ -69,7 +69,7 @@ class Scheduler:
     def look(self, now: datetime | None = None) -> list[int]:
         """Queue the runs that are due and not queued yet; return their numbers."""
         now = now or datetime.now(UTC)
-        runs = [self._plan(kept, now) for kept in self._store.schedules.all()]
+        runs = [self._plan(stored, now) for stored in self._store.schedules.all()]
         queued = [number for number in runs if number is not None]
         self._looked_s = time.monotonic()
         if queued:
@@ -85,7 +85,7 @@ class Scheduler:
         once, and the next turn tries again."""
         try:
             self.look()
-            coming = [kept.next_due for kept in self._store.schedules.all()]
+            coming = [stored.next_due for stored in self._store.schedules.all()]
         except Exception as error:  # whatever it is, the thread must go on
             if str(error) != self._logged:
                 expected = isinstance(error, StoreError)
@@ -114,7 +114,9 @@ class Scheduler:
             if coming != stored.next_due:
                 self._store.schedules.note(schedule.name, None, coming)
             return None
-        number = self._store.queue.put(self._wanted(stored, missed), software_version=__version__)
+        number = self._store.queue.put(
+            self._run_to_queue(stored, missed), software_version=__version__
+        )
         self._store.schedules.note(schedule.name, missed.last, coming)
         if number is not None:
             text = "run %d of schedule %s is queued for %s"
@@ -133,15 +135,15 @@ class Scheduler:
         self._store.queue.forget_instants_after(name, now)
         self._store.schedules.note(name, now, None)
 
-    def _wanted(self, stored: StoredSchedule, missed: Missed) -> RunToQueue:
+    def _run_to_queue(self, stored: StoredSchedule, missed: Missed) -> RunToQueue:
         schedule, due = stored.schedule, missed.last
         start = None
         if schedule.window_s is not None:
             start = due - timedelta(seconds=schedule.window_s)
         reason = ""
         if missed.count > 1:
-            many = f"{'at least ' if missed.at_least else ''}{missed.count - 1}"
-            reason = f"{many} instants before it had been missed; this run makes up for them"
+            missed_text = f"{'at least ' if missed.at_least else ''}{missed.count - 1}"
+            reason = f"{missed_text} instants before it had been missed; this run makes up for them"
         return RunToQueue(
             schedule=schedule.name,
             due=due,

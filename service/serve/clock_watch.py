@@ -42,8 +42,8 @@ class ClockWatch:
         """Since when the clock has gone evenly while this process looked."""
         step = self._ahead() - self._offset
         if abs(step) > STEP:
-            way = "back" if step < timedelta(0) else "ahead"
-            log.warning("the computer's clock was set %s by %s", way, abs(step))
+            direction = "back" if step < timedelta(0) else "ahead"
+            log.warning("the computer's clock was set %s by %s", direction, abs(step))
             self._even_since, self._offset = self._wall(), self._ahead()
             self._doubted = True
         return self._even_since

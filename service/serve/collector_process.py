@@ -68,7 +68,7 @@ class CollectorProcess:
         """Start the process, restart it when it ends, and end it when ``stop`` is set."""
         context = multiprocessing.get_context("spawn")
         while not stop.is_set():
-            ours, theirs = context.Pipe()
+            our_end, theirs = context.Pipe()
             process = context.Process(
                 target=run_collector, args=(self._file, theirs, self._json), name="collector"
             )
@@ -76,7 +76,7 @@ class CollectorProcess:
                 process.start()
             theirs.close()
             _until_over(process, stop)
-            ours.close()  # the signal to end
+            our_end.close()  # the signal to end
             process.join(timeout=_END_S)
             if process.is_alive():
                 log.error("the collector did not end in %g s and is killed", _END_S)

@@ -42,16 +42,16 @@ def health_checks(
         states = {state.source: state for state in store.sources.states()}
         going = store.queue.going()
     except StoreError:
-        says = "the database does not answer"
-        return [*checks, Check(name="store", ok=False, says=says, vital=True)]
+        problem = "the database does not answer"
+        return [*checks, Check(name="store", ok=False, says=problem, vital=True)]
     # The service renews its lease every few seconds, so that this is never an old answer.
     stuck = bool(store.transactions.write_fault)
-    says = "the database cannot be written; the log says why" if stuck else ""
-    checks.append(Check(name="store", ok=not stuck, says=says, vital=True))
+    problem = "the database cannot be written; the log says why" if stuck else ""
+    checks.append(Check(name="store", ok=not stuck, says=problem, vital=True))
     late = [run for run in going if run.heartbeat and _old(run.heartbeat)]
     to_do = f"{len(going)} {'run' if len(going) == 1 else 'runs'} to do"
-    says = f"run {late[0].id} has been silent for a while" if late else to_do
-    checks.append(Check(name="runs", ok=not late, says=says))
+    problem = f"run {late[0].id} has been silent for a while" if late else to_do
+    checks.append(Check(name="runs", ok=not late, says=problem))
     if plant.devices:
         checks.append(_collector([states[name] for name in plant.devices if name in states]))
     for name in plant.devices:
@@ -59,8 +59,8 @@ def health_checks(
         if state is None or _old(state.updated):
             checks.append(Check(name=f"device {name}", ok=False, says=_NOT_HEARD))
         else:
-            says = _FAULTY if state.fault else ""  # a fault may hold the device's address
-            checks.append(Check(name=f"device {name}", ok=not says, says=says))
+            problem = _FAULTY if state.fault else ""  # a fault may hold the device's address
+            checks.append(Check(name=f"device {name}", ok=not problem, says=problem))
     return checks
 
 
@@ -69,12 +69,12 @@ def _scheduler(scheduler: Scheduler) -> Check:
 
     silent_s = scheduler.silent_s
     if silent_s is None:
-        says = "the schedules were not looked at yet"
+        problem = "the schedules were not looked at yet"
     elif silent_s > _SCHEDULES_LATE_S:
-        says = f"the schedules were looked at {silent_s:.0f} s ago"
+        problem = f"the schedules were looked at {silent_s:.0f} s ago"
     else:
-        says = ""
-    return Check(name="scheduler", ok=not says, says=says, vital=True)
+        problem = ""
+    return Check(name="scheduler", ok=not problem, says=problem, vital=True)
 
 
 def _collector(states: Sequence[SourceState]) -> Check:
@@ -82,8 +82,8 @@ def _collector(states: Sequence[SourceState]) -> Check:
     from stemwatch.service.web.site import Check
 
     reports = any(not _old(state.updated) for state in states)
-    says = "" if reports else "it has not reported on any device in the last minute"
-    return Check(name="collector", ok=reports, says=says, vital=True)
+    problem = "" if reports else "it has not reported on any device in the last minute"
+    return Check(name="collector", ok=reports, says=problem, vital=True)
 
 
 def _old(instant: datetime) -> bool:

@@ -138,13 +138,13 @@ class BoundedConnection(H11Protocol):
         """Whether no complete request has arrived, so that nothing is being worked on."""
         return self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
 
-    def _wait_for(self, what: str | None, seconds: float) -> None:
-        if what == self._awaited:
+    def _wait_for(self, phase: str | None, seconds: float) -> None:
+        if phase == self._awaited:
             return  # more bytes of the same part do not extend the deadline
         if self._deadline is not None:
             self._deadline.cancel()
-        self._awaited = what
-        self._deadline = None if what is None else self.loop.call_later(seconds, self._give_up)
+        self._awaited = phase
+        self._deadline = None if phase is None else self.loop.call_later(seconds, self._give_up)
 
     def _until_read(self, timer: asyncio.TimerHandle | None) -> None:
         if self._stalled is not None:

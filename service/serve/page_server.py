@@ -73,14 +73,14 @@ class PageServer:
         from stemwatch.service.web.app import create_app
         from stemwatch.service.web.site import LOOPBACK, Site
 
-        own = (listening.getsockname()[0], socket.gethostname().lower(), *LOOPBACK)
+        own_names = (listening.getsockname()[0], socket.gethostname().lower(), *LOOPBACK)
         site = Site(
             store=store,
             plant=plant,
             read=recording_reader(plant, store),
             actions=Actions(store, wake),
             checks=checks,
-            hosts=tuple(dict.fromkeys((*hosts, *own))),
+            hosts=tuple(dict.fromkeys((*hosts, *own_names))),
             token=os.environ.get(ENVIRONMENT, ""),
         )
         self._server = http_server(create_app(site), proxies=plant.service.trusted_proxies)

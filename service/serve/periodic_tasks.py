@@ -29,8 +29,8 @@ PeriodicTask = Callable[[], object]
 def periodic_tasks(store: Store, plant: Plant, owner: str) -> list[tuple[str, float, PeriodicTask]]:
     """(name, interval in seconds, function) of each task."""
     sender = Sender(store, notifiers_of(plant))
-    noted = [state.updated for state in store.sources.states()]
-    clock = ClockWatch(max(noted, default=None))
+    last_updates = [state.updated for state in store.sources.states()]
+    clock = ClockWatch(max(last_updates, default=None))
     tasks: list[tuple[str, float, PeriodicTask]] = [
         ("lease", LEASE_S, lambda: store.leases.hold(LEASE, owner, LEASE_FOR)),
         ("messages", MESSAGES_S, sender.send_due),

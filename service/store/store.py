@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from datetime import UTC, datetime
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from datetime import UTC, datetime, timedelta
 from types import MappingProxyType, TracebackType
 from typing import Self
 
@@ -13,8 +13,10 @@ from sqlalchemy.orm import Session
 
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.work_decision import WorkCounts
@@ -48,6 +50,7 @@ from stemwatch.service.store.screenings import (
     false_discoveries,
     feedback,
     history,
+    oscillations,
     pictures,
     ranking,
     recent,
@@ -57,6 +60,7 @@ from stemwatch.service.store.screenings import (
 from stemwatch.service.store.screenings.false_discoveries import TestedScreening
 from stemwatch.service.store.screenings.feedback import Feedback, Judgement
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
+from stemwatch.service.store.screenings.oscillations import KeptOscillation
 from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.previous import read_previous
 from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
@@ -247,7 +251,11 @@ class Store:
                 failures.append(SaveFailure(valve=screening.valve, reason="not tried: no answer"))
                 continue
             try:
-                with Session(self.transactions.writers) as session, session.begin():
+                with (
+                    interrupts_held(),
+                    Session(self.transactions.writers) as session,
+                    session.begin(),
+                ):
                     number = screenings.write_screening(
                         session, screening, run_id, baselines_of.get(screening.valve)
                     )
@@ -278,6 +286,13 @@ class Store:
         """What is kept of a screening for its pictures; empty where nothing is."""
         with self.transactions.reading() as session:
             return pictures.read_pictures(session, screening)
+
+    def work_compared(
+        self, valves: Collection[str], until_run: int | None = None
+    ) -> list[AroundWork]:
+        """``around_work`` of each of ``valves`` that has it, as it was known at ``until_run``."""
+        with self.transactions.reading() as session:
+            return pictures.read_work_compared(session, valves, until_run)
 
     def around_work(self, valve: str) -> AroundWork | None:
         """The last work on the valve with what is kept of the windows before and after it."""
@@ -353,8 +368,11 @@ class Store:
         them named an effect beside S and J since the last work."""
         with self.transactions.reading("reading the evidence of weeks") as session:
             windows = evidence.read_evidence(session, valves)
-        told = {valve: evidence_of_weeks(of_it) for valve, of_it in windows.items()}
-        return {valve: of_it for valve, of_it in told.items() if of_it is not None}
+        evidence_of_valve = {
+            valve: evidence_of_weeks(windows_of_valve)
+            for valve, windows_of_valve in windows.items()
+        }
+        return {valve: of_it for valve, of_it in evidence_of_valve.items() if of_it is not None}
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""
@@ -367,6 +385,28 @@ class Store:
         if remarks:
             with self.transactions.writing(f"marking what run {run_id} found") as session:
                 false_discoveries.write_remarks(session, remarks)
+
+    def keep_oscillations(
+        self, run_id: int, groups: Sequence[OscillationGroup]
+    ) -> list[OscillationGroup]:
+        """Keep the groups of loops of a run that oscillate together, instead of those it had; the
+        same groups with since when and in how many windows each was found."""
+        with self.transactions.writing(f"keeping the oscillations of run {run_id}") as session:
+            return oscillations.write_oscillations(session, run_id, groups)
+
+    def oscillations(self, now: datetime) -> list[KeptOscillation]:
+        """The oscillations of several loops that were found in the last 30 days, those that stand
+        first, each with what its pictures need."""
+        since = now - timedelta(days=oscillations.SHOWN_DAYS)
+        with self.transactions.reading("reading the oscillations of loops") as session:
+            return oscillations.read_oscillations(session, since)
+
+    def oscillations_of(self, loop: str, now: datetime) -> list[OscillationGroup]:
+        """The groups that oscillate at present of which ``loop`` is a member, without pictures."""
+        since = now - timedelta(days=oscillations.SHOWN_DAYS)
+        with self.transactions.reading("reading the oscillations of a loop") as session:
+            kept = oscillations.read_oscillations(session, since, loop, pictures=False)
+        return [one.group for one in kept if not one.over]
 
     def previous_finding(
         self, screening: Screening, now: datetime | None = None

@@ -90,14 +90,14 @@ class Played:
     def delays(self) -> dict[str, int | None]:
         """For each valve that crosses its limit with ``WITHIN`` windows to come: days from there to
         its first alert with a cause, at least 0; ``None`` where there was none."""
-        found: dict[str, int | None] = {}
+        delay_of_tag: dict[str, int | None] = {}
         for life in self.lives:
             crosses = life.crosses
             if crosses is None or crosses + WITHIN >= self.plan.days:
                 continue
             days = [alert.raised for alert in self.alerts if self._is_about(alert, life)]
-            found[life.tag] = max(min(days) - crosses, 0) if days else None
-        return found
+            delay_of_tag[life.tag] = max(min(days) - crosses, 0) if days else None
+        return delay_of_tag
 
     def alerts_per_cause(self) -> float | None:
         """Alerts with a cause over the causes that had any; ``None`` where none had."""
@@ -123,29 +123,31 @@ class Played:
         months, false = self.healthy_months, len(self.false_alerts)
         kinds = ", ".join(f"{kind} {count}" for kind, count in self.false_by_kind().items())
         rate = 100.0 * false / months if months else 0.0
-        said = [
+        sentences = [
             f"{false} alerts without a cause in {months:.1f} healthy valve-months"
             f"{f' ({kinds})' if kinds else ''}: {rate:.1f} in 100"
         ]
         delays = list(self.delays().values())
-        known = [days for days in delays if days is not None]
-        in_time = sum(days <= WITHIN for days in known)
+        known_delays = [days for days in delays if days is not None]
+        in_time = sum(days <= WITHIN for days in known_delays)
         if delays:
-            told = "never" if not known else f"median {np.median(known):g} days after"
-            said.append(
+            delay_text = (
+                "never" if not known_delays else f"median {np.median(known_delays):g} days after"
+            )
+            sentences.append(
                 f"{in_time} of {len(delays)} valves that crossed their limit were alerted within "
-                f"{WITHIN} windows ({len(delays) - len(known)} not at all; {told})"
+                f"{WITHIN} windows ({len(delays) - len(known_delays)} not at all; {delay_text})"
             )
         per_cause = self.alerts_per_cause()
         if per_cause is not None:
-            said.append(f"{per_cause:.2f} alerts for each cause that had any")
-        closed, of, days = self.closed_after_repair()
-        if of:
-            said.append(
-                f"{closed} of {of} alerts about repaired valves closed by themselves, after "
+            sentences.append(f"{per_cause:.2f} alerts for each cause that had any")
+        closed, total, days = self.closed_after_repair()
+        if total:
+            sentences.append(
+                f"{closed} of {total} alerts about repaired valves closed by themselves, after "
                 f"{days} days at most"
             )
-        return said
+        return sentences
 
     @staticmethod
     def _is_about(alert: PlayedAlert, life: ValveLife) -> bool:
@@ -181,20 +183,20 @@ def play(
         (schedule,) = plant.schedules
         store.schedules.note(schedule.name, BEGAN, None)
         scheduler, worker = Scheduler(store, "UTC"), QueueWorker(store, plant)
-        book = _Book(lives)
+        record = _Book(lives)
         for day in range(plan.days):
             _record(plan, lives, day, folder, executor)
             for life in lives:
                 if day in life.worked:
-                    at = BEGAN + timedelta(days=day)
-                    store.record_maintenance(life.tag, at, "packing renewed", "trial")
+                    instant = BEGAN + timedelta(days=day)
+                    store.record_maintenance(life.tag, instant, "packing renewed", "trial")
             (number,) = scheduler.look(BEGAN + timedelta(days=day + 1, minutes=5))
             worker.once(threading.Event())
             _must_be_done(store, number, len(lives))
-            book.note(store, day)
+            record.note(store, day)
             shutil.rmtree(folder / "parquet" / f"date={_date(day)}", ignore_errors=True)
             on_progress(day + 1)
-    return Played(plan=plan, lives=lives, alerts=tuple(book.alerts.values()))
+    return Played(plan=plan, lives=lives, alerts=tuple(record.alerts.values()))
 
 
 class TrialFailed(ConnectorError):
@@ -222,11 +224,11 @@ class _Book:
         """Compare what is stored with what was noted before."""
         now = datetime.now(UTC)
         for alert in store.alerts.in_state("all", now):
-            noted = self.alerts.get(alert.id)
-            if noted is None:
-                self.alerts[alert.id] = noted = self._played(alert, day)
-            if alert.closed is not None and noted.closed is None:
-                self.alerts[alert.id] = _closed(noted, day)
+            played = self.alerts.get(alert.id)
+            if played is None:
+                self.alerts[alert.id] = played = self._played(alert, day)
+            if alert.closed is not None and played.closed is None:
+                self.alerts[alert.id] = _closed(played, day)
 
     def _played(self, alert: StoredAlert, day: int) -> PlayedAlert:
         named = alert.evidence.get("valves", ())

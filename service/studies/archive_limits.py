@@ -102,23 +102,26 @@ def evidence_of_valve(valve: StudiedValve | tuple[PlantLoop, int]) -> list[Archi
         return [_evidence(ALL_LOOPS, True, on_own_clock(recording))]
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording
-    stored = {way: WAYS[way].change(recording) for way in ("as it is", LATE, *SLOW)}
+    stored = {storage: WAYS[storage].change(recording) for storage in ("as it is", LATE, *SLOW)}
     if not valve.sticking:
         loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
         stored[NOISY] = simulate_loop(loud, seed).recording
-    return [_evidence(way, valve.sticking, on_own_clock(one)) for way, one in stored.items()]
+    return [
+        _evidence(storage, valve.sticking, on_own_clock(stored_recording))
+        for storage, stored_recording in stored.items()
+    ]
 
 
-def _evidence(way: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
+def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
     # What the stem says where there is no PV, and what the controller does.
     without_pv: dict[Role, Signal] = {
-        role: one for role, one in recording.signals.items() if role is not Role.PV
+        role: signal for role, signal in recording.signals.items() if role is not Role.PV
     }
     late = late_evidence(replace(recording, signals=without_pv)).gain
     archive, fit = even_archive(recording), fit_stickslip(recording)
     against = _against(fit, archive)
     return ArchiveEvidence(
-        way=way,
+        way=storage,
         sticking=sticking,
         late_mean=late.mean,
         late_t=late.t,
@@ -143,27 +146,29 @@ def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
 
 
 def run_archive_limits(
-    each: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
+    valves_each: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[ArchiveEvidence]:
-    """``each`` sticking and as many healthy valves, in all ways, and twice as many sticking ones of
-    all kinds of loops as they are."""
-    done: dict[int, list[ArchiveEvidence]] = {}
-    drawn: list[StudiedValve | tuple[PlantLoop, int]] = [*draw_valves(each, seed)]
-    drawn += [(loop, 1000 * seed + place) for place, loop in enumerate(draw_sticky(2 * each, seed))]
-    for place, evidence in map_items(executor, evidence_of_valve, drawn):
-        done[place] = evidence
-        on_progress(len(done))
-    return [evidence for place in sorted(done) for evidence in done[place]]
+    """``valves_each`` sticking and as many healthy valves, in all ways, and twice as many sticking
+    ones of all kinds of loops as they are."""
+    evidence_at: dict[int, list[ArchiveEvidence]] = {}
+    items: list[StudiedValve | tuple[PlantLoop, int]] = [*draw_valves(valves_each, seed)]
+    items += [
+        (loop, 1000 * seed + index) for index, loop in enumerate(draw_sticky(2 * valves_each, seed))
+    ]
+    for index, evidence in map_items(executor, evidence_of_valve, items):
+        evidence_at[index] = evidence
+        on_progress(len(evidence_at))
+    return [evidence for index in sorted(evidence_at) for evidence in evidence_at[index]]
 
 
 def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     """Each limit with the nulls and the recordings that it tells apart."""
-    nulls = [one for one in evidence if one.way == "as it is"]
-    late = [one for one in evidence if one.way == LATE]
-    slow = [one for one in evidence if one.way in SLOW and one.sticking]
-    all_loops = [one for one in evidence if one.way == ALL_LOOPS]
-    sticking = [one for one in nulls if one.sticking]
-    noisy = [one for one in evidence if one.way == NOISY]
+    nulls = [case for case in evidence if case.way == "as it is"]
+    late = [case for case in evidence if case.way == LATE]
+    slow = [case for case in evidence if case.way in SLOW and case.sticking]
+    all_loops = [case for case in evidence if case.way == ALL_LOOPS]
+    sticking = [case for case in nulls if case.sticking]
+    noisy = [case for case in evidence if case.way == NOISY]
     b = between_samples
     agree = [*nulls, *noisy, *all_loops]
     yield _limit(
@@ -172,40 +177,49 @@ def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
         agree,
         late,
         "late_left",
-        above=False,
+        from_above=False,
     )
     yield _limit(
         "late clock, by the stem: mean gain", clock_shift.LEAST_MEAN, agree, late, "late_mean"
     )
-    nulls, others = _both(agree, late, lambda one: one.late_mean >= clock_shift.LEAST_MEAN)
+    nulls, others = _split_where(agree, late, lambda case: case.late_mean >= clock_shift.LEAST_MEAN)
     yield _limit("late clock, by the stem: t", clock_shift.LEAST_T, nulls, others, "late_t")
     yield _limit(
-        "slow archive: samples to a turn", b.FEW, sticking, slow, "samples_per_turn", above=False
+        "slow archive: samples to a turn",
+        b.FEW,
+        sticking,
+        slow,
+        "samples_per_turn",
+        from_above=False,
     )
     yield _limit("friction evident: mean", b.EVIDENT_MEAN, noisy, slow, "friction_mean")
-    evident = _both(noisy, slow, lambda one: one.friction_mean >= b.EVIDENT_MEAN)
+    evident = _split_where(noisy, slow, lambda case: case.friction_mean >= b.EVIDENT_MEAN)
     yield _limit("friction evident: t", b.EVIDENT_T, evident[0], evident[1], "friction_t")
     sticking += all_loops
-    nulls, others = _both(sticking, slow, partial(ArchiveEvidence.against_the_fit, but="apart"))
+    nulls, others = _split_where(
+        sticking, slow, partial(ArchiveEvidence.against_the_fit, but="apart")
+    )
     yield _limit("slips against the fit: S", b.S_APART, nulls, others, "S_apart")
     yield _limit("slips against the fit: J", b.J_APART, nulls, others, "J_apart")
-    for name, limit, field, above in (
+    for name, limit, field, from_above in (
         ("slips against the fit: answered", b.ANSWERED, "answered", False),
         ("slips against the fit: jump", b.CLEAR, "jump", True),
         ("slips against the fit: bounds", b.WIDEST, "bounds", False),
         ("slips against the fit: samples to a turn", b.RESOLVED, "samples_per_turn", False),
     ):
-        nulls, others = _both(sticking, slow, partial(ArchiveEvidence.against_the_fit, but=field))
-        yield _limit(name, limit, nulls, others, field, above=above)
+        nulls, others = _split_where(
+            sticking, slow, partial(ArchiveEvidence.against_the_fit, but=field)
+        )
+        yield _limit(name, limit, nulls, others, field, from_above=from_above)
 
 
-def _both(
+def _split_where(
     nulls: Sequence[ArchiveEvidence],
     others: Sequence[ArchiveEvidence],
-    where: Callable[[ArchiveEvidence], bool],
+    condition: Callable[[ArchiveEvidence], bool],
 ) -> tuple[list[ArchiveEvidence], list[ArchiveEvidence]]:
     """Those of either group that meet the other limits."""
-    return [one for one in nulls if where(one)], [one for one in others if where(one)]
+    return [case for case in nulls if condition(case)], [case for case in others if condition(case)]
 
 
 def _limit(
@@ -215,17 +229,19 @@ def _limit(
     others: Sequence[ArchiveEvidence],
     field: str,
     *,
-    above: bool = True,
+    from_above: bool = True,
 ) -> Limit:
     of_nulls, of_others = (
-        np.array([value for one in group if np.isfinite(value := float(getattr(one, field)))])
+        np.array([value for case in group if np.isfinite(value := float(getattr(case, field)))])
         for group in (nulls, others)
     )
     worst = np.nan
     if of_nulls.size:
-        worst = float(of_nulls.max() if above else of_nulls.min())
-    nulls_beyond, beyond = (
-        int(np.count_nonzero(values >= limit if above else values <= limit))
+        worst = float(of_nulls.max() if from_above else of_nulls.min())
+    nulls_beyond, others_beyond = (
+        int(np.count_nonzero(values >= limit if from_above else values <= limit))
         for values in (of_nulls, of_others)
     )
-    return Limit(name, limit, above, worst, of_nulls.size, nulls_beyond, beyond, of_others.size)
+    return Limit(
+        name, limit, from_above, worst, of_nulls.size, nulls_beyond, others_beyond, of_others.size
+    )

@@ -102,19 +102,19 @@ def run_drift(
     seed: int,
     executor: Executor,
     on_progress: Callable[[int], None],
-    ways: Sequence[ValveFate] = tuple(ValveFate),
+    fates: Sequence[ValveFate] = tuple(ValveFate),
 ) -> list[Followed]:
     """Follow ``valves`` loops, drawn healthy with ``seed``, in each of ``ways``.
 
     The fates of a loop share its baseline. ``on_progress`` is called with the number of loops done.
     """
-    drawn = list(enumerate(draw_healthy(valves, seed)))
+    valves_drawn = list(enumerate(draw_healthy(valves, seed)))
     batches = [
-        DriftBatch(tuple(drawn[first : first + BATCH]), seed, tuple(ways))
+        DriftBatch(tuple(valves_drawn[first : first + BATCH]), seed, tuple(fates))
         for first in range(0, valves, BATCH)
     ]
     return map_in_order(
-        executor, follow_batch, batches, lambda count: on_progress(count // len(ways))
+        executor, follow_batch, batches, lambda count: on_progress(count // len(fates))
     )
 
 
@@ -130,14 +130,14 @@ def follow_batch(batch: DriftBatch) -> list[Followed]:
     settings = NarxSettings(device="cpu")
     fits = train([_example(recording) for recording in first], settings)
     return [
-        _follow(batch.seed, place_in_draw, loop, way, fit.network, fit.reason or "")
+        _follow(batch.seed, place_in_draw, loop, fate, fit.network, fit.reason or "")
         for (place_in_draw, loop), fit in zip(batch.loops, fits, strict=True)
-        for way in batch.ways
+        for fate in batch.ways
     ]
 
 
-def _chance(seed: int, *place: int) -> int:
-    return int(np.random.default_rng([seed, *place]).integers(2**31))
+def _chance(seed: int, *path: int) -> int:
+    return int(np.random.default_rng([seed, *path]).integers(2**31))
 
 
 def _example(recording: Recording) -> NarxExample:
@@ -175,7 +175,7 @@ def _follow(
     )
     if baseline is None:
         return followed
-    seeds = [_chance(seed, place_in_draw, number, 1 + place) for place in range(WINDOWS)]
+    seeds = [_chance(seed, place_in_draw, number, 1 + window) for window in range(WINDOWS)]
     scores = [_score(baseline, window, chance) for window, chance in zip(later, seeds, strict=True)]
     return replace(followed, ratios=tuple(score.ratio for score in scores))
 
@@ -210,8 +210,8 @@ def _operated(
     """The loop operated differently, with the same valve, transmitter and process."""
     controller = loop.controller
     if operation is OperatingChange.OPENING:
-        away = 12.0 if controller.output < 50.0 else -12.0
-        return replace(loop, controller=replace(controller, output=controller.output + away))
+        offset = 12.0 if controller.output < 50.0 else -12.0
+        return replace(loop, controller=replace(controller, output=controller.output + offset))
     if operation is OperatingChange.LOAD:
         loads = tuple(replace(load, size=2.5 * load.size) for load in loop.loads)
         return replace(loop, loads=loads)
@@ -261,9 +261,9 @@ def _score(baseline: NarxNetwork, window: PlantLoop, chance: int) -> BaselineSco
     )
 
 
-def scores(followed: Sequence[Followed], *ways: ValveFate) -> list[float]:
+def scores(followed: Sequence[Followed], *fates: ValveFate) -> list[float]:
     """The scores of the valves with one of these fates, where they have one."""
-    return [valve.score for valve in followed if valve.way in ways and valve.score is not None]
+    return [valve.score for valve in followed if valve.way in fates and valve.score is not None]
 
 
 _NORMAL_95 = 1.959964
@@ -280,8 +280,8 @@ def auc(healthy: Sequence[float], growing: Sequence[float]) -> Estimate:
     """
     if not healthy or not growing:
         return Estimate.unknown("no valve of one group could be scored; follow more valves")
-    above = np.subtract.outer(np.asarray(growing), np.asarray(healthy))
-    area = float(np.mean((above > 0) + 0.5 * (above == 0)))
+    difference = np.subtract.outer(np.asarray(growing), np.asarray(healthy))
+    area = float(np.mean((difference > 0) + 0.5 * (difference == 0)))
     low, high = _newcombe(area, len(healthy), len(growing))
     return Estimate(value=area, low=low, high=high)
 

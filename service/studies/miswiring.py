@@ -101,7 +101,7 @@ def _copied(change: Callable[[Floats], Floats]) -> Change:
     return lambda seen: _wired(seen.recording, mv=change(seen.recording.op.values))
 
 
-def _of(name: str, *, role: Role = Role.MV) -> Change:
+def _take_from(name: str, *, role: Role = Role.MV) -> Change:
     """``role`` is that of another recording."""
 
     def change(recorded: RecordedValve) -> Recording:
@@ -120,8 +120,8 @@ def _moved(seconds: float) -> Callable[[Floats], Floats]:
     """Later by so many seconds of a clock of one second; the edge is held."""
 
     def move(values: Floats) -> Floats:
-        at = np.arange(values.size) - round(seconds)
-        return np.asarray(values[np.clip(at, 0, values.size - 1)])
+        shifted_index = np.arange(values.size) - round(seconds)
+        return np.asarray(values[np.clip(shifted_index, 0, values.size - 1)])
 
     return move
 
@@ -146,9 +146,11 @@ def _manual_station(recorded: RecordedValve) -> Recording:
     """OP of a station that does not track: an operator's moves, which the valve never got."""
     op = recorded.recording.op.values
     rng = np.random.default_rng(op.size)
-    held = round(MANUAL_S)
-    moves = np.cumsum(rng.uniform(-MANUAL_STEP, MANUAL_STEP, op.size // held + 1))
-    return _wired(recorded.recording, op=np.repeat(np.median(op) + moves, held)[: op.size])
+    samples_in_manual = round(MANUAL_S)
+    moves = np.cumsum(rng.uniform(-MANUAL_STEP, MANUAL_STEP, op.size // samples_in_manual + 1))
+    return _wired(
+        recorded.recording, op=np.repeat(np.median(op) + moves, samples_in_manual)[: op.size]
+    )
 
 
 def _split_partner(values: Floats) -> Floats:
@@ -192,7 +194,7 @@ def _as_states(recorded: RecordedValve) -> Recording:
     return replace(recorded.recording, signals={**recorded.recording.signals, Role.MV: empty})
 
 
-def _both(low: float, high: float) -> Change:
+def _both_ranges(low: float, high: float) -> Change:
     def change(recorded: RecordedValve) -> Recording:
         op, mv = (_values(recorded.recording, role) for role in (Role.OP, Role.MV))
         scaled = _scaled(low, high)
@@ -217,16 +219,16 @@ KINDS: dict[str, Change] = {
     "OP a fraction, 0 to 1": _op(_scaled(0.0, 1.0)),
     "OP in counts, 0 to 27648": _op(_scaled(0.0, 27648.0)),
     "OP in counts, 0 to 4095": _op(_scaled(0.0, 4095.0)),
-    "OP and MV in mA, 4 to 20": _both(4.0, 20.0),
-    "OP and MV fractions, 0 to 1": _both(0.0, 1.0),
+    "OP and MV in mA, 4 to 20": _both_ranges(4.0, 20.0),
+    "OP and MV fractions, 0 to 1": _both_ranges(0.0, 1.0),
     "OP and MV swapped": _swapped,
     "PV for OP": _from(Role.OP, Role.PV),
     "SP for OP": _from(Role.OP, Role.SP),
     "PV for MV": _from(Role.MV, Role.PV),
     "SP for MV": _from(Role.MV, Role.SP),
-    "MV of another loop": _of("other_kind"),
-    "MV of another loop with the same set points": _of("same_programme"),
-    "OP of another loop": _of("other_kind", role=Role.OP),
+    "MV of another loop": _take_from("other_kind"),
+    "MV of another loop with the same set points": _take_from("same_programme"),
+    "OP of another loop": _take_from("other_kind", role=Role.OP),
     "OP of the cascade's master": _cascade,
     "OP of a manual station that does not track": _manual_station,
     "OP of the split range's other valve": _op(_split_partner),
@@ -244,7 +246,7 @@ KINDS: dict[str, Change] = {
     "MV only noise": _mv(_noise),
     **{f"MV {s} s late": _mv(_moved(float(s))) for s in (5, 20, 60, 300)},
     **{f"MV {s} s early": _mv(_moved(-float(s))) for s in (5, 20, 60, 300)},
-    "MV of another day": _of("other_day"),
+    "MV of another day": _take_from("other_day"),
     "every second sample of OP and MV exchanged": _every_second_exchanged,
     "MV a limit switch, 0 or 1": _mv(_limit_switch(0.0, 1.0)),
     "MV a limit switch, 0 or 100": _mv(_limit_switch(0.0, 100.0)),
@@ -301,39 +303,44 @@ def draw_miswired(loops: int, seed: int) -> list[MiswiredValve]:
 
     Each is mixed up with a valve of the other kind that comes from the same draw.
     """
-    each = loops // 4 + 2
-    valves = draw_valves(each, seed)
-    stories = [one for one in draw_healthy(6 * each, seed) if HEALTHY_STORY in one.story]
+    loops_each = loops // 4 + 2
+    valves = draw_valves(loops_each, seed)
+    with_story = [
+        drawn_valve
+        for drawn_valve in draw_healthy(6 * loops_each, seed)
+        if HEALTHY_STORY in drawn_valve.story
+    ]
     pools: list[list[tuple[PlantLoop, bool]]] = [
         [(valve.case.loop, valve.sticking) for valve in valves if valve.sticking],
         [(valve.case.loop, valve.sticking) for valve in valves if not valve.sticking],
-        [(loop, True) for loop in draw_sticky(each, seed)],
-        [(loop, False) for loop in stories],
+        [(loop, True) for loop in draw_sticky(loops_each, seed)],
+        [(loop, False) for loop in with_story],
     ]
-    drawn = []
-    for place in range(loops):
-        pool = place % 4
-        loop, sticking = pools[pool][place // 4]
-        other, _ = pools[pool ^ 1][place // 4 + 1]
-        drawn.append(MiswiredValve(f"{place} {loop.tag}", loop, other, seed + place, sticking))
-    return drawn
+    pairs = []
+    for index in range(loops):
+        pool = index % 4
+        loop, sticking = pools[pool][index // 4]
+        other, _ = pools[pool ^ 1][index // 4 + 1]
+        pairs.append(MiswiredValve(f"{index} {loop.tag}", loop, other, seed + index, sticking))
+    return pairs
 
 
 def record(valve: MiswiredValve) -> RecordedValve:
     """Simulate the valve and all that it can be mixed up with."""
     loop, other = valve.loop, replace(valve.other_loop, duration_s=valve.loop.duration_s)
-    mine, theirs = (simulate_loop(one, valve.seed).recording for one in (loop, other))
+    mine, theirs = (simulate_loop(part, valve.seed).recording for part in (loop, other))
     master = theirs.op.values
     moves = tuple(
-        (float(at), float(master[int(at)])) for at in np.arange(0.0, master.size, CASCADE_S)
+        (float(time_s), float(master[int(time_s)]))
+        for time_s in np.arange(0.0, master.size, CASCADE_S)
     )
-    same = replace(other, setpoints=loop.setpoints)
+    following = replace(other, setpoints=loop.setpoints)
     return RecordedValve(
         valve=valve.name,
         sticking=valve.sticking,
         recording=mine,
         other_kind=theirs,
-        same_programme=simulate_loop(same, valve.seed + 1).recording,
+        same_programme=simulate_loop(following, valve.seed + 1).recording,
         slave=simulate_loop(replace(loop, setpoints=moves), valve.seed + 2).recording,
         other_day=simulate_loop(replace(loop, setpoints=other.setpoints), valve.seed + 3).recording,
     )

@@ -25,7 +25,7 @@ from stemwatch.models.without_position.suspicion import (
     SeenLoop,
     Suspicion,
     SuspicionLimits,
-    look,
+    look_at_loop,
 )
 from stemwatch.service.executors import Executor, map_in_order
 
@@ -58,10 +58,10 @@ def example_item(item: LoopToDraw) -> list[LoopExample | WindowsExample | None]:
 def items_of_training(loops: int, seed: int) -> tuple[list[LoopToDraw], list[LoopToDraw]]:
     """What is drawn to train on, and what gives the limits: half as many of the next seed, and
     sound valves of the force-balance plant."""
-    examples = [LoopToDraw(seed, place) for place in range(loops)]
-    examples += [LoopToDraw(seed, place, WINDOWS_ONLY) for place in range(loops, loops * _MORE)]
-    judged = [LoopToDraw(seed + 1, place) for place in range(loops // 2)]
-    judged += [LoopToDraw(seed + 1, 2 * place + 1, "plant") for place in range(loops // 10)]
+    examples = [LoopToDraw(seed, index) for index in range(loops)]
+    examples += [LoopToDraw(seed, index, WINDOWS_ONLY) for index in range(loops, loops * _MORE)]
+    judged = [LoopToDraw(seed + 1, index) for index in range(loops // 2)]
+    judged += [LoopToDraw(seed + 1, 2 * index + 1, "plant") for index in range(loops // 10)]
     return examples, judged
 
 
@@ -73,42 +73,42 @@ def run_training(
     from stemwatch.models.studies.loops.training import train  # torch takes two seconds to import
 
     examples, judged = items_of_training(loops, seed)
-    shown = map_in_order(executor, example_item, examples, on_progress)
+    items = map_in_order(executor, example_item, examples, on_progress)
     network = train(
-        [one for one in shown if isinstance(one, LoopExample)],
+        [item for item in items if isinstance(item, LoopExample)],
         seed=seed,
-        more=[one for one in shown if isinstance(one, WindowsExample)],
+        windows_examples=[item for item in items if isinstance(item, WindowsExample)],
     )
-    done = len(examples)
-    seen = map_in_order(executor, look_item, judged, lambda n: on_progress(done + n))
+    items_done = len(examples)
+    seen = map_in_order(executor, look_item, judged, lambda n: on_progress(items_done + n))
     return Judge(network=network, limits=limits_of(seen, network))
 
 
-def limits_of(drawn: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimits:
+def limits_of(draws: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimits:
     """The limits by loops that no network was trained on. At most ``FALSE_ALARMS`` of the sound
     loops of each simulator may be suspected."""
-    judged = [(one, one.seen.shown, one.seen.windows) for one in drawn]
-    known = [(one, shown, cut) for one, shown, cut in judged if shown is not None]
+    judged = [(draw, draw.seen.shown, draw.seen.windows) for draw in draws]
+    judgeable = [(draw, seen, cut) for draw, seen, cut in judged if seen is not None]
     score = np.array(
-        [network.answer(e.values, cut).score for _, e, cut in known if cut is not None]
+        [network.answer(e.values, cut).score for _, e, cut in judgeable if cut is not None]
     )
-    own = np.array([one.place.family == "own" for one, _, _ in known])
-    S = np.array([one.S for one, _, _ in known])
-    sticky, size = S > 0.0, S / np.array([shown.amplitude for _, shown, _ in known])
-    beyond = np.array([shown.beyond for _, shown, _ in known]) > BEYOND
-    alarming = np.where(beyond, score, 0.0)
+    is_own_family = np.array([draw.place.family == "own" for draw, _, _ in judgeable])
+    S = np.array([draw.S for draw, _, _ in judgeable])
+    sticky, size = S > 0.0, S / np.array([seen.amplitude for _, seen, _ in judgeable])
+    is_beyond = np.array([seen.beyond for _, seen, _ in judgeable]) > BEYOND
+    alarming = np.where(is_beyond, score, 0.0)
     suspected = max(
-        float(np.quantile(alarming[~sticky & of_it], 1.0 - FALSE_ALARMS))
-        for of_it in (own, ~own)
-        if np.any(~sticky & of_it)
+        float(np.quantile(alarming[~sticky & family], 1.0 - FALSE_ALARMS))
+        for family in (is_own_family, ~is_own_family)
+        if np.any(~sticky & family)
     )
     no_sign = min(float(np.quantile(score[sticky & (size >= PLAIN)], MISSED)), suspected)
     # A valve that sticks by more than OP swings would make it swing wider.
-    tried = np.geomspace(0.05, 1.0, 60)
-    shows = tried[-1]
-    for least in tried[::-1]:
-        near = sticky & (size > least / _NEAR) & (size <= least)
-        if near.sum() >= _ENOUGH and float(np.mean(score[near] >= no_sign)) < SEEN:
+    candidates = np.geomspace(0.05, 1.0, 60)
+    shows = candidates[-1]
+    for least in candidates[::-1]:
+        is_near = sticky & (size > least / _NEAR) & (size <= least)
+        if is_near.sum() >= _ENOUGH and float(np.mean(score[is_near] >= no_sign)) < SEEN:
             break
         shows = least
     return SuspicionLimits(suspected_from=suspected, no_sign_below=no_sign, shows_from=float(shows))
@@ -136,7 +136,7 @@ def module_of(judge: Judge, loops: int, seed: int) -> str:
             *(f'    "{name}": {shape},' for name, shape in shapes.items()),
             "}",
             'PACKED = """',
-            *(text[at : at + _LINE] for at in range(0, len(text), _LINE)),
+            *(text[begin : begin + _LINE] for begin in range(0, len(text), _LINE)),
             '"""',
             "",
         ]
@@ -173,32 +173,32 @@ class SeenDraw:
 def look_item(item: LoopToDraw) -> list[SeenDraw]:
     """Draw one loop, leave out what it has of a position, and look."""
     recording, S, story = FAMILIES[item.family](item)
-    return [SeenDraw(place=item, story=story, S=S, seen=look(recording))]
+    return [SeenDraw(place=item, story=story, S=S, seen=look_at_loop(recording))]
 
 
-def _answer(judge: Judge, shown: SeenDraw) -> StudiedLoop:
-    said = judge.says(shown.seen)
-    estimate = said.apparent_S
+def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
+    suspicion = judge.says(seen_draw.seen)
+    estimate = suspicion.apparent_S
     numbers = None
     if estimate.value is not None and estimate.low is not None and estimate.high is not None:
         numbers = (estimate.value, estimate.low, estimate.high)
     return StudiedLoop(
-        family=shown.place.family,
-        story=shown.story,
-        S=shown.S,
-        verdict=said.verdict,
-        score=said.score,
+        family=seen_draw.place.family,
+        story=seen_draw.story,
+        S=seen_draw.S,
+        verdict=suspicion.verdict,
+        score=suspicion.score,
         apparent_S=numbers,
     )
 
 
-def _own(item: LoopToDraw, story: str = "") -> tuple[Recording, float, str]:
+def _own_loop(item: LoopToDraw, story: str = "") -> tuple[Recording, float, str]:
     loop = draw_loop(item.seed, item.place, story)
     return _recording(loop, f"LOOP-{item.place}"), loop.S, loop.story
 
 
 def _wave(item: LoopToDraw) -> tuple[Recording, float, str]:
-    return _own(item, "wave")
+    return _own_loop(item, "wave")
 
 
 def _plant(item: LoopToDraw) -> tuple[Recording, float, str]:
@@ -225,7 +225,7 @@ def _recording(loop: DrawnLoop, valve: str) -> Recording:
 
 
 FAMILIES: Mapping[str, Callable[[LoopToDraw], tuple[Recording, float, str]]] = {
-    "own": _own,
+    "own": _own_loop,
     "plant": _plant,
     "wave": _wave,
 }
@@ -235,9 +235,10 @@ def run_position_free(
     judge: Judge, loops: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[StudiedLoop]:
     """What ``judge`` says of ``loops`` loops of each family, every other one sticking."""
-    items = [LoopToDraw(seed, place, family) for family in FAMILIES for place in range(loops)]
+    items = [LoopToDraw(seed, index, family) for family in FAMILIES for index in range(loops)]
     return [
-        _answer(judge, shown) for shown in map_in_order(executor, look_item, items, on_progress)
+        _answer(judge, seen_draw)
+        for seen_draw in map_in_order(executor, look_item, items, on_progress)
     ]
 
 
@@ -272,14 +273,14 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
     sticky = np.array([answer.sticky for answer in answers])
     score = np.array([answer.score or 0.0 for answer in answers])
     good, bad = score[sticky], score[~sticky]
-    above = (good[:, None] > bad[None]) + 0.5 * (good[:, None] == bad[None])
+    better = (good[:, None] > bad[None]) + 0.5 * (good[:, None] == bad[None])
     right = [a for a in answers if a.sticky and a.apparent_S is not None]
     errors = [abs(a.apparent_S[0] - a.S) for a in right if a.apparent_S]
-    held = sum(a.apparent_S[1] <= a.S <= a.apparent_S[2] for a in right if a.apparent_S)
+    covered = sum(a.apparent_S[1] <= a.S <= a.apparent_S[2] for a in right if a.apparent_S)
 
     def count(verdict: Suspicion) -> tuple[int, int]:
-        said = np.array([answer.verdict is verdict for answer in answers])
-        return int(np.sum(said & sticky)), int(np.sum(said & ~sticky))
+        is_verdict = np.array([answer.verdict is verdict for answer in answers])
+        return int(np.sum(is_verdict & sticky)), int(np.sum(is_verdict & ~sticky))
 
     return FamilyRow(
         family=family,
@@ -288,10 +289,10 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
         suspected=count(Suspicion.SUSPECTED),
         no_sign=count(Suspicion.NO_SIGN),
         cannot_tell=count(Suspicion.CANNOT_TELL),
-        auc=float(above.mean()),
+        auc=float(better.mean()),
         sensitivity=(_sensitivity(good, bad, 0.02), _sensitivity(good, bad, 0.05)),
         error=float(np.median(errors)) if errors else float("nan"),
-        held=(int(held), len(right)),
+        held=(int(covered), len(right)),
     )
 
 

@@ -38,15 +38,15 @@ def _changed(
     *,
     op: Callable[[Floats], Floats] | None = None,
     mv: Callable[[Floats], Floats] | None = None,
-    every: Callable[[Floats], Floats] | None = None,
+    change_all: Callable[[Floats], Floats] | None = None,
     slower: int = 1,
 ) -> Recording:
     """``recording`` with OP, MV, or every signal changed; ``slower`` times the interval."""
     signals = {}
     for role, signal in recording.signals.items():
         values = signal.values
-        for change, where in ((op, Role.OP), (mv, Role.MV), (every, role)):
-            if change is not None and role is where:
+        for change, roles in ((op, Role.OP), (mv, Role.MV), (change_all, role)):
+            if change is not None and role is roles:
                 values = change(values)
         signals[role] = Signal.good(values, signal.tag, signal.unit)
     return replace(recording, signals=signals, interval_s=slower * recording.interval_s)
@@ -69,8 +69,8 @@ def _shut_off(recording: Recording) -> Recording:
     return _changed(recording, mv=lambda values: np.maximum(values, seat))
 
 
-def _every(samples: int) -> Change:
-    return lambda r: _changed(r, every=lambda v: v[::samples].copy(), slower=samples)
+def _every_nth(samples: int) -> Change:
+    return lambda r: _changed(r, change_all=lambda v: v[::samples].copy(), slower=samples)
 
 
 def _late(samples: int) -> Callable[[Floats], Floats]:
@@ -79,8 +79,8 @@ def _late(samples: int) -> Callable[[Floats], Floats]:
 
 def _means(samples: int) -> Callable[[Floats], Floats]:
     def mean(values: Floats) -> Floats:
-        whole = values.size // samples * samples
-        return np.asarray(values[:whole].reshape(-1, samples).mean(axis=1))
+        whole_samples = values.size // samples * samples
+        return np.asarray(values[:whole_samples].reshape(-1, samples).mean(axis=1))
 
     return mean
 
@@ -88,14 +88,14 @@ def _means(samples: int) -> Callable[[Floats], Floats]:
 def _reported(deviation: float) -> Callable[[Floats], Floats]:
     """Report by exception: the last value is held until it is off by ``deviation``."""
 
-    def held(values: Floats) -> Floats:
-        kept, last = values.copy(), values[0]
+    def reported_values(values: Floats) -> Floats:
+        reported, last = values.copy(), values[0]
         for index, value in enumerate(values):
             last = value if abs(value - last) > deviation else last
-            kept[index] = last
-        return kept
+            reported[index] = last
+        return reported
 
-    return held
+    return reported_values
 
 
 @dataclass(frozen=True)
@@ -141,12 +141,12 @@ WAYS: dict[str, StoredAs] = {
     ),
     "position in steps of 0.5 %": StoredAs(lambda r: _changed(r, mv=lambda v: np.round(2 * v) / 2)),
     "OP in steps of 0.5 %": StoredAs(lambda r: _changed(r, op=lambda v: np.round(2 * v) / 2)),
-    "averages of 10 s": StoredAs(lambda r: _changed(r, every=_means(10), slower=10)),
-    "stored every 5 s": StoredAs(_every(5)),
-    "stored every 10 s": StoredAs(_every(10)),
-    "stored every 30 s": StoredAs(_every(30)),
-    "8 hours, stored every 30 s": StoredAs(_every(30), hours=LONG_HOURS),
-    "8 hours, stored every 60 s": StoredAs(_every(60), hours=LONG_HOURS),
+    "averages of 10 s": StoredAs(lambda r: _changed(r, change_all=_means(10), slower=10)),
+    "stored every 5 s": StoredAs(_every_nth(5)),
+    "stored every 10 s": StoredAs(_every_nth(10)),
+    "stored every 30 s": StoredAs(_every_nth(30)),
+    "8 hours, stored every 30 s": StoredAs(_every_nth(30), hours=LONG_HOURS),
+    "8 hours, stored every 60 s": StoredAs(_every_nth(60), hours=LONG_HOURS),
     "exception reporting of 0.5 %": StoredAs(
         lambda r: _changed(r, op=_reported(0.5), mv=_reported(0.5))
     ),
@@ -194,17 +194,17 @@ class RobustnessBatch:
     ways: tuple[str, ...]
 
 
-def draw_valves(each: int, seed: int) -> list[StudiedValve]:
-    """``each`` sticking and as many healthy valves, an hour at 1 s with set-point moves."""
-    cases = draw_nulls(4 * each, seed, "routine")
+def draw_valves(valves_each: int, seed: int) -> list[StudiedValve]:
+    """``valves_each`` sticking and as many healthy valves, an hour at 1 s with set-point moves."""
+    cases = draw_nulls(4 * valves_each, seed, "routine")
     wide = [case for case in cases if STICKING_S[0] <= case.loop.valve.S <= STICKING_S[1]]
     rng = np.random.default_rng([seed, 17])
     sticking = [
         _with(case, case.loop.valve.S, case.loop.valve.J, index, True)
-        for index, case in enumerate(wide[:each])
+        for index, case in enumerate(wide[:valves_each])
     ]
     healthy = []
-    for index, case in enumerate(draw_nulls(each, seed + 1, "routine")):
+    for index, case in enumerate(draw_nulls(valves_each, seed + 1, "routine")):
         S = float(rng.uniform(*HEALTHY_S))
         healthy.append(_with(case, S, 0.3 * S, index, False))
     return [*sticking, *healthy]
@@ -223,8 +223,8 @@ def _with(case: HiddenCase, S: float, J: float, index: int, sticking: bool) -> S
     packing = PackingDefects(presliding_percent=0.002)
     soft = replace(case.loop, valve=replace(valve, packing=packing))
     if sticking:
-        shown, without = (_levels_shown(loop, case.seed, J) for loop in (soft, stiff))
-        level, kinetic = shown[0] - without[0], shown[1] - without[1]
+        soft_levels, stiff_levels = (_levels_shown(loop, case.seed, J) for loop in (soft, stiff))
+        level, kinetic = soft_levels[0] - stiff_levels[0], soft_levels[1] - stiff_levels[1]
         S, J = S + level + kinetic, max(J + level - kinetic, 0.0)
     return StudiedValve(replace(case, loop=soft), sticking, S, J)
 
@@ -246,8 +246,8 @@ def _levels_shown(loop: PlantLoop, seed: int, J: float) -> tuple[float, float]:
     ends = np.minimum(begins + SLIP_SAMPLES, mv.size - 1)
     slips = np.abs(mv[ends] - mv[begins]) > 0.3 * J
     begins, ends = begins[slips], ends[slips]
-    way = np.sign(mv[ends] - mv[begins])
-    before, after = way * (op[begins] - mv[begins]), way * (op[ends] - mv[ends])
+    direction = np.sign(mv[ends] - mv[begins])
+    before, after = direction * (op[begins] - mv[begins]), direction * (op[ends] - mv[ends])
     return float(np.median(before)), float(np.median(after))
 
 
@@ -256,15 +256,15 @@ def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
     answers = []
     for valve in batch.valves:
         recordings: dict[int, Recording] = {}
-        for way in batch.ways:
-            hours = WAYS[way].hours
+        for storage in batch.ways:
+            hours = WAYS[storage].hours
             if hours not in recordings:
                 recordings[hours] = recorded(valve, hours)
             recording = recordings[hours]
-            stored = WAYS[way].change(recording)
+            stored = WAYS[storage].change(recording)
             (screening,) = screen([Case(recording=stored)], Options(narx=False))
-            scale = _op_per_travel(recording, stored) if WAYS[way].strokes else 1.0
-            answers.append(_answer(way, valve, screening, scale))
+            scale = _op_per_travel(recording, stored) if WAYS[storage].strokes else 1.0
+            answers.append(_answer(storage, valve, screening, scale))
     return answers
 
 
@@ -273,9 +273,9 @@ def recorded(valve: StudiedValve, hours: int = 1) -> Recording:
     loop = valve.case.loop
     if hours > 1:
         moves = tuple(
-            (hour * loop.duration_s + at, value)
+            (hour * loop.duration_s + time_s, value)
             for hour in range(hours)
-            for at, value in loop.setpoints
+            for time_s, value in loop.setpoints
         )
         loop = replace(loop, setpoints=moves, duration_s=hours * loop.duration_s)
     return simulate_loop(loop, valve.case.seed).recording
@@ -290,7 +290,7 @@ def _op_per_travel(recording: Recording, stored: Recording) -> float:
     return float(after / before)
 
 
-def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -> StudyAnswer:
+def _answer(storage: str, valve: StudiedValve, screening: Screening, scale: float) -> StudyAnswer:
     numbers = [
         None
         if estimate.value is None or estimate.low is None or estimate.high is None
@@ -299,7 +299,7 @@ def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -
     ]
     effects = screening.mismatch.effects if screening.mismatch is not None else ()
     return StudyAnswer(
-        way=way,
+        way=storage,
         sticking=valve.sticking,
         verdict=screening.verdict,
         reason=screening.reason,
@@ -308,24 +308,25 @@ def _answer(way: str, valve: StudiedValve, screening: Screening, scale: float) -
         S_at_least=screening.S.low if screening.S.value is None else None,
         true_S=scale * valve.S,
         true_J=scale * valve.J,
-        named=tuple(effect.slug for effect in effects if effect.slug not in WAYS[way].true),
+        named=tuple(effect.slug for effect in effects if effect.slug not in WAYS[storage].true),
         seconds=screening.seconds,
     )
 
 
 def run_robustness(
-    each: int,
+    valves_each: int,
     seed: int,
-    ways: Sequence[str],
+    storages: Sequence[str],
     executor: Executor,
     on_progress: Callable[[int], None],
 ) -> list[StudyAnswer]:
-    """``each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown way."""
-    for way in ways:
-        WAYS[way]
-    valves = draw_valves(each, seed)
+    """``valves_each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown
+    way."""
+    for storage in storages:
+        WAYS[storage]
+    valves = draw_valves(valves_each, seed)
     batches = [
-        RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(ways))
+        RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(storages))
         for first in range(0, len(valves), BATCH)
     ]
     return map_in_order(executor, answer_batch, batches, on_progress)
@@ -354,18 +355,18 @@ class Row:
 
 def rows(answers: Sequence[StudyAnswer]) -> Iterator[Row]:
     """One row for each way, in the order in which they were asked for."""
-    for way in dict.fromkeys(answer.way for answer in answers):
-        yield _row(way, [answer for answer in answers if answer.way == way])
+    for storage in dict.fromkeys(answer.way for answer in answers):
+        yield _row(storage, [answer for answer in answers if answer.way == storage])
 
 
-def _row(way: str, answers: Sequence[StudyAnswer]) -> Row:
+def _row(storage: str, answers: Sequence[StudyAnswer]) -> Row:
     healthy = [answer for answer in answers if not answer.sticking]
     sticking = [answer for answer in answers if answer.sticking]
     S = [(answer.true_S, *answer.S) for answer in sticking if answer.S is not None]
     J = [(answer.true_J, *answer.J) for answer in sticking if answer.J is not None]
-    bounds = [one for one in sticking if one.S_at_least is not None]
+    bounds = [answer for answer in sticking if answer.S_at_least is not None]
     return Row(
-        way=way,
+        way=storage,
         healthy=len(healthy),
         called_sticky=sum(answer.verdict is Verdict.STICKY for answer in healthy),
         healthy_undetermined=sum(answer.verdict is Verdict.UNDETERMINED for answer in healthy),
@@ -378,7 +379,7 @@ def _row(way: str, answers: Sequence[StudyAnswer]) -> Row:
         J_held=sum(low <= truth <= high for truth, _, low, high in J),
         S_width=_median([high - low for _, _, low, high in S]),
         S_at_least=len(bounds),
-        at_least_held=sum((one.S_at_least or 0.0) <= one.true_S for one in bounds),
+        at_least_held=sum((answer.S_at_least or 0.0) <= answer.true_S for answer in bounds),
         named=sum(bool(answer.named) for answer in answers),
     )
 

@@ -106,7 +106,7 @@ def write_archive(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     truths: dict[int, list[dict[str, object]]] = {}
-    done = 0
+    loops_done = 0
     with tempfile.TemporaryDirectory(dir=folder, prefix="loops-") as loops:
         pieces = _pieces(plan, folder, Path(loops))
         if plan.loops < plan.valves:
@@ -115,8 +115,8 @@ def write_archive(
                 pass
         for index, truth in map_items(executor, write_piece, pieces):
             truths[index] = truth
-            done += len(truth)
-            on_progress(done, plan.valves)
+            loops_done += len(truth)
+            on_progress(loops_done, plan.valves)
     plant = folder / "plant.toml"
     plant.write_text("\n".join(_plant_toml(plan)) + "\n", encoding="utf-8", newline="\n")
     ordered = [truth for index in sorted(truths) for truth in truths[index]]
@@ -198,15 +198,15 @@ def _loop(plan: ArchivePlan, number: int) -> PlantLoop:
     from stemwatch.models.studies.simulator import draw_healthy, draw_sticky
 
     draw = draw_sticky if number % plan.sticky_every == plan.sticky_every - 1 else draw_healthy
-    stories = 12  # the stories and shapes are taken in turn: every number of loops has them all
-    return draw(number % stories + 1, plan.seed + 1000 * number)[-1]
+    story_count = 12  # the stories and shapes are taken in turn: every number of loops has them all
+    return draw(number % story_count + 1, plan.seed + 1000 * number)[-1]
 
 
 def _columns(plan: ArchivePlan, loop: _Loop, index: int) -> dict[Role, Floats]:
     """The signals in percent, OP and MV always, rounded as an archive rounds."""
     signals = loop.signals
-    again = index // plan.loops
-    if again:
+    repetition = index // plan.loops
+    if repetition:
         rng = np.random.default_rng([plan.seed, index])
         shift = int(rng.integers(signals[Role.OP].size))
         signals = {role: np.roll(values, shift) for role, values in signals.items()}

@@ -83,9 +83,9 @@ def _check(loops: Sequence[SimulatedLoop], start: datetime) -> float:
     if start.tzinfo is None:
         raise ValueError(f"start must be timezone aware, received {start.isoformat()}")
     tags = [loop.recording.valve for loop in loops]
-    twice = sorted({tag for tag in tags if tags.count(tag) > 1})
-    if twice:
-        raise ValueError(f"every loop of an export needs a tag of its own; twice: {twice}")
+    repeated = sorted({tag for tag in tags if tags.count(tag) > 1})
+    if repeated:
+        raise ValueError(f"every loop of an export needs a tag of its own; twice: {repeated}")
     intervals = {loop.recording.valve: loop.recording.interval_s for loop in loops}
     if len(set(intervals.values())) > 1:
         raise ValueError(f"loops on one clock need one interval, received {intervals}")
@@ -103,8 +103,8 @@ def _local_times(
     first = start.astimezone(UTC)
     fine = "seconds" if float(interval_s).is_integer() and not first.microsecond else "milliseconds"
     texts = []
-    for place in range(count):
-        time = (first + timedelta(seconds=place * interval_s)).astimezone(zone)
+    for index in range(count):
+        time = (first + timedelta(seconds=index * interval_s)).astimezone(zone)
         local = time if with_offset else time.replace(tzinfo=None)
         texts.append(local.isoformat(sep=" ", timespec=fine))
     return texts
@@ -153,10 +153,10 @@ def _cells(loop: SimulatedLoop, role: Role, signal: Signal, count: int) -> list[
         texts = [f"{value:.4f}" for value in values.tolist()]
     bad = signal.quality > Quality.HELD
     stretch = np.cumsum(np.diff(bad.astype(np.int8), prepend=0) == 1)
-    for place in np.flatnonzero(bad).tolist():
-        missing = signal.quality[place] == Quality.MISSING
-        word = _BAD_WORDS[int(stretch[place] - 1) % len(_BAD_WORDS)]
-        texts[place] = _NO_DATA if missing else word
+    for index in np.flatnonzero(bad).tolist():
+        missing = signal.quality[index] == Quality.MISSING
+        word = _BAD_WORDS[int(stretch[index] - 1) % len(_BAD_WORDS)]
+        texts[index] = _NO_DATA if missing else word
     return texts + [_NO_DATA] * (count - len(texts))
 
 

@@ -51,10 +51,10 @@ def mark_batch(batch: TrialBatch) -> list[Marked]:
     cases = [Case(recording=loop.recording) for loop in loops]
     # On the CPU, so that the counts are the same on every machine.
     screenings = screen(cases, Options(narx=batch.narx, narx_settings=NarxSettings(device="cpu")))
-    return [_marked(loop.truth, valve) for loop, valve in zip(loops, screenings, strict=True)]
+    return [_mark(loop.truth, valve) for loop, valve in zip(loops, screenings, strict=True)]
 
 
-def _marked(truth: Truth, screening: Screening) -> Marked:
+def _mark(truth: Truth, screening: Screening) -> Marked:
     numbers = [
         None
         if estimate.value is None or estimate.low is None or estimate.high is None
@@ -76,8 +76,8 @@ def run_trial(
     narx: bool = True,
 ) -> list[Marked]:
     """Screen ``loops`` healthy and half as many sticking valves, drawn with ``seed``."""
-    drawn = [*draw_healthy(loops, seed), *draw_sticky(loops // 2, seed)]
-    seeded = [(loop, 1000 * seed + index) for index, loop in enumerate(drawn)]
+    valves_drawn = [*draw_healthy(loops, seed), *draw_sticky(loops // 2, seed)]
+    seeded = [(loop, 1000 * seed + index) for index, loop in enumerate(valves_drawn)]
     batches = [
         TrialBatch(tuple(seeded[first : first + BATCH]), narx)
         for first in range(0, len(seeded), BATCH)
@@ -85,28 +85,31 @@ def run_trial(
     return map_in_order(executor, mark_batch, batches, on_progress)
 
 
-def wilson(hits: int, of: int) -> tuple[float, float]:
+def wilson(hits: int, total: int) -> tuple[float, float]:
     """95 % interval of ``hits`` in ``of``, as shares: Wilson (1927).
 
     doi:10.1080/01621459.1927.10502953. Nothing counted is 0 to 1.
     """
-    if of == 0:
+    if total == 0:
         return 0.0, 1.0
-    z, share = 1.959964, hits / of
-    middle = share + z * z / (2 * of)
-    half = z * float(np.sqrt(share * (1 - share) / of + z * z / (4 * of * of)))
-    return max((middle - half) / (1 + z * z / of), 0.0), min(
-        (middle + half) / (1 + z * z / of), 1.0
+    z, share = 1.959964, hits / total
+    middle = share + z * z / (2 * total)
+    half = z * float(np.sqrt(share * (1 - share) / total + z * z / (4 * total * total)))
+    return max((middle - half) / (1 + z * z / total), 0.0), min(
+        (middle + half) / (1 + z * z / total), 1.0
     )
 
 
-def rates(marked: Sequence[Marked]) -> Iterator[tuple[str, str, int, int]]:
+def rates(marks: Sequence[Marked]) -> Iterator[tuple[str, str, int, int]]:
     """(group of loops, verdict, how many, of how many)."""
-    stories = sorted({valve.truth.story for valve in marked})
+    all_stories = sorted({valve.truth.story for valve in marks})
     for name, group in [
-        ("all healthy", [m for m in marked if m.truth.healthy]),
-        ("all sticking", [m for m in marked if not m.truth.healthy]),
-        *[(story, [m for m in marked if m.truth.story == story]) for story in stories],
+        ("all healthy", [m for m in marks if m.truth.healthy]),
+        ("all sticking", [m for m in marks if not m.truth.healthy]),
+        *[
+            (story_name, [m for m in marks if m.truth.story == story_name])
+            for story_name in all_stories
+        ],
     ]:
         counts = Counter(valve.verdict for valve in group)
         for verdict in Verdict:
@@ -124,13 +127,13 @@ class Accuracy:
     of: int
 
 
-def accuracy(marked: Sequence[Marked]) -> list[Accuracy]:
+def accuracy(marks: Sequence[Marked]) -> list[Accuracy]:
     """Errors in percent of span over the sticking valves for which there is a number."""
     figures = []
     for name in ("S", "J"):
         pairs = [
             (getattr(valve.truth, name), getattr(valve, name))
-            for valve in marked
+            for valve in marks
             if not valve.truth.healthy and getattr(valve, name) is not None
         ]
         errors = [abs(truth - value) for truth, (value, _, _) in pairs]
@@ -140,9 +143,9 @@ def accuracy(marked: Sequence[Marked]) -> list[Accuracy]:
     return figures
 
 
-def shapes(marked: Sequence[Marked]) -> list[tuple[str, int, int]]:
+def shapes(marks: Sequence[Marked]) -> list[tuple[str, int, int]]:
     """(true shape, how many were given it, of how many sticking valves that were given a shape)."""
-    named = [valve for valve in marked if valve.truth.shape is not None and valve.shape is not None]
+    named = [valve for valve in marks if valve.truth.shape is not None and valve.shape is not None]
     return [
         (
             shape.value,

@@ -62,26 +62,26 @@ class ForecastCase:
 def run_wear_study(valves: int, seed: int) -> Iterator[ForecastCase]:
     """``valves`` of each kind of wear, one after the other."""
     for wear in WearKind:
-        for place in range(valves):
-            rng = np.random.default_rng([seed, place, list(WearKind).index(wear)])
+        for index in range(valves):
+            rng = np.random.default_rng([seed, index, list(WearKind).index(wear)])
             if (case := _case(wear, rng)) is not None:
                 yield case
 
 
 def _case(wear: WearKind, rng: np.random.Generator) -> ForecastCase | None:
     S = true_S(wear, rng)
-    measured, there = estimated_S(S, rng)
-    beyond = S >= LIMIT
-    crosses = int(np.argmax(beyond)) if beyond.any() else DAYS - 1
+    measured, measured_days = estimated_S(S, rng)
+    beyond_limit = S >= LIMIT
+    crosses = int(np.argmax(beyond_limit)) if beyond_limit.any() else DAYS - 1
     if crosses <= LEAST_SEEN_DAYS:
         return None
     today = int(rng.integers(LEAST_SEEN_DAYS, crosses))
     days = np.arange(max(0, today - SEEN_DAYS), today + 1)
-    days = days[there[days]]
+    days = days[measured_days[days]]
     if not days.size:
         return None
     forecast = forecast_wear(days.tolist(), measured[days].tolist(), LIMIT)
-    weeks = (crosses - days[-1]) / WEEK if beyond.any() else np.inf
+    weeks = (crosses - days[-1]) / WEEK if beyond_limit.any() else np.inf
     return ForecastCase(wear=wear, forecast=forecast, weeks=float(weeks))
 
 
@@ -97,9 +97,9 @@ def true_S(wear: WearKind, rng: np.random.Generator) -> Floats:
     if wear is WearKind.ACCELERATING:
         share = share ** rng.uniform(1.5, 3.0)
     if wear is WearKind.STEPWISE:
-        at = rng.uniform(begins, DAYS, rng.integers(4, 12))
-        size = rng.exponential(size=at.size)
-        share = (size * (day[:, None] >= at)).sum(axis=1) / size.sum()
+        repair_days = rng.uniform(begins, DAYS, rng.integers(4, 12))
+        size = rng.exponential(size=repair_days.size)
+        share = (size * (day[:, None] >= repair_days)).sum(axis=1) / size.sum()
     return np.asarray(well + (worn - well) * share)
 
 
@@ -107,12 +107,12 @@ def estimated_S(S: Floats, rng: np.random.Generator) -> tuple[Floats, Bools]:
     """``S`` as screenings estimate it, and the days that have one: some, and of every other valve
     three weeks are missing."""
     days = np.arange(S.size)
-    alike = np.exp(-np.abs(days[:, None] - days) / LASTS_DAYS) + 1e-9 * np.eye(S.size)
-    lasting = np.linalg.cholesky(alike) @ rng.standard_normal(S.size)
+    correlation = np.exp(-np.abs(days[:, None] - days) / LASTS_DAYS) + 1e-9 * np.eye(S.size)
+    lasting = np.linalg.cholesky(correlation) @ rng.standard_normal(S.size)
     measured = S * (1.0 + SHARE * rng.standard_normal(S.size))
     measured += OWN * rng.standard_normal(S.size) + LASTING * lasting
-    there = rng.random(S.size) < rng.uniform(0.4, 1.0)
+    is_measured = rng.random(S.size) < rng.uniform(0.4, 1.0)
     if rng.random() < 0.5:
         missing = int(rng.integers(S.size))
-        there[missing : missing + 21] = False
-    return np.maximum(measured, 0.0), there
+        is_measured[missing : missing + 21] = False
+    return np.maximum(measured, 0.0), is_measured

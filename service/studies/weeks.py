@@ -86,16 +86,16 @@ def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
 def _followed(job: WatchedValve) -> FollowedValve:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.studies.simulator.hidden import simulate_hidden
-    from stemwatch.models.studies.simulator.hidden.later_windows import windows_of
+    from stemwatch.models.studies.simulator.hidden.draws import windows_of
 
-    said, testable = [], 0
+    windows, testable = [], 0
     for index, case in enumerate(windows_of(job.case, job.windows)):
-        shown, run = simulate_hidden(case)
+        recording, run = simulate_hidden(case)
         mismatch = explain(run.recording)
-        at = _BEGIN + timedelta(days=index)
-        window = WindowEvidence.of(mismatch, at, start=at - timedelta(hours=1))
-        testable += shown.excited and all(window.looked_for(slug) for slug in case.hidden)
-        said.append(window)
+        window_end = _BEGIN + timedelta(days=index)
+        window = WindowEvidence.of(mismatch, window_end, start=window_end - timedelta(hours=1))
+        testable += recording.excited and all(window.looked_for(slug) for slug in case.hidden)
+        windows.append(window)
     valve = job.case.loop.valve
     return FollowedValve(
         hidden=job.case.hidden,
@@ -103,7 +103,7 @@ def _followed(job: WatchedValve) -> FollowedValve:
         S=valve.S_read,
         J=valve.J_read,
         testable=testable,
-        windows=tuple(said),
+        windows=tuple(windows),
     )
 
 
@@ -130,13 +130,13 @@ def count_over(followed: Sequence[FollowedValve], windows: int) -> CountedOver:
         any(finding.confirmed is not None for finding in lasting_findings(valve.windows[:windows]))
         for valve in nulls
     )
-    held = [
+    confirmed = [
         [finding.slug for finding in lasting_findings(valve.windows[:windows]) if finding.holds]
         for valve in others
     ]
     right = [
         sum(valve.right_name(slug) for slug in slugs)
-        for valve, slugs in zip(others, held, strict=True)
+        for valve, slugs in zip(others, confirmed, strict=True)
     ]
     return CountedOver(
         windows=windows,
@@ -145,7 +145,7 @@ def count_over(followed: Sequence[FollowedValve], windows: int) -> CountedOver:
         found=sum(count > 0 for count in right),
         valves=len(others),
         right=sum(right),
-        named=sum(len(slugs) for slugs in held),
+        named=sum(len(slugs) for slugs in confirmed),
     )
 
 
@@ -165,25 +165,25 @@ def size_errors(followed: Sequence[FollowedValve]) -> list[SizeErrors]:
     single: list[tuple[Estimate | None, float]] = []
     pooled: list[tuple[Estimate | None, float]] = []
     for valve in followed:
-        over = pooled_stiction(valve.windows, lasting_findings(valve.windows))
-        if not valve.hidden or over is None:
+        pooled_sizes = pooled_stiction(valve.windows, lasting_findings(valve.windows))
+        if not valve.hidden or pooled_sizes is None:
             continue
-        pooled += [(over.S, valve.S), (over.J, valve.J)]
+        pooled += [(pooled_sizes.S, valve.S), (pooled_sizes.J, valve.J)]
         single += [(window.S, valve.S) for window in valve.windows if window.named]
         single += [(window.J, valve.J) for window in valve.windows if window.named]
     return [_errors("one window", single), _errors("windows together", pooled)]
 
 
 def _errors(name: str, pairs: Sequence[tuple[Estimate | None, float]]) -> SizeErrors:
-    known = [
+    known_errors = [
         (estimate.value, estimate.low or 0.0, estimate.high or np.inf, truth)
         for estimate, truth in pairs
         if estimate is not None and estimate.value is not None
     ]
-    errors = [abs(value - truth) for value, _, _, truth in known]
+    errors = [abs(value - truth) for value, _, _, truth in known_errors]
     return SizeErrors(
         name=name,
         median=float(np.median(errors)) if errors else float("nan"),
-        holds=sum(low <= truth <= high for _, low, high, truth in known),
-        of=len(known),
+        holds=sum(low <= truth <= high for _, low, high, truth in known_errors),
+        of=len(known_errors),
     )

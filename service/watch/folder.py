@@ -41,7 +41,7 @@ def take_in(
     Raises ``Rejected`` for a file that cannot be read, has none of the tags, or whose times have no
     zone; ``ReaderDied`` where the reading process was killed; ``StoreError``.
     """
-    tags_wanted = _wanted(plant, source)
+    tags_wanted = _tags_wanted(plant, source)
     export = Export(
         path=path,
         options=ReadOptions(**plant.read_options(source)),
@@ -57,12 +57,12 @@ def take_in(
     missing = sorted(set(tags_wanted) - set(units))
     note = f"{count} samples of {len(units)} tags"
     if missing:
-        more = f" and {len(missing) - _SHOWN} more" if len(missing) > _SHOWN else ""
-        note += f"; not in this file: {', '.join(missing[:_SHOWN])}{more}"
+        and_more = f" and {len(missing) - _SHOWN} more" if len(missing) > _SHOWN else ""
+        note += f"; not in this file: {', '.join(missing[:_SHOWN])}{and_more}"
     return Taken(samples=count, tags=tuple(units), note=note)
 
 
-def _wanted(plant: Plant, source: str) -> dict[str, bool]:
+def _tags_wanted(plant: Plant, source: str) -> dict[str, bool]:
     """The tags that valves of the source name, and whether each is a controller's mode."""
     return {
         tag.tag: role is Role.MODE
@@ -98,27 +98,27 @@ class FileAttempts:
 
     def begin(self, digest: str) -> None:
         """Record an attempt on disk before it is made."""
-        noted = self._read()
-        noted[digest] = noted.get(digest, 0) + 1
-        self._write(noted)
+        attempts = self._read()
+        attempts[digest] = attempts.get(digest, 0) + 1
+        self._write(attempts)
 
     def end(self, digest: str) -> None:
         """Delete the attempts: the file was read or rejected without killing the process."""
-        noted = self._read()
-        if noted.pop(digest, None) is not None:
-            self._write(noted)
+        attempts = self._read()
+        if attempts.pop(digest, None) is not None:
+            self._write(attempts)
 
     def _read(self) -> dict[str, int]:
         try:
-            noted = json.loads(self._path.read_text(encoding="utf-8"))
-            return {str(digest): int(count) for digest, count in noted.items()}
+            attempts = json.loads(self._path.read_text(encoding="utf-8"))
+            return {str(digest): int(count) for digest, count in attempts.items()}
         except (OSError, ValueError, TypeError, AttributeError):
             return {}  # missing or damaged: as if no file had been attempted
 
-    def _write(self, noted: dict[str, int]) -> None:
+    def _write(self, attempts: dict[str, int]) -> None:
         new = self._path.with_suffix(".new")
         with new.open("w", encoding="utf-8") as file:
-            json.dump(noted, file)
+            json.dump(attempts, file)
             file.flush()
             os.fsync(file.fileno())
         os.replace(new, self._path)
@@ -166,16 +166,16 @@ class WatchedFolder:
         """Store the samples of every complete file and return the files. Raises ``StoreError``
         where the store is not available; the files then stay where they are."""
         fault = ""
-        taken: list[TakenFile] = []
+        taken_files: list[TakenFile] = []
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             results = [self._take(path) for path in list(self._complete())]
-            taken += [file for file in results if file is not None]
+            taken_files += [file for file in results if file is not None]
         except OSError as error:
             fault = f"{self.folder}: {error.strerror or error}"
             log.error("watched folder %s", fault)
-        self._store_state(fault, taken)
-        return taken
+        self._store_state(fault, taken_files)
+        return taken_files
 
     def _complete(self) -> Iterator[Path]:
         """Files that have not changed since the last look, nor for ``quiet``."""
@@ -244,8 +244,8 @@ class WatchedFolder:
         log.log(level, "%s: %s: %s", path.name, "taken in" if accepted else "rejected", note)
         return file
 
-    def _move(self, path: Path, where: str, note: str) -> None:
-        folder = self.folder / where
+    def _move(self, path: Path, subfolder: str, note: str) -> None:
+        folder = self.folder / subfolder
         folder.mkdir(exist_ok=True)
         target = _free(folder / path.name)
         if note:

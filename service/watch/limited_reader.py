@@ -62,22 +62,22 @@ def limited_reading(
     """
     limit = memory_bytes or max(_LEAST, int(_SHARE * free_memory()))
     context = worker_context()
-    ours, theirs = context.Pipe(duplex=False)
+    our_end, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_serve, args=(theirs, export, limit), daemon=True)
     with quiet_start():
         process.start()
     theirs.close()
     try:
-        yield _received(ours, process), iter(lambda: _received(ours, process), None)
+        yield _received(our_end, process), iter(lambda: _received(our_end, process), None)
     finally:
         process.terminate()
         process.join()
-        ours.close()
+        our_end.close()
 
 
-def _received(ours: Connection, process: Any) -> Any:
+def _received(our_end: Connection, process: Any) -> Any:
     try:
-        message = ours.recv()
+        message = our_end.recv()
     except EOFError:
         process.join()
         raise ReaderDied(f"the process that read it ended with {process.exitcode}") from None
@@ -130,14 +130,14 @@ def _opened(export: Export) -> OpenedFile:
     return opened
 
 
-def _columns(opened: OpenedFile, wanted: Mapping[str, bool]) -> Iterator[tuple[str, Column]]:
-    found: dict[str, str] = {}
-    for tag in wanted:
+def _columns(opened: OpenedFile, tags_wanted: Mapping[str, bool]) -> Iterator[tuple[str, Column]]:
+    tag_of_column: dict[str, str] = {}
+    for tag in tags_wanted:
         with suppress(UnknownTag):
-            found[tag] = find_tag(opened, tag)
-    opened.read_ahead(found.values())
-    for tag, column in found.items():
-        yield tag, opened.column(column, as_mode=wanted[tag])
+            tag_of_column[tag] = find_tag(opened, tag)
+    opened.read_ahead(tag_of_column.values())
+    for tag, column in tag_of_column.items():
+        yield tag, opened.column(column, as_mode=tags_wanted[tag])
 
 
 def _batches(source: str, tag: str, column: Column) -> Iterator[SampleBatch]:
@@ -157,10 +157,10 @@ def _batches(source: str, tag: str, column: Column) -> Iterator[SampleBatch]:
 
 def _no_tags(opened: OpenedFile, export: Export) -> str:
     tags = [column.tag for column in opened.table.columns]
-    wanted = sorted(export.wanted)
+    tags_wanted = sorted(export.wanted)
     return (
-        f"none of the {len(wanted)} tags that valves of {export.source!r} name is in it "
-        f"({', '.join(wanted[:_SHOWN]) or 'no valve has this source'}); its tags are "
+        f"none of the {len(tags_wanted)} tags that valves of {export.source!r} name is in it "
+        f"({', '.join(tags_wanted[:_SHOWN]) or 'no valve has this source'}); its tags are "
         f"{', '.join(tags[:_SHOWN])}{' ...' if len(tags) > _SHOWN else ''}"
     )
 
@@ -205,8 +205,10 @@ def _control_groups() -> Iterator[Path]:
         return
     for line in lines:
         if line.startswith("0::/"):
-            own = root / line.removeprefix("0::/")
-            yield from (group for group in (own, *own.parents) if group.is_relative_to(root))
+            own_group = root / line.removeprefix("0::/")
+            yield from (
+                group for group in (own_group, *own_group.parents) if group.is_relative_to(root)
+            )
 
 
 def _in_status(name: str) -> int:

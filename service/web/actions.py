@@ -36,8 +36,8 @@ class Actions:
 
     def run_now(self, valves: Sequence[str], who: str) -> int | None:
         """Queue a run over ``valves``, or over all where there are none; its number."""
-        known = {valve.id for valve in self.store.valves()} if valves else set()
-        if unknown := [valve for valve in valves if valve not in known]:
+        known_valves = {valve.id for valve in self.store.valves()} if valves else set()
+        if unknown := [valve for valve in valves if valve not in known_valves]:
             raise Missing(f"there is no valve {unknown[0]}")
         number = self.store.queue.put(
             RunToQueue(valves=tuple(valves), who=who), software_version=__version__
@@ -115,8 +115,8 @@ class Actions:
             raise Refused(
                 f"{valve} has no fitted network yet; the first run with a verdict fits one"
             )
-        said = f"chosen by {who or 'a reader'}" + (f": {reason}" if reason else "")
-        self.store.set_baseline(valve, fitted.network, window=fitted.window, reason=said)
+        reason_text = f"chosen by {who or 'a reader'}" + (f": {reason}" if reason else "")
+        self.store.set_baseline(valve, fitted.network, window=fitted.window, reason=reason_text)
 
     def set_schedule(self, schedule: ScreeningSchedule, who: str, now: datetime) -> None:
         """Make or change a schedule; those of the plant file are changed there."""

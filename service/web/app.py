@@ -28,6 +28,7 @@ from stemwatch.service.web.pages import (
     audit_page,
     feedback_page,
     login_page,
+    oscillations_page,
     overview_page,
     ranking_page,
     run_report,
@@ -54,6 +55,7 @@ ROUTERS = (
     test_plan_page.router,
     alerts_page.router,
     feedback_page.router,
+    oscillations_page.router,
     runs_page.router,
     run_report.router,
     sources_page.router,
@@ -92,16 +94,16 @@ def create_app(site: Site) -> FastAPI:
     app.state.deps = deps
     for router in ROUTERS:
         app.include_router(router)
-    own = [route for route in app.routes if isinstance(route, Route)]
+    own_routes = [route for route in app.routes if isinstance(route, Route)]
     permissions = RoutePermissions(
-        [*own, *(route for router in ROUTERS for route in router.routes)]
+        [*own_routes, *(route for router in ROUTERS for route in router.routes)]
     )
     _say_errors(app, deps)
     describe_access(app)
     app.add_middleware(
         SecurityMiddleware,
         hosts=site.hosts,
-        authentication=Authentication(site, permissions, lambda *what: _failure(deps, *what)),
+        authentication=Authentication(site, permissions, lambda *failure: _failure(deps, *failure)),
         failed=lambda request: _failure(deps, request, 500, UNFORESEEN),
     )
     return app
@@ -116,10 +118,10 @@ def _say_errors(app: FastAPI, deps: Dependencies) -> None:
 
     @app.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> Response:
-        said = [
+        problems = [
             f"{'.'.join(map(str, mistake['loc']))}: {mistake['msg']}" for mistake in error.errors()
         ]
-        return _failure(deps, request, 422, "; ".join(said))
+        return _failure(deps, request, 422, "; ".join(problems))
 
     @app.exception_handler(Refused)
     def refused(request: Request, error: Refused) -> Response:

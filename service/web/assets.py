@@ -59,6 +59,6 @@ def static(name: str, request: Request) -> Response:
         raise HTTPException(404, f"there is no file {name!r}")
     kind = f"{TYPES[name.rsplit('.', 1)[1]]}; charset=utf-8"
     # Without the digest the address outlives a new version, and must be asked for again.
-    fresh = request.url.query == address(name).partition("?")[2]
-    keep = A_YEAR if fresh else "no-cache"
+    has_digest = request.url.query == address(name).partition("?")[2]
+    keep = A_YEAR if has_digest else "no-cache"
     return Response(bundle(name), headers={"content-type": kind, "cache-control": keep})

@@ -40,9 +40,9 @@ def _answer(checks: list[CheckAnswer], response: Response) -> HealthAnswer:
 
 def _checks(deps: Dependencies, *, vital: bool) -> list[CheckAnswer]:
     checks = deps.site.checks()
-    wanted = [check for check in checks if check.vital or not vital]
+    chosen = [check for check in checks if check.vital or not vital]
     return [_database(deps)] + [
-        CheckAnswer(name=check.name, ok=check.ok, says=check.says) for check in wanted
+        CheckAnswer(name=check.name, ok=check.ok, says=check.says) for check in chosen
     ]
 
 

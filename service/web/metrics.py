@@ -77,9 +77,9 @@ def all_metrics(deps: Dependencies) -> Iterator[Metric]:
         states = deps.store.sources.states()
         figures = figures_of(deps.store)
     except StoreError:
-        yield _one("database_up", "1 where the database answers", 0.0)
+        yield _single_gauge("database_up", "1 where the database answers", 0.0)
     else:
-        yield _one("database_up", "1 where the database answers", 1.0)
+        yield _single_gauge("database_up", "1 where the database answers", 1.0)
         yield from _of_devices(_known_devices(deps, states), deps.now)
         yield from _of_runs(figures)
         yield from _of_alerts(deps, figures)
@@ -107,15 +107,17 @@ def _of_devices(devices: list[SourceState], now: datetime) -> Iterator[Metric]:
                 device.figures.get(quality, 0),
             )
     yield samples
-    for key, name, says in _DEVICE_COUNTS:
-        counter = _counter(name, says)
+    for key, name, help_text in _DEVICE_COUNTS:
+        counter = _counter(name, help_text)
         for device in devices:
             _add(counter, {"device": device.source}, device.figures.get(key, 0))
         yield counter
-    for key, name, says in _DEVICE_GAUGES:
-        known = [device for device in devices if key in device.figures]
+    for key, name, help_text in _DEVICE_GAUGES:
+        devices_with_key = [device for device in devices if key in device.figures]
         yield _gauge(
-            name, says, [({"device": state.source}, state.figures[key]) for state in known]
+            name,
+            help_text,
+            [({"device": state.source}, state.figures[key]) for state in devices_with_key],
         )
     up = [
         ({"device": device.source}, float(device.connected and not device.fault))
@@ -126,7 +128,11 @@ def _of_devices(devices: list[SourceState], now: datetime) -> Iterator[Metric]:
     yield _gauge(
         "device_last_good_age_seconds",
         "Since the last poll with a good sample",
-        [({"device": name}, _age_s(at, now)) for name, at in ages if at is not None],
+        [
+            ({"device": name}, _age_s(last_time, now))
+            for name, last_time in ages
+            if last_time is not None
+        ],
     )
     heard = [({"device": device.source}, _age_s(device.updated, now)) for device in devices]
     yield _gauge("device_heard_age_seconds", "Since the collector spoke of the device", heard)
@@ -143,7 +149,7 @@ def _of_runs(figures: StoreFigures) -> Iterator[Metric]:
     yield runs
     going = [({"state": state.value}, float(figures.runs.get(state.value, 0))) for state in _GOING]
     yield _gauge("queue_runs", "Runs that wait or go on", going)
-    yield _one("queue_valves", "Valves that these still have to do", figures.valves_to_do)
+    yield _single_gauge("queue_valves", "Valves that these still have to do", figures.valves_to_do)
     yield _counter("valves_set_aside", "Valves of all runs without a result", figures.set_aside)
     words = (*(verdict.value for verdict in Verdict), NOT_SCREENED)
     counts = [({"verdict": word}, float(figures.verdicts.get(word, 0))) for word in words]
@@ -152,8 +158,8 @@ def _of_runs(figures: StoreFigures) -> Iterator[Metric]:
     last = figures.last_run
     if last is None:
         return
-    yield _one("last_run_seconds", "What the run finished last took", last.seconds)
-    yield _one("last_run_finished_timestamp_seconds", "When it ended", last.finished_s)
+    yield _single_gauge("last_run_seconds", "What the run finished last took", last.seconds)
+    yield _single_gauge("last_run_finished_timestamp_seconds", "When it ended", last.finished_s)
     valve_s = [({"stat": "mean"}, last.valve_mean_s), ({"stat": "max"}, last.valve_max_s)]
     yield _gauge("last_run_valve_seconds", "Work on one valve in that run", valve_s)
 
@@ -197,30 +203,30 @@ def _of_spool(deps: Dependencies) -> Iterator[Metric]:
     if plant is None or not plant.devices:
         return
     waits = backlog(plant.beside(plant.service.spool))
-    yield _one("spool_bytes", "What waits on disk for the store", waits.size_bytes)
+    yield _single_gauge("spool_bytes", "What waits on disk for the store", waits.size_bytes)
     yield _gauge(
         "spool_age_seconds", "How long the oldest has waited", [({}, waits.age_s(deps.now))]
     )
     yield _counter("spool_lost_samples", "Samples that a full spool dropped", waits.lost_samples)
 
 
-def _age_s(at: datetime, now: datetime) -> float:
-    return max(0.0, (now - at).total_seconds())
+def _age_s(instant: datetime, now: datetime) -> float:
+    return max(0.0, (now - instant).total_seconds())
 
 
-def _gauge(name: str, says: str, values: Iterable[tuple[dict[str, str], float]]) -> Metric:
-    family = GaugeMetricFamily(PREFIX + name, f"{says}.")
+def _gauge(name: str, help_text: str, values: Iterable[tuple[dict[str, str], float]]) -> Metric:
+    family = GaugeMetricFamily(PREFIX + name, f"{help_text}.")
     for labels, value in values:
         _add(family, labels, value)
     return family
 
 
-def _one(name: str, says: str, value: float) -> Metric:
-    return _gauge(name, says, [({}, value)])
+def _single_gauge(name: str, help_text: str, value: float) -> Metric:
+    return _gauge(name, help_text, [({}, value)])
 
 
-def _counter(name: str, says: str, value: float | None = None) -> Metric:
-    family = CounterMetricFamily(PREFIX + name, f"{says}.")
+def _counter(name: str, help_text: str, value: float | None = None) -> Metric:
+    family = CounterMetricFamily(PREFIX + name, f"{help_text}.")
     if value is not None:
         _add(family, {}, value)
     return family

@@ -97,7 +97,7 @@ class SecurityMiddleware:
 
         try:
             refusal = self._refusal(scope) or await self._authentication.admit(scope)
-            await (refusal or self._app)(scope, _counted(receive), with_headers)
+            await (refusal or self._app)(scope, _limited_body(receive), with_headers)
         except ClientDisconnect:
             log.info("%s %s: the client went away", scope["method"], scope["path"])
         except Exception:
@@ -115,13 +115,17 @@ class SecurityMiddleware:
             )
             return PlainTextResponse(text, 421)
         if "transfer-encoding" in headers:  # its length is known only when all of it is here
-            twice = "content-length" in headers
-            return PlainTextResponse(AMBIGUOUS if twice else TOO_LONG, 400 if twice else 411)
+            ambiguous_length = "content-length" in headers
+            return PlainTextResponse(
+                AMBIGUOUS if ambiguous_length else TOO_LONG, 400 if ambiguous_length else 411
+            )
         return None if scope["method"] in SAFE else _unsafe_refusal(headers)
 
     def _knows(self, host: str) -> bool:
-        told = _HOST.fullmatch(host)
-        return told is not None and ("*" in self._hosts or told["name"].casefold() in self._hosts)
+        host_match = _HOST.fullmatch(host)
+        return host_match is not None and (
+            "*" in self._hosts or host_match["name"].casefold() in self._hosts
+        )
 
 
 def _unsafe_refusal(headers: Headers) -> PlainTextResponse | None:
@@ -137,7 +141,7 @@ def _unsafe_refusal(headers: Headers) -> PlainTextResponse | None:
     return None
 
 
-def _counted(receive: Receive) -> Receive:
+def _limited_body(receive: Receive) -> Receive:
     """``receive``, which ends a body that is too long while it comes, whatever its headers say."""
     taken = 0
 

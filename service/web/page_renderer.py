@@ -23,6 +23,7 @@ from stemwatch.service.web.site import Site
 PAGES = (
     ("overview", "/overview", "Overview"),
     ("ranking", "/", "Valves"),
+    ("oscillations", "/oscillations", "Oscillations"),
     ("alerts", "/alerts", "Alerts"),
     ("runs", "/runs", "Runs"),
     ("sources", "/sources", "Sources"),
@@ -79,12 +80,12 @@ class PageRenderer:
         site. Without a session the token belongs to a cookie of its own."""
         current_user = current_user_of(request)
         # Whom a proxy names has no session: the forms have a cookie of their own.
-        own = current_user is None or current_user.signed_in_by == HOW
-        cookie = forms.cookie_of(request) if own else ""
+        by_form = current_user is None or current_user.signed_in_by == HOW
+        cookie = forms.cookie_of(request) if by_form else ""
         text = self._env.get_template(template).render(
             base=request.scope.get("root_path", "").rstrip("/"),
             form_token=form_token_of(cookie)
-            if own or current_user is None
+            if by_form or current_user is None
             else current_user.form_token,
             current_user=current_user,
             may=lambda name: may(current_user, name),
@@ -110,8 +111,8 @@ def valve_link(valve: str) -> str:
 @cache
 def _template(name: str) -> str:
     """A template of this package, of the report or of the planned test."""
-    for place in ("web/templates", "report/templates", "field_test"):
-        resource = files("stemwatch.service").joinpath(place, name)
+    for folder in ("web/templates", "report/templates", "field_test"):
+        resource = files("stemwatch.service").joinpath(folder, name)
         if resource.is_file():
             return resource.read_text("utf-8")
     raise FileNotFoundError(f"no template {name}")

@@ -139,7 +139,7 @@ def write_samples(store: Store, plant: Plant, minutes: int = 6) -> None:
                     at_us=np.full(len(tags), at, dtype=np.int64),
                     values=np.where(bad, np.nan, 50.0),
                     quality=bad.astype(np.uint8),
-                    reasons=tuple("no answer" if one else "" for one in bad),
+                    reasons=tuple("no answer" if item else "" for item in bad),
                 )
             )
         store.sources.note(SourceState(source=device.name, kind="modbus", last_good=NOW))
@@ -170,13 +170,13 @@ def main() -> None:
     parser.add_argument("--valves", type=int, default=5000)
     parser.add_argument("--runs", type=int, default=60)
     parser.add_argument("--url", default="")
-    given = parser.parse_args()
+    result = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        plant = made_plant(folder, given.valves)
-        with open_store(given.url or f"sqlite:///{folder / 'bench.db'}") as store:
-            last = fill(store, plant, given.runs)
-            print(f"{given.valves} valves, {given.runs} runs stored")
+        plant = made_plant(folder, result.valves)
+        with open_store(result.url or f"sqlite:///{folder / 'bench.db'}") as store:
+            last = fill(store, plant, result.runs)
+            print(f"{result.valves} valves, {result.runs} runs stored")
             with measured(store, "which findings stand"):
                 hold_back(store, last)
             with measured(store, "the rules after a run, all alerts new"):

@@ -134,8 +134,8 @@ def with_duckdb(path: Path, kind: Kind) -> int:
     with duckdb.connect() as connection:
         connection.execute("SET threads = 1")
         connection.execute("CREATE TABLE t AS SELECT * FROM read_csv(?)", [str(path)])
-        found = connection.execute("SELECT count(*) FROM t").fetchone()
-    return 0 if found is None else int(found[0])
+        result = connection.execute("SELECT count(*) FROM t").fetchone()
+    return 0 if result is None else int(result[0])
 
 
 READERS = {
@@ -183,7 +183,7 @@ def _measure_kind(kind: str, valves: int, hours: float, rounds: int) -> list[dic
         megabytes = write_file(path, KINDS[kind], valves, round(3600 * hours)) / 1e6
         write_file(small, KINDS[kind], valves, 1000)
         readers = [name for name in READERS if kind == "wide" or name != "DuckDB"]
-        found = {
+        results = {
             name: np.median(
                 [in_own_process(name, kind, path, small) for _ in range(rounds)], axis=0
             )
@@ -198,7 +198,7 @@ def _measure_kind(kind: str, valves: int, hours: float, rounds: int) -> list[dic
             "MB_per_s": round(megabytes / float(seconds), 1),
             "peak_MB": round(float(peak)),
         }
-        for name, (seconds, peak) in found.items()
+        for name, (seconds, peak) in results.items()
     ]
 
 

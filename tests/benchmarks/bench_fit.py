@@ -86,7 +86,7 @@ def valves(count: int, seed: int) -> list[Valve]:
     loops = [
         simulate_loop(loop, 1000 * seed + n) for n, loop in enumerate(draw_sticky(count, seed))
     ]
-    return [Valve(recording=one.recording, S=one.truth.S, J=one.truth.J) for one in loops]
+    return [Valve(recording=loop.recording, S=loop.truth.S, J=loop.truth.J) for loop in loops]
 
 
 def ours(valve: Valve) -> tuple[Result, StickSlipFit]:
@@ -124,7 +124,7 @@ def numpy_grid(evaluator: StickSlipEvaluator) -> Result:
     error = (problem.mv - problem.op)[problem.scored]
     middle = float(np.percentile(error, 2) + np.percentile(error, 98)) / 2.0
     zeros = middle + problem.swing * np.linspace(-0.05, 0.05, GRID_ZERO)
-    s, ratio, zero = (one.ravel() for one in np.meshgrid(widths, ratios, zeros, indexing="ij"))
+    s, ratio, zero = (item.ravel() for item in np.meshgrid(widths, ratios, zeros, indexing="ij"))
     fs, fd = 0.5 * s * (1.0 + ratio), 0.5 * s * (1.0 - ratio)
     train = problem.training_blocks()
     until = int(np.flatnonzero(np.isin(problem.block, np.flatnonzero(train)))[-1]) + 1
@@ -168,11 +168,11 @@ def evolution(evaluator: StickSlipEvaluator, free: tuple[int, ...]) -> Result:
         zip(evaluator.bounds.low[list(free)], evaluator.bounds.high[list(free)], strict=True)
     )
     began = time.process_time()
-    found = differential_evolution(
+    result = differential_evolution(
         value, limits, rng=SEED, vectorized=True, updating="deferred", polish=False
     )
     candidate = np.zeros(coordinate.N_COORDINATES)
-    candidate[list(free)] = found.x
+    candidate[list(free)] = result.x
     return Result(time.process_time() - began, candidate, count)
 
 

@@ -69,7 +69,7 @@ def for_hours(case: HiddenCase, hours: float) -> HiddenCase:
 def judged(case: HiddenCase, recording: Recording, ask: Callable[[Recording], Mismatch]) -> Judged:
     """What ``ask`` says of the recording, beside the truth."""
     began = time.process_time()
-    said = ask(recording)
+    mismatch = ask(recording)
     seconds = time.process_time() - began
     valve = case.loop.valve
 
@@ -77,17 +77,17 @@ def judged(case: HiddenCase, recording: Recording, ask: Callable[[Recording], Mi
         return float("nan") if estimate.value is None else abs(estimate.value - truth)
 
     return Judged(
-        names=tuple(effect.members for effect in said.effects),
-        S_off=off(said.restated.S, valve.S_read),
-        J_off=off(said.restated.J, valve.J_read),
+        names=tuple(effect.members for effect in mismatch.effects),
+        S_off=off(mismatch.restated.S, valve.S_read),
+        J_off=off(mismatch.restated.J, valve.J_read),
         seconds=seconds,
     )
 
 
 def as_windows(recording: Recording) -> Mismatch:
     """As ``stemwatch explain`` does."""
-    told = explain_windows(recording, round(Limits().fitted_samples), explain)
-    return explain(recording) if told is None else told.mismatch
+    in_windows = explain_windows(recording, round(Limits().fitted_samples), explain)
+    return explain(recording) if in_windows is None else in_windows.mismatch
 
 
 def main() -> None:
@@ -109,17 +109,17 @@ def main() -> None:
             judged(case, run.recording, as_windows),
         ]
         rows.append((case, ways))
-        said = "; ".join(
-            f"{' + '.join('|'.join(one) for one in way.names) or 'nothing'} "
+        text = "; ".join(
+            f"{' + '.join('|'.join(name) for name in way.names) or 'nothing'} "
             f"(S off {way.S_off:.2f}, J off {way.J_off:.2f}, {way.seconds:.1f} s)"
             for way in ways
         )
         shows = "" if case.excited else ", not excited"
-        print(f"{' + '.join(case.hidden) or 'nothing hidden'}{shows}: {said}", flush=True)
-    for place, name in enumerate(("one piece", "windows")):
-        some = [(case, ways[place]) for case, ways in rows if case.hidden]
-        nulls = [ways[place] for case, ways in rows if not case.hidden]
-        every = [ways[place] for _, ways in rows]
+        print(f"{' + '.join(case.hidden) or 'nothing hidden'}{shows}: {text}", flush=True)
+    for index, name in enumerate(("one piece", "windows")):
+        some = [(case, ways[index]) for case, ways in rows if case.hidden]
+        nulls = [ways[index] for case, ways in rows if not case.hidden]
+        every = [ways[index] for _, ways in rows]
         print(
             f"{name}: found {sum(way.right(case.hidden) for case, way in some)} of {len(some)}, "
             f"false {sum(bool(way.names) for way in nulls)} of {len(nulls)}; with nothing hidden S "

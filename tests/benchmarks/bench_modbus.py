@@ -93,9 +93,9 @@ async def _serve(valves: int, devices: int, ports: Connection) -> None:
 
     bound = []
     each = valves // devices
-    for place in range(devices):
+    for index in range(devices):
         memory = SimData(0, values=[0] * STRIDE * each, datatype=Kind.REGISTERS)
-        hook: object = action(place * each, each)
+        hook: object = action(index * each, each)
         device = SimDevice(id=1, simdata=[memory], action=hook)
         server: Any = ModbusTcpServer(device, address=("127.0.0.1", 0))
         await server.serve_forever(background=True)

@@ -148,15 +148,15 @@ def row(
 
 def measure(valves: Sequence[Valve], batches: Sequence[int]) -> list[dict[str, object]]:
     """One row for the element and the valve itself, one for each start and batch size."""
-    stick = np.array([one.stick_percent for one in valves])
-    single, mean = np.array([one.again for one in valves]).T
+    stick = np.array([valve.stick_percent for valve in valves])
+    single, mean = np.array([valve.again for valve in valves]).T
     rows = [
         row("the valve itself", None, single, stick, None),
         row("the valve itself, mean run", None, mean, stick, None),
-        row("stick-slip", None, stick, stick, float(np.mean([one.seconds for one in valves]))),
+        row("stick-slip", None, stick, stick, float(np.mean([valve.seconds for valve in valves]))),
     ]
-    grey = [one.example for one in valves]
-    blind = [replace(one, start=None) for one in grey]
+    grey = [valve.example for valve in valves]
+    blind = [replace(item, start=None) for item in grey]
     count = NarxSettings()
     for name, some, settings in (
         ("NARX, 4 random starts", blind, FOUR),
@@ -173,9 +173,9 @@ def measure(valves: Sequence[Valve], batches: Sequence[int]) -> list[dict[str, o
 def populations(count: int, seed: int) -> dict[str, list[Valve]]:
     """*all*: the first ``count`` loops; *screened*: the first ``count`` that have no obstacle."""
     every: list[Valve] = []
-    for at, loop in enumerate(drawn(seed)):
-        every.append(made(loop, 1000 * seed + at))
-        screened = [one for one in every if one.screened]
+    for index, loop in enumerate(drawn(seed)):
+        every.append(made(loop, 1000 * seed + index))
+        screened = [item for item in every if item.screened]
         if len(every) >= count and len(screened) >= count:
             break
     return {"all": every[:count], "screened": screened[:count]}

@@ -116,20 +116,20 @@ def _screening(name: str, place: int, run: int, at: datetime) -> dict[str, objec
 def _indicators(store: Store) -> None:
     """Thirty numbers of each screening of the first hundred valves."""
     with store.transactions.reading() as session:
-        found = session.query(ScreeningRow.id, ScreeningRow.valve, ScreeningRow.at)
+        result = session.query(ScreeningRow.id, ScreeningRow.valve, ScreeningRow.at)
         rows = [
             {
                 "screening_id": number,
-                "name": f"indicator_{place}",
+                "name": f"indicator_{index}",
                 "valve": valve,
                 "at": at,
-                "value": float(place),
+                "value": float(index),
                 "low": None,
                 "high": None,
                 "unit": "%",
             }
-            for number, valve, at in found.where(ScreeningRow.valve < "FIC-00100")
-            for place in range(30)
+            for number, valve, at in result.where(ScreeningRow.valve < "FIC-00100")
+            for index in range(30)
         ]
     with store.transactions.writing("filling") as session:
         session.execute(insert(IndicatorRow), rows)
@@ -161,12 +161,12 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
         transport=transport, base_url="http://localhost", cookies=cookies
     ) as client:
         for path in paths:
-            for place in range(TIMES + 1):
+            for index in range(TIMES + 1):
                 began = time.perf_counter()
                 answer = await client.get(path)
                 spent = 1e3 * (time.perf_counter() - began)
                 answer.raise_for_status()
-                if place:
+                if index:
                     milliseconds.setdefault(path, []).append(spent)
     return milliseconds
 
@@ -207,14 +207,14 @@ def main() -> None:
     parser.add_argument("--valves", type=int, default=5000)
     parser.add_argument("--runs", type=int, default=12)
     parser.add_argument("--url", default="")
-    given = parser.parse_args()
+    result = parser.parse_args()
     with (
         tempfile.TemporaryDirectory() as folder,
-        open_store(given.url or f"sqlite:///{Path(folder) / 'bench.db'}") as store,
+        open_store(result.url or f"sqlite:///{Path(folder) / 'bench.db'}") as store,
     ):
-        fill(store, given.valves, given.runs)
+        fill(store, result.valves, result.runs)
         results = asyncio.run(measure(Site(store=store, clock=lambda: NOW), PATHS))
-        print(f"{given.valves} valves, {given.runs} runs, {TIMES} requests each, ms")
+        print(f"{result.valves} valves, {result.runs} runs, {TIMES} requests each, ms")
         for path, spent in results.items():
             late = "  OVER THE LIMIT" if statistics.median(spent) > LIMIT_MS else ""
             print(f"{statistics.median(spent):8.1f} {max(spent):8.1f}  {path}{late}")

@@ -73,13 +73,13 @@ class Set:
 
 def folder() -> Path:
     """The folder of recordings; ends with a sentence where there is none."""
-    found = Path(os.environ.get(RECORDINGS) or BESIDE_THE_CHECKOUT)
-    if not found.is_dir():
+    path = Path(os.environ.get(RECORDINGS) or BESIDE_THE_CHECKOUT)
+    if not path.is_dir():
         sys.exit(
-            f"bench_public: no folder of recordings at {found}; set {RECORDINGS} to the folder "
+            f"bench_public: no folder of recordings at {path}; set {RECORDINGS} to the folder "
             "that holds damadics/, cascaded_tanks/ and emps/"
         )
-    return found
+    return path
 
 
 def columns(path: Path, *names: str) -> list[Floats]:
@@ -146,14 +146,14 @@ def measure(one: Set) -> Row:
     late = np.arange(example.op.size) >= example.train_until
     early, late = example.usable & ~late, example.usable & late
     line = np.polyfit(example.op[early], example.mv[early], 1)
-    held = fit.heldout
+    heldout = fit.heldout
     return Row(
         name=example.valve,
         split=one.split,
         unit=one.unit,
-        rmse=held.rmse if held else None,
-        one_step_rmse=held.one_step_rmse if held else None,
-        fit_percent=held.fit_percent if held else None,
+        rmse=heldout.rmse if heldout else None,
+        one_step_rmse=heldout.one_step_rmse if heldout else None,
+        fit_percent=heldout.fit_percent if heldout else None,
         constant_rmse=float(np.std(example.mv[late])),
         line_rmse=_rms(example.mv[late] - np.polyval(line, example.op[late])),
         copy_rmse=_copy_rmse(example),

@@ -76,13 +76,13 @@ class Row:
 
 def folder() -> Path:
     """The folder of the ladder; ends with a sentence where there is none."""
-    found = Path(os.environ.get(RECORDINGS) or BESIDE_THE_CHECKOUT) / "servo_ladder"
-    if not (found / "conditions.csv").is_file():
+    results = Path(os.environ.get(RECORDINGS) or BESIDE_THE_CHECKOUT) / "servo_ladder"
+    if not (results / "conditions.csv").is_file():
         sys.exit(
-            f"bench_servo_ladder: no conditions.csv in {found}; set {RECORDINGS} to the folder of "
-            "recordings that holds servo_ladder/"
+            f"bench_servo_ladder: no conditions.csv in {results}; set {RECORDINGS} to the folder "
+            "of recordings that holds servo_ladder/"
         )
-    return found
+    return results
 
 
 def read(path: Path) -> Recording:
@@ -115,33 +115,33 @@ def law(path: Path) -> tuple[float, float]:
 
 def _robust(columns: NDArray[np.float64], off: NDArray[np.float64]) -> NDArray[np.float64]:
     weight: NDArray[np.float64] = np.ones(off.size)
-    found: NDArray[np.float64] = np.zeros(columns.shape[1])
+    result: NDArray[np.float64] = np.zeros(columns.shape[1])
     for _ in range(30):
         solved = np.linalg.lstsq(columns * weight[:, None], off * weight, rcond=None)[0]
-        found = np.asarray(solved, dtype=np.float64)
-        residual = off - columns @ found
+        result = np.asarray(solved, dtype=np.float64)
+        residual = off - columns @ result
         spread = 1.4826 * np.median(np.abs(residual))
         weight = np.asarray(1.0 / np.sqrt(1.0 + (residual / (2.0 * spread)) ** 2))
-    return found
+    return result
 
 
 def row(path: Path, condition: dict[str, str]) -> Row:
     """One recording, explained."""
     law_S, law_load = law(path)
-    found = explain(read(path))
+    explanation = explain(read(path))
     return Row(
         file=condition["file"],
         gain=float(condition["kp"]),
         law_S=law_S,
         law_load=law_load,
-        naive_S=found.naive.S.value,
-        S=found.restated.S.value,
-        low=found.restated.S.low,
-        high=found.restated.S.high,
-        names=tuple(sorted("/".join(effect.members) for effect in found.effects)),
-        rmse_naive=found.heldout.rmse_naive,
-        rmse_extended=found.heldout.rmse_extended,
-        seconds=found.seconds,
+        naive_S=explanation.naive.S.value,
+        S=explanation.restated.S.value,
+        low=explanation.restated.S.low,
+        high=explanation.restated.S.high,
+        names=tuple(sorted("/".join(effect.members) for effect in explanation.effects)),
+        rmse_naive=explanation.heldout.rmse_naive,
+        rmse_extended=explanation.heldout.rmse_extended,
+        seconds=explanation.seconds,
     )
 
 
@@ -152,53 +152,53 @@ def table(rows: list[Row]) -> list[str]:
         "interval | load by law, % | load named | error before, after, % |",
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
-    for gain in sorted({one.gain for one in rows}):
-        some = [one for one in rows if one.gain == gain]
+    for gain in sorted({item.gain for item in rows}):
+        some = [item for item in rows if item.gain == gain]
         lines.append(
-            f"| {gain:g} | {len(some)} | {_range(one.law_S for one in some)} "
+            f"| {gain:g} | {len(some)} | {_range(item.law_S for item in some)} "
             f"| {_median(one.naive_S for one in some):.1f} | {_range(one.S for one in some)} "
-            f"| {_median(one.error for one in some):.2f} "
-            f"| {sum(one.holds for one in some)} of {len(some)} "
-            f"| {_range(one.law_load for one in some)} "
-            f"| {sum(one.loaded for one in some)} of {len(some)} "
-            f"| {_median(one.rmse_naive for one in some):.2f}, "
-            f"{_median(one.rmse_extended for one in some):.2f} |"
+            f"| {_median(item.error for item in some):.2f} "
+            f"| {sum(item.holds for item in some)} of {len(some)} "
+            f"| {_range(item.law_load for item in some)} "
+            f"| {sum(item.loaded for item in some)} of {len(some)} "
+            f"| {_median(item.rmse_naive for item in some):.2f}, "
+            f"{_median(item.rmse_extended for item in some):.2f} |"
         )
     return [*lines, "", *summary(rows)]
 
 
 def summary(rows: list[Row]) -> list[str]:
     """What the whole ladder says, a line each."""
-    clear = [one for one in rows if one.law_load >= CLEAR_LOAD]
-    none = [one for one in rows if one.law_load < NO_LOAD]
-    names = Counter(one.names for one in rows)
-    others = Counter(tuple(set(one.names) - LOAD_NAMES) for one in rows)
-    positive = [one for one in rows if one.S and one.S > 0.0]
-    gains = np.log([one.gain for one in positive])
-    slope = np.polyfit(gains, np.log([one.S for one in positive]), 1)[0]
-    of_law = [one for one in rows if one.law_S > 0.0]
+    clear = [item for item in rows if item.law_load >= CLEAR_LOAD]
+    none = [item for item in rows if item.law_load < NO_LOAD]
+    names = Counter(item.names for item in rows)
+    others = Counter(tuple(set(item.names) - LOAD_NAMES) for item in rows)
+    positive = [item for item in rows if item.S and item.S > 0.0]
+    gains = np.log([item.gain for item in positive])
+    slope = np.polyfit(gains, np.log([item.S for item in positive]), 1)[0]
+    of_law = [item for item in rows if item.law_S > 0.0]
     law_slope = np.polyfit(
         np.log([one.gain for one in of_law]), np.log([one.law_S for one in of_law]), 1
     )[0]
-    better = sum((one.rmse_extended or 0.0) < (one.rmse_naive or 0.0) for one in rows)
+    better = sum((item.rmse_extended or 0.0) < (item.rmse_naive or 0.0) for item in rows)
     return [
         f"- {len(rows)} recordings; names: "
         + "; ".join(f"{', '.join(key) or 'nothing'} {count}" for key, count in names.most_common()),
         f"- the load aside, the commonest names are given in {max(others.values())} of {len(rows)}",
         f"- a load of {CLEAR_LOAD:g} % and more is named in {sum(o.loaded for o in clear)} of "
         f"{len(clear)}, one below {NO_LOAD:g} % in {sum(o.loaded for o in none)} of {len(none)}",
-        f"- S off the law by {_median(one.error for one in rows):.2f} % of a turn (median), "
-        f"at most {max(one.error for one in rows):.2f}; the interval holds the law in "
-        f"{sum(one.holds for one in rows)} of {len(rows)}",
+        f"- S off the law by {_median(item.error for item in rows):.2f} % of a turn (median), "
+        f"at most {max(item.error for item in rows):.2f}; the interval holds the law in "
+        f"{sum(item.holds for item in rows)} of {len(rows)}",
         f"- slope of log S over log gain {slope:.2f}; of the law itself {law_slope:.2f}",
         f"- the free run on unseen samples is better than that of S and J alone in {better} of "
-        f"{len(rows)}; {_median(one.seconds for one in rows):.1f} s a recording (median)",
+        f"{len(rows)}; {_median(item.seconds for item in rows):.1f} s a recording (median)",
     ]
 
 
 def _range(values: Any) -> str:
-    found = [value for value in values if value is not None]
-    return f"{min(found):.2f} to {max(found):.2f}"
+    matching = [value for value in values if value is not None]
+    return f"{min(matching):.2f} to {max(matching):.2f}"
 
 
 def _median(values: Any) -> float:
@@ -216,11 +216,11 @@ def main() -> None:
     place = folder()
     with (place / "conditions.csv").open(encoding="utf-8", newline="") as text:
         conditions = list(csv.DictReader(text))[:: arguments.every]
-    rows = [row(place / f"{one['file']}.gz", one) for one in conditions]
+    rows = [row(place / f"{condition['file']}.gz", condition) for condition in conditions]
     print("\n".join(table(rows)))
     if arguments.json is not None:
         arguments.json.write_text(
-            json.dumps([asdict(one) for one in rows], indent=1), encoding="utf-8"
+            json.dumps([asdict(item) for item in rows], indent=1), encoding="utf-8"
         )
 
 

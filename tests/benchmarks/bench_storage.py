@@ -57,8 +57,8 @@ def insert_arrays(connection: Connection, columns: SampleColumns) -> None:
 def batches(size: int, total: int, first_s: int) -> list[SampleBatch]:
     """``total`` samples in batches of ``size``: every tag once a second from ``first_s`` on."""
     rng = np.random.default_rng(1)
-    place = np.arange(total)
-    at_us = (first_s + place // len(NAMES)) * 1_000_000
+    samples = np.arange(total)
+    at_us = (first_s + samples // len(NAMES)) * 1_000_000
     return [
         SampleBatch(
             source="bench",
@@ -111,8 +111,8 @@ def _read(store: Store) -> float:
 def _backup(store: Store) -> float:
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
-        told = backup(store.address, Path(folder) / "backup.zip")
-        return told["samples"].rows / (time.perf_counter() - began)
+        backed_up = backup(store.address, Path(folder) / "backup.zip")
+        return backed_up["samples"].rows / (time.perf_counter() - began)
 
 
 def main() -> None:

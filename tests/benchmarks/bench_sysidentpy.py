@@ -84,7 +84,7 @@ def ours(batch: list[NarxExample]) -> list[Fitted]:
     fits = train(batch)
     seconds = (time.process_time() - began) / len(batch)
     held = [fit.heldout for fit in fits]
-    return [(seconds, max(one.fit_percent, WORST_FIT) if one else None) for one in held]
+    return [(seconds, max(item.fit_percent, WORST_FIT) if item else None) for item in held]
 
 
 def screened(batch: list[Recording]) -> list[Fitted]:

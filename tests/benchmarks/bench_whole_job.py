@@ -68,8 +68,8 @@ class Stages:
         for name, (module, path) in PLACES.items():
             holder: Any = importlib.import_module(module)
             *outer, last = path.split(".")
-            for one in outer:
-                holder = getattr(holder, one)
+            for item in outer:
+                holder = getattr(holder, item)
             plain = getattr(holder, last)
             setattr(holder, last, self._timed(name, plain))
             self._put_back.append(partial(setattr, holder, last, plain))
@@ -211,7 +211,7 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
         if status != 0:
             raise RuntimeError(f"the job ended with status {status}")
         size = (Path(out) / "report.html").stat().st_size
-    found = {
+    results = {
         "seconds": seconds,
         "core_s": sum(memory.spent.values()),
         "memory_mb": memory.together / 1e6,
@@ -219,8 +219,8 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
         "worker_mb": memory.worker / 1e6,
         "page_mb": size / 1e6,
     }
-    tell(", ".join(f"{name} {value:.1f}" for name, value in found.items()))
-    return found
+    tell(", ".join(f"{name} {value:.1f}" for name, value in results.items()))
+    return results
 
 
 def stages_of(archive: Path, valves: int) -> dict[str, float]:
@@ -334,7 +334,7 @@ def machine() -> dict[str, object]:
 def measured(folder: Path, form: str, args: argparse.Namespace) -> dict[str, Any]:
     """The job from one format, whole and by stage."""
     archive = folder / form
-    made = make_archive(archive, form, args.valves, args.hours, args.distinct)
+    result = make_archive(archive, form, args.valves, args.hours, args.distinct)
     job = screen_job(archive / "plant.toml", args.workers)
     stages = stages_of(archive, min(args.stages, args.valves)) if args.stages else {}
     return {
@@ -342,7 +342,7 @@ def measured(folder: Path, form: str, args: argparse.Namespace) -> dict[str, Any
         "valves": args.valves,
         "hours": args.hours,
         "workers": args.workers,
-        "making_s": made,
+        "making_s": result,
         "valves_per_s": args.valves / job["seconds"],
         **job,
         "stages_s_per_valve": stages,
@@ -359,11 +359,11 @@ def show(found: dict[str, Any]) -> None:
         print(f"{job['format']:9}{job['valves']:7d}{job['hours']:7g}{job['workers']:9d}"
               f"{job['valves_per_s']:10.2f}{_row(job)}")  # fmt: skip
     for job in found["jobs"]:
-        whole = sum(job["stages_s_per_valve"].values())
-        if whole:
-            print(f"\n{job['format']}: {whole:.3f} s of one core for each valve")
+        total = sum(job["stages_s_per_valve"].values())
+        if total:
+            print(f"\n{job['format']}: {total:.3f} s of one core for each valve")
         for name, seconds in job["stages_s_per_valve"].items():
-            print(f"  {name:10}{seconds:9.4f} s{100 * seconds / whole:7.1f} %")
+            print(f"  {name:10}{seconds:9.4f} s{100 * seconds / total:7.1f} %")
     for name, grown in found.get("growth", {}).items():
         print(f"\n{'over ' + name:>14}{HEAD}")
         for row in grown["rows"]:

@@ -20,7 +20,7 @@ from stemwatch.models.without_position.features import NAMES
 from stemwatch.models.without_position.suspicion import (
     Judge,
     Suspicion,
-    look,
+    look_at_loop,
     trained_judge,
 )
 
@@ -59,13 +59,13 @@ def auc(sticks: np.ndarray, score: np.ndarray) -> float:
 def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None:
     """One line for each set of loops."""
     sticks = np.array([label for label, _ in loops])
-    seen = [look(recording) for _, recording in loops]
-    said = [judge.says(one) for one in seen]
-    score = np.array([one.score or 0.0 for one in said])
-    gain = np.array([0.0 if one.shown is None else one.shown.values[GAIN] for one in seen])
+    seen = [look_at_loop(recording) for _, recording in loops]
+    sentences = [judge.says(item) for item in seen]
+    score = np.array([item.score or 0.0 for item in sentences])
+    gain = np.array([0.0 if item.shown is None else item.shown.values[GAIN] for item in seen])
     print(f"{name}: {sticks.sum()} labelled as sticking, {np.sum(~sticks)} otherwise")
     for verdict in Suspicion:
-        is_it = np.array([one.verdict is verdict for one in said])
+        is_it = np.array([item.verdict is verdict for item in sentences])
         print(f"  {verdict.value}: {np.sum(is_it & sticks)} and {np.sum(is_it & ~sticks)}")
     print(f"  AUC of the score {auc(sticks, score):.2f}, of the gain {auc(sticks, gain):.2f}")
 
@@ -74,10 +74,10 @@ def main() -> None:
     """Judge both sets."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--recordings", type=Path, required=True)
-    given = parser.parse_args()
+    result = parser.parse_args()
     judge = trained_judge()
-    report("isdb", isdb(given.recordings / "isdb"), judge)
-    report("refinery", refinery(given.recordings / "refinery"), judge)
+    report("isdb", isdb(result.recordings / "isdb"), judge)
+    report("refinery", refinery(result.recordings / "refinery"), judge)
 
 
 if __name__ == "__main__":

@@ -111,15 +111,15 @@ def _processor() -> str:
 def run(one: Benchmark, folder: Path, *, full: bool) -> Outcome:
     """One benchmark in a process of its own."""
     command = one.command(full=full)
-    said = " ".join(command)
+    text = " ".join(command)
     missing = [name for name in one.needs if not _installed(name)]
     if missing:
         why = f"left out: {missing[0]} is not installed here; run the script to hear how"
-        return Outcome(one, said, 0.0, "", None, why)
+        return Outcome(one, text, 0.0, "", None, why)
     numbers = folder / f"{one.name}.json"
     numbers.unlink(missing_ok=True)
     began = time.perf_counter()
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, *command[1:], "--json", str(numbers)],
         cwd=HERE.parent.parent,
         env={**os.environ, **ENVIRONMENT},
@@ -128,9 +128,13 @@ def run(one: Benchmark, folder: Path, *, full: bool) -> Outcome:
         check=False,
     )
     seconds = time.perf_counter() - began
-    fault = "" if done.returncode == 0 else f"failed with status {done.returncode}: {done.stderr}"
-    found = json.loads(numbers.read_text("utf-8")) if numbers.exists() else None
-    return Outcome(one, said, seconds, done.stdout, found, fault)
+    fault = (
+        ""
+        if process.returncode == 0
+        else f"failed with status {process.returncode}: {process.stderr}"
+    )
+    results = json.loads(numbers.read_text("utf-8")) if numbers.exists() else None
+    return Outcome(one, text, seconds, process.stdout, results, fault)
 
 
 def _installed(name: str) -> bool:
@@ -157,26 +161,26 @@ def main() -> None:
     """Run what was asked for, say how it goes, and write both files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--full", action="store_true", help="the settings of docs/performance.md")
-    names = [one.name for one in SUITE]
+    names = [item.name for item in SUITE]
     parser.add_argument("--only", nargs="+", choices=names, default=names)
     parser.add_argument("--out", type=Path, default=Path("bench"))
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     about, outcomes = machine(), []
-    for one in SUITE:
-        if one.name not in arguments.only:
+    for item in SUITE:
+        if item.name not in arguments.only:
             continue
-        print(f"{one.about} ... ", end="", flush=True)
-        outcomes.append(run(one, arguments.out, full=arguments.full))
+        print(f"{item.about} ... ", end="", flush=True)
+        outcomes.append(run(item, arguments.out, full=arguments.full))
         print(outcomes[-1].fault or f"{outcomes[-1].seconds:.0f} s")
         _write(arguments.out, about, outcomes)  # what is done is kept, whatever comes after it
     print(f"Report: {arguments.out / 'bench.md'}")
-    sys.exit(any(one.fault.startswith("failed") for one in outcomes))
+    sys.exit(any(outcome.fault.startswith("failed") for outcome in outcomes))
 
 
 def _write(folder: Path, about: dict[str, object], outcomes: list[Outcome]) -> None:
     (folder / "bench.md").write_text(as_markdown(about, outcomes), encoding="utf-8")
-    found = [
+    matching = [
         {
             "name": outcome.benchmark.name,
             "command": outcome.command,
@@ -186,7 +190,7 @@ def _write(folder: Path, about: dict[str, object], outcomes: list[Outcome]) -> N
         }
         for outcome in outcomes
     ]
-    text = json.dumps({"machine": about, "benchmarks": found}, indent=1)
+    text = json.dumps({"machine": about, "benchmarks": matching}, indent=1)
     (folder / "bench.json").write_text(text + "\n", encoding="utf-8")
 
 

@@ -43,7 +43,7 @@ def commands():
     "model",
     [
         CANONICAL,
-        *(pytest.param(one, marks=pytest.mark.long) for one in EVERY if one is not CANONICAL),
+        *(pytest.param(item, marks=pytest.mark.long) for item in EVERY if item is not CANONICAL),
     ],
     ids=lambda m: m.name,
 )

@@ -88,26 +88,26 @@ def narrow_table(kind: Any = None, prefix: str = "FIC1.") -> pa.Table:
 
 def wide_table() -> pa.Table:
     """The recording with a column for each tag, and one of OP's quality."""
-    given = rows()
-    columns: dict[str, Any] = {"time": pa.array([time for time, _ in given])}
+    result = rows()
+    columns: dict[str, Any] = {"time": pa.array([time for time, _ in result])}
     for ending in ENDINGS.values():
-        columns[f"FIC1.{ending}"] = pa.array([values[ending] for _, values in given])
-    bad = ["Bad" if values["OP"] is None else "Good" for _, values in given]
+        columns[f"FIC1.{ending}"] = pa.array([values[ending] for _, values in result])
+    bad = ["Bad" if values["OP"] is None else "Good" for _, values in result]
     columns["FIC1.OP_quality"] = pa.array(bad)
     return pa.table(columns)
 
 
 def valves_table(name: str = "FIC1", days: int = 0) -> pa.Table:
     """The recording with a row for each instant of the valve, ``days`` later."""
-    given = rows()
+    result = rows()
     later = timedelta(days=days)
     columns: dict[str, Any] = {
-        "valve": pa.array([name] * len(given)),
-        "time": pa.array([time + later for time, _ in given], pa.timestamp("ms", tz="UTC")),
+        "valve": pa.array([name] * len(result)),
+        "time": pa.array([time + later for time, _ in result], pa.timestamp("ms", tz="UTC")),
     }
     for column, ending in (("op", "OP"), ("mv", "ZT"), ("pv", "PV")):
-        columns[column] = pa.array([values[ending] for _, values in given])
-    bad = ["Bad" if values["OP"] is None else "Good" for _, values in given]
+        columns[column] = pa.array([values[ending] for _, values in result])
+    bad = ["Bad" if values["OP"] is None else "Good" for _, values in result]
     columns["op_quality"] = pa.array(bad)
     return pa.table(columns)
 

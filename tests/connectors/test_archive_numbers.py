@@ -31,10 +31,10 @@ def coded(*codes: str, good: tuple[str, ...] = ()) -> Codes:
 
 def test_a_value_that_is_not_there() -> None:
     """It leaves no sample, or a bad one where its code says so; infinity is bad."""
-    found = column([1.0, np.nan, np.nan, np.inf], coded("Good", "Good", "Bad", "Good"))
-    assert found.quality.tolist() == [Quality.GOOD, Quality.BAD, Quality.BAD]
-    assert (found.ns // 1_000_000_000).tolist() == [0, 2, 3]
-    assert found.reasons == {"infinite": 1, "quality Bad": 1}
+    result = column([1.0, np.nan, np.nan, np.inf], coded("Good", "Good", "Bad", "Good"))
+    assert result.quality.tolist() == [Quality.GOOD, Quality.BAD, Quality.BAD]
+    assert (result.ns // 1_000_000_000).tolist() == [0, 2, 3]
+    assert result.reasons == {"infinite": 1, "quality Bad": 1}
 
 
 def test_codes_of_opc_and_codes_that_were_named() -> None:
@@ -63,8 +63,8 @@ PASSWORDS = st.text(
 @given(PASSWORDS)
 def test_no_password_of_a_url_is_left(password: str) -> None:
     """Whatever the password is made of."""
-    shown = masked(f"postgresql://reader:{password}@host/db")
-    assert shown == "postgresql://reader:***@host/db"
+    result = masked(f"postgresql://reader:{password}@host/db")
+    assert result == "postgresql://reader:***@host/db"
 
 
 def test_where_a_secret_comes_from(tmp_path: Path, monkeypatch) -> None:

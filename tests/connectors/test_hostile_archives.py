@@ -88,18 +88,18 @@ def test_a_sql_historian_that_fails_amid_the_rows(history: URL, fault: str, most
     with faulty_line(f"{history.query['host']}/.s.PGSQL.5432", fault, most) as line:
         through = history.set(host="127.0.0.1", port=line.port, query={})
         archive = address(through.render_as_string(hide_password=False), chunk=50, timeout_s=2.0)
-        said = failure(archive.open(), made.valve())
-    assert said.startswith("database historian: the database "), said
-    assert fault != "silent" or not most or "has said nothing for 2 s" in said
-    assert "geheim" not in said
+        message = failure(archive.open(), made.valve())
+    assert message.startswith("database historian: the database "), message
+    assert fault != "silent" or not most or "has said nothing for 2 s" in message
+    assert "geheim" not in message
 
 
 @pytest.mark.parametrize(
     ("fault", "most"),
     # Each answer that does not come, the farewells among them, takes its two seconds.
     [
-        one if one == ("cut", 6_000) else pytest.param(*one, marks=pytest.mark.long)
-        for one in FAULTS
+        fault if fault == ("cut", 6_000) else pytest.param(*fault, marks=pytest.mark.long)
+        for fault in FAULTS
     ],
 )
 def test_an_opc_ua_server_that_fails_amid_its_history(fault: str, most: int) -> None:
@@ -108,8 +108,10 @@ def test_an_opc_ua_server_that_fails_amid_its_history(fault: str, most: int) -> 
         port, path = url.removeprefix("opc.tcp://127.0.0.1:").split("/")
         with faulty_line(int(port), fault, most) as line:
             at = f"opc.tcp://127.0.0.1:{line.port}/{path}"
-            said = failure(OpcUaAddress(url=at, page=100, timeout_s=2.0).open(), made.valve(PREFIX))
-    assert said.startswith(f"{at}: the server could not be asked")
+            message = failure(
+                OpcUaAddress(url=at, page=100, timeout_s=2.0).open(), made.valve(PREFIX)
+            )
+    assert message.startswith(f"{at}: the server could not be asked")
 
 
 @pytest.fixture
@@ -193,8 +195,8 @@ def test_a_parquet_file_that_is_cut_off_is_named(checked: Path, part: float) -> 
     """A copy that stopped, a disk that was full."""
     content = checked.read_bytes()
     checked.write_bytes(content[: int(len(content) * part)])
-    said = failure(ParquetArchive(checked.parent), made.valve())
-    assert "part-0.parquet" in said
+    message = failure(ParquetArchive(checked.parent), made.valve())
+    assert "part-0.parquet" in message
 
 
 @pytest.mark.parametrize("how", ["removed", "cut off", "of another table"])

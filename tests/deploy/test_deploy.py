@@ -32,7 +32,7 @@ def compose() -> dict:
 def test_the_compose_file_starts_everything_that_is_promised(compose: dict) -> None:
     """Service, simulated plant, PostgreSQL, Grafana and its reader, and nothing open to the net."""
     assert set(compose["services"]) == SERVICES
-    ports = [port for one in compose["services"].values() for port in one.get("ports", [])]
+    ports = [port for service in compose["services"].values() for port in service.get("ports", [])]
     assert len(ports) == 2
     assert all(port.startswith("127.0.0.1:") for port in ports)
 
@@ -40,28 +40,28 @@ def test_the_compose_file_starts_everything_that_is_promised(compose: dict) -> N
 @pytest.mark.parametrize("name", ["stemwatch", "plant"])
 def test_our_containers_are_closed(compose: dict, name: str) -> None:
     """A read-only root, no rights, and no way to more."""
-    one = compose["services"][name]
-    assert one["read_only"] is True
-    assert one["cap_drop"] == ["ALL"]
-    assert "no-new-privileges:true" in one["security_opt"]
+    service = compose["services"][name]
+    assert service["read_only"] is True
+    assert service["cap_drop"] == ["ALL"]
+    assert "no-new-privileges:true" in service["security_opt"]
 
 
 @pytest.mark.parametrize("name", ["stemwatch", "plant"])
 def test_the_commands_of_the_containers_exist(compose: dict, name: str) -> None:
     """Each command and option that the compose file gives is one that the program takes."""
     command, *options = compose["services"][name]["command"]
-    shown = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
+    output = CliRunner().invoke(app, [command, "--help"], env={"COLUMNS": "200"}).output
     named = {option.partition("=")[0] for option in options}
     assert named
-    assert {option for option in named if option not in shown} == set()
+    assert {option for option in named if option not in output} == set()
 
 
 def test_every_file_that_is_mounted_is_there(compose: dict) -> None:
     """A mount of a missing file would make an empty folder in its place."""
     mounted = [
         volume.partition(":")[0]
-        for one in compose["services"].values()
-        for volume in one.get("volumes", [])
+        for service in compose["services"].values()
+        for volume in service.get("volumes", [])
         if volume.startswith(".")
     ]
     assert len(mounted) >= 6
@@ -72,8 +72,8 @@ def test_no_password_stands_in_the_compose_file(compose: dict) -> None:
     """Passwords come from the environment, and a missing one stops the start."""
     named = [
         value
-        for one in compose["services"].values()
-        for key, value in one.get("environment", {}).items()
+        for service in compose["services"].values()
+        for key, value in service.get("environment", {}).items()
         if "PASSWORD" in key or key == "STEMWATCH_STORAGE_URL"
     ]
     assert len(named) >= 5
@@ -121,9 +121,11 @@ def test_what_the_image_is_built_from_is_let_through() -> None:
 @pytest.mark.parametrize("script", ["install.sh", "wheelhouse.sh"])
 def test_a_script_without_a_folder_says_how_it_is_called(script: str) -> None:
     """Both scripts are plain sh, and teach."""
-    done = subprocess.run(["sh", str(DEPLOY / script)], capture_output=True, text=True, check=False)
-    assert done.returncode != 0
-    assert f"deploy/{script}" in done.stderr
+    process = subprocess.run(
+        ["sh", str(DEPLOY / script)], capture_output=True, text=True, check=False
+    )
+    assert process.returncode != 0
+    assert f"deploy/{script}" in process.stderr
 
 
 def test_the_unit_is_one_that_systemd_accepts(tmp_path: Path) -> None:
@@ -136,10 +138,10 @@ def test_the_unit_is_one_that_systemd_accepts(tmp_path: Path) -> None:
     assert here != text
     unit = tmp_path / "stemwatch.service"
     unit.write_text(here, encoding="utf-8")
-    done = subprocess.run(
+    process = subprocess.run(
         [analyze, "verify", str(unit)], capture_output=True, text=True, check=False
     )
-    assert (done.returncode, done.stderr.strip()) == (0, "")
+    assert (process.returncode, process.stderr.strip()) == (0, "")
 
 
 def test_descriptors_and_memory_are_bounded_wherever_it_runs(compose: dict) -> None:

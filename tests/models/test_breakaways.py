@@ -50,8 +50,8 @@ def test_S_and_J_are_those_of_the_mean_breakaway(place):
 def test_they_are_nearer_to_the_valve_than_the_cheapest_run():
     """What the breakaways are for."""
     errors = []
-    for place in range(6):
-        valve, recording = sticking(place)
+    for index in range(6):
+        valve, recording = sticking(index)
         fit = fit_stickslip(recording)
         run = S_and_J(fit.candidate)
         true = (valve.S, valve.J)
@@ -74,9 +74,9 @@ def test_the_interval_is_that_of_the_breakaways():
     fit = fit_stickslip(recording)
     half = fit_stickslip(recording.part(0, len(recording) // 4))
     widths = []
-    for one in (fit, half):
-        low, high = interval(bootstrap(one).S, one.S)
-        assert low <= one.S <= high
+    for item in (fit, half):
+        low, high = interval(bootstrap(item).S, item.S)
+        assert low <= item.S <= high
         widths.append(high - low)
     assert half.breakaways.count < fit.breakaways.count
     assert widths[0] < widths[1]
@@ -138,7 +138,7 @@ def test_slips_put_an_estimated_curve_right(degree, wrong):
             breakaways(replace(problem, unsure_degree=unsure), 1.0, 0.0, valve.S, valve.J)
             for unsure in (0, degree)
         ]
-        errors.append([abs(one.S - slope * right.S) for one in seen])
+        errors.append([abs(item.S - slope * right.S) for item in seen])
         low, high = interval(seen[1].draws(300, np.random.default_rng(3))[0], seen[1].S)
         assert low <= slope * valve.S <= high
     without, with_curve = np.median(errors, axis=0)
@@ -163,10 +163,10 @@ def test_no_record_breaks_it(degree, seed, samples, S, J, step):
         signals={Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "MV")},
     )
     problem = replace(make_problem(recording), unsure_degree=degree)
-    found = breakaways(problem, 1.0, 0.0, S, J)
-    if found is not None:
-        drawn = found.draws(50, rng)
-        assert np.isfinite((found.S, found.J, found.scatter)).all()
+    result = breakaways(problem, 1.0, 0.0, S, J)
+    if result is not None:
+        drawn = result.draws(50, rng)
+        assert np.isfinite((result.S, result.J, result.scatter)).all()
         assert np.isfinite(drawn).all()
 
 

@@ -40,8 +40,8 @@ def later(recording, role: Role, samples: int):
 
 # Two sticking and two healthy valves in every run.
 PLACES = [
-    place if place in (0, 1, 4, 5) else pytest.param(place, marks=pytest.mark.long)
-    for place in range(8)
+    index if index in (0, 1, 4, 5) else pytest.param(index, marks=pytest.mark.long)
+    for index in range(8)
 ]
 
 
@@ -49,8 +49,8 @@ PLACES = [
 def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
     """Sticking and healthy valves alike; a controller's own scan and the air are the rest."""
     _, recording = recorded(place)
-    found = find_op_late(later(recording, Role.OP, LATE))
-    assert found == pytest.approx(LATE, abs=0.75)
+    late_s = find_op_late(later(recording, Role.OP, LATE))
+    assert late_s == pytest.approx(LATE, abs=0.75)
 
 
 @pytest.mark.parametrize("samples", [4, 11])
@@ -58,8 +58,8 @@ def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
 def test_the_controller_tells_how_late_op_is(place, samples):
     """OP answers PV and set point at once, whatever the valve does."""
     _, recording = recorded(place)
-    told = behind_controller(later(recording, Role.OP, samples))
-    assert told.samples == pytest.approx(samples, abs=0.5)
+    result = behind_controller(later(recording, Role.OP, samples))
+    assert result.samples == pytest.approx(samples, abs=0.5)
     assert behind_controller(recording).samples == 0.0
     assert behind_controller(later(recording, Role.MV, samples)).samples == 0.0
 
@@ -120,14 +120,16 @@ def test_S_and_J_do_not_know_that_the_command_was_stored_late():
     valve, recording = recorded(0)
     options = Options(narx=False)
     plain, late = (
-        screen([Case(recording=one)], options)[0]
-        for one in (recording, later(recording, Role.OP, LATE))
+        screen([Case(recording=item)], options)[0]
+        for item in (recording, later(recording, Role.OP, LATE))
     )
     assert late.verdict is plain.verdict
     assert late.S.value == pytest.approx(plain.S.value, abs=0.15)
     assert late.S.low <= valve.S <= late.S.high
-    assert any("stored" in one and "late" in one for one in late.provenance.decisions)
-    assert "late_command" in [one.slug for one in late.mismatch.record_effects]
+    assert any(
+        "stored" in decision and "late" in decision for decision in late.provenance.decisions
+    )
+    assert "late_command" in [record_effect.slug for record_effect in late.mismatch.record_effects]
     assert late.mismatch.finding is plain.mismatch.finding
 
 

@@ -17,5 +17,5 @@ def test_each_lag_is_its_sum(n, same):
     second = first if same else rng.standard_normal(n)
     sums = [first[: n - lag] @ second[lag:] for lag in range(n)]
     for lags in {1, n // 2, n}:
-        found = lagged_products(first, second, lags)
-        np.testing.assert_allclose(found, sums[:lags], rtol=1e-12, atol=1e-12 * n)
+        result = lagged_products(first, second, lags)
+        np.testing.assert_allclose(result, sums[:lags], rtol=1e-12, atol=1e-12 * n)

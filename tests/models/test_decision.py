@@ -88,15 +88,15 @@ def test_verdict(case, expected):
 )
 def test_sentences_and_numbers(case, cycling_s, narx):
     """Every judgement is readable and ranks within 0 to 100, whatever the evidence."""
-    found = decide(replace(case, cycling_s=cycling_s, narx=narx), LIMITS)
-    for sentence in (found.reason, found.advice):
+    decision = decide(replace(case, cycling_s=cycling_s, narx=narx), LIMITS)
+    for sentence in (decision.reason, decision.advice):
         assert sentence.endswith(".")
         assert not sentence.endswith("..")
         assert not any(word in sentence for word in ("None", "nan", "inf ", "?", "  "))
-    assert 0.0 <= found.severity <= 100.0
-    assert (found.confidence is None) == (found.verdict is Verdict.UNDETERMINED)
-    assert found.confidence is None or 0.0 <= found.confidence <= 1.0
-    assert (found.shape is not None) or found.verdict is not Verdict.STICKY
+    assert 0.0 <= decision.severity <= 100.0
+    assert (decision.confidence is None) == (decision.verdict is Verdict.UNDETERMINED)
+    assert decision.confidence is None or 0.0 <= decision.confidence <= 1.0
+    assert (decision.shape is not None) or decision.verdict is not Verdict.STICKY
 
 
 def test_severity_ranks_the_verdicts():
@@ -117,27 +117,27 @@ def test_worse_friction_ranks_higher():
 
 def test_sticky_says_how_much():
     """The reason of a sticky valve holds S, its interval, J and the loop's cycle."""
-    found = decide(evidence(5.0, 0.3, J=2.0, cycling_s=61.7), LIMITS)
-    assert "OP must move 5.0 % (4.7 % to 5.3 %)" in found.reason
-    assert "then jumps 2.0 %" in found.reason
-    assert "cycles every 62 s" in found.reason
-    assert 0.99 == found.confidence
+    decision = decide(evidence(5.0, 0.3, J=2.0, cycling_s=61.7), LIMITS)
+    assert "OP must move 5.0 % (4.7 % to 5.3 %)" in decision.reason
+    assert "then jumps 2.0 %" in decision.reason
+    assert "cycles every 62 s" in decision.reason
+    assert 0.99 == decision.confidence
 
 
 def test_deadband_does_not_jump():
     """A stem that follows late without a jump is said to follow, and play is looked for first."""
-    found = decide(evidence(5.0, J=0.0), LIMITS)
-    assert Shape.DEADBAND is found.shape
-    assert "and then follows" in found.reason
-    assert "jumps" not in found.reason
-    assert "play in the linkage" in found.advice
+    decision = decide(evidence(5.0, J=0.0), LIMITS)
+    assert Shape.DEADBAND is decision.shape
+    assert "and then follows" in decision.reason
+    assert "jumps" not in decision.reason
+    assert "play in the linkage" in decision.advice
 
 
 def test_healthy_that_cycles_points_elsewhere():
     """A healthy valve in an oscillating loop sends the reader to tuning and disturbances."""
-    found = decide(evidence(0.2, 0.1, cycling_s=120.0), LIMITS)
-    assert "oscillates all the same, every 120 s" in found.reason
-    assert "tuning" in found.advice
+    decision = decide(evidence(0.2, 0.1, cycling_s=120.0), LIMITS)
+    assert "oscillates all the same, every 120 s" in decision.reason
+    assert "tuning" in decision.advice
 
 
 def test_what_is_slow_is_said_beside_the_friction():
@@ -183,9 +183,9 @@ def test_shape_by_ratio(S, J, shape):
 def test_undetermined_says_the_first_obstacle_and_counts_the_rest():
     """The first obstacle is the reason, its remedy the advice, and the others are counted."""
     first = Obstacle("a", "OP did not move", "Step OP.")
-    found = undetermined((first, Obstacle("b", "too short", "Wait.")))
-    assert "Cannot tell: OP did not move (and 1 more, see data quality)." == found.reason
-    assert "Step OP." == found.advice
+    result = undetermined((first, Obstacle("b", "too short", "Wait.")))
+    assert "Cannot tell: OP did not move (and 1 more, see data quality)." == result.reason
+    assert "Step OP." == result.advice
     assert "Cannot tell: OP did not move." == undetermined((first,)).reason
 
 

@@ -25,7 +25,7 @@ SLUG = "flow_force"
 
 def window(day, *named, mean=0.0, t=0.0, slug=SLUG, S=None, anew="", start=None):
     """An hour on ``day``; each of ``named`` is a slug, or a class of slugs."""
-    classes = tuple((one,) if isinstance(one, str) else tuple(one) for one in named)
+    classes = tuple((item,) if isinstance(item, str) else tuple(item) for item in named)
     at = BEGIN + day * DAY
     error = 0.1
     size = None if S is None else Estimate(value=S, low=S - 2 * error, high=S + 2 * error, unit="%")
@@ -132,7 +132,7 @@ def test_a_change_that_a_window_tells_begins_anew():
 def test_the_same_minutes_twice_are_no_second_witness():
     """A run that is repeated, or windows that overlap, confirm nothing."""
     hourly = [
-        window(place / 240, SLUG, start=BEGIN + place / 240 * DAY - HOUR) for place in range(6)
+        window(index / 240, SLUG, start=BEGIN + index / 240 * DAY - HOUR) for index in range(6)
     ]
     (finding,) = lasting_findings(hourly)
     assert finding.of == 1
@@ -157,10 +157,33 @@ def test_an_effect_that_a_window_could_not_have_shown_is_no_evidence_against_it(
     assert finding.of == 2
 
 
+@pytest.mark.parametrize("slug", ["low_speed_restick", "flow_force"])
+def test_where_friction_has_gone_what_showed_by_it_has_gone_too(slug):
+    """After a repair that nobody recorded S is small, and no window could show restick: three of
+    them say that it is gone. Of a flow force they say nothing, nor windows with S as before."""
+
+    def after(S, days):
+        size = Estimate(value=S, low=0.9 * S, high=1.1 * S, unit="%")
+        ends = [BEGIN + day * DAY for day in range(8, 8 + days)]
+        return [WindowEvidence(at=at, start=at - HOUR, S=size) for at in ends]
+
+    worn = [window(day, slug, slug=slug, S=4.0) for day in range(8)]
+    (two,) = lasting_findings([*worn, *after(0.2, 2)])
+    (three,) = lasting_findings([*worn, *after(0.2, 3)])
+    (as_before,) = lasting_findings([*worn, *after(3.0, 3)])
+    of_friction = slug == "low_speed_restick"
+    assert two.holds
+    assert (three.state is FindingState.GONE) is of_friction
+    assert as_before.holds
+
+
 def test_confirmed_comes_before_what_was_only_seen():
     """The order of the findings is that in which people should read them."""
     windows = [window(0, "zero_shift"), window(1, SLUG), window(2, SLUG)]
-    assert [one.slug for one in lasting_findings(windows)] == [SLUG, "zero_shift"]
+    assert [lasting_finding.slug for lasting_finding in lasting_findings(windows)] == [
+        SLUG,
+        "zero_shift",
+    ]
 
 
 def test_pooled_S_lies_between_and_is_surer_than_one_window():

@@ -28,7 +28,7 @@ def long_recording(windows: float, start: datetime | None = None) -> Recording:
 
 
 @dataclass
-class Said:
+class CannedExplainer:
     """Says in turn what is given, and remembers what it was asked for."""
 
     answers: list[Mismatch]
@@ -44,84 +44,88 @@ class Said:
 @pytest.mark.parametrize(("windows", "explained"), [(3.9, 0), (4.0, 4), (7.5, 7), (20.0, MOST)])
 def test_cost_is_bounded_and_a_short_recording_stays_in_one_piece(windows, explained):
     """From four windows on; never more than eight, and these without a common sample."""
-    said = Said([NONE])
-    told = explain_windows(long_recording(windows), SAMPLES, said)
-    assert len(said.asked) == explained
-    assert (told is None) == (explained < FEWEST)
-    if told is not None:
-        ends = [(window.start, window.at) for window in told.windows]
+    explainer = CannedExplainer([NONE])
+    in_windows = explain_windows(long_recording(windows), SAMPLES, explainer)
+    assert len(explainer.asked) == explained
+    assert (in_windows is None) == (explained < FEWEST)
+    if in_windows is not None:
+        ends = [(window.start, window.at) for window in in_windows.windows]
         assert all(a[1] <= b[0] for a, b in pairwise(ends))
-        assert all(len(part) >= SAMPLES for part in said.asked)
-        assert told.mismatch.seconds == explained
+        assert all(len(part) >= SAMPLES for part in explainer.asked)
+        assert in_windows.mismatch.seconds == explained
 
 
 def test_windows_are_those_in_which_op_moves_most():
     """Of twenty windows whose movement grows, the last eight."""
-    said = Said([NONE])
-    explain_windows(long_recording(20.0), SAMPLES, said)
+    explainer = CannedExplainer([NONE])
+    explain_windows(long_recording(20.0), SAMPLES, explainer)
     first = long_recording(20.0).op.values
-    assert np.array_equal(said.asked[0].op.values, first[12 * SAMPLES : 13 * SAMPLES])
-    assert np.array_equal(said.asked[-1].op.values, first[19 * SAMPLES :])
+    assert np.array_equal(explainer.asked[0].op.values, first[12 * SAMPLES : 13 * SAMPLES])
+    assert np.array_equal(explainer.asked[-1].op.values, first[19 * SAMPLES :])
 
 
 def test_what_two_windows_name_is_confirmed_and_shown():
     """The window that is shown names it, on the clock of the whole; S and J are pooled."""
     start = datetime(2026, 3, 2, 6, tzinfo=UTC)
-    told = explain_windows(long_recording(4.0, start), SAMPLES, Said([NONE, NAMED, NONE, NAMED]))
-    assert told is not None
-    holding = [finding.slug for finding in told.findings if finding.holds]
+    in_windows = explain_windows(
+        long_recording(4.0, start), SAMPLES, CannedExplainer([NONE, NAMED, NONE, NAMED])
+    )
+    assert in_windows is not None
+    holding = [finding.slug for finding in in_windows.findings if finding.holds]
     assert holding == [effect.slug for effect in NAMED.effects]
-    assert told.mismatch.finding is Finding.NAMED
-    assert told.shown.first == SAMPLES
-    assert told.began == start
-    assert told.mismatch.runs.naive.size == 4 * SAMPLES
-    assert np.isfinite(told.mismatch.runs.naive[SAMPLES : 2 * SAMPLES]).all()
-    assert np.isnan(told.mismatch.runs.naive[:SAMPLES]).all()
-    assert told.mismatch.runs.heldout_from == SAMPLES + 9
-    assert told.pooled is not None
-    assert told.mismatch.restated == told.pooled
-    assert told.mismatch.p_value == min(finding.p_value for finding in told.findings)
+    assert in_windows.mismatch.finding is Finding.NAMED
+    assert in_windows.shown.first == SAMPLES
+    assert in_windows.began == start
+    assert in_windows.mismatch.runs.naive.size == 4 * SAMPLES
+    assert np.isfinite(in_windows.mismatch.runs.naive[SAMPLES : 2 * SAMPLES]).all()
+    assert np.isnan(in_windows.mismatch.runs.naive[:SAMPLES]).all()
+    assert in_windows.mismatch.runs.heldout_from == SAMPLES + 9
+    assert in_windows.pooled is not None
+    assert in_windows.mismatch.restated == in_windows.pooled
+    assert in_windows.mismatch.p_value == min(finding.p_value for finding in in_windows.findings)
 
 
 def test_what_one_window_alone_names_is_not_published():
     """The window that is shown names nothing, and the finding is first seen only."""
-    told = explain_windows(long_recording(5.0), SAMPLES, Said([NAMED, NONE, NONE, NONE, NONE]))
-    assert told is not None
-    assert told.mismatch.effects == ()
-    assert told.mismatch.finding is Finding.NONE
-    assert told.mismatch.p_value is None
-    assert [finding.holds for finding in told.findings] == [False] * len(told.findings)
-    assert len(told.findings) == len(NAMED.effects)
+    in_windows = explain_windows(
+        long_recording(5.0), SAMPLES, CannedExplainer([NAMED, NONE, NONE, NONE, NONE])
+    )
+    assert in_windows is not None
+    assert in_windows.mismatch.effects == ()
+    assert in_windows.mismatch.finding is Finding.NONE
+    assert in_windows.mismatch.p_value is None
+    assert [finding.holds for finding in in_windows.findings] == [False] * len(in_windows.findings)
+    assert len(in_windows.findings) == len(NAMED.effects)
 
 
 def test_unknown_is_said_where_most_windows_say_it_and_restates_nothing():
     """S and J are not pooled where some windows are not free of something."""
-    told = explain_windows(
-        long_recording(5.0), SAMPLES, Said([NONE, UNKNOWN, UNKNOWN, UNKNOWN, NONE])
+    in_windows = explain_windows(
+        long_recording(5.0), SAMPLES, CannedExplainer([NONE, UNKNOWN, UNKNOWN, UNKNOWN, NONE])
     )
-    assert told is not None
-    assert told.mismatch.finding is Finding.UNKNOWN
-    assert told.mismatch.restated == UNKNOWN.restated
-    assert told.pooled is None
+    assert in_windows is not None
+    assert in_windows.mismatch.finding is Finding.UNKNOWN
+    assert in_windows.mismatch.restated == UNKNOWN.restated
+    assert in_windows.pooled is None
 
 
 def test_the_shown_window_is_explained_again_where_that_may_cost_more():
     """Once, and the same part."""
-    said, again = Said([NONE]), Said([NAMED])
-    told = explain_windows(long_recording(4.0), SAMPLES, said, again)
-    assert told is not None
+    said, again = CannedExplainer([NONE]), CannedExplainer([NAMED])
+    in_windows = explain_windows(long_recording(4.0), SAMPLES, said, again)
+    assert in_windows is not None
     assert len(again.asked) == 1
     assert again.asked[0].op.values[0] == said.asked[0].op.values[0]
-    assert told.mismatch.seconds == 5.0
+    assert in_windows.mismatch.seconds == 5.0
 
 
 def test_windows_that_could_show_nothing_leave_it_untestable():
     """Nothing is followed, nothing is pooled."""
-    told = explain_windows(long_recording(4.0), SAMPLES, Said([UNTESTABLE]))
-    assert told is not None
-    assert told.mismatch.finding is Finding.NOT_TESTABLE
-    assert told.findings == ()
-    assert told.pooled is None
+    in_windows = explain_windows(long_recording(4.0), SAMPLES, CannedExplainer([UNTESTABLE]))
+    assert in_windows is not None
+    assert in_windows.mismatch.finding is Finding.NOT_TESTABLE
+    assert in_windows.findings == ()
+    assert in_windows.pooled is None
 
 
 def scored(mismatch: Mismatch, t: float) -> Mismatch:
@@ -136,28 +140,30 @@ def test_what_the_whole_names_counts_where_the_windows_gain_by_it(t, windows, na
     """The whole is asked where they gain together, and of a recording that is no longer than they
     are; then what it says is published as it is."""
     play = replace(NAMED.effects[0], slug=PLAY, members=(PLAY,))
-    whole = replace(NAMED, effects=(play,), p_value=0.01)
+    changed = replace(NAMED, effects=(play,), p_value=0.01)
     answers = [scored(NONE, t)] * min(windows, MOST)
-    told = explain_windows(long_recording(windows), SAMPLES, Said([*answers, whole]))
-    assert told is not None
-    assert told.by_whole == ((PLAY,) if named else ())
-    assert [finding.holds for finding in told.findings] == [True] * named
+    in_windows = explain_windows(
+        long_recording(windows), SAMPLES, CannedExplainer([*answers, changed])
+    )
+    assert in_windows is not None
+    assert in_windows.by_whole == ((PLAY,) if named else ())
+    assert [finding.holds for finding in in_windows.findings] == [True] * named
     if named:
-        assert told.shown is None
-        assert told.mismatch.effects == (play,)
-        assert told.mismatch.restated == NAMED.restated
-        assert told.mismatch.p_value == 0.01
-        assert told.mismatch.runs.naive.size == windows * SAMPLES
-        assert told.mismatch.seconds == windows + 1
+        assert in_windows.shown is None
+        assert in_windows.mismatch.effects == (play,)
+        assert in_windows.mismatch.restated == NAMED.restated
+        assert in_windows.mismatch.p_value == 0.01
+        assert in_windows.mismatch.runs.naive.size == windows * SAMPLES
+        assert in_windows.mismatch.seconds == windows + 1
     else:
-        assert told.mismatch.finding is Finding.NONE
+        assert in_windows.mismatch.finding is Finding.NONE
 
 
 def test_what_the_whole_names_beyond_what_windows_gain_by_is_not_published():
     """Two effects, of which the windows know one: the answer is theirs."""
     answers = [scored(NONE, 2.0)] * 5
-    told = explain_windows(long_recording(5), SAMPLES, Said([*answers, NAMED]))
-    assert told is not None
-    assert told.by_whole == ()
-    assert told.mismatch.finding is Finding.NONE
-    assert told.mismatch.seconds == 6.0
+    in_windows = explain_windows(long_recording(5), SAMPLES, CannedExplainer([*answers, NAMED]))
+    assert in_windows is not None
+    assert in_windows.by_whole == ()
+    assert in_windows.mismatch.finding is Finding.NONE
+    assert in_windows.mismatch.seconds == 6.0

@@ -39,12 +39,12 @@ def waves(first: int, last: int, samples: int = 12_000) -> np.ndarray:
 @given(first=st.integers(0, 10_000))
 def test_it_lies_where_op_moves(first: int) -> None:
     """Of a record that moves in one place only, the stretch covers most of that place."""
-    found = choose_fit_window(recording_of(waves(first, first + SAMPLES)), SAMPLES)
-    assert found is not None
-    assert found.length == SAMPLES
-    inside = min(found.last, first + SAMPLES) - max(found.first, first)
+    window = choose_fit_window(recording_of(waves(first, first + SAMPLES)), SAMPLES)
+    assert window is not None
+    assert window.length == SAMPLES
+    inside = min(window.last, first + SAMPLES) - max(window.first, first)
     assert inside >= 0.7 * SAMPLES
-    assert found.turns >= 10
+    assert window.turns >= 10
 
 
 @pytest.mark.parametrize("samples", [SAMPLES, 2 * SAMPLES])
@@ -68,22 +68,22 @@ def test_a_stretch_without_position_is_worth_nothing() -> None:
     op = waves(1000, 3000) + waves(8000, 10_000) - 50.0
     mv = op.copy()
     mv[:5000] = np.nan
-    found = choose_fit_window(recording_of(op, mv), SAMPLES)
-    assert found is not None
-    assert found.first >= 7000
+    window = choose_fit_window(recording_of(op, mv), SAMPLES)
+    assert window is not None
+    assert window.first >= 7000
 
 
 def test_it_says_what_was_fitted() -> None:
     """The sentence has the times, the share and the rule."""
     record = recording_of(waves(3600, 4800))
-    found = choose_fit_window(record, SAMPLES)
-    assert found is not None
-    text = window_sentence(found, record)
+    window = choose_fit_window(record, SAMPLES)
+    assert window is not None
+    text = window_sentence(window, record)
     assert "10% of the record" in text
     assert "2026-03-02 0" in text
-    assert f"turning round {found.turns} times" in text
-    undated = window_sentence(found, replace(record, start=None))
-    assert f"samples {found.first + 1} to {found.last}" in undated
+    assert f"turning round {window.turns} times" in text
+    undated = window_sentence(window, replace(record, start=None))
+    assert f"samples {window.first + 1} to {window.last}" in undated
 
 
 def test_a_trace_goes_back_to_its_place() -> None:

@@ -67,8 +67,8 @@ def test_noise_skips_gaps():
 def test_quantum_is_the_lattice(step, offset, seed):
     """A signal rounded to a lattice shows its step, wherever the lattice lies."""
     walk = np.cumsum(np.random.default_rng(seed).standard_normal(800)) * 2.0 * step
-    found = quantum(np.round(walk / step) * step + offset)
-    assert abs(found / step - 1.0) < 1e-3
+    result = quantum(np.round(walk / step) * step + offset)
+    assert abs(result / step - 1.0) < 1e-3
 
 
 @pytest.mark.parametrize("decimals", [1, 2])

@@ -43,23 +43,23 @@ def all_of(fit, S, J):
 def of_fit(*valve) -> dict[str, Indicator]:
     fit = fit_stickslip(simulated(*valve).recording)
     S, J = (Estimate(value=v, low=0.9 * v, high=1.1 * v, unit="%") for v in (fit.S, fit.J))
-    return {one.name: one for one in all_of(fit, S, J)}
+    return {item.name: item for item in all_of(fit, S, J)}
 
 
 def named(found) -> dict[str, float]:
-    return {one.name: one.value for one in found}
+    return {item.name: item.value for item in found}
 
 
 def test_every_indicator_says_what_it_is():
     """Each has a snake-case name, a finite value, a meaning, and a direction that is worse."""
-    found = [*indicators.of_recording(simulated().recording), *of_fit(2.0, 1.0).values()]
-    names = [one.name for one in found]
+    matching = [*indicators.of_recording(simulated().recording), *of_fit(2.0, 1.0).values()]
+    names = [item.name for item in matching]
     assert len(names) == len(set(names))
-    for one in found:
-        assert one.name.replace("_", "").isalnum()
-        assert np.isfinite(one.value)
-        assert one.meaning
-        assert one.worse in ("up", "down", "none")
+    for item in matching:
+        assert item.name.replace("_", "").isalnum()
+        assert np.isfinite(item.value)
+        assert item.meaning
+        assert item.worse in ("up", "down", "none")
 
 
 def test_movement_of_a_recording():
@@ -68,20 +68,24 @@ def test_movement_of_a_recording():
     op = 50.0 + 5.0 * np.sin(2 * np.pi * t / 100.0)
     mv = np.where(t < 100, np.nan, op)
     signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "MV")}
-    found = named(indicators.of_recording(Recording(valve="V", signals=signals, interval_s=1.0)))
-    assert abs(found["op_swing_percent"] - 10.0) < 0.1
-    assert 20.0 == found["op_reversals"]
-    assert 90.0 == found["usable_percent"]
-    assert abs(found["loop_period_s"] - 100.0) < 2.0
+    selection = named(
+        indicators.of_recording(Recording(valve="V", signals=signals, interval_s=1.0))
+    )
+    assert abs(selection["op_swing_percent"] - 10.0) < 0.1
+    assert 20.0 == selection["op_reversals"]
+    assert 90.0 == selection["usable_percent"]
+    assert abs(selection["loop_period_s"] - 100.0) < 2.0
 
 
 @pytest.mark.parametrize("op", [[], [50.0], [np.nan] * 100])
 def test_next_to_nothing(op):
     """No sample, one sample or no number at all give finite indicators."""
     signals = {Role.OP: Signal.good(np.array(op, dtype=float), "OP")}
-    found = named(indicators.of_recording(Recording(valve="V", signals=signals, interval_s=1.0)))
-    assert 0.0 == found["op_swing_percent"]
-    assert np.isfinite(list(found.values())).all()
+    selection = named(
+        indicators.of_recording(Recording(valve="V", signals=signals, interval_s=1.0))
+    )
+    assert 0.0 == selection["op_swing_percent"]
+    assert np.isfinite(list(selection.values())).all()
 
 
 def test_S_and_J_carry_their_intervals():
@@ -94,10 +98,10 @@ def test_S_and_J_carry_their_intervals():
 
 def test_dead_band_and_wear():
     """The dead band is S - J; slips and travel per hour are those of half an hour, doubled."""
-    found = {name: one.value for name, one in of_fit().items()}
-    assert abs(found["dead_band_percent"] - (found["S_percent"] - found["J_percent"])) < 1e-9
-    assert abs(found["slips_per_hour"] - 2.0 * found["slip_count"]) < 1e-6
-    assert abs(found["travel_per_hour_percent"] - 2.0 * found["travel_percent"]) < 1e-6
+    results = {name: one.value for name, one in of_fit().items()}
+    assert abs(results["dead_band_percent"] - (results["S_percent"] - results["J_percent"])) < 1e-9
+    assert abs(results["slips_per_hour"] - 2.0 * results["slip_count"]) < 1e-6
+    assert abs(results["travel_per_hour_percent"] - 2.0 * results["travel_percent"]) < 1e-6
 
 
 def test_slips_of_a_sticking_stem():
@@ -124,13 +128,13 @@ def test_residuals():
         "narx": Residual(rmse=0.3, normalised=0.1, one_step=0.05),
         "baseline": None,
     }
-    found = named(indicators.of_residuals(residuals, 1.4))
-    assert 0.5 == found["stiction_rmse_percent"]
-    assert 80.0 == found["stiction_fit_percent"]
-    assert "stiction_one_step_rmse_percent" not in found
-    assert 0.05 == found["narx_one_step_rmse_percent"]
-    assert "baseline_rmse_percent" not in found
-    assert 1.4 == found["baseline_ratio"]
+    selection = named(indicators.of_residuals(residuals, 1.4))
+    assert 0.5 == selection["stiction_rmse_percent"]
+    assert 80.0 == selection["stiction_fit_percent"]
+    assert "stiction_one_step_rmse_percent" not in selection
+    assert 0.05 == selection["narx_one_step_rmse_percent"]
+    assert "baseline_rmse_percent" not in selection
+    assert 1.4 == selection["baseline_ratio"]
 
 
 def test_numbers_that_are_none_are_left_out():

@@ -28,12 +28,12 @@ def ready(seed: int = 1, samples: int = 900) -> TrainingRecord:
     mv = np.concatenate([op[:3], op[:-3]]) + 0.05 * make.normal(size=samples)
     usable = np.ones(samples, dtype=bool)
     usable[200:205] = False
-    found = prepare(
+    result = prepare(
         NarxExample(valve="V", op=op, mv=mv, usable=usable, train_until=600, interval_s=1.0),
         NarxSettings(),
     )
-    assert isinstance(found, TrainingRecord), found
-    return found
+    assert isinstance(result, TrainingRecord), result
+    return result
 
 
 def compiled(
@@ -47,7 +47,7 @@ def compiled(
     """The kernel's normal matrix, or none where it gave up."""
     size, signals = weights.size + 1, valve.signals
     out = np.full((size, size), np.nan)
-    whole = kernel.normal_matrix(
+    matrix = kernel.normal_matrix(
         weights,
         hidden,
         signals.level,
@@ -61,7 +61,7 @@ def compiled(
         most,
         out,
     )
-    return out if whole else None
+    return out if matrix else None
 
 
 def by_torch(
@@ -84,9 +84,9 @@ def test_the_kernel_and_torch_build_the_same_matrix(horizon: int, scale: float) 
     flat = scale * random_starts(NarxSettings(), 2)
     expected = by_torch(valves, torch.from_numpy(flat), horizon)
     for valve, weights, matrix in zip(valves, flat, expected, strict=True):
-        found = compiled(valve, weights, horizon)
-        assert found is not None
-        np.testing.assert_allclose(found, matrix, rtol=0, atol=1e-8 * np.abs(matrix).max())
+        result = compiled(valve, weights, horizon)
+        assert result is not None
+        np.testing.assert_allclose(result, matrix, rtol=0, atol=1e-8 * np.abs(matrix).max())
 
 
 def test_it_gives_up_exactly_where_the_error_allowed_is_passed() -> None:
@@ -151,10 +151,10 @@ def test_the_quick_tanh_is_a_tanh(x: float) -> None:
 def test_the_quick_tanh_is_odd_and_knows_no_number() -> None:
     """Densely where it bends: within 4e-16, never beyond 1, and NaN stays NaN."""
     bending = np.linspace(-21.0, 21.0, 20001)
-    found = np.array([kernel._tanh(x) for x in bending])
-    np.testing.assert_allclose(found, np.tanh(bending), rtol=0, atol=4e-16)
-    assert np.abs(found).max() == 1.0
-    assert [kernel._tanh(-x) for x in bending] == list(-found)
+    array = np.array([kernel._tanh(x) for x in bending])
+    np.testing.assert_allclose(array, np.tanh(bending), rtol=0, atol=4e-16)
+    assert np.abs(array).max() == 1.0
+    assert [kernel._tanh(-x) for x in bending] == list(-array)
     assert [kernel._tanh(x) for x in (-np.inf, np.inf)] == [-1.0, 1.0]
     assert np.isnan(kernel._tanh(np.nan))
 
@@ -166,8 +166,8 @@ def test_any_number_of_hidden_units_and_of_runs_side_by_side(hidden: int) -> Non
     flat = random_starts(NarxSettings(hidden=hidden), 1)
     assert len(set(segments(valve.trained, 60)[1])) == 10
     expected = by_torch([valve], torch.from_numpy(flat), 60, hidden)[0]
-    found = compiled(valve, flat[0], 60, hidden=hidden)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+    result = compiled(valve, flat[0], 60, hidden=hidden)
+    np.testing.assert_allclose(result, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_the_order_of_the_runs_is_of_no_consequence() -> None:
@@ -176,8 +176,8 @@ def test_the_order_of_the_runs_is_of_no_consequence() -> None:
     starts, lengths = segments(valve.trained, 7)
     expected = compiled(valve, weights, 7)
     order = np.random.default_rng(0).permutation(starts.size)
-    found = compiled(valve, weights, 7, runs=(starts[order], lengths[order]))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    result = compiled(valve, weights, 7, runs=(starts[order], lengths[order]))
+    np.testing.assert_allclose(result, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     nothing = compiled(valve, weights, 7, runs=(starts[:0], lengths[:0]))
     assert nothing is not None
     assert not nothing.any()

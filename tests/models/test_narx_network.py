@@ -234,8 +234,8 @@ def test_any_damaged_byte_is_noticed(at: int, flip: int) -> None:
     data = bytearray(network(members=1).to_bytes())
     whole = bytes(data)
     data[at % len(data)] ^= flip
-    found = read_back(bytes(data))
-    assert "NARX network" in found if isinstance(found, str) else whole == found.to_bytes()
+    back = read_back(bytes(data))
+    assert "NARX network" in back if isinstance(back, str) else whole == back.to_bytes()
 
 
 @pytest.mark.parametrize("data", [b"", b"abc", b"\x00" * 40, b"\xff" * 64])
@@ -305,8 +305,8 @@ def test_a_network_sees_the_command_as_the_actuator_passes_it_on() -> None:
     }
     op, mv = signals()
     passed_on = actuator_output(op, INTERVAL_S, actuator)
-    found = network(actuator=actuator).free_run(op, mv)
-    assert np.array_equal(network().free_run(passed_on, mv), found)
+    result = network(actuator=actuator).free_run(op, mv)
+    assert np.array_equal(network().free_run(passed_on, mv), result)
 
 
 def test_the_actuator_delays_lags_and_limits() -> None:
@@ -396,7 +396,7 @@ def test_running_and_storing_a_network_needs_no_torch() -> None:
         "net.free_run(np.linspace(40, 60, 50), 40.0)\n"
         "assert 'torch' not in sys.modules\n"
     )
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", script], input=network().to_bytes(), capture_output=True, check=False
     )
-    assert (0, b"") == (done.returncode, done.stderr)
+    assert (0, b"") == (process.returncode, process.stderr)

@@ -91,7 +91,7 @@ def test_the_start_knows_the_actuator_and_the_reading() -> None:
 
 def test_half_the_members_from_the_element_beat_random_members() -> None:
     """On every shape the grey-box ensemble is nearly as good or better, and better in the mean."""
-    cases = [example(*levels, seed=at) for at, levels in enumerate(SHAPES.values())]
+    cases = [example(*levels, seed=index) for index, levels in enumerate(SHAPES.values())]
     grey = [percent(fit) for fit in train(cases)]
     random = [percent(fit) for fit in train([replace(case, start=None) for case in cases])]
     assert np.mean(grey) > np.mean(random) + 2

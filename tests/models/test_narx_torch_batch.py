@@ -137,11 +137,11 @@ def test_a_diverging_run_keeps_its_sensitivities_finite() -> None:
 
 def test_the_number_of_torch_threads_is_given_back() -> None:
     """Training uses one thread and leaves the process as it found it, also after an error."""
-    found = torch.get_num_threads()
+    num_threads = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
         with pytest.raises(RuntimeError, match="1 thread inside"), one_thread():
             raise RuntimeError(f"{torch.get_num_threads()} thread inside")
         assert torch.get_num_threads() == 2
     finally:
-        torch.set_num_threads(found)
+        torch.set_num_threads(num_threads)

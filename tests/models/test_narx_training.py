@@ -49,8 +49,8 @@ def command(rng: np.random.Generator, n: int) -> np.ndarray:
     u = 50 + rng.normal(0, 0.05, n)
     for _ in range(3):
         u += rng.uniform(2, 7) * np.sin(2 * np.pi * t / rng.uniform(40, 400) + rng.uniform(0, 6))
-    for at in rng.integers(0, n, 12):
-        u[at:] += rng.normal(0, 3)
+    for integer in rng.integers(0, n, 12):
+        u[integer:] += rng.normal(0, 3)
     return u
 
 
@@ -71,7 +71,7 @@ def example(
 
 @pytest.fixture(scope="module")
 def examples() -> list[NarxExample]:
-    return [example(*valve, seed=at) for at, valve in enumerate(VALVES)]
+    return [example(*valve, seed=index) for index, valve in enumerate(VALVES)]
 
 
 @pytest.fixture(scope="module")
@@ -418,8 +418,8 @@ def test_a_gpu_that_fails_costs_no_network(
     monkeypatch: pytest.MonkeyPatch, examples: list[NarxExample]
 ) -> None:
     """Where the GPU cannot be used after all, the batch is trained on the CPU, to the same bits."""
-    whole = list(examples)
-    expected = train(whole, SHORT)
+    as_list = list(examples)
+    expected = train(as_list, SHORT)
     told: list[str] = []
 
     def refuse(valves: object, settings: NarxSettings, device: str) -> object:
@@ -430,8 +430,8 @@ def test_a_gpu_that_fails_costs_no_network(
 
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
     monkeypatch.setattr("stemwatch.models.narx.training.train_members", refuse)
-    found = train(whole, SHORT)
+    trained = train(as_list, SHORT)
     assert told == ["cuda", "cpu"]
-    assert {fit.device for fit in found} == {"cpu"}
-    for one, other in zip(expected, found, strict=True):
+    assert {fit.device for fit in trained} == {"cpu"}
+    for one, other in zip(expected, trained, strict=True):
         np.testing.assert_array_equal(weights_of(one), weights_of(other))

@@ -43,8 +43,8 @@ def test_scale_and_zero_do_not_matter():
 
 
 def false_alarms(make):
-    found = [oscillation(make(seed), 1.0) for seed in range(60)]
-    return np.mean([seen is not None and seen.regular for seen in found])
+    matching = [oscillation(make(seed), 1.0) for seed in range(60)]
+    return np.mean([seen is not None and seen.regular for seen in matching])
 
 
 def test_white_noise_does_not_oscillate():
@@ -78,9 +78,9 @@ def test_each_signal_of_the_loop_is_asked():
     wave = 50.0 + np.sin(np.arange(600.0) / 5.0)
     holed = np.where(np.random.default_rng(0).random(600) < 0.1, np.nan, wave)
     signals = {Role.OP: Signal.good(wave, "OP"), Role.PV: Signal.good(holed, "PV")}
-    found = loop_oscillation(Recording(valve="V", signals=signals, interval_s=1.0))
-    assert {Role.OP, Role.PV} == set(found)
-    assert abs(found[Role.PV].period_s - 10.0 * np.pi) < 0.5
+    result = loop_oscillation(Recording(valve="V", signals=signals, interval_s=1.0))
+    assert {Role.OP, Role.PV} == set(result)
+    assert abs(result[Role.PV].period_s - 10.0 * np.pi) < 0.5
 
 
 def test_a_signal_of_holes_is_left_out():

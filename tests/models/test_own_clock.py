@@ -29,7 +29,10 @@ from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidd
 FACTORS = (0.001, 0.01, 5.0, 60.0)
 # The fastest and the slowest clock in every run; those between where one effect shows them.
 SHORT = (0.001, 60.0)
-IN_LONG = [one if one in SHORT else pytest.param(one, marks=pytest.mark.long) for one in FACTORS]
+IN_LONG = [
+    factor if factor in SHORT else pytest.param(factor, marks=pytest.mark.long)
+    for factor in FACTORS
+]
 QUICK = Options(narx=False)
 HIDDEN = ("dead_time", "rate_limit")
 
@@ -77,7 +80,7 @@ def same_but_for_time(found, expected, factor):
             close(after.parameters[name].value, factor**power * one.value)
             close(after.parameters[name].low, factor**power * one.low)
             close(after.parameters[name].high, factor**power * one.high)
-    refused = [[one.slug for one in said.not_testable] for said in (expected, found)]
+    refused = [[item.slug for item in said.not_testable] for said in (expected, found)]
     assert refused[0] == refused[1]
 
 
@@ -85,10 +88,12 @@ def same_but_for_time(found, expected, factor):
     ("slug", "factor"),
     [
         pytest.param(
-            slug, one, marks=[pytest.mark.long] if slug != "dead_time" and one not in SHORT else []
+            slug,
+            factor,
+            marks=[pytest.mark.long] if slug != "dead_time" and factor not in SHORT else [],
         )
         for slug in HIDDEN
-        for one in FACTORS
+        for factor in FACTORS
     ],
 )
 def test_a_screening_does_not_depend_on_how_long_a_second_is(slug, factor):
@@ -128,9 +133,9 @@ def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, said)
 
 def test_a_result_keeps_the_recording_with_its_own_seconds():
     """The own clock does not leave the science."""
-    found = screened("dead_time", 0.01)
-    assert found.recording.own_unit_s is None
-    assert 0.01 == found.recording.interval_s == found.seen.interval_s
+    result = screened("dead_time", 0.01)
+    assert result.recording.own_unit_s is None
+    assert 0.01 == result.recording.interval_s == result.seen.interval_s
 
 
 @pytest.mark.parametrize("factor", [0.01, pytest.param(60.0, marks=pytest.mark.long)])
@@ -188,8 +193,8 @@ def test_how_long_a_recording_must_be_is_a_number_of_samples(interval_s):
     """300 of them, at any rate, where the plant does not say."""
 
     def slugs(samples, limits):
-        found = assess(on_own_clock(moved(samples, interval_s)), limits).obstacles
-        return [one.slug for one in found]
+        obstacles = assess(on_own_clock(moved(samples, interval_s)), limits).obstacles
+        return [item.slug for item in obstacles]
 
     assert ["too_short"] == slugs(290, Limits())
     assert [] == slugs(310, Limits())
@@ -199,8 +204,8 @@ def test_how_long_a_recording_must_be_is_a_number_of_samples(interval_s):
 def test_seconds_that_a_plant_asked_for_stay_seconds(interval_s, short):
     """``min_duration_s`` means seconds of the plant."""
     recording = on_own_clock(moved(500, interval_s))
-    found = assess(recording, Limits(min_duration_s=600.0)).obstacles
-    assert short is ("too_short" in [one.slug for one in found])
+    obstacles = assess(recording, Limits(min_duration_s=600.0)).obstacles
+    assert short is ("too_short" in [item.slug for item in obstacles])
 
 
 @pytest.mark.parametrize(
@@ -245,8 +250,8 @@ def test_a_unit_whose_power_of_time_is_not_known_is_an_error_that_says_where_it_
 
 def test_an_estimate_is_compared_in_own_units_and_said_in_true_ones():
     """What a term's sentence is given."""
-    own = Estimate(value=3.6, low=3.2, high=4.0, unit="s")
-    spoken = SpokenEstimate.of(own, 0.001)
+    estimate = Estimate(value=3.6, low=3.2, high=4.0, unit="s")
+    spoken = SpokenEstimate.of(estimate, 0.001)
     assert (3.6, "3.60 (3.20 to 4.00) ms") == (spoken.value, str(spoken))
-    close(estimate_in_seconds(own, 0.001).high, 0.004)
-    assert str(own) == str(SpokenEstimate.of(own, 1.0))
+    close(estimate_in_seconds(estimate, 0.001).high, 0.004)
+    assert str(estimate) == str(SpokenEstimate.of(estimate, 1.0))

@@ -324,8 +324,8 @@ def test_pieces_with_holes_between_them_are_screened_and_said():
     piece = np.arange(N) % 900 < 450
     assessment = seen(recorded(op=np.where(piece, OP, np.nan), mv=np.where(piece, MV, np.nan)))
     assert assessment.obstacles == ()
-    said = "the recording is put together from 4 pieces, each fitted from its own start"
-    assert said in assessment.quality.reasons
+    text = "the recording is put together from 4 pieces, each fitted from its own start"
+    assert text in assessment.quality.reasons
     assert assessment.quality.grade == "C"
 
 

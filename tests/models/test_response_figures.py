@@ -57,7 +57,7 @@ def judged(S, J, *, effects=(), question=None, indicators=()):
         S=S,
         J=J,
         mismatch=mismatch,
-        indicators={one.name: one for one in indicators},
+        indicators={indicator.name: indicator for indicator in indicators},
     )
 
 
@@ -76,9 +76,9 @@ def effect(slug, **parameters):
 
 def figures_by(figures, step, way, *, rising=True):
     (found,) = [
-        one
-        for one in figures.steps
-        if (one.step_percent, one.way, one.rising) == (step, way, rising)
+        item
+        for item in figures.steps
+        if (item.step_percent, item.way, item.rising) == (step, way, rising)
     ]
     return found
 
@@ -128,16 +128,16 @@ def step_test(S, J, theta, tau, rate, step, way):
 )
 def test_the_formula_gives_what_a_simulated_step_test_shows(S, J, theta, tau, rate, way):
     """Gain, Td and T86 of every step, and which steps do not move the stem."""
-    numbers = StepNumbers(*(np.array([one]) for one in (S, J, theta, tau, rate)))
+    numbers = StepNumbers(*(np.array([item]) for item in (S, J, theta, tau, rate)))
     for step in STEPS_PERCENT:
-        shown = step_test(S, J, theta, tau, rate, step, way)
+        result = step_test(S, J, theta, tau, rate, step, way)
         figures = step_figures(numbers, step, way, rising=True)
-        if shown is None:
+        if result is None:
             assert figures.moves == 0.0
             assert figures.dead_time.value is None
             assert "does not move" in (figures.dead_time.reason or "")
             continue
-        gain, dead_time, t86 = shown
+        gain, dead_time, t86 = result
         assert figures.travel_gain.value == pytest.approx(gain, abs=0.01)
         assert figures.dead_time.value == pytest.approx(dead_time, abs=0.05)
         assert figures.t86.value == pytest.approx(t86, abs=0.05)
@@ -169,10 +169,10 @@ def test_named_lag_and_delay_are_in_the_times_with_their_uncertainty():
     delay = Estimate(value=0.5, low=0.4, high=0.6, unit="s")
     effects = [effect("actuator_lag", tau=lag), effect("dead_time", theta=delay)]
     figures = response_figures(judged(percent(3.0), percent(1.0), effects=effects))
-    found = figures_by(figures, 10.0, StepWay.SAME)
-    assert found.dead_time.value == pytest.approx(0.5 + 2.0 * np.log(10 / 9))
-    assert found.t86.value == pytest.approx(0.5 + 2.0 * np.log(1 / 0.135), rel=1e-6)
-    assert found.t86.low < 3.7 < found.t86.value < 5.3 < found.t86.high
+    result = figures_by(figures, 10.0, StepWay.SAME)
+    assert result.dead_time.value == pytest.approx(0.5 + 2.0 * np.log(10 / 9))
+    assert result.t86.value == pytest.approx(0.5 + 2.0 * np.log(1 / 0.135), rel=1e-6)
+    assert result.t86.low < 3.7 < result.t86.value < 5.3 < result.t86.high
     assert not figures.simulated
     assert not figures.left_out
 
@@ -195,8 +195,8 @@ def test_without_named_effects_the_fit_of_S_and_J_gives_the_times():
     """The indicators of the fit hold its lags."""
     lag = Indicator(name="lag_rising_s", value=2.0, unit="s", meaning="")
     figures = response_figures(judged(percent(3.0), percent(1.0), indicators=[lag]))
-    found = figures_by(figures, 10.0, StepWay.SAME)
-    assert found.dead_time.value == pytest.approx(2.0 * np.log(10 / 9))
+    result = figures_by(figures, 10.0, StepWay.SAME)
+    assert result.dead_time.value == pytest.approx(2.0 * np.log(10 / 9))
 
 
 def published(**terms):
@@ -223,7 +223,7 @@ def test_steps_that_are_run_agree_with_the_formula_where_it_holds(way):
     )
     assert run.simulated == ("viscous_drag",)
     for step in STEPS_PERCENT:
-        expected, found = (figures_by(one, step, way) for one in (by_formula, run))
+        expected, found = (figures_by(item, step, way) for item in (by_formula, run))
         assert found.moves == expected.moves
         if expected.moves:
             assert found.travel_gain.value == pytest.approx(expected.travel_gain.value, abs=0.01)
@@ -262,9 +262,9 @@ def test_without_S_and_J_there_are_no_figures_and_the_reason_stays():
 
 def test_no_time_is_known_better_than_a_sample():
     """Samples every 5 s."""
-    kept = RecordingFacts(
+    recording_facts = RecordingFacts(
         start=None, end=None, interval_s=5.0, samples=100, usable_share=1.0, tags={}
     )
-    figures = response_figures(replace(judged(percent(3.0), percent(1.0)), kept=kept))
-    found = figures_by(figures, 10.0, StepWay.SAME)
-    assert (found.dead_time.value, found.dead_time.high) == (pytest.approx(0, abs=1e-6), 5.0)
+    figures = response_figures(replace(judged(percent(3.0), percent(1.0)), kept=recording_facts))
+    result = figures_by(figures, 10.0, StepWay.SAME)
+    assert (result.dead_time.value, result.dead_time.high) == (pytest.approx(0, abs=1e-6), 5.0)

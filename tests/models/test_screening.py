@@ -100,11 +100,11 @@ def test_sticky_and_healthy():
 
 def test_traces_lie_on_the_clock():
     """The simulated positions have the recording's length, and the held-out part begins in it."""
-    one = quick(plant())[0]
-    assert len(one.recording) == one.traces.stiction.size
-    assert one.traces.narx is None
-    assert 0 < one.traces.heldout_from < len(one.recording)
-    assert one.residuals["stiction"].rmse < 1.0
+    result = quick(plant())[0]
+    assert len(result.recording) == result.traces.stiction.size
+    assert result.traces.narx is None
+    assert 0 < result.traces.heldout_from < len(result.recording)
+    assert result.residuals["stiction"].rmse < 1.0
 
 
 def test_order_and_company_do_not_matter():
@@ -138,12 +138,12 @@ def test_unreadable_source():
 
 def test_no_position_still_says_something():
     """Without a position there is no verdict, and what was seen is told."""
-    one = quick(recorded(plant().op.values))[0]
-    consistent(one)
-    assert Verdict.UNDETERMINED is one.verdict
-    assert "there is no valve position" in one.reason
-    assert one.S.reason == one.J.reason
-    assert len(one.still_seen) >= 2
+    result = quick(recorded(plant().op.values))[0]
+    consistent(result)
+    assert Verdict.UNDETERMINED is result.verdict
+    assert "there is no valve position" in result.reason
+    assert result.S.reason == result.J.reason
+    assert len(result.still_seen) >= 2
 
 
 @pytest.mark.parametrize(
@@ -163,9 +163,9 @@ def test_a_reversed_position_is_read_the_right_way_round(S, J, verdict):
 )
 def test_slow_healthy_valves_are_not_accused(seed):
     """Lags and dead times of seconds, without friction to speak of, are never called sticky."""
-    one = quick(plant(0.3, 0.05, 1.0 + seed, 0.5 * seed, seed))[0]
-    consistent(one)
-    assert Verdict.STICKY is not one.verdict
+    result = quick(plant(0.3, 0.05, 1.0 + seed, 0.5 * seed, seed))[0]
+    consistent(result)
+    assert Verdict.STICKY is not result.verdict
 
 
 def test_baseline_is_compared():
@@ -184,7 +184,7 @@ def test_baseline_is_compared():
     consistent(worse)
     assert Verdict.HEALTHY is same.verdict
     assert same.baseline_note.startswith(note)
-    ratio = [one.indicators["baseline_ratio"].value for one in (same, worse)]
+    ratio = [item.indicators["baseline_ratio"].value for item in (same, worse)]
     assert ratio[1] > 3.0 * ratio[0]
     assert worse.residuals["baseline"].rmse > same.residuals["baseline"].rmse
 
@@ -192,20 +192,20 @@ def test_baseline_is_compared():
 def test_baseline_of_another_interval_is_not_compared():
     """A baseline that cannot be compared costs nothing but the comparison, and says why."""
     network = replace(network_of(plant(0.3, 0.0, 0.5)), interval_s=5.0)
-    one = screen([Case(recording=plant(), baseline=network, baseline_note="May.")], QUICK)[0]
-    consistent(one)
-    assert Verdict.STICKY is one.verdict
-    assert one.residuals["baseline"] is None
-    assert "May. Not compared: the baseline network was trained at" in one.baseline_note
+    result = screen([Case(recording=plant(), baseline=network, baseline_note="May.")], QUICK)[0]
+    consistent(result)
+    assert Verdict.STICKY is result.verdict
+    assert result.residuals["baseline"] is None
+    assert "May. Not compared: the baseline network was trained at" in result.baseline_note
 
 
 def test_narx_gives_residual_trace_and_network():
     """With the network on, its residual, its trace and itself are part of the screening."""
-    one = screen([Case(recording=plant())])[0]
-    consistent(one)
-    assert one.network is not None
-    assert one.residuals["narx"].one_step <= one.residuals["narx"].rmse
-    assert len(one.recording) == one.traces.narx.size
+    result = screen([Case(recording=plant())])[0]
+    consistent(result)
+    assert result.network is not None
+    assert result.residuals["narx"].one_step <= result.residuals["narx"].rmse
+    assert len(result.recording) == result.traces.narx.size
 
 
 parts = st.sampled_from(["constant", "ramp", "walk", "sine", "noise", "huge", "nan", "holed", "op"])
@@ -214,18 +214,18 @@ parts = st.sampled_from(["constant", "ramp", "walk", "sine", "noise", "huge", "n
 @st.composite
 def any_signal(draw, n, op=None):
     kind = draw(parts)
-    made = np.random.default_rng(draw(st.integers(0, 9)))
+    result = np.random.default_rng(draw(st.integers(0, 9)))
     t = np.arange(float(n))
     values = {
         "constant": np.full(n, draw(st.sampled_from([0.0, 50.0, 3.5e-44, -7.0]))),
         "ramp": t / 10.0,
-        "walk": 50.0 + np.cumsum(made.standard_normal(n)),
+        "walk": 50.0 + np.cumsum(result.standard_normal(n)),
         "sine": 50.0 + 10.0 * np.sin(t / draw(st.sampled_from([0.5, 5.0, 50.0]))),
-        "noise": 50.0 + made.standard_normal(n),
-        "huge": made.standard_normal(n) * 10.0 ** draw(st.sampled_from([3, 30, 300])),
+        "noise": 50.0 + result.standard_normal(n),
+        "huge": result.standard_normal(n) * 10.0 ** draw(st.sampled_from([3, 30, 300])),
         "nan": np.full(n, np.nan),
-        "holed": np.where(made.random(n) < 0.2, np.nan, 50.0 + np.sin(t / 9.0) * 8.0),
-        "op": t if op is None else op + 0.1 * made.standard_normal(n),
+        "holed": np.where(result.random(n) < 0.2, np.nan, 50.0 + np.sin(t / 9.0) * 8.0),
+        "op": t if op is None else op + 0.1 * result.standard_normal(n),
     }[kind]
     if draw(st.booleans()) and n > 3:
         values = values.copy()
@@ -253,11 +253,11 @@ def test_a_real_rate_limited_valve_is_not_sticky(recordings):
     """S and J alone read 8 % and more out of a healthy valve that closes slowly; the verdict does
     not fall for it."""
     frame = pd.read_csv(recordings / "damadics" / "lublin_actuator3_one_hour.csv")
-    one = quick(recorded(frame["LC74_20CV_pct"], frame["LC74_20X_pct"], valve="LC74_20"))[0]
-    consistent(one)
-    assert one.indicators["naive_S_percent"].value > 8.0
-    assert one.S.value < 2.0
-    assert Verdict.STICKY is not one.verdict
+    result = quick(recorded(frame["LC74_20CV_pct"], frame["LC74_20X_pct"], valve="LC74_20"))[0]
+    consistent(result)
+    assert result.indicators["naive_S_percent"].value > 8.0
+    assert result.S.value < 2.0
+    assert Verdict.STICKY is not result.verdict
 
 
 def test_the_scans_of_both_tags_stand_among_the_decisions():
@@ -266,6 +266,6 @@ def test_the_scans_of_both_tags_stand_among_the_decisions():
     mv = base.signals[Role.MV].values[np.arange(len(base)) // 3 * 3]
     slow = replace(base, signals={**base.signals, Role.MV: Signal.good(mv, "ZT")})
     plain, scanned = quick(base, slow)
-    said = [decision for decision in scanned.provenance.decisions if "scan" in decision]
-    assert said == ["OP changes every 1 s, the position every 3 s: each has its own scan."]
+    sentences = [decision for decision in scanned.provenance.decisions if "scan" in decision]
+    assert sentences == ["OP changes every 1 s, the position every 3 s: each has its own scan."]
     assert not any("scan" in decision for decision in plain.provenance.decisions)

@@ -45,9 +45,9 @@ def test_true_positions_go_with_their_command():
 def test_the_position_of_another_valve_is_refused():
     """A position that does not go with OP is an obstacle that says so."""
     other = 50.0 + 5.0 * np.sin(np.arange(OP.size) / 7.0) + 0.1 * RNG.standard_normal(OP.size)
-    found = assess(pair(OP, other), Limits()).obstacles[0]
-    assert "position_unrelated" == found.slug
-    assert "another valve" in found.reason
+    obstacle = assess(pair(OP, other), Limits()).obstacles[0]
+    assert "position_unrelated" == obstacle.slug
+    assert "another valve" in obstacle.reason
 
 
 def test_correlation_of_what_does_not_move_is_zero():

@@ -33,7 +33,7 @@ def test_a_healthy_valve_does_not_jump(place: int) -> None:
 
 def test_jumps_away_from_the_command_are_not_friction() -> None:
     """The position of another sticking valve jumps, but not towards this command."""
-    own, other = (recording_of(draw_sticky, place) for place in (0, 25))
+    own, other = (recording_of(draw_sticky, index) for index in (0, 25))
     n = min(len(own), len(other))
     mv = Signal.good(other.signals[Role.MV].values[:n].copy(), "ZT")
     mixed = own.part(0, n)

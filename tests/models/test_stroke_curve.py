@@ -95,9 +95,9 @@ def stored(way: str, S: float, J: float) -> Recording:
 
 @cache
 def curve_of(way: str, S: float, J: float) -> StrokeCurve:
-    found = find_stroke_curve(stored(way, S, J))
-    assert found is not None
-    return found
+    curve = find_stroke_curve(stored(way, S, J))
+    assert curve is not None
+    return curve
 
 
 @cache
@@ -165,9 +165,9 @@ def test_the_slope_is_that_over_the_part_of_op_that_was_used():
 def test_the_sticking_is_that_of_the_plain_recording(way):
     """S and J in percent of travel are the same however OP was stored."""
     naive = fit_stickslip(plain(*STICKING))
-    found = fit_stickslip(in_travel(stored(way, *STICKING), curve_of(way, *STICKING)))
-    assert found.S == pytest.approx(naive.S, abs=0.35)
-    assert found.J == pytest.approx(naive.J, abs=0.4)
+    fit = fit_stickslip(in_travel(stored(way, *STICKING), curve_of(way, *STICKING)))
+    assert fit.S == pytest.approx(naive.S, abs=0.35)
+    assert fit.J == pytest.approx(naive.J, abs=0.4)
 
 
 @pytest.mark.parametrize(
@@ -203,9 +203,9 @@ def test_a_split_range_is_said_in_one_sentence():
 
 def test_a_bend_is_said_with_its_size():
     """An equal percentage is no straight line, and the sentence says how far it is off one."""
-    said = curve_of("equal percentage", *STICKING).sentence()
-    assert "bent by up to" in said
-    assert "as if" not in said
+    text = curve_of("equal percentage", *STICKING).sentence()
+    assert "bent by up to" in text
+    assert "as if" not in text
 
 
 @pytest.mark.parametrize(
@@ -236,8 +236,8 @@ def test_explain_finds_the_curve_by_itself():
 
 def test_explain_refuses_zero_and_span_where_a_curve_holds_them():
     """What the curve was fitted to cannot be a finding, and the reason says so."""
-    found = explain(stored("upper half of a split range", *STICKING))
-    refused = {one.slug: one.reason for one in found.not_testable}
+    explanation = explain(stored("upper half of a split range", *STICKING))
+    refused = {item.slug: item.reason for item in explanation.not_testable}
     assert "curve from OP to stroke" in refused["zero_shift"]
     assert "curve from OP to stroke" in refused["span_error"]
 
@@ -344,10 +344,10 @@ def test_a_plain_valve_stays_plain_whatever_is_known_to_be_plain():
 
 def test_a_given_curve_is_used_instead_of_the_estimate():
     """As it stands in the plant file, over the part of OP that the recording used."""
-    given = curve_of_points("50:0 100:100")
-    found, change = of_window("upper half of a split range", KnownCurve(given, given=True))
+    result = curve_of_points("50:0 100:100")
+    found, change = of_window("upper half of a split range", KnownCurve(result, given=True))
     assert change == ""
-    assert (found.op, found.travel) == (given.op, given.travel)
+    assert (found.op, found.travel) == (result.op, result.travel)
     assert found.slope == pytest.approx(2.0)
     assert "The plant file gives this curve." in found.sentence()
     assert found.proposal() == ""
@@ -366,10 +366,10 @@ def test_a_given_curve_that_the_position_does_not_follow_is_said():
 
 def test_a_change_stands_in_the_reason_of_the_screening():
     """Whoever reads the verdict reads that the positioner was set otherwise."""
-    known = KnownCurve(curve_of("lower half of a split range", *STICKING))
+    known_curve = KnownCurve(curve_of("lower half of a split range", *STICKING))
     recording = stored("upper half of a split range", *STICKING)
     quick = replace(QUICK, mismatch=False)
-    (found,) = screen([Case(recording=recording, known_curve=known)], quick)
+    (found,) = screen([Case(recording=recording, known_curve=known_curve)], quick)
     assert found.verdict is Verdict.STICKY
     assert "not the curve of the window before" in found.reason
     assert found.stroke_curve.remark in found.reason
@@ -378,11 +378,11 @@ def test_a_change_stands_in_the_reason_of_the_screening():
 @pytest.mark.parametrize("way", WAYS)
 def test_a_proposed_curve_is_the_one_that_was_found(way):
     """What stands in the proposal, pasted into the plant file, reads the recording as well."""
-    found = curve_of(way, *STICKING)
-    (points,) = [part for part in found.proposal().split('"') if ":" in part]
+    result = curve_of(way, *STICKING)
+    (points,) = [part for part in result.proposal().split('"') if ":" in part]
     given = curve_of_points(points)
-    places = np.linspace(*found.used, 50)
-    np.testing.assert_allclose(given.command(places), found.command(places), atol=0.7)
+    places = np.linspace(*result.used, 50)
+    np.testing.assert_allclose(given.command(places), result.command(places), atol=0.7)
 
 
 @pytest.mark.parametrize(

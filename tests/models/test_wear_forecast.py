@@ -36,7 +36,7 @@ def test_no_trend_is_claimed_where_there_is_none():
         forecast_wear(DAYS, with_error(np.full(DAYS.size, 0.1 + 0.04 * seed), seed), 1.5)
         for seed in range(30)
     ]
-    assert [one.until.value for one in claimed] == [None] * 30
+    assert [item.until.value for item in claimed] == [None] * 30
 
 
 def test_a_valve_beyond_the_limit_and_one_that_never_reaches_it_say_so():
@@ -68,6 +68,6 @@ def test_weeks_without_a_screening_are_bridged():
 
 def test_the_words_name_limit_and_weeks():
     """For a ranking."""
-    said = forecast_wear(DAYS, with_error(0.1 + 0.014 * DAYS), 1.5).words
-    assert said.startswith("reaches 1.5 % in ")
-    assert "weeks" in said
+    words = forecast_wear(DAYS, with_error(0.1 + 0.014 * DAYS), 1.5).words
+    assert words.startswith("reaches 1.5 % in ")
+    assert "weeks" in words

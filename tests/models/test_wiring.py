@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -42,8 +43,8 @@ def values(recording: Recording, role: Role):
 
 
 def told(recording: Recording) -> list[str]:
-    found = assess(recording, Limits())
-    obstacles = found.obstacles or wiring_obstacles(found.recording)
+    assessment = assess(recording, Limits())
+    obstacles = assessment.obstacles or wiring_obstacles(assessment.recording)
     return [obstacle.slug for obstacle in obstacles]
 
 
@@ -70,13 +71,42 @@ def test_a_limit_cycle_whose_pv_goes_with_op_better_than_its_stem_is_not_doubted
     assert "tags_swapped" in told(wired(cycling, pv=filtered))
 
 
+@cache
+def slipping() -> Recording:
+    """A flow loop whose stem slips without offset: PV goes with OP twice as well as the stem does,
+    for the loop is quick and nothing sticks in PV."""
+    return simulate_loop(draw_sticky(15, 6161)[14], 6_161_514).recording
+
+
+def test_a_stem_that_rests_and_jumps_towards_its_command_is_not_doubted() -> None:
+    """Whatever else goes with OP: it is the command's, and at this time. The same position a minute
+    late rests and jumps at other times, and is doubted."""
+    recording = slipping()
+    pairing = Pairing.of(recording)
+    assert pairing is not None
+    assert pairing.slips_to_its_command
+    assert pairing.explained(BEFORE).left > 0.3
+    assert told(recording) == []
+    mv = values(recording, Role.MV)
+    late = wired(recording, mv=np.concatenate((np.full(60, mv[0]), mv[:-60])))
+    assert told(late) != []
+
+
+def test_another_pv_does_not_make_a_slipping_stem_doubtful() -> None:
+    """A PV that repeats OP through a filter."""
+    recording = slipping()
+    op = values(recording, Role.OP)
+    filtered = np.convolve(op, np.full(4, 0.25))[: op.size]
+    assert told(wired(recording, pv=filtered)) == []
+
+
 @pytest.mark.parametrize(("late", "how"), [(120, "after OP"), (-120, "before OP")])
 def test_clocks_that_are_minutes_apart_are_told_and_by_how_much(recording, late, how):
     """A position two minutes late or early is found, or does not go with OP at all."""
     at = np.clip(np.arange(len(recording)) - late, 0, len(recording) - 1)
     apart = wired(recording, mv=values(recording, Role.MV)[at])
-    found = assess(apart, Limits())
-    obstacles = found.obstacles or wiring_obstacles(found.recording)
+    assessment = assess(apart, Limits())
+    obstacles = assessment.obstacles or wiring_obstacles(assessment.recording)
     assert obstacles[0].slug in ("clocks_apart", "position_unrelated")
     if obstacles[0].slug == "clocks_apart":
         assert how in obstacles[0].reason

@@ -98,7 +98,7 @@ def run_process(
     *arguments: object, cwd: Path | None = None, env: dict[str, str] | None = None
 ) -> Outcome:
     """``stemwatch ARGUMENTS`` as a process of its own."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "stemwatch.service", *map(str, arguments)],
         cwd=cwd,
         env={**os.environ, "OMP_NUM_THREADS": "1", **(env or {})},
@@ -107,7 +107,7 @@ def run_process(
         timeout=120,
         check=False,
     )
-    return Outcome(status=done.returncode, out=done.stdout, err=done.stderr)
+    return Outcome(status=process.returncode, out=process.stdout, err=process.stderr)
 
 
 @pytest.fixture(scope="session")

@@ -77,7 +77,7 @@ def residual_map(scale: float, hot: bool) -> ResidualMap:
         )
         for label, weight, share in sides
     ]
-    place = HotPlace(
+    hot_place = HotPlace(
         facet="direction",
         label="falling",
         share=0.82,
@@ -86,7 +86,7 @@ def residual_map(scale: float, hot: bool) -> ResidualMap:
     )
     return ResidualMap(
         cells=tuple(cells),
-        hot=(place,) if hot else (),
+        hot=(hot_place,) if hot else (),
         travel_edges=EDGES,
         columns=COLUMNS,
         grid=tuple(grid),
@@ -187,26 +187,26 @@ def named(recording: Recording | None = None) -> Mismatch:
 
 def of_every_kind(recording: Recording | None = None) -> list[Mismatch]:
     """One mismatch of each verdict."""
-    whole = named(recording)
+    selection = named(recording)
     candidates = replace(
-        whole,
+        selection,
         finding=Finding.CANDIDATES,
         sentence="A dead time or an actuator lag: this recording cannot tell them apart.",
         effects=(second_effect(),),
         stroke_curve=StrokeCurve(op=(50.0, 75.0, 100.0), travel=(0.0, 52.0, 100.0)),
     )
     unknown = replace(
-        whole,
+        selection,
         finding=Finding.UNKNOWN,
         sentence="Something systematic is left that nothing in the catalogue explains.",
         effects=(),
-        restated=whole.naive,
+        restated=selection.naive,
     )
     none = replace(
         unknown,
         finding=Finding.NONE,
         sentence="S and J explain the recording.",
-        before=replace(whole.before, hot=()),
+        before=replace(selection.before, hot=()),
         record_effects=(),
     )
     blind = Estimate.unknown("there is no position in the recording", unit="%")
@@ -216,4 +216,4 @@ def of_every_kind(recording: Recording | None = None) -> list[Mismatch]:
         naive=Stiction(S=blind, J=blind),
         restated=Stiction(S=blind, J=blind),
     )
-    return [whole, candidates, unknown, none, untestable]
+    return [selection, candidates, unknown, none, untestable]

@@ -50,9 +50,9 @@ def rows(one_valve: Path) -> list[Row]:
         header, _, *lines = csv.reader(file)
     places = [header.index(f"{VALVE}.{ending}") for ending in ("OP", "ZT")]
     return [
-        (header[place], datetime.fromisoformat(line[0]).astimezone(UTC), *understood(line[place]))
+        (header[index], datetime.fromisoformat(line[0]).astimezone(UTC), *understood(line[index]))
         for line in lines
-        for place in places
+        for index in places
     ]
 
 

@@ -43,9 +43,9 @@ def test_version_upgrade_and_downgrade(stemwatch, site: str) -> None:
         f"schema {newest}; this program writes {newest}"
         in stemwatch("db", "version", "--db", site).said
     )
-    asked = stemwatch("db", "downgrade", "0004", "--db", site)
-    assert asked.status == 2
-    assert "would be lost: make a backup" in asked.said
+    process = stemwatch("db", "downgrade", "0004", "--db", site)
+    assert process.status == 2
+    assert "would be lost: make a backup" in process.said
     assert stemwatch("db", "downgrade", "0004", "--yes", "--db", site).status == 0
     older = stemwatch("db", "check", "--db", site)
     assert older.status == 1
@@ -103,9 +103,9 @@ def test_check_finds_orphans(stemwatch, site: str) -> None:
 def test_a_backup_is_restored(stemwatch, site: str, tmp_path: Path) -> None:
     """Everything comes back; a file or a database that is there is not overwritten."""
     file, copy = tmp_path / "b.zip", f"sqlite:///{tmp_path / 'copy.db'}"
-    made = stemwatch("db", "backup", file, "--db", site)
-    assert made.status == 0, made.said
-    assert "screenings 30" in made.said
+    process = stemwatch("db", "backup", file, "--db", site)
+    assert process.status == 0, process.said
+    assert "screenings 30" in process.said
     assert stemwatch("db", "restore", file, "--db", copy).status == 0
     with open_store(site) as first, open_store(copy) as second:
         assert first.valves() == second.valves()
@@ -135,11 +135,11 @@ def test_prune_counts_first_and_removes_when_told(stemwatch, site: str) -> None:
     assert counted.status == 0, counted.said
     assert "Nothing was removed" in counted.said
     assert (rows_in(site, "samples"), rows_in(site, "screenings")) == (14400, 30)
-    done = stemwatch(*asked, "--yes")
-    assert done.status == 0, done.said
+    process = stemwatch(*asked, "--yes")
+    assert process.status == 0, process.said
     for words in ("samples 14400", "screenings 20", "alerts 0"):
         assert words in counted.said
-        assert words in done.said
+        assert words in process.said
     assert (rows_in(site, "samples"), rows_in(site, "screenings")) == (0, 10)
     assert rows_in(site, "networks") == 2
     everything = ("db", "prune", "--db", site, "--results-days", 1, "--yes")

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from stemwatch.service.config import load_plant
+from stemwatch.service.run.plan import Request, make_plan
 from tests.models.test_stroke_curve import stored
 
 
@@ -70,12 +71,12 @@ def test_the_proposed_mapping_loads_and_screens(
     assert loaded.problems == ()
     assert list(loaded.valves) == ["FIC-104"]
 
-    found = tmp_path / "found.json"
+    results = tmp_path / "found.json"
     status = stemwatch(
-        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", found, "--workers", 1
+        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
     )
     assert status.status == 0, status.said
-    (valve,) = json.loads(found.read_text(encoding="utf-8"))
+    (valve,) = json.loads(results.read_text(encoding="utf-8"))
     assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
 
 
@@ -103,12 +104,12 @@ def test_a_curve_from_op_to_stroke_is_proposed_and_used(stemwatch, tmp_path: Pat
     op = np.linspace(70.0, 80.0, 9)
     np.testing.assert_allclose(curve.command(op), 2.0 * (op - 50.0), atol=2.5)
 
-    found = tmp_path / "found.json"
+    results = tmp_path / "found.json"
     screened = stemwatch(
-        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", found, "--workers", 1
+        "screen", "--plant", plant, "--out", tmp_path / "out", "--json", results, "--workers", 1
     )
     assert screened.status == 0, screened.said
-    (valve,) = json.loads(found.read_text(encoding="utf-8"))
+    (valve,) = json.loads(results.read_text(encoding="utf-8"))
     assert valve["verdict"] == "sticky"
     assert "The plant file gives this curve." in " ".join(valve["provenance"]["decisions"])
     assert valve["mismatch"]["stroke_curve"]["proposal"] == ""
@@ -198,10 +199,10 @@ def test_a_plant_file_is_written_beside_the_export_or_elsewhere_and_never_over_a
         assert f"stemwatch screen --plant {plant}" in seen.out
         loaded = load_plant(plant)
         assert loaded.problems == ()
-        found = tmp_path / f"{plant.parent.name}.json"
-        command = ("screen", "--plant", plant, "--out", tmp_path / "out", "--json", found)
+        results = tmp_path / f"{plant.parent.name}.json"
+        command = ("screen", "--plant", plant, "--out", tmp_path / "out", "--json", results)
         assert stemwatch(*command, "--workers", 1).status == 0
-        (valve,) = json.loads(found.read_text(encoding="utf-8"))
+        (valve,) = json.loads(results.read_text(encoding="utf-8"))
         assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
     beside.write_text("# filled in by hand\n", encoding="utf-8")
     again = stemwatch("inspect", one_valve, "--write", beside)
@@ -209,3 +210,73 @@ def test_a_plant_file_is_written_beside_the_export_or_elsewhere_and_never_over_a
     assert "is not overwritten" in again.said
     assert beside.read_text(encoding="utf-8") == "# filled in by hand\n"
     beside.unlink()
+
+
+def files_of_each_valve(plant_file: Path) -> dict[str, list[str]]:
+    """Which files the written plant file reads each valve from, as a run plans it."""
+    loaded = load_plant(plant_file)
+    assert loaded.problems == ()
+    planned: dict[str, list[str]] = {}
+    for task in make_plan(Request(plant=loaded)).tasks:
+        assert task.reason == "", task.reason
+        planned.setdefault(task.tags.valve, []).append(Path(task.path).name)
+    return planned
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_folder_of_daily_files_is_one_source(
+    stemwatch, one_valve: Path, tmp_path: Path, beside: bool
+) -> None:
+    """By a pattern, so that tomorrow's file is read too; a note among them is said and left out,
+    and a bracket in the folder's name is no pattern."""
+    folder = tmp_path / "exports [unit 100]"
+    folder.mkdir()
+    for day in ("monday.csv", "tuesday.csv"):
+        (folder / day).write_bytes(one_valve.read_bytes())
+    (folder / "notes.txt").write_text("who did what\n", encoding="utf-8")
+    plant = (folder if beside else tmp_path) / "plant.toml"
+    seen = stemwatch("inspect", folder, "--write", plant)
+    assert seen.status == 0, seen.said
+    assert "notes.txt" in seen.said
+    assert files_of_each_valve(plant) == {"FIC-104": ["monday.csv", "tuesday.csv"]}
+    (folder / "wednesday.csv").write_bytes(one_valve.read_bytes())
+    assert files_of_each_valve(plant)["FIC-104"][-1] == "wednesday.csv"
+
+
+def test_a_folder_whose_files_name_their_tags_alike_has_a_source_for_each(
+    stemwatch, tmp_path: Path
+) -> None:
+    """A tag OP in every file is another valve in every file, each read from its own."""
+    rows = [
+        f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{50 + k % 7},{50 + k % 5}" for k in range(300)
+    ]
+    for valve in ("FIC-1", "FIC-2"):
+        text = "\n".join(["Time,OP,ZT", *rows])
+        (tmp_path / f"{valve}.csv").write_text(text, encoding="utf-8")
+    plant = tmp_path / "plant.toml"
+    seen = stemwatch("inspect", tmp_path, "--write", plant)
+    assert seen.status == 0, seen.said
+    assert files_of_each_valve(plant) == {"FIC-1": ["FIC-1.csv"], "FIC-2": ["FIC-2.csv"]}
+
+
+def test_how_a_file_is_read_stands_in_the_plant_file(stemwatch, tmp_path: Path) -> None:
+    """What had to be said on the command line need not be said again."""
+    text = "\n".join(["OP;ZT", *(f"{50 + k % 7},5;{50 + k % 5},5" for k in range(300))])
+    (tmp_path / "FIC-1.csv").write_text(text, encoding="utf-8")
+    plant = tmp_path / "plant.toml"
+    said = ("--interval-s", "2", "--decimal", ",", "--separator", ";")
+    seen = stemwatch("inspect", tmp_path / "FIC-1.csv", *said, "--write", plant)
+    assert seen.status == 0, seen.said
+    loaded = load_plant(plant)
+    assert loaded.problems == ()
+    assert loaded.read_options("historian") == {"interval_s": 2.0, "decimal": ",", "separator": ";"}
+    (task,) = make_plan(Request(plant=loaded)).tasks
+    assert task.reason == ""
+
+
+def test_an_empty_folder_says_so(stemwatch, tmp_path: Path) -> None:
+    """Nothing is written."""
+    seen = stemwatch("inspect", tmp_path, "--write", tmp_path / "plant.toml")
+    assert seen.status == 2
+    assert "the folder is empty" in seen.said
+    assert not (tmp_path / "plant.toml").exists()

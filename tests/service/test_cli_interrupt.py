@@ -49,8 +49,8 @@ def test_an_interrupted_run_leaves_a_usable_database(
     number, status, state, reason = ENDS[by]
     folder, database = tmp_path / "exports", tmp_path / "kept.db"
     folder.mkdir()
-    for place in range(96):
-        os.link(one_valve, folder / f"valve{place:02}.csv")
+    for index in range(96):
+        os.link(one_valve, folder / f"valve{index:02}.csv")
     tags = ("--op", "FIC-104.OP", "--mv", "FIC-104.ZT", "--db", f"sqlite:///{database}")
     more = ("--workers", str(workers), "--out", str(tmp_path / "cut"))
     process = subprocess.Popen(

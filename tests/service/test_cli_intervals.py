@@ -59,11 +59,11 @@ def test_screen_reads_and_judges_it(stemwatch, export: Export, tmp_path: Path) -
 
 def test_explain_reads_and_explains_it(stemwatch, export: Export, tmp_path: Path) -> None:
     """S alone holds the truth, and nothing is named that is not there."""
-    found = tmp_path / "found.json"
+    results = tmp_path / "found.json"
     tags = ("--op", "FIC101.OP", "--mv", "FIC101.ZT")
-    outcome = stemwatch("explain", export.file, *tags, "--json", found, "--no-narx")
+    outcome = stemwatch("explain", export.file, *tags, "--json", results, "--no-narx")
     assert outcome.status == 0
-    (explained,) = json.loads(found.read_text("utf-8"))
+    (explained,) = json.loads(results.read_text("utf-8"))
     assert explained["effects"] == []
     restated = explained["stiction"]["restated"]["S"]
     assert restated["low"] <= S <= restated["high"]

@@ -66,11 +66,11 @@ def database(tmp_path_factory):
         start=datetime(2026, 3, 2, 6, tzinfo=UTC),
     )
     (bare,) = screen([Case(recording=still)], Options(narx=False))
-    mismatch = next(one for one in of_every_kind(still) if one.finding is Finding.CANDIDATES)
-    one = replace(bare, mismatch=replace(mismatch, open_question=QUESTION))
+    mismatch = next(item for item in of_every_kind(still) if item.finding is Finding.CANDIDATES)
+    changed = replace(bare, mismatch=replace(mismatch, open_question=QUESTION))
     two = replace(bare, mismatch=replace(mismatch, open_question=replace(QUESTION, models=())))
     with open_store(address) as store:
-        saved(store, one, BEGAN - timedelta(hours=1))
+        saved(store, changed, BEGAN - timedelta(hours=1))
         saved(store, two, BEGAN + timedelta(hours=1))
         saved(store, replace(two, valve="FIC-2"), BEGAN - timedelta(hours=1))
     return address
@@ -95,18 +95,18 @@ def test_plan_played_on_a_concealed_valve_names_what_it_hides(
     """Text, JSON and page agree on the winner; the rivals are those from before the test."""
     test = exported(simulated_test(programme, 47.0, **hidden), tmp_path / "test.csv")
     file, folder = tmp_path / "result.json", tmp_path / "out"
-    done = run(
+    process = run(
         *("judge-test", "FIC-1", test, "--db", database, "--from", BEGAN.isoformat()),
         *("--op", "FIC1.OP", "--mv", "FIC1.MV", "--json", str(file), "--out", str(folder)),
     )
-    assert done.exit_code == 0, done.output
-    assert f"FIC-1: the test says {name}" in done.output
-    assert "rivals of the screening that ended 2026-03-02 08:00 UTC" in done.output
-    told = json.loads(file.read_text(encoding="utf-8"))
-    assert (told["outcome"], told["winner"], told["left"]) == ("follows", slug, [slug])
-    assert told["start"] == BEGAN.isoformat()
+    assert process.exit_code == 0, process.output
+    assert f"FIC-1: the test says {name}" in process.output
+    assert "rivals of the screening that ended 2026-03-02 08:00 UTC" in process.output
+    loaded = json.loads(file.read_text(encoding="utf-8"))
+    assert (loaded["outcome"], loaded["winner"], loaded["left"]) == ("follows", slug, [slug])
+    assert loaded["start"] == BEGAN.isoformat()
     page = (folder / "test-result.html").read_text(encoding="utf-8")
-    assert told["headline"] in page
+    assert loaded["headline"] in page
     assert "MV recorded" in page
     assert "<script" not in page
 
@@ -117,9 +117,9 @@ def test_file_that_asked_for_a_bump_test_is_sent_to_screen(tmp_path, programme):
     values = {role: Signal.good(np.full(400, 47.0), role.value) for role in (Role.OP, Role.MV)}
     before = exported(replace(still, signals=values), tmp_path / "before.csv")
     test = exported(still, tmp_path / "test.csv")
-    done = run("judge-test", before, test, "--op", "FIC1.OP", "--mv", "FIC1.MV")
-    assert done.exit_code != 0
-    assert "`stemwatch screen` (the verdict, after a bump test)" in str(done.exception)
+    process = run("judge-test", before, test, "--op", "FIC1.OP", "--mv", "FIC1.MV")
+    assert process.exit_code != 0
+    assert "`stemwatch screen` (the verdict, after a bump test)" in str(process.exception)
 
 
 def test_what_cannot_be_judged_is_said_with_what_to_do(database, programme, tmp_path):
@@ -168,6 +168,6 @@ tag = "FIC1.MV"
     )
     end = BEGAN + timedelta(seconds=programme.duration_s)
     window = ("--from", BEGAN.isoformat(), "--to", end.isoformat())
-    done = run("judge-test", "FIC-1", "--plant", str(plant), *window)
-    assert done.exit_code == 0, done.output
-    assert "the test says dead time" in done.output
+    process = run("judge-test", "FIC-1", "--plant", str(plant), *window)
+    assert process.exit_code == 0, process.output
+    assert "the test says dead time" in process.output

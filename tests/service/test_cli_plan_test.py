@@ -55,7 +55,7 @@ def database(tmp_path_factory):
         start=datetime(2026, 3, 2, 6, tzinfo=UTC),
     )
     (bare,) = screen([Case(recording=still)], Options(narx=False))
-    mismatch = next(one for one in of_every_kind(still) if one.finding is Finding.CANDIDATES)
+    mismatch = next(item for item in of_every_kind(still) if item.finding is Finding.CANDIDATES)
     open_one = replace(
         bare,
         valve="FIC-1",
@@ -73,14 +73,16 @@ def database(tmp_path_factory):
 def test_store_is_enough_to_plan_the_test_and_the_sheet_is_written(database, tmp_path):
     """The last screening holds all that a plan needs; text, JSON and files agree."""
     file = tmp_path / "plan.json"
-    done = run("FIC-1", "--db", database, *QUICK, "--json", str(file), "--out", str(tmp_path / "o"))
-    assert done.exit_code == 0, done.output
-    assert "tells actuator lag and dead time apart" in done.output
-    assert "stemwatch never writes to a plant" in done.output
-    told = json.loads(file.read_text(encoding="utf-8"))
-    assert told["kind"] == "tells"
-    assert told["rivals"] == ["actuator_lag", "dead_time"]
-    assert told["values"][-1]["at_s"] < 120.0
+    process = run(
+        "FIC-1", "--db", database, *QUICK, "--json", str(file), "--out", str(tmp_path / "o")
+    )
+    assert process.exit_code == 0, process.output
+    assert "tells actuator lag and dead time apart" in process.output
+    assert "stemwatch never writes to a plant" in process.output
+    loaded = json.loads(file.read_text(encoding="utf-8"))
+    assert loaded["kind"] == "tells"
+    assert loaded["rivals"] == ["actuator_lag", "dead_time"]
+    assert loaded["values"][-1]["at_s"] < 120.0
     assert {path.name for path in (tmp_path / "o").iterdir()} == {"test-plan.html", "test-plan.pdf"}
 
 

@@ -39,7 +39,7 @@ def reading_options() -> dict[str, set[str]]:
     """The reading options of every command."""
     root = typer.main.get_command(app)
     assert isinstance(root, TyperGroup)
-    found = {}
+    results = {}
     for name, command in root.commands.items():
         options = {
             parameter.opts[0]
@@ -47,16 +47,16 @@ def reading_options() -> dict[str, set[str]]:
             if getattr(parameter, "rich_help_panel", None) == READING
         }
         if options:
-            found[name] = options
-    return found
+            results[name] = options
+    return results
 
 
 def test_every_reading_option_of_every_command_has_a_case() -> None:
     """A command or an option that is added later is asked the same."""
-    found = reading_options()
-    assert {name: found.pop(name) for name in OF_WHAT_IS_WRITTEN} == OF_WHAT_IS_WRITTEN
-    assert set(found) == set(CALLS)
-    assert set.union(*found.values()) == set(NEEDLESS) | ALWAYS
+    result = reading_options()
+    assert {name: result.pop(name) for name in OF_WHAT_IS_WRITTEN} == OF_WHAT_IS_WRITTEN
+    assert set(result) == set(CALLS)
+    assert set.union(*result.values()) == set(NEEDLESS) | ALWAYS
 
 
 @pytest.fixture

@@ -139,11 +139,11 @@ def test_a_folder_named_like_markup_is_shown_as_it_is(
 def test_the_ranking_shows_whole_intervals(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """An interval of which a part is cut off says something else."""
     wide = Estimate(value=12.34, low=10.87, high=13.56, unit="%")
-    found = [replace(one, S=wide, J=wide) if one.S.value else one for one in mixed()]
+    matching = [replace(item, S=wide, J=wide) if item.S.value else item for item in mixed()]
     terminal = Console(width=width, file=io.StringIO(), record=True)
     monkeypatch.setattr(views, "out", terminal)
-    terminal.print(views.summary(found))
+    terminal.print(views.summary(matching))
     text = terminal.export_text()
-    assert text.count("(10.9-13.6)") == 2 * sum(one.S.value is not None for one in found)
+    assert text.count("(10.9-13.6)") == 2 * sum(item.S.value is not None for item in matching)
     assert "\N{HORIZONTAL ELLIPSIS}" not in text.partition("verdict")[2]
     assert max(map(len, text.splitlines())) <= width

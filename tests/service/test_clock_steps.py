@@ -79,10 +79,10 @@ class Clocks:
 def clocks(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clocks]:
     """Clocks that stand still until they are moved."""
     with time_machine.travel(START, tick=False) as traveller:
-        made = Clocks(traveller)
+        result = Clocks(traveller)
         defaults = ClockWatch.__init__.__kwdefaults__
-        monkeypatch.setitem(defaults, "steady_s", lambda: made.steady_s)
-        yield made
+        monkeypatch.setitem(defaults, "steady_s", lambda: result.steady_s)
+        yield result
 
 
 @pytest.fixture
@@ -131,14 +131,14 @@ def test_no_time_has_two_values_of_which_one_is_good(
     collect(spool, store, seconds(START + timedelta(seconds=120), 30), 200)
     collect(spool, store, seconds(START + timedelta(seconds=60) + step, 30), 300)
     spool.close()
-    found = store.samples.read("plc", "V1.OP")
-    twice = (found.at_us >= microseconds(START + timedelta(seconds=60) + step)) & (
-        found.at_us < microseconds(START + timedelta(seconds=90) + step)
+    samples = store.samples.read("plc", "V1.OP")
+    twice = (samples.at_us >= microseconds(START + timedelta(seconds=60) + step)) & (
+        samples.at_us < microseconds(START + timedelta(seconds=90) + step)
     )
-    assert (found.quality[twice] == Quality.MISSING).all()
-    assert np.isnan(found.values[twice]).all()
-    assert (found.quality[~twice] == Quality.GOOD).all()
-    assert found.at_us.size == 150
+    assert (samples.quality[twice] == Quality.MISSING).all()
+    assert np.isnan(samples.values[twice]).all()
+    assert (samples.quality[~twice] == Quality.GOOD).all()
+    assert samples.at_us.size == 150
     assert store.samples.reasons("plc", "V1.OP") == {CAME_TWICE: 30}
 
 
@@ -162,10 +162,10 @@ def test_any_steps_of_the_clock_leave_no_wrong_value_good(tmp_path: Path, store:
                 spool.close()
                 spool = Spool(tmp_path / f"spool-{turn}")
         spool.close()
-        found = store.samples.read(f"plc {turn}", "T")
-        assert found.at_us.tolist() == sorted(said)
-        good = found.quality == Quality.GOOD
-        for at_us, one in zip(found.at_us[good].tolist(), found.values[good], strict=True):
+        samples = store.samples.read(f"plc {turn}", "T")
+        assert samples.at_us.tolist() == sorted(said)
+        good = samples.quality == Quality.GOOD
+        for at_us, one in zip(samples.at_us[good].tolist(), samples.values[good], strict=True):
             assert said[at_us] == {one}, (turn, at_us)
 
 

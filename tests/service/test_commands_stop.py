@@ -14,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.service.process_lifecycle import Terminated, asked_to_stop, ending_on_sigterm
+from stemwatch.service.interruption import Terminated, ending_on_signals
+from stemwatch.service.process_lifecycle import asked_to_stop
 from tests.service.live_demo.running_demo import DEMO, Started
 
 SIMULATE = ("simulate", "--modbus", "--what", "healthy", "--count", "1", "--port", "0")
@@ -69,14 +70,22 @@ def test_without_being_asked_nothing_is_stopped() -> None:
 class Late:
     """Something whose clearing away is where the signal arrives."""
 
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
     def __del__(self) -> None:
-        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(self.number)
 
 
-def test_an_end_that_a_finaliser_loses_is_asked_for_again() -> None:
-    """Python drops exceptions there, and a command that lost its SIGTERM would never end."""
-    with ending_on_sigterm(), pytest.raises(Terminated):
-        _lose_it_and_wait()
+@pytest.mark.parametrize(
+    ("number", "raised"), [(signal.SIGTERM, Terminated), (signal.SIGINT, KeyboardInterrupt)]
+)
+def test_an_end_that_a_finaliser_loses_is_asked_for_again(
+    number: signal.Signals, raised: type[KeyboardInterrupt]
+) -> None:
+    """Python drops exceptions there, and a command that lost its signal would never end."""
+    with ending_on_signals(), pytest.raises(raised):
+        _lose_it_and_wait(number)
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
@@ -93,8 +102,8 @@ def test_a_signal_before_the_command_begins_ends_it_without_a_traceback(
     assert (ended.returncode, ended.stderr) == (status, "")
 
 
-def _lose_it_and_wait() -> None:
-    late = Late()
+def _lose_it_and_wait(number: signal.Signals) -> None:
+    late = Late(number)
     del late
     time.sleep(60)
 

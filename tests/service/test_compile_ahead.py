@@ -64,8 +64,8 @@ class Workers:
 def test_a_screening_compiles_nothing_that_was_not_compiled_ahead() -> None:
     """Every kernel that a valve needs, with the types that it is called with."""
     command = [sys.executable, "-c", COMPILED]
-    said = subprocess.run(command, capture_output=True, check=True, text=True)
-    count, missing = said.stdout.split(maxsplit=1)
+    process = subprocess.run(command, capture_output=True, check=True, text=True)
+    count, missing = process.stdout.split(maxsplit=1)
     assert int(count) >= 20
     assert missing.strip() == "[]"
 

@@ -30,7 +30,7 @@ def cluster(tmp_path: Path) -> Iterator[clusters.Cluster]:
 
 def _amid_the_work(cluster: clusters.Cluster, folder: Path, number: int) -> list[Outcome[Any, int]]:
     """Send the scheduler a signal after the first results; all results that came until the end."""
-    batches = [[(place, str(folder))] for place in range(400)]
+    batches = [[(index, str(folder))] for index in range(400)]
     results = outcomes(
         DaskCluster(cluster.host_and_port), squares_slowly, batches, threading.Event()
     )
@@ -40,7 +40,7 @@ def _amid_the_work(cluster: clusters.Cluster, folder: Path, number: int) -> list
         for more in results:
             came += more
     finally:
-        assert all(one.result is not None for one in came), "a valve was blamed"
+        assert all(item.result is not None for item in came), "a valve was blamed"
     return came
 
 
@@ -81,12 +81,12 @@ def test_a_busy_scheduler_is_not_given_up(
         feel(pulse)
 
     monkeypatch.setattr(dask_cluster._Pulse, "feel", noted)
-    batches = [[(place, str(tmp_path))] for place in range(20)]
+    batches = [[(index, str(tmp_path))] for index in range(20)]
     executor = DaskCluster(cluster.host_and_port)
     came = [
-        one
+        item
         for each in outcomes(executor, squares_slowly, batches, threading.Event())
-        for one in each
+        for item in each
     ]
-    assert sorted(one.result for one in came) == [place * place for place in range(20)]
+    assert sorted(item.result for item in came) == [index * index for index in range(20)]
     assert len(set(asked)) > 2, "it was asked more than once"

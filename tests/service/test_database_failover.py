@@ -85,11 +85,11 @@ class Pair:
 @pytest.fixture
 def pair() -> Iterator[Pair]:
     """Primary and standby."""
-    made = Pair(postgres_programs())
+    result = Pair(postgres_programs())
     try:
-        yield made
+        yield result
     finally:
-        made.end()
+        result.end()
 
 
 def until_stored(forwarder: Forwarder) -> None:

@@ -60,20 +60,20 @@ def executor(request: pytest.FixtureRequest) -> Executor:
 def found_of(executor: Executor, batches, stop: threading.Event | None = None) -> dict:
     """The result and the reason of each item; every item comes once, at its own place."""
     items = [item for batch in batches for item in batch]
-    found = [
-        one
-        for many in outcomes(executor, double, batches, stop or threading.Event())
-        for one in many
+    matching = [
+        item
+        for outcome in outcomes(executor, double, batches, stop or threading.Event())
+        for item in outcome
     ]
-    assert all(items[one.index] == one.item for one in found)
-    assert len({one.index for one in found}) == len(found)
-    return {one.item: (one.result, one.reason) for one in found}
+    assert all(items[item.index] == item.item for item in matching)
+    assert len({item.index for item in matching}) == len(matching)
+    return {item.item: (item.result, item.reason) for item in matching}
 
 
 def test_every_item_of_a_batch_has_its_outcome(executor: Executor) -> None:
     """Results of all batches, whoever did them; nothing is done for no items."""
-    found = found_of(executor, [[1, 2, 3], [4], [5, 6]])
-    assert {item: result for item, (result, _) in found.items()} == {
+    result = found_of(executor, [[1, 2, 3], [4], [5, 6]])
+    assert {item: result for item, (result, _) in result.items()} == {
         1: 2, 2: 4, 3: 6, 4: 8, 5: 10, 6: 12,
     }  # fmt: skip
     assert found_of(executor, []) == {}
@@ -81,10 +81,10 @@ def test_every_item_of_a_batch_has_its_outcome(executor: Executor) -> None:
 
 def test_an_item_that_fails_costs_itself_only(executor: Executor) -> None:
     """Its batch is done again one by one; what fails again has the reason, and the rest results."""
-    found = found_of(executor, [[1, "fail", 2], ["x"], [3]])
-    assert {item: result for item, (result, _) in found.items() if result} == {1: 2, 2: 4, 3: 6}
-    assert found["fail"] == (None, "ValueError: a reason to be shown")
-    assert "invalid literal" in found["x"][1]
+    result = found_of(executor, [[1, "fail", 2], ["x"], [3]])
+    assert {item: result for item, (result, _) in result.items() if result} == {1: 2, 2: 4, 3: 6}
+    assert result["fail"] == (None, "ValueError: a reason to be shown")
+    assert "invalid literal" in result["x"][1]
 
 
 def test_an_error_that_cannot_travel_is_a_reason(executor: Executor) -> None:
@@ -104,27 +104,27 @@ def test_who_is_told_to_stop_begins_nothing(executor: Executor, tmp_path: Path) 
 def test_what_does_harm_costs_itself_only() -> None:
     """In one batch with others: the others are done again alone, what ends its process again is
     given up with what happened to it, and the process that asks does none of it."""
-    found = found_of(LocalProcesses(2, 30.0), [[1, "die", 2], [3, "leave"], ["fail", 4], [5]])
-    assert {item: result for item, (result, _) in found.items() if result} == {
+    result = found_of(LocalProcesses(2, 30.0), [[1, "die", 2], [3, "leave"], ["fail", 4], [5]])
+    assert {item: result for item, (result, _) in result.items() if result} == {
         1: 2, 2: 4, 3: 6, 4: 8, 5: 10,
     }  # fmt: skip
-    assert "SIGKILL" in found["die"][1]
-    assert "status 3" in found["leave"][1]
-    assert "a reason to be shown" in found["fail"][1]
+    assert "SIGKILL" in result["die"][1]
+    assert "status 3" in result["leave"][1]
+    assert "a reason to be shown" in result["fail"][1]
 
 
 def test_an_isolated_executor_does_nothing_itself() -> None:
     """A single item that ends its process ends another than the one that asks."""
-    found = found_of(LocalProcesses(1, 30.0, isolated=True), [["die"]])
-    assert "SIGKILL" in found["die"][1]
+    result = found_of(LocalProcesses(1, 30.0, isolated=True), [["die"]])
+    assert "SIGKILL" in result["die"][1]
 
 
 def test_an_item_that_hangs_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its process is killed when its time is over, and the rest is finished."""
     monkeypatch.setattr("stemwatch.service.executors.local_processes._FIRST_S", 4.0)
-    found = found_of(LocalProcesses(2, 1.0), [["hang", 1], [2]])
-    assert found["hang"] == (None, "no result after 1 s")
-    assert (found[1][0], found[2][0]) == (2, 4)
+    result = found_of(LocalProcesses(2, 1.0), [["hang", 1], [2]])
+    assert result["hang"] == (None, "no result after 1 s")
+    assert (result[1][0], result[2][0]) == (2, 4)
 
 
 def test_stopping_ends_the_workers() -> None:
@@ -135,7 +135,7 @@ def test_stopping_ends_the_workers() -> None:
     assert found_of(LocalProcesses(1, 600.0, isolated=True), [["hang"]], stop) == {}
     assert stop.is_set()
     timer.join()
-    assert [one for one in multiprocessing.active_children() if one.name != "forkserver"] == []
+    assert [item for item in multiprocessing.active_children() if item.name != "forkserver"] == []
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are forked from a server on Linux")
@@ -183,12 +183,12 @@ def test_what_ends_workers_of_a_cluster_is_not_done_here(cluster: clusters.Clust
     died held beside it is done."""
     cluster.have(4)  # the item ends one in company and one alone
     with one_death_is_enough(cluster):
-        found = found_of(DaskCluster(cluster.host_and_port), [[1, 2, "die"], [4, 5]])
+        result = found_of(DaskCluster(cluster.host_and_port), [[1, 2, "die"], [4, 5]])
     cluster.have(2)
-    assert {item: result for item, (result, _) in found.items()} == {
+    assert {item: result for item, (result, _) in result.items()} == {
         1: 2, 2: 4, "die": None, 4: 8, 5: 10,
     }  # fmt: skip
-    assert found["die"][1] == DEADLY
+    assert result["die"][1] == DEADLY
 
 
 def test_waiting_for_a_cluster_can_be_stopped(cluster: clusters.Cluster, tmp_path: Path) -> None:
@@ -211,14 +211,14 @@ def test_waiting_for_a_cluster_can_be_stopped(cluster: clusters.Cluster, tmp_pat
 @pytest.mark.parametrize("count", [0, 1, 7, 60])
 def test_each_place_comes_once_with_its_result(executor: Executor, count: int) -> None:
     """However many items there are, each gives one result at its own place."""
-    found = list(map_items(executor, square, range(count)))
-    assert sorted(found) == [(place, place * place) for place in range(count)]
+    as_list = list(map_items(executor, square, range(count)))
+    assert sorted(as_list) == [(index, index * index) for index in range(count)]
 
 
 def test_items_may_come_from_a_generator(executor: Executor) -> None:
     """The items need not all be there before the first is worked on."""
-    found = map_items(executor, square, (number for number in range(5)))
-    assert sorted(found) == [(place, place * place) for place in range(5)]
+    result = map_items(executor, square, (number for number in range(5)))
+    assert sorted(result) == [(index, index * index) for index in range(5)]
 
 
 def test_what_the_work_raises_comes_out(executor: Executor) -> None:
@@ -234,8 +234,8 @@ def test_an_executor_has_workers(executor: Executor) -> None:
 
 def test_a_dying_worker_costs_no_result() -> None:
     """What ends every worker is done by the process that asked, and nothing else is lost."""
-    found = list(map_items(LocalProcesses(2), square_or_die, range(8)))
-    assert sorted(found) == [(place, place * place) for place in range(8)]
+    as_list = list(map_items(LocalProcesses(2), square_or_die, range(8)))
+    assert sorted(as_list) == [(index, index * index) for index in range(8)]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
@@ -243,7 +243,7 @@ def test_a_dying_worker_costs_no_result() -> None:
 def test_a_killed_worker_costs_time_only(name: str, tmp_path: Path, request) -> None:
     """A worker killed in the middle of its work: every result comes all the same, once."""
     items = [(number, str(tmp_path)) for number in range(24)]
-    expected = [(place, place * place) for place in range(24)]
+    expected = [(index, index * index) for index in range(24)]
     if name == "local processes":
         assert _killing(LocalProcesses(2), items, tmp_path) == expected
         return
@@ -255,10 +255,10 @@ def test_a_killed_worker_costs_time_only(name: str, tmp_path: Path, request) -> 
 def _killing(executor: Executor, items: list[tuple[int, str]], seen: Path) -> list[tuple[int, int]]:
     """The sorted results of ``square_slowly``; the worker of the last note is killed on the way."""
     results = map_items(executor, square_slowly, items)
-    found = [next(results), next(results)]
+    matching = [next(results), next(results)]
     newest = max(seen.iterdir(), key=lambda path: path.stat().st_mtime_ns)
     os.kill(int(newest.name.split("-")[0]), signal.SIGKILL)
-    return sorted([*found, *results])
+    return sorted([*matching, *results])
 
 
 def test_workers_use_one_thread_each(cluster: clusters.Cluster) -> None:
@@ -272,7 +272,7 @@ def test_what_was_not_begun_is_dropped(name: str, tmp_path: Path, request) -> No
     """A caller that stops asking does not wait for all the rest."""
     dask = name == "dask"
     executor = choose_executor(2, request.getfixturevalue("cluster").address if dask else "local")
-    items = [tmp_path / str(place) for place in range(60)]
+    items = [tmp_path / str(index) for index in range(60)]
     results = map_items(executor, note_and_wait, items)
     assert isinstance(results, Generator)
     next(results)

@@ -30,11 +30,11 @@ def run():
     app.command()(command)
 
     def it(*arguments):
-        done = CliRunner().invoke(
+        result = CliRunner().invoke(
             app, [*map(str, arguments), "--workers", "1"], env={"COLUMNS": "200"}
         )
-        assert done.exception is None or isinstance(done.exception, SystemExit), done.output
-        return done.exit_code, " ".join(re.sub("[─-╿]", " ", done.output).split())
+        assert result.exception is None or isinstance(result.exception, SystemExit), result.output
+        return result.exit_code, " ".join(re.sub("[─-╿]", " ", result.output).split())
 
     return it
 
@@ -128,16 +128,16 @@ def test_wrong_usage_is_a_sentence(run, arguments, words):
 
 def test_a_plant_file_names_its_valves(plant):
     """With --plant alone, each valve of its sources is asked for once."""
-    found = what_to_explain(Request(plant=load_plant(plant))).valves
-    assert [one.valve for one in found] == ["FIC-107", "FIC-104", "FIC-113"]
-    assert {one.reason for one in found} == {""}
+    valves = what_to_explain(Request(plant=load_plant(plant))).valves
+    assert [item.valve for item in valves] == ["FIC-107", "FIC-104", "FIC-113"]
+    assert {item.reason for item in valves} == {""}
 
 
 def test_a_file_that_is_named_twice_is_explained_once(folder):
     """By itself and through its folder; its own spelling comes first."""
     one = folder / "fv101.csv"
-    found = what_to_explain(Request(sources=(str(one), str(folder), str(one)))).valves
-    assert [each.source for each in found if each.valve == "FV101"] == [str(one)]
+    valves = what_to_explain(Request(sources=(str(one), str(folder), str(one)))).valves
+    assert [each.source for each in valves if each.valve == "FV101"] == [str(one)]
 
 
 def test_what_a_folder_holds_beside_recordings_is_left_out(run, folder, tmp_path):

@@ -33,19 +33,19 @@ def explained(mismatch, source="./exports/FV-1.csv", valve="FV-1") -> Explained:
 
 def test_every_verdict_follows_the_schema():
     """A list with one object per recording, in the order given, valid in every verdict."""
-    objects = json.loads(to_json([explained(one) for one in of_every_kind()]))
+    objects = json.loads(to_json([explained(item) for item in of_every_kind()]))
     jsonschema.validate(objects, SCHEMA)
-    words = [one["verdict"] for one in objects]
+    words = [item["verdict"] for item in objects]
     assert words == ["named", "candidates", "unknown", "none", "not_testable"]
-    assert {one["recording"] for one in objects} == {"./exports/FV-1.csv"}
-    assert {one["version"] for one in objects} == {1}
+    assert {item["recording"] for item in objects} == {"./exports/FV-1.csv"}
+    assert {item["version"] for item in objects} == {1}
 
 
 def test_the_fields_are_the_ones_that_a_reader_may_rely_on():
     """Every field of a named effect, with its class, parameters and evidence."""
-    one = to_object(explained(named()))
-    assert set(one) == set(SCHEMA["$defs"]["mismatch"]["required"])
-    first, second = one["effects"]
+    as_object = to_object(explained(named()))
+    assert set(as_object) == set(SCHEMA["$defs"]["mismatch"]["required"])
+    first, second = as_object["effects"]
     assert first["slug"] == "asymmetric_rate_limit"
     assert second["class"] == ["dead_time", "actuator_lag"]
     assert first["parameters"]["rate_falling"] == {
@@ -57,22 +57,25 @@ def test_the_fields_are_the_ones_that_a_reader_may_rely_on():
     }
     assert first["parameters"]["rate_rising"]["reason"] == "never reached"
     assert first["evidence"]["share"] == 0.88
-    assert one["stiction"]["naive"]["S"]["value"] == 11.8
-    assert one["stiction"]["restated"]["S"]["value"] == 1.0
-    assert one["heldout"]["fit_extended"] == 69.4
-    assert one["record_effects"][0]["parameters"] == {"step_percent": 0.06}
-    assert [each["slug"] for each in one["not_testable"]] == ["travel_stop", "flow_force"]
-    assert one["hot_places"]["before"][0]["label"] == "falling"
-    assert one["hot_places"]["after"] == []
+    assert as_object["stiction"]["naive"]["S"]["value"] == 11.8
+    assert as_object["stiction"]["restated"]["S"]["value"] == 1.0
+    assert as_object["heldout"]["fit_extended"] == 69.4
+    assert as_object["record_effects"][0]["parameters"] == {"step_percent": 0.06}
+    assert [each["slug"] for each in as_object["not_testable"]] == ["travel_stop", "flow_force"]
+    assert as_object["hot_places"]["before"][0]["label"] == "falling"
+    assert as_object["hot_places"]["after"] == []
 
 
 def test_what_could_not_be_read_is_an_object_too():
     """An unreadable recording is not testable, and its S and J say why."""
-    one = to_object(explained(not_testable("FV-1.csv: line 3: no number.")))
-    jsonschema.validate([one], SCHEMA)
-    assert (one["verdict"], one["sentence"]) == ("not_testable", "FV-1.csv: line 3: no number.")
-    assert one["stiction"]["restated"]["J"]["reason"] == "FV-1.csv: line 3: no number."
-    assert set(one["heldout"].values()) == {None}
+    as_object = to_object(explained(not_testable("FV-1.csv: line 3: no number.")))
+    jsonschema.validate([as_object], SCHEMA)
+    assert (as_object["verdict"], as_object["sentence"]) == (
+        "not_testable",
+        "FV-1.csv: line 3: no number.",
+    )
+    assert as_object["stiction"]["restated"]["J"]["reason"] == "FV-1.csv: line 3: no number."
+    assert set(as_object["heldout"].values()) == {None}
 
 
 def test_nan_and_infinity_become_null():
@@ -91,11 +94,13 @@ def test_nan_and_infinity_become_null():
 
 def test_the_schema_refuses_an_unknown_verdict():
     """The schema is not so wide that anything passes."""
-    one = to_object(explained(named()))
+    as_object = to_object(explained(named()))
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate([one | {"verdict": "perhaps"}], SCHEMA)
+        jsonschema.validate([as_object | {"verdict": "perhaps"}], SCHEMA)
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate([{key: one[key] for key in one if key != "heldout"}], SCHEMA)
+        jsonschema.validate(
+            [{key: as_object[key] for key in as_object if key != "heldout"}], SCHEMA
+        )
 
 
 def test_the_report_and_the_command_agree_on_the_parts():
@@ -106,7 +111,7 @@ def test_the_report_and_the_command_agree_on_the_parts():
     }
     own = {"version", "recording", "valve", "by_window"}
     both = (SCHEMA["$defs"]["mismatch"], REPORT_SCHEMA["$defs"]["mismatch"])
-    mine, reports = (set(one["properties"]) for one in both)
+    mine, reports = (set(item["properties"]) for item in both)
     assert mine - own == reports
 
 

@@ -62,13 +62,19 @@ def test_json_says_what_each_window_named(found):
     """Seconds from the beginning, by the schema; a short recording has null."""
     objects = json.loads(to_json([found, Explained(source="", valve="", mismatch=found.mismatch)]))
     jsonschema.validate(objects, SCHEMA)
-    told = objects[0]["by_window"]
-    assert [one["begin_s"] for one in told["windows"]] == [SAMPLES * k for k in range(WINDOWS)]
-    assert [one["end_s"] for one in told["windows"]] == [SAMPLES * (k + 1) for k in range(WINDOWS)]
-    named = sum(["actuator_lag"] in [row[:1] for row in one["named"]] for one in told["windows"])
-    assert told["findings"][0]["named"] == named
-    assert told["findings"][0]["confirmed"] is True
-    assert told["S"]["value"] == objects[0]["stiction"]["restated"]["S"]["value"]
+    by_window = objects[0]["by_window"]
+    assert [window["begin_s"] for window in by_window["windows"]] == [
+        SAMPLES * k for k in range(WINDOWS)
+    ]
+    assert [window["end_s"] for window in by_window["windows"]] == [
+        SAMPLES * (k + 1) for k in range(WINDOWS)
+    ]
+    named = sum(
+        ["actuator_lag"] in [row[:1] for row in window["named"]] for window in by_window["windows"]
+    )
+    assert by_window["findings"][0]["named"] == named
+    assert by_window["findings"][0]["confirmed"] is True
+    assert by_window["S"]["value"] == objects[0]["stiction"]["restated"]["S"]["value"]
     assert objects[1]["by_window"] is None
 
 

@@ -121,15 +121,15 @@ def test_hostile_names_are_text_and_stay_in_the_folder(tmp_path):
     """A valve's name is no markup, steers no terminal and leads no file elsewhere."""
     read = recording(valve=HOSTILE)
     mismatch = replace(named(read), sentence=HOSTILE)
-    one = Explained(source=HOSTILE, valve=HOSTILE, mismatch=mismatch, recording=read)
-    written = write_pages([one], CONTEXT, tmp_path / "out")
+    explained = Explained(source=HOSTILE, valve=HOSTILE, mismatch=mismatch, recording=read)
+    written = write_pages([explained], CONTEXT, tmp_path / "out")
     page = written.html.read_text("utf-8")
     assert "<img" not in page
     assert "\x07" not in page
     assert {path.parent for path in written.maps} == {tmp_path / "out" / "maps"}
-    said = on_terminal(one)
-    assert "\x07" not in said
-    assert "[bold]" in said
+    text = on_terminal(explained)
+    assert "\x07" not in text
+    assert "[bold]" in text
 
 
 def test_two_recordings_of_one_valve_have_anchors_of_their_own(tmp_path):
@@ -143,11 +143,11 @@ def test_two_recordings_of_one_valve_have_anchors_of_their_own(tmp_path):
 def test_the_page_stays_small_for_a_large_plant():
     """Beyond the limit there are findings and maps, and no overlay."""
     read = recording(samples=60)
-    one = Explained(source="a.csv", valve="FV-1", mismatch=named(read), recording=read)
-    shown = entries([one] * (MOST_PLOTTED + 1))
-    assert shown[MOST_PLOTTED - 1].view.overlay is not None
-    assert shown[MOST_PLOTTED].view.overlay is None
-    assert shown[MOST_PLOTTED].view.before is not None
+    explained = Explained(source="a.csv", valve="FV-1", mismatch=named(read), recording=read)
+    result = entries([explained] * (MOST_PLOTTED + 1))
+    assert result[MOST_PLOTTED - 1].view.overlay is not None
+    assert result[MOST_PLOTTED].view.overlay is None
+    assert result[MOST_PLOTTED].view.before is not None
 
 
 def test_nothing_to_explain_is_said(tmp_path):
@@ -159,7 +159,7 @@ def test_nothing_to_explain_is_said(tmp_path):
 
 def test_the_terminal_says_what_matters(found):
     """Verdict word, sentences, what to check, both S, and the fit before and after."""
-    said = " ".join(on_terminal(found[0]).split())
+    text = " ".join(on_terminal(found[0]).split())
     for words in (
         "named FV-0",
         "82 % of the residual lies where the stem falls",
@@ -172,4 +172,4 @@ def test_the_terminal_says_what_matters(found):
         "fit grows by 38 to 51 points",
         "Not testable here: travel stop, flow force",
     ):
-        assert words in said
+        assert words in text

@@ -103,9 +103,9 @@ class NotedServer(PlantServer):
     async def _answer(self, code, start, address, count, registers, values):
         while self._silent.is_set():
             await asyncio.sleep(0.05)
-        said = await super()._answer(code, start, address, count, registers, values)
+        text = await super()._answer(code, start, address, count, registers, values)
         self._served.append((time.time(), tuple(registers)))
-        return said
+        return text
 
 
 class Device:
@@ -232,35 +232,35 @@ class Night:
 
 def postgres_programs() -> Path:
     """The folder of PostgreSQL's server programs."""
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    in_order = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
     if on_path := shutil.which("initdb"):
-        found.insert(0, Path(on_path))
-    if not found:
+        in_order.insert(0, Path(on_path))
+    if not in_order:
         pytest.skip("no PostgreSQL server programs (initdb): the fault test IS NOT RUN")
-    return found[-1].parent
+    return in_order[-1].parent
 
 
 @pytest.fixture
 def database() -> Iterator[Database]:
     """A PostgreSQL server that runs."""
-    made = Database(postgres_programs())
-    made.start()
+    result = Database(postgres_programs())
+    result.start()
     try:
-        yield made
+        yield result
     finally:
-        made.stop()
-        shutil.rmtree(made.folder, ignore_errors=True)
+        result.stop()
+        shutil.rmtree(result.folder, ignore_errors=True)
 
 
 @pytest.fixture
 def device() -> Iterator[Device]:
     """A device that answers."""
-    made = Device()
-    made.start()
+    result = Device()
+    result.start()
     try:
-        yield made
+        yield result
     finally:
-        made.stop()
+        result.stop()
 
 
 @pytest.mark.long
@@ -308,14 +308,14 @@ def bad_hour(number: int, database: Database, device: Device, night: Night, stor
 
 def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
     """Each instant at which the service ran, once; what the device said, as it said it."""
-    found = store.samples.read("plc-1", tag)
-    assert found.at_us.size > 100, tag
-    steps = np.diff(found.at_us)
+    samples = store.samples.read("plc-1", tag)
+    assert samples.at_us.size > 100, tag
+    steps = np.diff(samples.at_us)
     assert (steps > 0).all()
-    assert (found.at_us % EVERY_US == 0).all()
+    assert (samples.at_us % EVERY_US == 0).all()
     holes = [
-        (found.at_us[place] / 1e6, found.at_us[place + 1] / 1e6)
-        for place in np.flatnonzero(steps > EVERY_US)
+        (samples.at_us[index] / 1e6, samples.at_us[index + 1] / 1e6)
+        for index in np.flatnonzero(steps > EVERY_US)
     ]
     # Only while nobody polled: from the kill, with the poll that it interrupted, to the first poll
     # of the next collector. Neither the database nor the device leaves a hole.
@@ -324,14 +324,14 @@ def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
         kill, served = min(night.dead, key=lambda dead: abs(dead[0] - begun))
         assert kill - 0.3 <= begun <= kill + 0.3, (tag, begun, kill)
         assert end <= served + 15.0, (tag, end, served)
-    bad = found.at_us[found.quality != 0] / 1e6
+    bad = samples.at_us[samples.quality != 0] / 1e6
     known = device.down + holes
     lost = [at for at in bad if not inside((at, at), known)]
     # A poll that a busy machine could not make in time says so itself.
     late = store.samples.reasons("plc-1", tag)
-    said = sum(count for why, count in late.items() if "not polled" in why or "no answer" in why)
-    assert len(lost) <= said, late
-    check_answers(found, tag, night, device, said)
+    total = sum(count for why, count in late.items() if "not polled" in why or "no answer" in why)
+    assert len(lost) <= total, late
+    check_answers(samples, tag, night, device, total)
 
 
 def check_answers(found: Samples, tag: str, night: Night, device: Device, late: int) -> None:
@@ -383,9 +383,9 @@ def check_runs(store: Store, begun: float, ended: float) -> None:
     assert len(runs) >= 2
     for before, after in pairwise(runs):
         missed = round((after.due - before.due).total_seconds() / 10.0) - 1
-        said = re.match(r"(\d+) instants before it", after.reason)
+        text = re.match(r"(\d+) instants before it", after.reason)
         skipped = after.state is RunState.SKIPPED
-        assert skipped or missed == (int(said[1]) if said else 0), (before, after)
+        assert skipped or missed == (int(text[1]) if text else 0), (before, after)
     # The schedule begins when the service first opens the store, and ends with the service.
     assert begun - 10.0 <= runs[0].due.timestamp() <= begun + 60.0
     assert ended - 30.0 <= runs[-1].due.timestamp() <= ended

@@ -154,8 +154,8 @@ def test_a_valve_of_an_installed_connector_is_screened(
     db = f"sqlite:///{plant.parent / 'own.db'}"
     outcome = stemwatch("screen", "--plant", plant, "--out", out, "--workers", workers, "--db", db)
     assert outcome.status == 0, outcome.said
-    found = json.loads((out / "valves.json").read_text(encoding="utf-8"))
-    assert [valve["verdict"] for valve in found] == ["sticky", "sticky"]
+    loaded = json.loads((out / "valves.json").read_text(encoding="utf-8"))
+    assert [valve["verdict"] for valve in loaded] == ["sticky", "sticky"]
 
 
 def test_its_settings_are_checked_as_ours_are(packages: Path, plant: Path) -> None:

@@ -139,10 +139,10 @@ raise SystemExit(int("geheim-1"))
 
 def say(kind: str) -> str:
     """What a process says that logs, warns, and ends badly."""
-    found = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", SAY, kind], capture_output=True, text=True, check=False
     )
-    return found.stderr
+    return process.stderr
 
 
 def test_what_a_line_is_about_stands_beside_it() -> None:

@@ -84,8 +84,8 @@ def modbus(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch):
         for console in (views.out, views.err):
             monkeypatch.setattr(console, "_width", 200)
         result = CliRunner().invoke(modbus_app, [str(argument) for argument in arguments])
-        said = " ".join((result.output + str(result.exception or "")).split())
-        return result.exception, said
+        text = " ".join((result.output + str(result.exception or "")).split())
+        return result.exception, text
 
     return run
 

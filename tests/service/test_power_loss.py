@@ -87,7 +87,7 @@ def test_what_the_spool_forgets_is_on_the_disk(tmp_path: Path) -> None:
     (plant / "plant.toml").write_text("", encoding="utf-8")
     open_store(f"sqlite:///{plant / 'stemwatch.db'}").close()  # was made and synced long ago
     shutil.copy(plant / "stemwatch.db", disk)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", COLLECT, str(plant)],
         env={**os.environ, "LD_PRELOAD": str(library), "SYNCED_FOLDER": str(disk)},
         cwd=plant,
@@ -95,7 +95,7 @@ def test_what_the_spool_forgets_is_on_the_disk(tmp_path: Path) -> None:
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     with open_store(f"sqlite:///{disk / 'stemwatch.db'}") as store:
-        found = store.samples.read("plc", "T")
-    assert found.values.tolist() == [50.0 + second for second in range(20)]
+        samples = store.samples.read("plc", "T")
+    assert samples.values.tolist() == [50.0 + second for second in range(20)]

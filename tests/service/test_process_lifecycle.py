@@ -74,9 +74,9 @@ def there(folder: Path, pattern: str, count: int, seconds: float = 120.0) -> lis
     """The processes that left a file of this pattern, as soon as there are ``count``."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        found = sorted(folder.glob(pattern))
-        if len(found) >= count:
-            return [int(path.name.rpartition("-")[2]) for path in found]
+        in_order = sorted(folder.glob(pattern))
+        if len(in_order) >= count:
+            return [int(path.name.rpartition("-")[2]) for path in in_order]
         time.sleep(0.01)
     return pytest.fail(f"no {count} of {pattern} in {sorted(folder.iterdir())}")
 

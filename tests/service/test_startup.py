@@ -27,19 +27,19 @@ print("none")
 
 def modules_of(room: str) -> list[str]:
     """The names of all modules of a folder at the top of the repository."""
-    found = []
+    matching = []
     for path in sorted((REPOSITORY / room).rglob("*.py")):
         if "migrations" in path.parts or path.stem == "__main__":
             continue  # run by their own commands
         parts = path.relative_to(REPOSITORY).with_suffix("").parts
         parts = parts[:-1] if parts[-1] == "__init__" else parts
-        found.append(".".join(parts if room == "stemwatch" else ("stemwatch", *parts)))
-    return found
+        matching.append(".".join(parts if room == "stemwatch" else ("stemwatch", *parts)))
+    return matching
 
 
 def run(code: str, *arguments: object, cwd: Path | None = None) -> str:
     """What a fresh interpreter prints for ``code``."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         cwd=cwd,
         capture_output=True,
@@ -47,8 +47,8 @@ def run(code: str, *arguments: object, cwd: Path | None = None) -> str:
         encoding="utf-8",
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
 def test_no_module_loads_torch_when_it_is_imported() -> None:

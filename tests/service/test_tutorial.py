@@ -21,8 +21,8 @@ def test_the_tutorial_does_what_it_says(
     monkeypatch.chdir(tmp_path)
     assert len(COMMANDS) >= 5
     for command in COMMANDS:
-        done = stemwatch(*shlex.split(command))
-        assert done.status == 0, f"{command}: {done.said}"
+        process = stemwatch(*shlex.split(command))
+        assert process.status == 0, f"{command}: {process.said}"
     named = re.findall(r"^\| (`[^|]+`) \|", TUTORIAL.read_text("utf-8"), re.MULTILINE)
     files = [name for row in named for name in re.findall(r"`([\w.-]+)`", row)]
     assert len(files) >= 8

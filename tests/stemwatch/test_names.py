@@ -53,9 +53,9 @@ def test_every_function_says_arguments_result_errors_and_an_example(function: ob
 def test_the_examples_run(module: object) -> None:
     """Each prints what stands below it."""
     assert inspect.ismodule(module)
-    done = doctest.testmod(module)
-    assert done.attempted > 0
-    assert done.failed == 0
+    result = doctest.testmod(module)
+    assert result.attempted > 0
+    assert result.failed == 0
 
 
 def test_the_front_door_loads_no_networks_and_no_service() -> None:
@@ -66,6 +66,8 @@ def test_the_front_door_loads_no_networks_and_no_service() -> None:
         "found._repr_html_(), found.to_dict()\n"
         "print([n for n in ('torch', 'fastapi', 'sqlalchemy', 'matplotlib') if n in sys.modules])"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "[]"
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.strip() == "[]"

@@ -124,7 +124,7 @@ def test_one_valve_is_the_json_contract(screened: ScreenedValve, work: ScreenedV
 def test_many_valves_are_the_rows_of_the_csv(work: ScreenedValves) -> None:
     """``to_frame`` has the columns, the order and the numbers of ``valves.csv``."""
     file, context = io.BytesIO(), ReportContext(started=datetime.now(UTC))
-    write_csv(rank_valves([one.screening for one in work], context), context, file)
+    write_csv(rank_valves([item.screening for item in work], context), context, file)
     rows = list(csv.DictReader(io.StringIO(file.getvalue().decode("utf-8-sig"))))
     table = work.to_frame()
     assert list(rows[0]) == list(table.columns)
@@ -134,7 +134,7 @@ def test_many_valves_are_the_rows_of_the_csv(work: ScreenedValves) -> None:
 
 def test_results_are_found_by_place_and_by_name(work: ScreenedValves) -> None:
     """In the order in which they were given; an unknown name is answered with the nearest."""
-    assert ["<b>PIC-102", "FIC-101", "TIC-103"] == [one.valve for one in work]
+    assert ["<b>PIC-102", "FIC-101", "TIC-103"] == [item.valve for item in work]
     assert work[1] is work["FIC-101"] is work.ranked()[0]
     assert list(work[:2]) == [work[0], work[1]]
     with pytest.raises(KeyError, match=r"no valve 'FIC-100' among 3 \(did you mean 'FIC-101'"):
@@ -164,15 +164,17 @@ def test_a_folder_is_screened_like_the_command_line(sticking: Recording, tmp_pat
     frame = pd.DataFrame({"FIC101.OP": sticking.op.values, "FIC101.ZT": sticking.mv.values}, times)
     frame.to_csv(tmp_path / "a.csv", index_label="Time")
     frame.rename(columns=lambda name: f"x{name[-1]}").to_csv(tmp_path / "b.csv")
-    found = sw.screen(tmp_path, narx=False, mismatch=False)
-    assert {"FIC101": "sticky", "b": "undetermined"} == {one.valve: one.verdict for one in found}
+    screened_valve = sw.screen(tmp_path, narx=False, mismatch=False)
+    assert {"FIC101": "sticky", "b": "undetermined"} == {
+        item.valve: item.verdict for item in screened_valve
+    }
 
 
 def test_limits_of_the_verdict_can_be_set(sticking: Recording) -> None:
     """A limit beyond its S makes the valve one to watch; one that does not exist is named."""
     limits = {"sticky_S_percent": 20.0}
-    found = sw.screen(sticking, narx=False, mismatch=False, limits=limits)
-    assert Verdict.WATCH == found.verdict
+    screened_valve = sw.screen(sticking, narx=False, mismatch=False, limits=limits)
+    assert Verdict.WATCH == screened_valve.verdict
     with pytest.raises(ValueError, match=r"'sticky_percent' is no limit \(did you mean 'sticky_S"):
         sw.screen(sticking, limits={"sticky_percent": 1.0})
 

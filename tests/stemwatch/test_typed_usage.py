@@ -20,10 +20,10 @@ def one_valve(frame: pd.DataFrame, op: NDArray[np.float64]) -> None:
     assert_type(sw.read(frame, op="op", mv="mv", ranges={"mv": (0, 1)}), sw.Recording)
     assert_type(sw.screen(frame, op="op", mv="mv", zone="Europe/Berlin"), ScreenedValve)
     assert_type(sw.screen(op=op, mv=op.tolist(), interval_s=1), ScreenedValve)
-    found = sw.screen(sw.read(op=op, interval_s=1.0), narx=False)
-    assert_type(found.verdict, Verdict)
-    assert_type(found.S, Estimate)
-    assert_type(found.to_dict(), dict[str, Any])
+    screened_valve = sw.screen(sw.read(op=op, interval_s=1.0), narx=False)
+    assert_type(screened_valve.verdict, Verdict)
+    assert_type(screened_valve.S, Estimate)
+    assert_type(screened_valve.to_dict(), dict[str, Any])
     assert_type(sw.explain(frame, op="op", mv="mv"), ExplainedValve)
 
 
@@ -41,7 +41,9 @@ def several_valves(path: Path, one: sw.Recording, frame: pd.DataFrame) -> None:
 
 def test_the_usage_above_runs() -> None:
     """What the type checker was told is so."""
-    found = sw.screen(sw.simulate(minutes=10), narx=False, mismatch=False)
-    assert isinstance(found, ScreenedValve)
-    assert isinstance(found.S, Estimate)
-    assert isinstance(sw.screen([found.recording] if found.recording else []), ScreenedValves)
+    screened_valve = sw.screen(sw.simulate(minutes=10), narx=False, mismatch=False)
+    assert isinstance(screened_valve, ScreenedValve)
+    assert isinstance(screened_valve.S, Estimate)
+    assert isinstance(
+        sw.screen([screened_valve.recording] if screened_valve.recording else []), ScreenedValves
+    )

@@ -21,8 +21,12 @@ class AvevaHistory:
     def matches(self, head: list[str]) -> bool:
         first = head[0].replace('"', "").lower() if head else ""
         names = {cell.strip() for cell in first.replace(";", ",").replace("\t", ",").split(",")}
-        own = names & {"vvalue", "qualitydetail", "opcquality", "wwretrievalmode"}
-        return {"datetime", "tagname", "value"} <= names and bool(own) and "operation" not in names
+        telltale_columns = names & {"vvalue", "qualitydetail", "opcquality", "wwretrievalmode"}
+        return (
+            {"datetime", "tagname", "value"} <= names
+            and bool(telltale_columns)
+            and "operation" not in names
+        )
 
     def parse(self, source: LayoutInput) -> RawTable:
         separator = source.separator()

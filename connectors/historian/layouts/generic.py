@@ -50,19 +50,19 @@ def parse_table(source: LayoutInput, layout: str = "", first: int = 0) -> RawTab
     rows = source.rows(separator, first)
     structure = find_structure(rows, source.options, source.name)
     header = column_names(structure).tags
-    where = narrow_columns(source, rows, structure, header)
-    if where is None:
+    column_roles = narrow_columns(source, rows, structure, header)
+    if column_roles is None:
         refuse_text(source, rows, structure)
     body = source.body(
         rows, structure.first_row, structure.width, separator, headers=structure.headers
     )
-    if where is not None:
+    if column_roles is not None:
         return narrow_table(
             source,
             body.columns,
             body.numbers,
             header,
-            where,
+            column_roles,
             separator=separator,
             layout=layout or "narrow table: one row per sample",
         )

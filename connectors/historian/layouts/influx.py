@@ -13,7 +13,7 @@ from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import NarrowColumns, narrow_table
 from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.tables.rows import Rows
-from stemwatch.connectors.historian.values.stored_text import together
+from stemwatch.connectors.historian.values.stored_text import make_of_rows
 
 _OWN = frozenset(
     ("", "result", "table", "_start", "_stop", "_time", "_value", "_field", "_measurement")
@@ -32,11 +32,11 @@ class Influx:
 
     def parse(self, source: LayoutInput) -> RawTable:
         rows = source.rows(",")
-        marked = [row[0].startswith("#") for row in rows.cells]
-        first = marked.index(False) if False in marked else len(marked)
-        if any(marked[first:]):
+        is_annotation = [row[0].startswith("#") for row in rows.cells]
+        first = is_annotation.index(False) if False in is_annotation else len(is_annotation)
+        if any(is_annotation[first:]):
             return self._tables(source, rows)
-        if first == len(marked):
+        if first == len(is_annotation):
             raise UnreadableSource(
                 f"{source.name}: expected a header with _time and _value after the lines with #"
             )
@@ -44,7 +44,7 @@ class Influx:
         body = source.body(rows, first + 1, len(header), ",", stops=("#",))
         columns = dict(zip(header, body.columns, strict=True))
         naming = [name for name in columns if name in _NAMING or name not in _OWN]
-        tags = together(
+        tags = make_of_rows(
             [columns[name] for name in naming],
             lambda cells: _tag(dict(zip(naming, cells, strict=True))),
         )

@@ -60,8 +60,10 @@ class ProcessData:
         self, i: int, tags: list[str], descriptions: list[str], cells: dict[int, Sequence[str]]
     ) -> RawColumn:
         flag = _FLAGS.get(tags[i].rpartition(".")[2])
-        held = cells.get(tags.index(flag)) if flag in tags else None
-        return RawColumn(tag=tags[i], description=descriptions[i], cells=cells[i], held=held)
+        repeat_flags = cells.get(tags.index(flag)) if flag in tags else None
+        return RawColumn(
+            tag=tags[i], description=descriptions[i], cells=cells[i], held=repeat_flags
+        )
 
     def _check_line_two(self, source: LayoutInput, line: str, rows: int) -> None:
         parts = line.split("\t")

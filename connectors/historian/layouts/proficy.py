@@ -25,7 +25,7 @@ from stemwatch.connectors.historian.tables.narrow import (
 )
 from stemwatch.connectors.historian.tables.raw_table import RawTable
 from stemwatch.connectors.historian.tables.rows import Rows, split_rows
-from stemwatch.connectors.historian.values.stored_text import each
+from stemwatch.connectors.historian.values.stored_text import change_each
 
 _SECTION = re.compile(r"^\[(Tags|Data|Messages|Alarms)\]\s*$", re.I)
 _EXTRACT = re.compile(r"^\d{9,10}:\d{1,9},[^,]+,[^,]*,\w+,(?:GOOD|BAD)\s*$", re.I)
@@ -87,7 +87,7 @@ class ProficyCsv:
             table.columns,
             table.numbers,
             table.header,
-            self._where(source, table.header, line),
+            self._narrow_columns(source, table.header, line),
             separator=",",
             layout="Proficy Historian CSV, section [Data]",
             day_first=False,
@@ -97,7 +97,7 @@ class ProficyCsv:
         lines = ["" if ln.startswith("*") else ln for ln in source.document.lines[begin:end]]
         return split_rows(lines, ",", begin + 1, source.notes)
 
-    def _where(self, source: LayoutInput, header: list[str], line: int) -> NarrowColumns:
+    def _narrow_columns(self, source: LayoutInput, header: list[str], line: int) -> NarrowColumns:
         return NarrowColumns(
             tag=required_column(header, TAG_NAMES, source, line),
             time=(required_column(header, _TIMES, source, line),),
@@ -109,7 +109,7 @@ class ProficyCsv:
         body = source.body(source.rows(","), 0, len(_EXTRACT_HEADER), ",")
         return narrow_table(
             source,
-            (each(body.columns[0], _epoch), *body.columns[1:]),
+            (change_each(body.columns[0], _epoch), *body.columns[1:]),
             body.numbers,
             _EXTRACT_HEADER,
             NarrowColumns(tag=1, time=(0,), value=2, quality=4),

@@ -100,14 +100,14 @@ def unpacked(file: BinaryIO, size: int, path: Path, notes: ReadingNotes) -> Iter
 
     Raises ``UnreadableSource`` where there is none, or more than an export can unpack to.
     """
-    there = 0
+    size_so_far = 0
     try:
         for piece in _members(file):
-            there += len(piece)
-            _refuse_expansion(there, size, path)
+            size_so_far += len(piece)
+            _refuse_expansion(size_so_far, size, path)
             yield piece
     except zlib.error as error:
-        if not there:
+        if not size_so_far:
             raise UnreadableSource(
                 f"{path}: the gzip archive is damaged ({error}); copy it again from its source"
             ) from error
@@ -130,14 +130,14 @@ def _members(file: BinaryIO) -> Iterator[bytes]:
     raise zlib.error("it ends early")
 
 
-def _refuse_expansion(there: int, size: int, path: Path) -> None:
-    if there > max(EXPANSION_ALLOWED_BYTES, MAX_EXPANSION * size):
+def _refuse_expansion(unpacked: int, size: int, path: Path) -> None:
+    if unpacked > max(EXPANSION_ALLOWED_BYTES, MAX_EXPANSION * size):
         raise UnreadableSource(
-            f"{path}: unpacks to more than {MAX_EXPANSION} times its size: {there >> 20} MB "
+            f"{path}: unpacks to more than {MAX_EXPANSION} times its size: {unpacked >> 20} MB "
             f"from {size >> 10} kB; expected an export, whose measurements pack 5 to 50 times. "
             "If it is one, unpack it and split it"
         )
-    if there > MAX_TEXT_BYTES:
+    if unpacked > MAX_TEXT_BYTES:
         raise UnreadableSource(
             f"{path}: unpacks to more than {MAX_TEXT_BYTES >> 30} GiB; split the export"
         )
@@ -145,15 +145,15 @@ def _refuse_expansion(there: int, size: int, path: Path) -> None:
 
 def refuse_foreign(data: bytes, path: Path) -> None:
     """Raise ``UnreadableSource`` for archives and documents, known by their first bytes."""
-    for magic, what in _FOREIGN:
+    for magic, description in _FOREIGN:
         if data.startswith(magic):
-            raise UnreadableSource(f"{path}: {what}.")
+            raise UnreadableSource(f"{path}: {description}.")
 
 
 def _detect(data: bytes) -> str:
-    marked = marked_encoding(data)
-    if marked is not None:
-        return marked
+    encoding = marked_encoding(data)
+    if encoding is not None:
+        return encoding
     try:
         data.decode("utf-8")
         return "utf-8"
@@ -247,7 +247,7 @@ def mark_lost(text: str, first: int, notes: ReadingNotes) -> str:
         if "\0" not in line:
             continue
         only = not line.strip("\0 \t")
-        what = "only lost bytes" if only else "a cell that lost bytes; it is unreadable"
-        notes.problem(f"line {first + i}: {what} ({line.count(chr(0))} NUL characters)")
+        description = "only lost bytes" if only else "a cell that lost bytes; it is unreadable"
+        notes.problem(f"line {first + i}: {description} ({line.count(chr(0))} NUL characters)")
         lines[i] = "" if only else line.replace("\0", LOST)
     return "\n".join(lines)

@@ -44,7 +44,7 @@ class LargeInput(LayoutInput):
 
     def rows(self, separator: str, first: int = 0, comment: str = "") -> Rows:
         """Rows of the lines that are shown; numbered truly where no line is missing before."""
-        lines = self._without(self.document.lines[first:], comment)
+        lines = self._without_comments(self.document.lines[first:], comment)
         return split_rows(lines, separator, first + 1)
 
     def all_lines(self) -> Sequence[str]:
@@ -74,7 +74,9 @@ class LargeInput(LayoutInput):
         )
         pieces.look_through(self.notes)
         columns = FileColumns(self.text.path, pieces)
-        return Body([StoredText(columns, (place,)) for place in range(width)], pieces.numbers)
+        return Body(
+            [StoredText(columns, (column_index,)) for column_index in range(width)], pieces.numbers
+        )
 
 
 def large_input(path: Path, options: ReadOptions) -> LargeInput | None:
@@ -132,12 +134,14 @@ class FileColumns:
         """Fill in the numbers or the texts of these in one pass. ``mark``: the decimal mark."""
         import pyarrow as pa
 
-        numbers = [one for one in numbers if one.numbers is None and one.text is None]
-        texts = [one for one in texts if one.text is None]
+        numbers = [
+            request for request in numbers if request.numbers is None and request.text is None
+        ]
+        texts = [request for request in texts if request.text is None]
         if not numbers and not texts:
             return
-        places = {place for one in numbers for place in one.places}
-        combined = any(one.combine is not None for one in numbers)
+        places = {column_index for request in numbers for column_index in request.places}
+        combined = any(request.combine is not None for request in numbers)
         if not combined and not places & self._with_words:
             try:
                 self._fill(numbers, texts, mark, pa.float64())
@@ -157,48 +161,57 @@ class FileColumns:
     ) -> None:
         import pyarrow as pa
 
-        kinds = {place: kind for one in numbers for place in one.places}
-        kinds |= {place: pa.string() for one in texts for place in one.places}
-        wanted = [*numbers, *texts]
-        parts: list[list[pa.Array]] = [[] for _ in wanted]
-        there, most = 0, _rows_needed(wanted)
+        kinds = {column_index: kind for request in numbers for column_index in request.places}
+        kinds |= {column_index: pa.string() for request in texts for column_index in request.places}
+        requests = [*numbers, *texts]
+        parts: list[list[pa.Array]] = [[] for _ in requests]
+        rows_read, most = 0, _rows_needed(requests)
         for batch in _larger(self._batches(kinds, list(kinds), mark, most), most):
             by_place = dict(zip(kinds, batch, strict=True))
-            for one, part in zip(wanted, parts, strict=True):
-                cells = _chosen(one, by_place, there, len(batch[0]))
+            for request, part in zip(requests, parts, strict=True):
+                cells = _chosen(request, by_place, rows_read, len(batch[0]))
                 if cells is not None:
                     part.append(cells)
-            there += len(batch[0])
-        for one, part in zip(wanted, parts, strict=True):
-            is_text = kinds[one.places[0]] == pa.string()
-            whole = pa.concat_arrays(part) if part else pa.array([], kinds[one.places[0]])
+            rows_read += len(batch[0])
+        for request, part in zip(requests, parts, strict=True):
+            is_text = kinds[request.places[0]] == pa.string()
+            column = pa.concat_arrays(part) if part else pa.array([], kinds[request.places[0]])
             part.clear()
-            is_number = one in numbers
-            values = None if not is_number else _plain(whole, mark) if is_text else _finite(whole)
+            is_number = request in numbers
+            values = (
+                None
+                if not is_number
+                else _numbers_without_separators(column, mark)
+                if is_text
+                else _finite(column)
+            )
             if is_text and values is None:
-                one.text = whole
+                request.text = column
             if is_number:
-                one.numbers = values
+                request.numbers = values
 
     def _batches(
         self,
         kinds: dict[int, pa.DataType],
         places: Sequence[int],
         mark: str,
-        most: int | None = None,
+        most_rows: int | None = None,
     ) -> Iterator[list[pa.Array]]:
         import pyarrow as pa
         import pyarrow.compute as pc
 
-        wanted, there = self.size if most is None else min(most, self.size), 0
-        if not wanted:
+        rows_wanted, rows_read = self.size if most_rows is None else min(most_rows, self.size), 0
+        if not rows_wanted:
             return
         stored: BinaryIO | _Stream = (
             self._stored() if self._rows.as_stored else _Stream(self._rows.blocks())
         )
         with pa.PythonFile(stored, mode="r") as file:
             for batch in self._parsed(file, kinds, mark):
-                columns = [batch.column(str(place))[: wanted - there] for place in places]
+                columns = [
+                    batch.column(str(column_index))[: rows_wanted - rows_read]
+                    for column_index in places
+                ]
                 if self._rows.has_break:
                     columns = [
                         pc.replace_substring(column, BREAK, "\n")
@@ -206,9 +219,9 @@ class FileColumns:
                         else column
                         for column in columns
                     ]
-                there += len(columns[0])
+                rows_read += len(columns[0])
                 yield columns
-                if there >= wanted:
+                if rows_read >= rows_wanted:
                     return  # a historian may go on writing
         raise UnreadableSource(
             f"{self._path}: has become shorter while it was read; read it again when nobody "
@@ -220,13 +233,13 @@ class FileColumns:
     ) -> Iterable[pa.RecordBatch]:
         import pyarrow.csv as csv
 
-        rows, chosen = self._rows, [str(place) for place in kinds]
+        rows, chosen = self._rows, [str(column_index) for column_index in kinds]
         reader: Iterable[pa.RecordBatch] = csv.open_csv(
             file,
             read_options=csv.ReadOptions(
                 use_threads=False,
                 block_size=max(text_pieces.BLOCK, 2 * rows.longest),
-                column_names=[str(place) for place in range(rows.width)],
+                column_names=[str(column_index) for column_index in range(rows.width)],
             ),
             parse_options=csv.ParseOptions(
                 delimiter=rows.separator if rows.as_stored else rows.mark,
@@ -235,7 +248,7 @@ class FileColumns:
             ),
             convert_options=csv.ConvertOptions(
                 include_columns=chosen,
-                column_types={str(place): kind for place, kind in kinds.items()},
+                column_types={str(column_index): kind for column_index, kind in kinds.items()},
                 null_values=[],
                 strings_can_be_null=False,
                 decimal_point=mark,
@@ -273,10 +286,10 @@ class _Stream(io.RawIOBase):
         return count
 
 
-def _rows_needed(columns: Sequence[StoredText]) -> int | None:
+def _rows_needed(requests: Sequence[StoredText]) -> int | None:
     """Rows of the table up to the last one that a column wants; ``None`` where one wants all."""
-    rows = [one.rows for one in columns if one.rows is not None]
-    if len(rows) < len(columns):
+    rows = [request.rows for request in requests if request.rows is not None]
+    if len(rows) < len(requests):
         return None
     return max((int(chosen[-1]) + 1 for chosen in rows if len(chosen)), default=0)
 
@@ -289,27 +302,29 @@ def _larger(batches: Iterator[list[pa.Array]], some: int | None) -> Iterator[lis
     if some is None:
         yield from batches
         return
-    held: list[list[pa.Array]] = []
+    buffered: list[list[pa.Array]] = []
     for batch in batches:
-        held.append(batch)
-        if sum(len(one[0]) for one in held) >= _ROWS_AT_ONCE:
-            yield [pa.concat_arrays(column) for column in zip(*held, strict=True)]
-            held = []
-    if held:
-        yield [pa.concat_arrays(column) for column in zip(*held, strict=True)]
+        buffered.append(batch)
+        if sum(len(columns[0]) for columns in buffered) >= _ROWS_AT_ONCE:
+            yield [pa.concat_arrays(column) for column in zip(*buffered, strict=True)]
+            buffered = []
+    if buffered:
+        yield [pa.concat_arrays(column) for column in zip(*buffered, strict=True)]
 
 
-def _chosen(one: StoredText, batch: dict[int, pa.Array], there: int, count: int) -> pa.Array | None:
-    """Those of a batch's cells that belong to this column; ``there`` rows came before it."""
+def _chosen(
+    request: StoredText, batch: dict[int, pa.Array], rows_before: int, count: int
+) -> pa.Array | None:
+    """Those of a batch's cells that belong to this column; ``rows_before`` rows came before it."""
     import pyarrow as pa
 
-    cells = one.of([batch[place] for place in one.places])
-    if one.rows is None:
+    cells = request.of([batch[column_index] for column_index in request.places])
+    if request.rows is None:
         return cells
     # Bounds of the rows' own type: of another, all rows would be made that type first.
-    bounds = np.array((there, there + count), dtype=one.rows.dtype)
-    begin, end = np.searchsorted(one.rows, bounds)
-    return cells.take(pa.array(one.rows[begin:end] - there)) if begin < end else None
+    bounds = np.array((rows_before, rows_before + count), dtype=request.rows.dtype)
+    begin, end = np.searchsorted(request.rows, bounds)
+    return cells.take(pa.array(request.rows[begin:end] - rows_before)) if begin < end else None
 
 
 def _finite(cells: pa.Array) -> Floats | None:
@@ -317,7 +332,7 @@ def _finite(cells: pa.Array) -> Floats | None:
     return values if np.isfinite(values).all() else None
 
 
-def _plain(text: pa.Array, mark: str) -> Floats | None:
+def _numbers_without_separators(text: pa.Array, mark: str) -> Floats | None:
     import pyarrow as pa
     import pyarrow.compute as pc
 

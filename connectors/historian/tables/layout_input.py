@@ -55,13 +55,13 @@ class LayoutInput:
         step = max(1, len(lines) // _SAMPLE)
         separator = sniff_separator(lines[:_HEAD] + lines[_HEAD::step])
         if separator is not None:
-            shown = {"\t": "a tab"}.get(separator, f"{separator!r}")
-            self.notes.decide(f"The separator is {shown}.")
+            separator_name = {"\t": "a tab"}.get(separator, f"{separator!r}")
+            self.notes.decide(f"The separator is {separator_name}.")
         return separator or ","
 
     def rows(self, separator: str, first: int = 0, comment: str = "") -> Rows:
         """All rows from line ``first + 1`` on; lines that begin with ``comment`` are none."""
-        lines = self._without(self.document.lines[first:], comment)
+        lines = self._without_comments(self.document.lines[first:], comment)
         return split_rows(lines, separator, first + 1, self.notes)
 
     def all_lines(self) -> Sequence[str]:
@@ -85,30 +85,32 @@ class LayoutInput:
         ``separator`` and ``comment`` are those of ``rows``; no line of data begins with any of
         ``stops``.
         """
-        rest = Rows(rows.cells[first:], rows.numbers[first:])
-        rest = _without_headers(rest, headers, self.notes)
-        rest = table_rows(rest, width, self.notes, ends_whole=self.document.ends_whole)
-        columns: list[Sequence[str]] = [list(column) for column in zip(*rest.cells, strict=True)]
-        return Body(columns or [[] for _ in range(width)], rest.numbers)
+        data_rows = Rows(rows.cells[first:], rows.numbers[first:])
+        data_rows = _without_headers(data_rows, headers, self.notes)
+        data_rows = table_rows(data_rows, width, self.notes, ends_whole=self.document.ends_whole)
+        columns: list[Sequence[str]] = [
+            list(column) for column in zip(*data_rows.cells, strict=True)
+        ]
+        return Body(columns or [[] for _ in range(width)], data_rows.numbers)
 
     @staticmethod
-    def _without(lines: Sequence[str], comment: str) -> Sequence[str]:
+    def _without_comments(lines: Sequence[str], comment: str) -> Sequence[str]:
         return ["" if line.startswith(comment) else line for line in lines] if comment else lines
 
 
 def _without_headers(rows: Rows, headers: Sequence[Sequence[str]], notes: ReadingNotes) -> Rows:
-    known = {tuple(row) for row in headers}
-    starts = {row[0] for row in known}
-    kept = [
+    header_rows = {tuple(row) for row in headers}
+    starts = {row[0] for row in header_rows}
+    data_rows = [
         i
         for i, row in enumerate(rows.cells)
-        if row[0].strip() not in starts or tuple(cell.strip() for cell in row) not in known
+        if row[0].strip() not in starts or tuple(cell.strip() for cell in row) not in header_rows
     ]
-    dropped = len(rows.cells) - len(kept)
+    dropped = len(rows.cells) - len(data_rows)
     if not dropped:
         return rows
     notes.decide(f"{dropped} repeated header rows inside the file were left out.")
-    return Rows([rows.cells[i] for i in kept], [rows.numbers[i] for i in kept])
+    return Rows([rows.cells[i] for i in data_rows], [rows.numbers[i] for i in data_rows])
 
 
 def usual_width(rows: Rows) -> int:

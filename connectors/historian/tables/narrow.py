@@ -12,12 +12,12 @@ from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.values.quality_codes import Family
 from stemwatch.connectors.historian.values.stored_text import (
+    cells_at,
     chosen,
     coded,
     first_filled,
     joined,
     rows_of_each,
-    some,
 )
 from stemwatch.connectors.historian.values.units import bare_tag, canonical, split_unit
 
@@ -135,9 +135,9 @@ def _series(
     if column_of.tag is None:
         n = len(columns[column_of.value])
         return {source.document.path.stem.split(".")[0]: np.arange(n, dtype=np.int64)}
-    tags, which = coded(columns[column_of.tag])
-    rows = rows_of_each(which, len(tags))
-    return {tag: of_tag for tag, of_tag in zip(tags, rows, strict=True) if tag}
+    tags, tag_index = coded(columns[column_of.tag])
+    rows = rows_of_each(tag_index, len(tags))
+    return {tag: rows_of_tag for tag, rows_of_tag in zip(tags, rows, strict=True) if tag}
 
 
 def _firsts(
@@ -146,9 +146,9 @@ def _firsts(
     """What a column says on the first row of each tag."""
     if column is None:
         return {}
-    rows = {tag: int(of_tag[0]) for tag, of_tag in series.items()}
+    rows = {tag: int(rows_of_tag[0]) for tag, rows_of_tag in series.items()}
     order = sorted(rows, key=rows.__getitem__)
-    texts = some(columns[column], np.array([rows[tag] for tag in order], dtype=np.int64))
+    texts = cells_at(columns[column], np.array([rows[tag] for tag in order], dtype=np.int64))
     return {tag: text.strip() for tag, text in zip(order, texts, strict=True)}
 
 

@@ -44,7 +44,7 @@ class LineNumbers(Sequence[int]):
         return self._size
 
     @overload
-    def __getitem__(self, at: int) -> int: ...
+    def __getitem__(self, index: int) -> int: ...
     @overload
     def __getitem__(self, at: slice) -> list[int]: ...
     def __getitem__(self, at: int | slice) -> int | list[int]:
@@ -104,7 +104,7 @@ class RowPieces:
         if any(line.count('"') % 2 for line in self.text.head[: self.first_line - 1]):
             raise NotInPieces  # whatever is said of them is said by the reader that sees all
         quotes, widths = ReadingNotes(), ReadingNotes()
-        for block, mark in self._blocks(_Look(quotes, widths)):
+        for block, mark in self._blocks(_Sampler(quotes, widths)):
             self.has_comma = self.has_comma or (mark != b"," and b"," in block)
             self.has_point = self.has_point or b"." in block
             self.has_break = self.has_break or BREAK.encode() in block
@@ -121,99 +121,108 @@ class RowPieces:
         for block, mark in self._blocks(None):
             yield block if mark == wanted else block.replace(separator, wanted)
 
-    def _blocks(self, look: _Look | None) -> Iterator[tuple[bytes, bytes]]:
+    def _blocks(self, sampler: _Sampler | None) -> Iterator[tuple[bytes, bytes]]:
         """Rows, and what stands between their cells."""
-        line, rest = 1, b""
+        line, unfinished = 1, b""
         for index, text in enumerate(self.text.blocks()):
             data, first = text.text, line
-            if rest:
-                data, first = rest + data, line - lines_in(rest)
+            if unfinished:
+                data, first = unfinished + data, line - lines_in(unfinished)
             line += text.lines
             if first < self.first_line:
                 if line <= self.first_line:
                     continue
                 data = data.split(b"\n", self.first_line - first)[-1]
                 first = self.first_line
-            if look is None and index in self._as_it_is:
+            if sampler is None and index in self._as_it_is:
                 yield data, self.separator.encode()
                 continue
-            block, rest, mark = self._rows(data, first, line <= self.text.lines, look)
-            if look is not None and block is data:
+            block, unfinished, mark = self._rows(data, first, line <= self.text.lines, sampler)
+            if sampler is not None and block is data:
                 self._as_it_is.add(index)
             yield block, mark
-        if rest:  # nothing follows any more
+        if unfinished:  # nothing follows any more
             raise AssertionError("the last rows were left for later")
 
     def _rows(
-        self, data: bytes, first: int, goes_on: bool, look: _Look | None
+        self, data: bytes, first: int, file_goes_on: bool, sampler: _Sampler | None
     ) -> tuple[bytes, bytes, bytes]:
         """The rows of ``data``, what is left for later, and what stands between the cells."""
         if any(f"\n{stop}".encode() in b"\n" + data for stop in self.stops):
             raise NotInPieces
-        rest, mark = b"", self.separator.encode()
+        unfinished, mark = b"", self.separator.encode()
         lines: Sequence[int] = range(first, first + lines_in(data))
         if self.comment and f"\n{self.comment}".encode() in b"\n" + data:
-            kept = [(n, line) for n, line in zip(lines, data.split(b"\n"), strict=False)
+            filled_lines = [(n, line) for n, line in zip(lines, data.split(b"\n"), strict=False)
                     if not line.startswith(self.comment.encode())]  # fmt: skip
-            data = b"".join(line + b"\n" for _, line in kept)
-            lines = [n for n, _ in kept]
+            data = b"".join(line + b"\n" for _, line in filled_lines)
+            lines = [n for n, _ in filled_lines]
             self._dropped_only = False
         if b'"' in data:
             self.has_quotes = True
-            bare = _without_quotes(data, mark)
-            if bare is None:
+            marked_data = _without_quotes(data, mark)
+            if marked_data is None:
                 self._plain_quotes = False
-                bare, lines, rest = self._carefully(data, lines, goes_on, look)
-            data, mark = bare, _MARK
-        return self._of_width(data, mark, lines, look), rest, mark
+                marked_data, lines, unfinished = self._carefully(data, lines, file_goes_on, sampler)
+            data, mark = marked_data, _MARK
+        return self._of_width(data, mark, lines, sampler), unfinished, mark
 
     def _carefully(
-        self, data: bytes, lines: Sequence[int], goes_on: bool, look: _Look | None
+        self, data: bytes, lines: Sequence[int], file_goes_on: bool, sampler: _Sampler | None
     ) -> tuple[bytes, Sequence[int], bytes]:
         """Rows with quotes inside cells, cells of several lines, quotes that are never closed."""
         texts = data.decode("utf-8").split("\n")[:-1]
-        notes = None if look is None else look.quotes
+        notes = None if sampler is None else sampler.quotes
         if self.comment:
             raise NotInPieces
-        found, used = whole_rows(texts, self.separator, lines[0], notes, goes_on=goes_on)
-        rest = "".join(line + "\n" for line in texts[used:]).encode("utf-8")
-        joined = (MARK.join(row).replace("\n", BREAK) + "\n" for row in found.cells)
-        return "".join(joined).encode("utf-8"), found.numbers, rest
+        parsed_rows, used = whole_rows(
+            texts, self.separator, lines[0], notes, file_goes_on=file_goes_on
+        )
+        unfinished = "".join(line + "\n" for line in texts[used:]).encode("utf-8")
+        joined = (MARK.join(row).replace("\n", BREAK) + "\n" for row in parsed_rows.cells)
+        return "".join(joined).encode("utf-8"), parsed_rows.numbers, unfinished
 
     def _of_width(
-        self, data: bytes, mark: bytes, lines: Sequence[int], look: _Look | None
+        self, data: bytes, mark: bytes, lines: Sequence[int], sampler: _Sampler | None
     ) -> bytes:
         """``data`` without the rows that do not count, which are told; the others are counted."""
         signs = np.frombuffer(data, dtype=np.uint8)
         ends = np.flatnonzero(signs == 10)
         marks = np.flatnonzero(signs == mark[0])
-        each = self.width - 1
-        if look is not None and ends.size:
+        separators_per_row = self.width - 1
+        if sampler is not None and ends.size:
             stored = int(np.diff(ends, prepend=-1).max()) + 2 * self.width + 1  # quotes, CR
             self.longest = max(self.longest, stored)
-        odd: list[int] = []
-        if marks.size != each * ends.size or not _even(marks, ends, each):
+        odd_rows: list[int] = []
+        if marks.size != separators_per_row * ends.size or not _even(
+            marks, ends, separators_per_row
+        ):
             counts = np.diff(np.searchsorted(marks, ends), prepend=0)
-            odd = np.flatnonzero(counts != each).tolist()
-        odd += self._headers_again(data, mark, ends)
-        if not odd:
-            self._count(lines, 0, ends.size, look)
+            odd_rows = np.flatnonzero(counts != separators_per_row).tolist()
+        odd_rows += self._headers_again(data, mark, ends)
+        if not odd_rows:
+            self._count(lines, 0, ends.size, sampler)
             return data
-        parts, done, at = [], 0, 0
-        for row in sorted(set(odd)):
+        parts, rows_done, offset = [], 0, 0
+        for row in sorted(set(odd_rows)):
             begin = int(ends[row - 1]) + 1 if row else 0
             end = int(ends[row]) + 1
-            self._count(lines, done, row, look)
+            self._count(lines, rows_done, row, sampler)
             text = data[begin : end - 1].decode("utf-8")
-            instead = self._instead(text, mark.decode(), lines[row], look)
-            if instead is not None:
-                self._count(lines, row, row + 1, look)
-            parts += [data[at:begin], b"" if instead is None else instead.encode("utf-8")]
-            done, at = row + 1, end
-        self._count(lines, done, ends.size, look)
-        return b"".join((*parts, data[at:]))
+            replacement = self._replacement(text, mark.decode(), lines[row], sampler)
+            if replacement is not None:
+                self._count(lines, row, row + 1, sampler)
+            parts += [
+                data[offset:begin],
+                b"" if replacement is None else replacement.encode("utf-8"),
+            ]
+            rows_done, offset = row + 1, end
+        self._count(lines, rows_done, ends.size, sampler)
+        return b"".join((*parts, data[offset:]))
 
-    def _instead(self, text: str, mark: str, number: int, look: _Look | None) -> str | None:
+    def _replacement(
+        self, text: str, mark: str, number: int, sampler: _Sampler | None
+    ) -> str | None:
         """What stands for a row of another width, or one like a header; ``None`` where nothing."""
         if mark not in text and not text.strip():
             return None
@@ -222,15 +231,15 @@ class RowPieces:
             if not self._is_header(row):
                 return text + "\n"
             self._dropped_only = False
-            self.header_rows += look is not None
+            self.header_rows += sampler is not None
             return None
         if len(row) > self.width and not any(cell.strip() for cell in row[self.width :]):
             self._dropped_only = False
             return mark.join(row[: self.width]) + "\n"
-        if look is not None:
+        if sampler is not None:
             cut = not self.text.ends_whole and number == self.text.lines
             row = [cell.replace(BREAK, "\n") for cell in row]
-            look.widths.problem(row_left_out(number, row, self.width, cut=cut))
+            sampler.widths.problem(row_left_out(number, row, self.width, cut=cut))
             self._left_out += 1
         return None
 
@@ -247,35 +256,35 @@ class RowPieces:
                 signs = np.frombuffer(data, dtype=np.uint8)
                 rows += np.flatnonzero(np.isin(signs[firsts], (mark[0], 32, 9, 0xC2))).tolist()
                 continue
-            at = data.find(start.encode("utf-8"))
-            while at >= 0:
-                begin = data.rfind(b"\n", 0, at) + 1
-                if mark not in data[begin:at]:
-                    rows.append(int(np.searchsorted(ends, at)))
-                at = data.find(start.encode("utf-8"), at + 1)
+            offset = data.find(start.encode("utf-8"))
+            while offset >= 0:
+                begin = data.rfind(b"\n", 0, offset) + 1
+                if mark not in data[begin:offset]:
+                    rows.append(int(np.searchsorted(ends, offset)))
+                offset = data.find(start.encode("utf-8"), offset + 1)
         return rows
 
-    def _count(self, lines: Sequence[int], begin: int, end: int, look: _Look | None) -> None:
+    def _count(self, lines: Sequence[int], begin: int, end: int, sampler: _Sampler | None) -> None:
         """Rows ``begin`` to ``end`` of a block count."""
-        if look is None or begin >= end:
+        if sampler is None or begin >= end:
             return
         if isinstance(lines, range):
             self.numbers.extend(lines[begin], end - begin)
             return
-        for at in range(begin, end):
-            self.numbers.extend(lines[at], 1)
+        for row in range(begin, end):
+            self.numbers.extend(lines[row], 1)
 
 
 @dataclass
-class _Look:
+class _Sampler:
     """What the first pass tells of: quotes that are never closed, rows of another width."""
 
     quotes: ReadingNotes
     widths: ReadingNotes
 
 
-def _even(marks: np.ndarray, ends: np.ndarray, each: int) -> bool:
-    table = marks.reshape(ends.size, each)
+def _even(marks: np.ndarray, ends: np.ndarray, separators_per_row: int) -> bool:
+    table = marks.reshape(ends.size, separators_per_row)
     return bool((table[:, -1] < ends).all() and (table[1:, 0] > ends[:-1]).all())
 
 
@@ -298,10 +307,10 @@ def _without_quotes(data: bytes, separator: bytes) -> bytes | None:
     outer = np.array([separator[0], 10], dtype=np.uint8)
     if not (np.isin(before, outer).all() and np.isin(after, outer).all()):
         return None
-    inside = np.logical_xor.accumulate(is_quote)
-    if (inside & (signs == 10)).any():
+    in_quotes = np.logical_xor.accumulate(is_quote)
+    if (in_quotes & (signs == 10)).any():
         return None
-    bare = np.where((signs == separator[0]) & ~inside, _MARK[0], signs).astype(np.uint8)
+    bare = np.where((signs == separator[0]) & ~in_quotes, _MARK[0], signs).astype(np.uint8)
     return bare.tobytes().translate(None, b'"')
 
 

@@ -31,8 +31,10 @@ def split_rows(
     A quote that is never closed spoils its own line only: it is read as if it were not quoted.
     """
     if not any('"' in line for line in lines):
-        kept = [(line, n) for n, line in enumerate(lines, first_line) if line.strip()]
-        return Rows([line.split(separator) for line, _ in kept], [n for _, n in kept])
+        filled_lines = [(line, n) for n, line in enumerate(lines, first_line) if line.strip()]
+        return Rows(
+            [line.split(separator) for line, _ in filled_lines], [n for _, n in filled_lines]
+        )
     return whole_rows(lines, separator, first_line, notes)[0]
 
 
@@ -42,48 +44,48 @@ def whole_rows(
     first_line: int = 1,
     notes: ReadingNotes | None = None,
     *,
-    goes_on: bool = False,
+    file_goes_on: bool = False,
 ) -> tuple[Rows, int]:
     """The rows of lines with quotes, and how many lines they take.
 
-    Where the text ``goes_on`` after ``lines``, a row that may end there is left for later.
+    Where the text ``file_goes_on`` after ``lines``, a row that may end there is left for later.
     """
     cells: list[list[str]] = []
     numbers: list[int] = []
-    at = 0
-    while at < len(lines):
-        if goes_on and lines[at].count('"') % 2 and at + _QUOTED_LINES > len(lines):
+    index = 0
+    while index < len(lines):
+        if file_goes_on and lines[index].count('"') % 2 and index + _QUOTED_LINES > len(lines):
             break
-        row, used = _next_row(lines, at, separator, first_line, notes)
+        row, used = _next_row(lines, index, separator, first_line, notes)
         if any(cell.strip() for cell in row) or len(row) > 1:
             cells.append(row)
-            numbers.append(first_line + at)
-        at += used
-    return Rows(cells, numbers), at
+            numbers.append(first_line + index)
+        index += used
+    return Rows(cells, numbers), index
 
 
 def _next_row(
-    lines: Sequence[str], at: int, separator: str, first_line: int, notes: ReadingNotes | None
+    lines: Sequence[str], index: int, separator: str, first_line: int, notes: ReadingNotes | None
 ) -> tuple[list[str], int]:
     """The row that begins at ``lines[at]`` and how many lines it takes."""
-    line = lines[at]
+    line = lines[index]
     if '"' not in line:
         return line.split(separator), 1
     if line.count('"') % 2 == 0:
         return _split_quoted([line], separator), 1
     for used in range(2, _QUOTED_LINES + 1):
-        block = list(lines[at : at + used])
+        block = list(lines[index : index + used])
         if len(block) == used and sum(part.count('"') for part in block) % 2 == 0:
             row = _split_quoted(block, separator)
             # Only a cell that itself holds the line end is one quoted cell over several lines.
             if any("\n" in cell for cell in row) and len(row) > 1:
-                alone = line.count(separator) + 1
-                if len(row) >= alone:
+                cells_of_this_line = line.count(separator) + 1
+                if len(row) >= cells_of_this_line:
                     return row, used
             break
     if notes is not None:
         notes.problem(
-            f"line {first_line + at}: a quotation mark is never closed: {line[:_SHOWN]!r}; the "
+            f"line {first_line + index}: a quotation mark is never closed: {line[:_SHOWN]!r}; the "
             "line was read as if it were not quoted"
         )
     return [cell.strip('"') for cell in line.split(separator)], 1

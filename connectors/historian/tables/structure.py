@@ -58,10 +58,10 @@ class Structure:
 def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
     """The structure of ``rows``. Raises ``UnreadableSource`` where it is not a table of numbers."""
     width = usual_width(rows)
-    usual = [i for i, row in enumerate(rows.cells) if len(row) == width]
-    if not usual:
+    full_rows = [i for i, row in enumerate(rows.cells) if len(row) == width]
+    if not full_rows:
         raise UnreadableSource(f"{name}: no rows were found; expected a header and rows of data")
-    sample = _sample([rows.cells[i] for i in usual])
+    sample = _sample([rows.cells[i] for i in full_rows])
     time: tuple[int, ...] = ()
     if options.time_column is not None:
         time = _time_named(_head(rows, width), options.time_column, name)
@@ -121,10 +121,10 @@ def _time_by_content(sample: Sequence[list[str]], width: int) -> tuple[int, ...]
 def _time_named(headers: Sequence[list[str]], time_column: str, name: str) -> tuple[int, ...]:
     column = find_header(headers, time_column)
     if column is None:
-        shown = ", ".join(repr(cell) for row in headers[:1] for cell in row[:12])
+        shown_cells = ", ".join(repr(cell) for row in headers[:1] for cell in row[:12])
         raise UnreadableSource(
             f"{name}: there is no column {time_column!r} to take the time from; the "
-            f"headers are {shown}"
+            f"headers are {shown_cells}"
         )
     return (column,)
 
@@ -146,7 +146,8 @@ def _time_by_header(headers: Sequence[list[str]], sample: Sequence[list[str]]) -
                 return (column,)
     if sample and sample[0]:
         values = parse_numbers([row[0] for row in sample], ".")
-        if _rises(sample, 0) and np.nanmedian(values) > 3e8:
+        known = values[np.isfinite(values)]
+        if known.size and _rises(sample, 0) and np.median(known) > 3e8:
             return (0,)
     return ()
 
@@ -160,8 +161,8 @@ def _rises(sample: Sequence[list[str]], column: int) -> bool:
     finite = values[np.isfinite(values)]
     if finite.size < 0.8 * len(cells) or finite.size < 2 or finite[-1] == finite[0]:
         return False
-    way = np.sign(finite[-1] - finite[0])
-    return bool((np.diff(finite) * way >= 0).mean() > 0.6)
+    direction = np.sign(finite[-1] - finite[0])
+    return bool((np.diff(finite) * direction >= 0).mean() > 0.6)
 
 
 def _first_row(rows: Rows, width: int, time: tuple[int, ...]) -> int:
@@ -214,21 +215,21 @@ def column_names(structure: Structure) -> Names:
     of known unit spellings is the units.
     """
     width, time = structure.width, set(structure.time)
-    rest = list(structure.headers)
-    units = next((row for row in rest if _is_unit_row(row, time)), [""] * width)
-    rest = [row for row in rest if row is not units]
-    if not rest:
+    name_rows = list(structure.headers)
+    units = next((row for row in name_rows if _is_unit_row(row, time)), [""] * width)
+    name_rows = [row for row in name_rows if row is not units]
+    if not name_rows:
         return Names([""] * width, [""] * width, units)
-    tags = max(rest, key=lambda row: _tag_likeness(row, time))
-    others = [row for row in rest if row is not tags]
+    tags = max(name_rows, key=lambda row: _tag_likeness(row, time))
+    others = [row for row in name_rows if row is not tags]
     descriptions = [" ".join(filter(None, cells)) for cells in zip(*others, strict=True)]
     return Names(tags, descriptions or [""] * width, units)
 
 
 def _is_unit_row(row: list[str], time: set[int]) -> bool:
     cells = [cell for column, cell in enumerate(row) if column not in time and cell]
-    known = sum(is_unit(cell) for cell in cells)
-    return known > 0 and known >= 0.6 * len(cells)
+    unit_count = sum(is_unit(cell) for cell in cells)
+    return unit_count > 0 and unit_count >= 0.6 * len(cells)
 
 
 def _tag_likeness(row: list[str], time: set[int]) -> float:

@@ -28,7 +28,6 @@ from stemwatch.connectors.historian.tables.document import (
 )
 
 BLOCK = 1024**2  # what the next steps do with it stays in the processor's cache
-_GUESSED_BY = 8 * 1024**2  # bytes that show the encoding
 HEAD_LINES, HEAD_BYTES = 1000, 16 * 1024**2
 _FEWEST_HEAD_LINES = 50
 _SPOTS, _SPOT_BYTES = 200, 1 << 12
@@ -71,13 +70,13 @@ class TextPieces:
 
     def blocks(self) -> Iterator[TextBlock]:
         """The same lines at every call, whatever is appended to the file meanwhile."""
-        there = 0
+        lines_read = 0
         for block in self.look(ReadingNotes(), ReadingNotes()):
-            left = self.lines - there
+            left = self.lines - lines_read
             if block.lines > left:
                 yield TextBlock(b"".join(block.text.splitlines(keepends=True)[:left]), left)
                 return
-            there += block.lines
+            lines_read += block.lines
             yield block
 
     def look(
@@ -106,7 +105,7 @@ class TextPieces:
 
     def _whole_lines(self, pieces: Iterator[bytes]) -> Iterator[bytes]:
         """Pieces that end with a line; the last gets an end where it has none."""
-        rest: list[bytes] = []
+        unfinished: list[bytes] = []
         marks = 2 if self.encoding == "utf-8-sig" else 1
         for piece in pieces:
             while marks and piece:
@@ -116,13 +115,13 @@ class TextPieces:
                 )
             cut = piece.rfind(b"\n") + 1
             if cut:
-                yield b"".join((*rest, piece[:cut]))
-                rest = [piece[cut:]]
+                yield b"".join((*unfinished, piece[:cut]))
+                unfinished = [piece[cut:]]
                 continue
-            rest.append(piece)
-            if sum(map(len, rest)) > _LONGEST_LINE:
+            unfinished.append(piece)
+            if sum(map(len, unfinished)) > _LONGEST_LINE:
                 raise NotInPieces
-        last = b"".join(rest)
+        last = b"".join(unfinished)
         self.ends_whole = not last
         if last:
             _refuse_half_character(last)
@@ -134,7 +133,7 @@ class TextPieces:
             yield from pieces
             return
         decoder = codecs.getincrementaldecoder(name)()
-        there = 0
+        bytes_read = 0
         for piece in pieces:
             if name in _WITH_ASCII and piece.isascii() and not decoder.getstate()[0]:
                 yield piece
@@ -142,9 +141,9 @@ class TextPieces:
                 try:
                     yield decoder.decode(piece).encode("utf-8")
                 except UnicodeDecodeError as error:
-                    error.reason = f"{there + error.start}"  # counted from the file's start
+                    error.reason = f"{bytes_read + error.start}"  # counted from the file's start
                     raise
-            there += len(piece)
+            bytes_read += len(piece)
         yield decoder.decode(b"", final=True).encode("utf-8")
 
 
@@ -194,13 +193,13 @@ def _pieces(
                     see(piece)
                 yield piece
             return
-        held: list[bytes] = []
+        buffered: list[bytes] = []
         for piece in unpacked(file, path.stat().st_size, path, notes):
-            held.append(piece)
-            if sum(map(len, held)) >= BLOCK:
-                yield b"".join(held)
-                held.clear()
-        yield b"".join(held)
+            buffered.append(piece)
+            if sum(map(len, buffered)) >= BLOCK:
+                yield b"".join(buffered)
+                buffered.clear()
+        yield b"".join(buffered)
 
 
 def look_through(path: Path, encoding: str | None) -> TextPieces:
@@ -209,7 +208,7 @@ def look_through(path: Path, encoding: str | None) -> TextPieces:
     Raises ``NotInPieces`` where it has to be read whole, ``UnreadableSource`` as reading it whole
     does, ``OSError`` where it cannot be opened.
     """
-    head = _head(path)
+    head = next(_pieces(path, ReadingNotes()), b"")
     refuse_foreign(head, path)
     for name in (encoding,) if encoding else _candidates(head):
         try:
@@ -224,19 +223,10 @@ def look_through(path: Path, encoding: str | None) -> TextPieces:
     raise NotInPieces
 
 
-def _head(path: Path) -> bytes:
-    held: list[bytes] = []
-    for piece in _pieces(path, ReadingNotes()):
-        held.append(piece)
-        if sum(map(len, held)) >= _GUESSED_BY:
-            break
-    return b"".join(held)
-
-
 def _candidates(head: bytes) -> Iterator[str]:
-    marked = marked_encoding(head)
-    if marked is not None:
-        yield marked
+    encoding = marked_encoding(head)
+    if encoding is not None:
+        yield encoding
         return
     yield "utf-8"
     if in_byte_pairs(head):
@@ -246,11 +236,11 @@ def _candidates(head: bytes) -> Iterator[str]:
 
 def _damaged(text: TextPieces, error: UnicodeDecodeError) -> TextPieces:
     byte = error.object[error.start]
-    said = (
+    message = (
         f"'charmap' codec can't decode byte 0x{byte:02x} in position {error.reason}: character "
         "maps to <undefined>"
     )
-    text.notes.problem(f"some bytes are not cp1252 ({said}); their cells are unreadable")
+    text.notes.problem(f"some bytes are not cp1252 ({message}); their cells are unreadable")
     return _looked_through(text)
 
 
@@ -302,17 +292,17 @@ class _Sample:
         """The next block."""
         block = whole_lines.text
         self.lines += whole_lines.lines
-        at = self._fill_head(block)
-        while (begin := max(at, self._next - self._there)) < len(block):
+        offset = self._fill_head(block)
+        while (begin := max(offset, self._next - self._there)) < len(block):
             if self._whole_head():
                 begin = block.find(b"\n", max(0, begin - 1)) + 1
                 end = block.find(b"\n", begin + self._spot_bytes()) + 1 or len(block)
                 if begin < end:
                     self._spots.append(block[begin:end])
-                at = end
-            self._next = self._there + max(at, begin) + self._stride
-            most = min(_SPOTS, HEAD_BYTES // self._spot_bytes()) if self._head else _SPOTS
-            if len(self._spots) > 2 * most:
+                offset = end
+            self._next = self._there + max(offset, begin) + self._stride
+            most_spots = min(_SPOTS, HEAD_BYTES // self._spot_bytes()) if self._head else _SPOTS
+            if len(self._spots) > 2 * most_spots:
                 self._spots = self._spots[::2]
                 self._stride *= 2
         self._there += len(block)
@@ -327,13 +317,13 @@ class _Sample:
         return b"".join(self._spots).decode("utf-8").split("\n")[:-1]
 
     def _fill_head(self, block: bytes) -> int:
-        at = 0
-        while at < len(block) and not self._whole_head():
-            end = block.find(b"\n", at)
-            self._head.append(block[at:end])
-            self._head_bytes += end - at
-            at = end + 1
-        return at
+        offset = 0
+        while offset < len(block) and not self._whole_head():
+            end = block.find(b"\n", offset)
+            self._head.append(block[offset:end])
+            self._head_bytes += end - offset
+            offset = end + 1
+        return offset
 
     def _whole_head(self) -> bool:
         return len(self._head) >= HEAD_LINES or self._head_bytes >= HEAD_BYTES

@@ -78,12 +78,14 @@ def _interval_column(
         if column in used or not _INTERVAL_NAME.match(tag.strip()):
             continue
         cells = body.columns[column]
-        shown = cells.first(_LOOKED_AT) if isinstance(cells, StoredText) else cells
-        filled = [cell for cell in shown if cell.strip()]
+        first_cells = cells.first(_LOOKED_AT) if isinstance(cells, StoredText) else cells
+        filled = [cell for cell in first_cells if cell.strip()]
         values = parse_numbers(filled, "," if any("," in cell for cell in filled) else ".")
         if not values.size or not np.isfinite(values).all() or not values[0] > 0:
             continue
-        if values.size == 1 or (values.size == len(shown) and bool((values == values[0]).all())):
+        if values.size == 1 or (
+            values.size == len(first_cells) and bool((values == values[0]).all())
+        ):
             scale = _INTERVAL_UNIT_S.get(_interval_unit(tag, names.units[column]), 1.0)
             return float(values[0]) * scale, tag, {column}
     return None, "", set()
@@ -91,8 +93,8 @@ def _interval_column(
 
 def _interval_unit(tag: str, unit: str) -> str:
     """``ms`` of ``Ts [ms]``, ``ts_ms`` or a row of units; empty where none is said."""
-    found = re.search(r"(?:_|\[|\(|\s)(ms|min)\s*[\])]?$", tag.strip(), re.I)
-    return found[1].lower() if found else unit.strip().strip("[]()").lower()
+    match = re.search(r"(?:_|\[|\(|\s)(ms|min)\s*[\])]?$", tag.strip(), re.I)
+    return match[1].lower() if match else unit.strip().strip("[]()").lower()
 
 
 def _row_numbers(body: Body, names: Names, used: set[int], notes: ReadingNotes) -> set[int]:
@@ -147,15 +149,15 @@ def unique_tags(columns: list[RawColumn], notes: ReadingNotes) -> list[RawColumn
     """Tags that occur twice get a number, so that none hides the other."""
     seen: dict[str, int] = {}
     out: list[RawColumn] = []
-    taken = {column.tag for column in columns}
+    used_tags = {column.tag for column in columns}
     for column in columns:
         seen[column.tag] = seen.get(column.tag, 0) + 1
         tag = column.tag
         if seen[column.tag] > 1:
             count = seen[column.tag]
-            while (tag := f"{column.tag} ({count})") in taken:
+            while (tag := f"{column.tag} ({count})") in used_tags:
                 count += 1
-            taken.add(tag)
+            used_tags.add(tag)
             notes.decide(f"The tag {column.tag!r} heads more than one column; one is {tag!r} here.")
         out.append(replace(column, tag=tag))
     return out

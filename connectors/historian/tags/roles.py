@@ -104,17 +104,23 @@ def described_role(description: str) -> Role | None:
 
 def _propose_mv(candidate: Candidate, described: Role | None, mv_is_output: bool) -> Candidate:
     if described is Role.OP:
-        where = "by the layout and " if mv_is_output else "by "
+        evidence = "by the layout and " if mv_is_output else "by "
         remark = (
-            f"MV is the controller output here, {where}its description {candidate.description!r}"
+            f"MV is the controller output here, {evidence}its description {candidate.description!r}"
         )
         return replace(candidate, role=Role.OP, remark=remark)
     return replace(candidate, remark=_ASK_MV)
 
 
 def _propose_cv(candidate: Candidate, everyone: Sequence[Candidate]) -> Candidate:
-    beside = {other.name.role for other in everyone if other.name.loop == candidate.name.loop}
-    if candidate.unit == PERCENT and beside & {Role.MV, Role.PV} and Role.OP not in beside:
+    roles_of_loop = {
+        other.name.role for other in everyone if other.name.loop == candidate.name.loop
+    }
+    if (
+        candidate.unit == PERCENT
+        and roles_of_loop & {Role.MV, Role.PV}
+        and Role.OP not in roles_of_loop
+    ):
         remark = "CV in percent beside the same loop's position or PV: the controller output"
         return replace(candidate, role=Role.OP, remark=remark)
     return replace(candidate, remark=_ASK_CV)
@@ -126,10 +132,12 @@ def _pair_positions(candidates: list[Candidate]) -> list[Candidate]:
     out = []
     for candidate in candidates:
         if candidate.role is Role.MV and candidate.valve not in outputs:
-            same = [valve for valve in outputs if number(valve) == number(candidate.valve) != ""]
-            if len(same) == 1:
-                remark = f"position transmitter with the number of {same[0]}"
-                candidate = replace(candidate, valve=same[0], remark=remark)
+            same_number = [
+                valve for valve in outputs if number(valve) == number(candidate.valve) != ""
+            ]
+            if len(same_number) == 1:
+                remark = f"position transmitter with the number of {same_number[0]}"
+                candidate = replace(candidate, valve=same_number[0], remark=remark)
         out.append(candidate)
     return out
 
@@ -142,9 +150,17 @@ def _pair_transmitters(candidates: list[Candidate]) -> list[Candidate]:
         by_instrument.setdefault(instrument(valve), []).append(valve)
     out = []
     for candidate in candidates:
-        same = by_instrument.get(instrument(candidate.valve), [])
-        if candidate.role is Role.PV and candidate.valve not in outputs and len(same) == 1:
-            candidate = replace(candidate, valve=same[0], remark=f"the measurement of {same[0]}")
+        same_instrument = by_instrument.get(instrument(candidate.valve), [])
+        if (
+            candidate.role is Role.PV
+            and candidate.valve not in outputs
+            and len(same_instrument) == 1
+        ):
+            candidate = replace(
+                candidate,
+                valve=same_instrument[0],
+                remark=f"the measurement of {same_instrument[0]}",
+            )
         out.append(candidate)
     return out
 
@@ -177,6 +193,6 @@ def _choose(out: list[Candidate], members: list[int]) -> None:
             out[i] = replace(out[i], role=None, remark=f"several tags may be this one: {others}")
         return
     for i in ranked[1:]:
-        own = out[i].own_interval_s
-        slow = f", new values each {own:g} s" if own else ""
+        interval_s = out[i].own_interval_s
+        slow = f", new values each {interval_s:g} s" if interval_s else ""
         out[i] = replace(out[i], role=None, remark=f"a copy of {best.tag}{slow}; that one is used")

@@ -48,24 +48,24 @@ class TagName:
 
 def parse_tag(tag: str) -> TagName:
     """Loop and last word of a tag: ``FIC-101.OP``, ``FIC101/PV``, ``LC74_20X_pct``, ``OP``."""
-    bare = split_unit(tag)[0].strip()
-    path = _PATH.match(bare)
+    without_unit = split_unit(tag)[0].strip()
+    path = _PATH.match(without_unit)
     if path:
         word = "mode" if path["word"] == "MODE" else path["word"].lower()
         return TagName(path["loop"], word, path["block"].upper())
-    if _known(bare):
-        return TagName("", bare.lower())
+    if _is_known_word(without_unit):
+        return TagName("", without_unit.lower())
     for pattern in (_SPLIT, _GLUED):
-        match = pattern.match(bare)
-        if match and _known(match["word"]):
+        match = pattern.match(without_unit)
+        if match and _is_known_word(match["word"]):
             return TagName(match["loop"], match["word"].lower())
-    position = _POSITION_LOOP.match(bare)
+    position = _POSITION_LOOP.match(without_unit)
     if position:
-        return TagName(bare, "zt")
+        return TagName(without_unit, "zt")
     return TagName("", "")
 
 
-def _known(word: str) -> bool:
+def _is_known_word(word: str) -> bool:
     return word.lower() in _WORDS or word.lower() in ASK_WORDS
 
 

@@ -121,5 +121,5 @@ def _even(reading: tuple[Ints, Bools]) -> bool:
     if not ok.all() or steps.size < 2 or not (steps >= 0).all():
         return False
     crosses_midnight = times[0] // _DAY_NS != times[-1] // _DAY_NS
-    usual = float(np.median(steps))
-    return bool(crosses_midnight and steps.max() <= max(10.0 * usual, 3600e9))
+    median_step = float(np.median(steps))
+    return bool(crosses_midnight and steps.max() <= max(10.0 * median_step, 3600e9))

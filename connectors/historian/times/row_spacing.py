@@ -41,13 +41,17 @@ def evenly_within_stamps(ns: Ints, ok: Bools) -> Spread | None:
     step = int(np.median(steps))
     if steps.min() <= 0 or (steps == step).mean() < _ALIKE or inner.mean() < 1.9:
         return None
-    each = int(np.median(inner))
-    if counts.max() <= each and (inner == each).mean() >= _ALIKE:
-        place = np.arange(ns.size) - np.repeat(starts, counts)
-        place[: counts[0]] += each - counts[0]
-        return Spread(ns + place * step // each, f"{each}", step / each / 1e9)
-    usual = (np.abs(inner - inner.mean()) <= 1.05).mean() >= _ALIKE
-    return _on_a_line(ns, starts, counts, step) if usual else None
+    rows_per_stamp = int(np.median(inner))
+    if counts.max() <= rows_per_stamp and (inner == rows_per_stamp).mean() >= _ALIKE:
+        index_in_stamp = np.arange(ns.size) - np.repeat(starts, counts)
+        index_in_stamp[: counts[0]] += rows_per_stamp - counts[0]
+        return Spread(
+            ns + index_in_stamp * step // rows_per_stamp,
+            f"{rows_per_stamp}",
+            step / rows_per_stamp / 1e9,
+        )
+    mostly_alike = (np.abs(inner - inner.mean()) <= 1.05).mean() >= _ALIKE
+    return _on_a_line(ns, starts, counts, step) if mostly_alike else None
 
 
 def at_interval(ns: Ints, ok: Bools, interval_s: float) -> Ints | None:
@@ -59,7 +63,7 @@ def at_interval(ns: Ints, ok: Bools, interval_s: float) -> Ints | None:
     steps = np.diff(ns[starts])
     if steps.min() <= 0:
         return None
-    return _laid(ns, starts, int(np.median(steps)), interval_s * 1e9)
+    return _spread_on_line(ns, starts, int(np.median(steps)), interval_s * 1e9)
 
 
 def counts_rows(numbers: Floats) -> bool:
@@ -93,9 +97,11 @@ def _on_a_line(ns: Ints, starts: Ints, counts: Ints, step: int) -> Spread | None
             break
     else:
         interval = mean
-    laid = _laid(ns, starts, step, interval)
-    fewest, most = (int(n) for n in np.percentile(counts[1:-1], (1.0, 99.0)))
-    return None if laid is None else Spread(laid, f"{fewest} to {most}", interval / 1e9)
+    spread_ns = _spread_on_line(ns, starts, step, interval)
+    fewest, largest = (int(n) for n in np.percentile(counts[1:-1], (1.0, 99.0)))
+    return (
+        None if spread_ns is None else Spread(spread_ns, f"{fewest} to {largest}", interval / 1e9)
+    )
 
 
 def _without_gaps(ns: Ints, starts: Ints, step: int) -> list[tuple[int, int]]:
@@ -104,7 +110,7 @@ def _without_gaps(ns: Ints, starts: Ints, step: int) -> list[tuple[int, int]]:
     return list(pairwise([0, *breaks.tolist(), int(starts.size)]))
 
 
-def _laid(ns: Ints, starts: Ints, step: int, interval: float) -> Ints | None:
+def _spread_on_line(ns: Ints, starts: Ints, step: int, interval: float) -> Ints | None:
     """Rows on a line in each part without a gap, ``None`` where one misses its stamps by more than
     an interval, which is what a clock may wander."""
     out = ns.copy()

@@ -129,11 +129,11 @@ def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> Laid:
     """``column`` on ``grid``: at the nearest instants where it has the grid's rate, else held."""
     if column.ns.size == 0:
         return Laid(np.full(grid.size, np.nan), np.full(grid.size, Quality.MISSING, np.uint8))
-    exception, usual = column.times.by_exception, column.times.usual_step
-    own = grid.interval_ns if usual is None else usual
-    if not exception and (is_clock or own <= 1.1 * grid.interval_ns):
+    exception, usual_step = column.times.by_exception, column.times.usual_step
+    own_step_ns = grid.interval_ns if usual_step is None else usual_step
+    if not exception and (is_clock or own_step_ns <= 1.1 * grid.interval_ns):
         return _lay_nearest(column, grid)
-    return _lay_held(column, grid, own, exception)
+    return _lay_held(column, grid, own_step_ns, exception)
 
 
 @dataclass(frozen=True)
@@ -155,10 +155,10 @@ class SamplesOnGrid:
 def samples_on_grid(times: Timeline, grid: Grid) -> SamplesOnGrid:
     """The nearest instant of each sample, repeated times put right."""
     index, moved = _repeated_to_hole(times.ns, nearest_index(times.ns, grid))
-    inside = (index >= grid.first) & (index < grid.first + grid.size)
-    instants = index[inside] - grid.first
+    in_grid = (index >= grid.first) & (index < grid.first + grid.size)
+    instants = index[in_grid] - grid.first
     one_to_one = index.size == grid.size and np.array_equal(instants, np.arange(grid.size))
-    return SamplesOnGrid(inside, instants, one_to_one, moved)
+    return SamplesOnGrid(in_grid, instants, one_to_one, moved)
 
 
 def _lay_nearest(column: Column, grid: Grid) -> Laid:
@@ -203,27 +203,29 @@ def _repeated_to_hole(ns: Ints, index: Ints) -> tuple[Ints, int]:
     return np.where(twin, index + 1, index), int(twin.sum())
 
 
-def _lay_held(column: Column, grid: Grid, own: float, exception: bool) -> Laid:
+def _lay_held(column: Column, grid: Grid, own_step_ns: float, exception: bool) -> Laid:
     instants = grid.instants
     last = np.searchsorted(column.ns, instants, side="right") - 1
     age = instants - column.ns[np.maximum(last, 0)]
-    limit = _hold_limit(column.times, own, exception)
-    there = (last >= 0) & (age <= limit)
-    at = np.maximum(last, 0)
-    old = there & (age > _GAP * max(grid.interval_ns, own))
-    quality = np.where(there, column.quality[at], Quality.MISSING)
+    limit = _hold_limit(column.times, own_step_ns, exception)
+    has_sample = (last >= 0) & (age <= limit)
+    sample_index = np.maximum(last, 0)
+    old = has_sample & (age > _GAP * max(grid.interval_ns, own_step_ns))
+    quality = np.where(has_sample, column.quality[sample_index], Quality.MISSING)
     quality = np.where(old & (quality == Quality.GOOD), Quality.HELD, quality)
-    values = np.where(quality <= Quality.HELD, column.values[at], np.nan)
-    kind = "is reported when it changes" if exception else f"has a sample each {own / 1e9:g} s"
+    values = np.where(quality <= Quality.HELD, column.values[sample_index], np.nan)
+    kind = (
+        "is reported when it changes" if exception else f"has a sample each {own_step_ns / 1e9:g} s"
+    )
     decision = (
         f"{column.tag} {kind}; its last value is held for at most {limit / 1e9:g} s and marked as "
-        f"held when older than {_GAP * max(grid.interval_ns, own) / 1e9:g} s."
+        f"held when older than {_GAP * max(grid.interval_ns, own_step_ns) / 1e9:g} s."
     )
     return Laid(values, quality.astype(np.uint8), decision)
 
 
-def _hold_limit(times: Timeline, own: float, exception: bool) -> float:
+def _hold_limit(times: Timeline, own_step_ns: float, exception: bool) -> float:
     """A few of the tag's own intervals; by exception as long as it usually stays silent."""
     if not exception:
-        return _HOLD * own
-    return max(_HOLD * own, float(np.percentile(times.steps, 99)))
+        return _HOLD * own_step_ns
+    return max(_HOLD * own_step_ns, float(np.percentile(times.steps, 99)))

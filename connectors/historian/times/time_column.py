@@ -30,7 +30,7 @@ from stemwatch.connectors.historian.times.time_fields import (
 )
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
-from stemwatch.connectors.historian.values.stored_text import StoredText, some
+from stemwatch.connectors.historian.values.stored_text import StoredText, cells_at
 from stemwatch.models.recording import Bools, Floats
 
 _ROWS_AT_ONCE = 1 << 20
@@ -73,7 +73,7 @@ def read_instants(
     """
     times = table.times
     if times.texts is None:
-        return _counted(table, options, name, notes)
+        return _row_count_instants(table, options, name, notes)
     instants = _written(table, options, name, notes)
     if table.narrow:
         return _with_cut_stamps_of_tags(instants, table, notes)
@@ -82,8 +82,10 @@ def read_instants(
 
 def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
     """The instants that the time column holds."""
-    told = table.times.texts or ()
-    texts = told if isinstance(told, StoredText) else [text.strip() for text in told]
+    time_texts = table.times.texts or ()
+    texts = (
+        time_texts if isinstance(time_texts, StoredText) else [text.strip() for text in time_texts]
+    )
     instants = None
     if options.time_format is not None:
         notes.use("time_format")
@@ -108,17 +110,24 @@ def _with_cut_stamps(
     """The rows between two equal stamps, spaced as the user, the file or their numbers say."""
     column = table.times.name
     shared = instants.shared and not _repeated_rows(table)
-    for given, said in ((options.interval_s, "as given"), (table.interval_s, "as the file says")):
-        laid = None if given is None or not shared else at_interval(instants.ns, instants.ok, given)
-        if laid is None:
+    for interval_s, origin in (
+        (options.interval_s, "as given"),
+        (table.interval_s, "as the file says"),
+    ):
+        spaced = (
+            None
+            if interval_s is None or not shared
+            else at_interval(instants.ns, instants.ok, interval_s)
+        )
+        if spaced is None:
             continue
-        if said == "as given":
+        if origin == "as given":
             notes.use("interval_s")
         notes.decide(
-            f"The rows are {given:g} s apart, {said}; column {column!r} gives the same time to "
-            "several of them, as a spreadsheet does that cuts times."
+            f"The rows are {interval_s:g} s apart, {origin}; column {column!r} gives the same time "
+            "to several of them, as a spreadsheet does that cuts times."
         )
-        return replace(instants, ns=laid)
+        return replace(instants, ns=spaced)
     spread = evenly_within_stamps(instants.ns, instants.ok) if shared else None
     if spread is not None:
         notes.decide(_cut_sentence(column, spread))
@@ -182,11 +191,13 @@ def _some_cells(cells: Sequence[str]) -> Sequence[str]:
 
 def _repeated(columns: Sequence[Sequence[str]]) -> bool:
     rows = list(zip(*columns, strict=True))
-    same = sum(row == before for before, row in pairwise(rows))
-    return same > 0.3 * len(rows)
+    repeat_count = sum(row == before for before, row in pairwise(rows))
+    return repeat_count > 0.3 * len(rows)
 
 
-def _counted(table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes) -> Instants:
+def _row_count_instants(
+    table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
+) -> Instants:
     interval_s = options.interval_s or table.interval_s
     notes.use("interval_s")
     if interval_s is None:
@@ -225,8 +236,8 @@ def _numeric(
 
 
 def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> Instants:
-    whole = np.floor(np.where(ok, numbers, 0.0))
-    fraction = np.where(ok, numbers, 0.0) - whole
+    whole_numbers = np.floor(np.where(ok, numbers, 0.0))
+    fraction = np.where(ok, numbers, 0.0) - whole_numbers
     # A double holds 2**53 exactly; nanoseconds since 1970 need integers of their own.
     if ns_each == 1.0:
         whole_ns = np.array(
@@ -234,7 +245,7 @@ def _epoch(texts: Sequence[str], numbers: Floats, ok: Bools, ns_each: float) -> 
             dtype=np.int64,
         )
     else:
-        whole_ns = whole.astype(np.int64) * int(ns_each)
+        whole_ns = whole_numbers.astype(np.int64) * int(ns_each)
     ns = whole_ns + np.round(fraction * ns_each / 1e3).astype(np.int64) * 1000
     return Instants(ns=ns, ok=ok, in_utc=True, zone="The times are Unix times, in UTC.")
 
@@ -248,9 +259,9 @@ def _relative(
     unit = _UNIT.search(header)
     scale = _UNIT_NS[unit[1]] if unit else 1e9
     ok = ok & (np.abs(numbers) < _MAX_SECONDS * 1e9 / scale)
-    instead = _spaced(numbers, ok, scale, table, options, notes)
-    if instead is not None:
-        return instead
+    spaced_instants = _spaced(numbers, ok, scale, table, options, notes)
+    if spaced_instants is not None:
+        return spaced_instants
     named = unit[1] if unit else "seconds"
     unsure = "" if unit or _SECONDS.search(header) or not counts_rows(numbers[ok]) else _OR_ROWS
     notes.decide(
@@ -273,30 +284,35 @@ def _spaced(
     them or are not what the user says they are; ``None`` where the numbers are times."""
     if table.narrow:
         return None
-    header, given = table.times.name, options.interval_s
-    counted = counts_rows(numbers[ok])
-    if given is not None:
+    header, interval_s = table.times.name, options.interval_s
+    is_counter = counts_rows(numbers[ok])
+    if interval_s is not None:
         steps = np.diff(numbers[ok])
         notes.use("interval_s")
-        if steps.size and abs(float(np.median(steps)) * scale - given * 1e9) < 1e-6 * given * 1e9:
+        if (
+            steps.size
+            and abs(float(np.median(steps)) * scale - interval_s * 1e9) < 1e-6 * interval_s * 1e9
+        ):
             return None  # the numbers say the same, and where rows are missing
-        why = "only counts them" if counted else "is not used as time"
-        notes.decide(f"The rows are {given:g} s apart, as given; column {header!r} {why}.")
-        return _rows_apart(numbers, ok, given, counted)
-    if table.interval_s is None or not counted or _SECONDS.search(header):
+        reason = "only counts them" if is_counter else "is not used as time"
+        notes.decide(f"The rows are {interval_s:g} s apart, as given; column {header!r} {reason}.")
+        return _rows_apart(numbers, ok, interval_s, is_counter)
+    if table.interval_s is None or not is_counter or _SECONDS.search(header):
         return None
     notes.decide(
         f"The rows are {table.interval_s:g} s apart, as column {table.interval_name!r} says; "
         f"column {header!r} only counts them."
     )
-    return _rows_apart(numbers, ok, table.interval_s, counted)
+    return _rows_apart(numbers, ok, table.interval_s, is_counter)
 
 
-def _rows_apart(numbers: Floats, ok: Bools, interval_s: float, counted: bool) -> Instants:
+def _rows_apart(numbers: Floats, ok: Bools, interval_s: float, is_counter: bool) -> Instants:
     """Rows at their number where they are counted, so that missing rows stay missing."""
-    place = np.where(ok, numbers - numbers[ok][0], 0.0) if counted else np.arange(numbers.size)
-    ns = np.round(place * (interval_s * 1e9)).astype(np.int64)
-    return Instants(ns=ns, ok=ok if counted else np.ones_like(ok), in_utc=False, zone="")
+    row_number = (
+        np.where(ok, numbers - numbers[ok][0], 0.0) if is_counter else np.arange(numbers.size)
+    )
+    ns = np.round(row_number * (interval_s * 1e9)).astype(np.int64)
+    return Instants(ns=ns, ok=ok if is_counter else np.ones_like(ok), in_utc=False, zone="")
 
 
 def _excel_days(
@@ -306,7 +322,7 @@ def _excel_days(
     ns *= 1_000_000
     if options.zone is not None:
         notes.decide(f"The numbers of column {table.times.name!r} are Excel days.")
-        return _placed(ns, ok, np.full(ns.size, NO_OFFSET, dtype=np.int64), table, options, notes)
+        return _in_zone(ns, ok, np.full(ns.size, NO_OFFSET, dtype=np.int64), table, options, notes)
     notes.decide(
         f"The numbers of column {table.times.name!r} are Excel days; their zone is not known."
     )
@@ -336,11 +352,11 @@ def _by_format(
     index = pd.to_datetime(pd.Series(texts, dtype=object), format=time_format, errors="coerce",
                            utc=aware)  # fmt: skip
     ok = np.asarray(index.notna())
-    bare = index.dt.tz_localize(None) if aware else index
-    ns = bare.dt.as_unit("ns").fillna(pd.Timestamp(0)).to_numpy().astype(np.int64)
+    local = index.dt.tz_localize(None) if aware else index
+    ns = local.dt.as_unit("ns").fillna(pd.Timestamp(0)).to_numpy().astype(np.int64)
     notes.decide(f"The times were read by the given format {time_format!r}.")
     offsets = np.full(ns.size, 0 if aware else NO_OFFSET, dtype=np.int64)
-    return _placed(ns, ok, offsets, table, options, notes)
+    return _in_zone(ns, ok, offsets, table, options, notes)
 
 
 def _dated(
@@ -349,7 +365,7 @@ def _dated(
     if isinstance(texts, StoredText):
         in_pieces = _in_pieces(texts, name, notes)
         if in_pieces is not None:
-            return _placed(*in_pieces, table, options, notes)
+            return _in_zone(*in_pieces, table, options, notes)
         texts = list(texts)
     fields = take_apart(texts)
     if (fields.order == Order.NUMERIC).any():
@@ -358,7 +374,7 @@ def _dated(
     example = texts[int(readable[0])] if readable.size else ""
     day_first = table.times.day_first if options.day_first is None else options.day_first
     ns, ok = local_ns(fields, day_first, name, example, notes)
-    return _placed(ns, ok, fields.offset_min, table, options, notes)
+    return _in_zone(ns, ok, fields.offset_min, table, options, notes)
 
 
 def _in_pieces(
@@ -366,7 +382,7 @@ def _in_pieces(
 ) -> tuple[Ints, Bools, NDArray[np.int32]] | None:
     """Local nanoseconds, which rows are dates, and offsets, piece by piece; ``None`` where the
     order of day and month is for the whole column to tell."""
-    size, there = len(texts), 0
+    size, rows_done = len(texts), 0
     ns, ok = np.empty(size, dtype=np.int64), np.empty(size, dtype=bool)
     # Mostly all rows have one offset, which then needs no memory.
     offsets = np.broadcast_to(np.int32(NO_OFFSET), size)
@@ -375,18 +391,18 @@ def _in_pieces(
         if (fields.order == Order.NUMERIC).any():
             return None
         local, real = local_ns(fields, None, name, "", notes)
-        end = there + local.size
-        if local.size and not there:
+        end = rows_done + local.size
+        if local.size and not rows_done:
             offsets = np.broadcast_to(np.int32(fields.offset_min[0]), size)
-        if (fields.offset_min != offsets[there:end]).any():
+        if (fields.offset_min != offsets[rows_done:end]).any():
             offsets = offsets if offsets.flags.writeable else offsets.copy()
-            offsets[there:end] = fields.offset_min
-        ns[there:end], ok[there:end] = local, real
-        there = end
+            offsets[rows_done:end] = fields.offset_min
+        ns[rows_done:end], ok[rows_done:end] = local, real
+        rows_done = end
     return ns, ok, offsets
 
 
-def _placed(
+def _in_zone(
     ns: Ints,
     ok: Bools,
     offset_min: Ints | NDArray[np.int32],
@@ -439,7 +455,7 @@ def _localised(
     notes: ReadingNotes,
 ) -> Instants:
     groups = [column.rows for column in table.columns] if table.narrow else [None]
-    local_utc, placed = to_utc(
+    local_utc, is_placed = to_utc(
         ns if naive.all() else ns.copy(),
         naive,
         zone,
@@ -451,7 +467,7 @@ def _localised(
     sentence = f"Times without offset are local times of {zone}."
     notes.decide(sentence)
     ns = local_utc if naive.all() else np.where(naive, local_utc, utc)
-    return Instants(ns=ns, ok=placed | aware, in_utc=True, zone=sentence)
+    return Instants(ns=ns, ok=is_placed | aware, in_utc=True, zone=sentence)
 
 
 def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) -> str:
@@ -468,8 +484,8 @@ def _remark_clock_change(ns: Ints, notes: ReadingNotes) -> None:
     backward = steps[steps < 0]
     if not backward.size:
         return
-    usual = float(np.median(np.abs(steps, out=steps), overwrite_input=True))
-    if np.count_nonzero(np.abs(backward + 3600e9) <= 2 * usual + 1e9) == 1:
+    median_step = float(np.median(np.abs(steps, out=steps), overwrite_input=True))
+    if np.count_nonzero(np.abs(backward + 3600e9) <= 2 * median_step + 1e9) == 1:
         notes.decide(
             "The times step back by about an hour once: probably the end of summer time. Give the "
             "zone and both passes of the repeated hour will be told apart."
@@ -510,7 +526,7 @@ def _report_unreadable(
     if ok.all():
         return
     rows = np.flatnonzero(~ok)[:5]
-    for row, text in zip(rows.tolist(), some(texts, rows), strict=True):
+    for row, text in zip(rows.tolist(), cells_at(texts, rows), strict=True):
         notes.problem(
             f"line {table.numbers[row]}: {text[:40]!r} is not a time that could be placed; "
             "the row was left out"
@@ -528,8 +544,8 @@ def _without_strays(
     if good.size < 100 or _near_together(good):
         return instants
     low, middle, high = np.percentile(good, (2.0, 50.0, 98.0))
-    far = np.abs(instants.ns - middle) > 20.0 * (high - low) + 86_400e9
-    stray = instants.ok & far
+    is_stray = np.abs(instants.ns - middle) > 20.0 * (high - low) + 86_400e9
+    stray = instants.ok & is_stray
     if not stray.any():
         return instants
     first = int(np.flatnonzero(stray)[0])

@@ -60,8 +60,10 @@ def take_apart(texts: Sequence[str]) -> TimeFields:
     uniform = _uniform(texts)
     if uniform is not None:
         return uniform
-    known = {text: _one(text) for text in dict.fromkeys(texts)}
-    table = np.array([known[text] for text in texts], dtype=np.int64).reshape(len(texts), 8)
+    fields_of_text = {text: _fields_of_text(text) for text in dict.fromkeys(texts)}
+    table = np.array([fields_of_text[text] for text in texts], dtype=np.int64).reshape(
+        len(texts), 8
+    )
     return TimeFields(*(np.ascontiguousarray(column) for column in table.T))
 
 
@@ -74,25 +76,25 @@ def take_apart_stored(text: pa.Array) -> TimeFields:
     length = len(first)
     lengths = pc.min_max(pc.binary_length(text)).as_py()
     if length and first.isascii() and lengths == {"min": length, "max": length}:
-        match = _plain(first)
+        match = _match_plain(first)
         if match is not None:
             begin = text.offset * length  # trimmed text has one buffer, without gaps
             letters = np.frombuffer(text.buffers()[2], dtype=np.uint8)
-            found = _of_letters(
+            letter_fields = _of_letters(
                 letters[begin : begin + len(text) * length].reshape(len(text), length), match
             )
-            if found is not None:
-                return found
+            if letter_fields is not None:
+                return letter_fields
     encoded = text.dictionary_encode()
-    each = take_apart(encoded.dictionary.to_pylist())
+    fields_of_each = take_apart(encoded.dictionary.to_pylist())
     rows = encoded.indices.to_numpy(zero_copy_only=False)
-    return TimeFields(*(getattr(each, name.name)[rows] for name in fields(TimeFields)))
+    return TimeFields(*(getattr(fields_of_each, name.name)[rows] for name in fields(TimeFields)))
 
 
 _NOTHING = (int(Order.UNREADABLE), 0, 0, 0, 0, 0, 0, NO_OFFSET)
 
 
-def _one(text: str) -> tuple[int, ...]:
+def _fields_of_text(text: str) -> tuple[int, ...]:
     match = match_time(text)
     if match is None:
         return _NOTHING
@@ -156,7 +158,7 @@ _FIELDS = ("Y", "m", "d", "a", "b", "y", "H", "M", "S", "f", "Yc", "mc", "dc", "
 
 def _uniform(texts: Sequence[str]) -> TimeFields | None:
     """All texts at once where each differs from the first in digits only, else ``None``."""
-    first = _plain(texts[0]) if len(texts) else None
+    first = _match_plain(texts[0]) if len(texts) else None
     if first is None:
         return None
     length = len(texts[0])
@@ -166,7 +168,7 @@ def _uniform(texts: Sequence[str]) -> TimeFields | None:
     return _of_letters(letters, first)
 
 
-def _plain(text: str) -> re.Match[str] | None:
+def _match_plain(text: str) -> re.Match[str] | None:
     """A time that is told by its digits alone."""
     first = match_time(text)
     if first is None or first.string != text or not text.isascii():
@@ -197,8 +199,8 @@ def _from_matrix(letters: Letters, first: re.Match[str]) -> TimeFields | None:
         for key in keys:
             if first[key] is not None:
                 value = np.zeros(n, dtype=np.int64)
-                for place in range(*first.span(key)):
-                    value = value * 10 + letters[:, place] - ord("0")
+                for character_index in range(*first.span(key)):
+                    value = value * 10 + letters[:, character_index] - ord("0")
                 return value
         return np.zeros(n, dtype=np.int64)
 

@@ -50,13 +50,15 @@ class Timeline:
     @cached_property
     def by_exception(self) -> bool:
         """Whether the samples come when the tag changes, not at even steps."""
-        steps, usual = self.steps, self.usual_step
-        if usual is None or steps.size < _FEWEST_STEPS:
+        steps, usual_step = self.steps, self.usual_step
+        if usual_step is None or steps.size < _FEWEST_STEPS:
             return False
-        if usual == steps.max() == steps.min():
+        if usual_step == steps.max() == steps.min():
             return False
-        off = np.abs(steps - usual) > 0.2 * usual
-        return bool(np.percentile(steps, 90) > _EXCEPTION_SPREAD * usual or off.mean() > 0.5)
+        off_step = np.abs(steps - usual_step) > 0.2 * usual_step
+        return bool(
+            np.percentile(steps, 90) > _EXCEPTION_SPREAD * usual_step or off_step.mean() > 0.5
+        )
 
 
 def distinct_times(ns: Ints) -> Ints:

@@ -42,19 +42,19 @@ def to_utc(
         passes.append((early[twice], late[twice]))
         # The rows of the two hours stay local for what is asked of them below.
         local[part] = np.where(twice | missing[part], local[part], early)
-    placed = ok & ~missing
+    is_placed = ok & ~missing
     if repeated.any():
         notes.use("ambiguous_hour")
-        summer, told = _told_apart(local, repeated, ok, ambiguous_hour, groups)
+        summer, is_decided = _told_apart(local, repeated, ok, ambiguous_hour, groups)
         early, late = (np.concatenate(each) for each in zip(*passes, strict=True))
         local[repeated] = np.where(summer[repeated], early, late)
-        placed &= told | ~repeated
-        _report_repeated(repeated, told, ambiguous_hour, zone, notes)
+        is_placed &= is_decided | ~repeated
+        _report_repeated(repeated, is_decided, ambiguous_hour, zone, notes)
     if missing.any():
         notes.use("missing_hour")
-        placed = _shift(local, missing, placed, zone, missing_hour, notes)
-    local[~placed] = 0
-    return local, placed
+        is_placed = _shift(local, missing, is_placed, zone, missing_hour, notes)
+    local[~is_placed] = 0
+    return local, is_placed
 
 
 def _both_passes(local: Ints, ok: Bools, zone: str) -> tuple[Ints, Ints, Bools]:
@@ -63,9 +63,9 @@ def _both_passes(local: Ints, ok: Bools, zone: str) -> tuple[Ints, Ints, Bools]:
     import pandas as pd
 
     index = pd.DatetimeIndex(np.where(ok, local, 0).astype("datetime64[ns]"))
-    every = np.ones(local.size, dtype=bool)
-    early = index.tz_localize(zone, ambiguous=every, nonexistent="NaT")
-    late = index.tz_localize(zone, ambiguous=~every, nonexistent="NaT")
+    all_rows = np.ones(local.size, dtype=bool)
+    early = index.tz_localize(zone, ambiguous=all_rows, nonexistent="NaT")
+    late = index.tz_localize(zone, ambiguous=~all_rows, nonexistent="NaT")
     return _ns(early), _ns(late), np.asarray(early.isna()) & ok
 
 
@@ -86,19 +86,19 @@ def _told_apart(
 ) -> tuple[Bools, Bools]:
     """Which repeated rows are in summer time, and which rows could be told at all."""
     summer = np.full(local.size, policy == "first")
-    told = np.full(local.size, policy != "infer")
+    is_decided = np.full(local.size, policy != "infer")
     if policy != "infer":
-        return summer, told
+        return summer, is_decided
     for group in groups:
         rows = np.flatnonzero(repeated) if group is None else group[repeated[group]]
         rows = rows[ok[rows]]
         days = local[rows] // _DAY_NS
         for day in np.unique(days):
-            _infer(local, rows[days == day], summer, told)
-    return summer, told
+            _infer(local, rows[days == day], summer, is_decided)
+    return summer, is_decided
 
 
-def _infer(local: Ints, rows: Index, summer: Bools, told: Bools) -> None:
+def _infer(local: Ints, rows: Index, summer: Bools, is_decided: Bools) -> None:
     """One autumn night of one series: two passes are told apart by the step between them."""
     steps = np.diff(local[rows])
     backwards = np.flatnonzero(steps < 0)
@@ -107,17 +107,17 @@ def _infer(local: Ints, rows: Index, summer: Bools, told: Bools) -> None:
     if turns.size == 1:
         passed = np.arange(rows.size) > turns[0]
         summer[rows] = passed if newest_first else ~passed
-        told[rows] = True
+        is_decided[rows] = True
 
 
 def _report_repeated(
-    repeated: Bools, told: Bools, policy: AmbiguousHour, zone: str, notes: ReadingNotes
+    repeated: Bools, is_decided: Bools, policy: AmbiguousHour, zone: str, notes: ReadingNotes
 ) -> None:
     n = int(repeated.sum())
-    lost = int((repeated & ~told).sum())
+    lost = int((repeated & ~is_decided).sum())
     if policy != "infer":
-        which = "summer time" if policy == "first" else "standard time"
-        notes.decide(f"{n} rows in the hour that autumn repeats were taken as {which}, as said.")
+        season = "summer time" if policy == "first" else "standard time"
+        notes.decide(f"{n} rows in the hour that autumn repeats were taken as {season}, as said.")
     elif n > lost:
         notes.decide(
             f"{n - lost} rows in the hour that autumn repeats in {zone} were told apart by their "
@@ -133,7 +133,7 @@ def _report_repeated(
 def _shift(
     local: Ints,
     missing: Bools,
-    placed: Bools,
+    is_placed: Bools,
     zone: str,
     policy: MissingHour,
     notes: ReadingNotes,
@@ -142,7 +142,7 @@ def _shift(
     n = int(missing.sum())
     if policy == "leave_out":
         notes.decide(f"{n} rows in the hour that spring skips in {zone} were left out, as said.")
-        return placed
+        return is_placed
     import pandas as pd
 
     moved = pd.DatetimeIndex((local[missing] + _HOUR_NS).astype("datetime64[ns]"))
@@ -152,4 +152,4 @@ def _shift(
         "by an hour. If the source keeps standard time all year, give its fixed zone instead, "
         "such as 'Etc/GMT-1' for one hour east."
     )
-    return placed | missing
+    return is_placed | missing

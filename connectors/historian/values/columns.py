@@ -54,15 +54,15 @@ class Column:
 
 def sharing_times(columns: Mapping[Role, Column]) -> dict[Role, Column]:
     """The columns, those of equal times with one timeline between them."""
-    known: list[Timeline] = []
+    timelines: list[Timeline] = []
     shared: dict[Role, Column] = {}
     for role, column in columns.items():
-        same = next(
-            (timeline for timeline in known if np.array_equal(timeline.ns, column.ns)), None
+        same_times = next(
+            (timeline for timeline in timelines if np.array_equal(timeline.ns, column.ns)), None
         )
-        if same is None:
-            known.append(column.times)
-        shared[role] = column if same is None else replace(column, times=same)
+        if same_times is None:
+            timelines.append(column.times)
+        shared[role] = column if same_times is None else replace(column, times=same_times)
     return shared
 
 
@@ -98,7 +98,7 @@ def convert(
     if as_mode:
         values, quality = _modes(raw, values, quality)
     quality = _coded(raw, quality, good, name, notes, reasons)
-    quality = _held(raw, quality)
+    quality = _repeated_by_archive(raw, quality)
     rows = slice(None) if raw.rows is None else raw.rows
     return finished(
         raw.tag,
@@ -167,31 +167,32 @@ def _tell_doubtful(
     raw: RawColumn, values: Floats, decimal: str, lines: Sequence[int], notes: ReadingNotes
 ) -> None:
     """Cells that could be a number and are not taken for one, with their lines."""
-    told = 0
+    message_count = 0
     for row in np.flatnonzero(np.isnan(values)).tolist():
         text = raw.cells[row].strip()
         if parse_number(text, decimal) is None:
             continue
-        told += 1
-        if told > _TOLD:
+        message_count += 1
+        if message_count > _TOLD:
             notes.decide(f"{raw.tag}: and more cells such as these on later lines.")
             return
-        at = row if raw.rows is None else int(raw.rows[row])
+        file_row = row if raw.rows is None else int(raw.rows[row])
         notes.decide(
-            f"{raw.tag}: line {lines[at]}: {text[:_SHOWN]!r} is left out: the tag's other numbers "
-            "are written without marks for thousands, so it may be two numbers or a damaged one."
+            f"{raw.tag}: line {lines[file_row]}: {text[:_SHOWN]!r} is left out: the tag's other "
+            "numbers are written without marks for thousands, so it may be two numbers or a "
+            "damaged one."
         )
 
 
 def _modes(
     raw: RawColumn, values: Floats, quality: NDArray[np.uint8]
 ) -> tuple[Floats, NDArray[np.uint8]]:
-    known = {text: mode_value(text) for text in set(raw.cells)}
-    words = np.array([known[text] for text in raw.cells], dtype=np.float64)
+    modes_by_text = {text: mode_value(text) for text in set(raw.cells)}
+    words = np.array([modes_by_text[text] for text in raw.cells], dtype=np.float64)
     values = np.where(np.isfinite(words), words, values)
-    odd = np.isfinite(values) & (values != 0.0) & (values != 1.0)
+    odd_values = np.isfinite(values) & (values != 0.0) & (values != 1.0)
     quality = np.where(np.isfinite(words), Quality.GOOD, quality).astype(np.uint8)
-    return values, np.where(odd, Quality.CODE, quality).astype(np.uint8)
+    return values, np.where(odd_values, Quality.CODE, quality).astype(np.uint8)
 
 
 def _coded(
@@ -219,7 +220,7 @@ def _coded(
     return np.where(bad, Quality.BAD, quality).astype(np.uint8)
 
 
-def _held(raw: RawColumn, quality: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _repeated_by_archive(raw: RawColumn, quality: NDArray[np.uint8]) -> NDArray[np.uint8]:
     if raw.held is None:
         return quality
     flagged = parse_numbers(raw.held, ".") == 1.0
@@ -237,9 +238,9 @@ def _in_order(
         # Newest first: turned round, so that of equal times the later row stays the later.
         ns, values, quality = ns[::-1], values[::-1], quality[::-1]
     file_ns = ns
-    there = quality != Quality.MISSING
-    if not there.all():
-        ns, values, quality = ns[there], values[there], quality[there]
+    has_value = quality != Quality.MISSING
+    if not has_value.all():
+        ns, values, quality = ns[has_value], values[has_value], quality[has_value]
     if backward and (ns[1:] < ns[:-1]).any():
         order = np.argsort(ns, kind="stable")
         ns, values, quality = ns[order], values[order], quality[order]
@@ -278,13 +279,13 @@ def _faulty(
     )
     usable = quality <= Quality.HELD
     believed = np.where(usable, values, np.nan)
-    for find, verdict, what in kinds:
+    for find, verdict, description in kinds:
         coded = find(believed) & usable
         if coded.any():
-            shown = ", ".join(f"{v:g}" for v in np.unique(values[coded])[:4])
+            examples = ", ".join(f"{v:g}" for v in np.unique(values[coded])[:4])
             n = int(coded.sum())
-            notes.decide(f"{tag}: {n} samples ({shown}) {what}; they are left out.")
-            reasons[f"{verdict.name.lower()} {shown}"[:_SHOWN]] += n
+            notes.decide(f"{tag}: {n} samples ({examples}) {description}; they are left out.")
+            reasons[f"{verdict.name.lower()} {examples}"[:_SHOWN]] += n
             quality = np.where(coded, verdict, quality).astype(np.uint8)
             usable = quality <= Quality.HELD
             believed = np.where(usable, values, np.nan)

@@ -47,9 +47,9 @@ def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) 
     alone is either. Raises ``UnreadableSource`` where only such numbers occur and the separator
     does not settle it.
     """
-    every = list(columns)
-    stored = [cells for cells in every if isinstance(cells, StoredText)]
-    votes = stored_votes(stored) if stored else _votes(every)
+    all_columns = list(columns)
+    stored = [cells for cells in all_columns if isinstance(cells, StoredText)]
+    votes = stored_votes(stored) if stored else _votes(all_columns)
     comma, point, either = votes["comma"], votes["point"], votes["either"]
     if comma or point:
         if comma > point:
@@ -169,40 +169,40 @@ class _Marks:
 def _look_at(columns: Sequence[StoredText]) -> list[_Seen]:
     """One pass over the file."""
     seen = [_Seen() for _ in columns]
-    places = sorted({place for cells in columns for place in cells.places})
-    there = 0
+    places = sorted({column_index for cells in columns for column_index in cells.places})
+    rows_seen = 0
     for batch in columns[0].columns.batches(places):
         by_place = dict(zip(places, batch, strict=True))
-        known: dict[object, tuple[pa.Array, _Marks]] = {}
-        for cells, one in zip(columns, seen, strict=True):
+        marks_by_text: dict[object, tuple[pa.Array, _Marks]] = {}
+        for cells, votes in zip(columns, seen, strict=True):
             key = (cells.places, cells.combine)
-            if key not in known:
-                text = cells.of([by_place[place] for place in cells.places])
-                known[key] = (text, _marks(text))
-            _add(one, cells, *known[key], there)
-        there += len(batch[0])
+            if key not in marks_by_text:
+                text = cells.of([by_place[column_index] for column_index in cells.places])
+                marks_by_text[key] = (text, _marks(text))
+            _add(votes, cells, *marks_by_text[key], rows_seen)
+        rows_seen += len(batch[0])
     return seen
 
 
-def _add(one: _Seen, cells: StoredText, text: pa.Array, marks: _Marks, there: int) -> None:
+def _add(votes: _Seen, cells: StoredText, text: pa.Array, marks: _Marks, rows_before: int) -> None:
     import pyarrow as pa
 
     if cells.rows is not None:
-        begin, end = np.searchsorted(cells.rows, (there, there + len(text)))
+        begin, end = np.searchsorted(cells.rows, (rows_before, rows_before + len(text)))
         if begin == end:
             return
-        rows = cells.rows[begin:end] - there
+        rows = cells.rows[begin:end] - rows_before
         marks = _Marks(
             marks.comma[rows], marks.point[rows], marks.certain[rows], marks.numbers[rows]
         )
-        if len(one.first) < _FIRST:
+        if len(votes.first) < _FIRST:
             text = text.take(pa.array(rows[:_FIRST]))
-    one.comma = one.comma or bool(marks.comma.any())
-    one.point = one.point or bool(marks.point.any())
-    one.certain += int(marks.certain.sum())
-    one.numbers = one.numbers and bool(marks.numbers.all())
-    if len(one.first) < _FIRST:
-        one.first += text[:_FIRST].to_pylist()
+    votes.comma = votes.comma or bool(marks.comma.any())
+    votes.point = votes.point or bool(marks.point.any())
+    votes.certain += int(marks.certain.sum())
+    votes.numbers = votes.numbers and bool(marks.numbers.all())
+    if len(votes.first) < _FIRST:
+        votes.first += text[:_FIRST].to_pylist()
 
 
 def _marks(text: pa.Array) -> _Marks:
@@ -225,11 +225,13 @@ def _marks(text: pa.Array) -> _Marks:
         if exponent or not np.isfinite(values.to_numpy(zero_copy_only=False)).all():
             raise pa.ArrowInvalid("not plain numbers")
     except pa.ArrowInvalid:
-        found = (len(_CERTAIN_COMMA.findall(cell)) for cell in text.filter(comma).to_pylist())
-        certain[comma] = np.fromiter(found, dtype=np.int64, count=int(comma.sum()))
+        comma_counts = (
+            len(_CERTAIN_COMMA.findall(cell)) for cell in text.filter(comma).to_pylist()
+        )
+        certain[comma] = np.fromiter(comma_counts, dtype=np.int64, count=int(comma.sum()))
         return _Marks(comma, point, certain, ~point & _numbers(text))
-    at = pc.find_substring(text, ",").to_numpy(zero_copy_only=False)
-    digits = pc.binary_length(text).to_numpy(zero_copy_only=False) - at - 1
+    comma_position = pc.find_substring(text, ",").to_numpy(zero_copy_only=False)
+    digits = pc.binary_length(text).to_numpy(zero_copy_only=False) - comma_position - 1
     certain = (comma & (digits != 3) & (digits > 0)).astype(np.int64)
     return _Marks(comma, point, certain, np.ones(len(text), dtype=bool))
 
@@ -266,8 +268,8 @@ def _numbers(text: pa.Array) -> Bools:
     """(n,) whether ``quick_numbers`` takes the cell for a number with a decimal comma."""
     import pyarrow.compute as pc
 
-    plain = r"^\s*[+-]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eE][+-]?[0-9]+)?\s*$"
-    numbers = _bools(pc.match_substring_regex(text, plain))
+    pattern = r"^\s*[+-]?(?:[0-9]+,?[0-9]*|,[0-9]+)(?:[eE][+-]?[0-9]+)?\s*$"
+    numbers = _bools(pc.match_substring_regex(text, pattern))
     large = _bools(pc.match_substring_regex(text, "[eE]|[0-9]{200}")) & numbers
     for row in np.flatnonzero(large).tolist():
         numbers[row] = np.isfinite(float(text[row].as_py().replace(",", ".")))

@@ -62,32 +62,35 @@ def zero_dropouts(values: Floats) -> Bools:
     of their own standard deviations (and noise, and quantum) from 0, and zeros make up less than
     1 % of a column with many levels. A level that the signal also reaches by itself is never one.
     """
-    marked = np.zeros(values.size, dtype=bool)
+    is_dropout = np.zeros(values.size, dtype=bool)
     zero = values == 0.0
     finite = np.isfinite(values)
     n_zero = int(zero.sum())
     if not 0 < n_zero <= max(1, int(0.01 * finite.sum())):
-        return marked
+        return is_dropout
     if np.unique(values[finite & ~zero]).size < 8:
-        return marked
-    rest = np.where(zero, np.nan, values)
-    floor = max(forensics.noise_sigma(rest), forensics.quantum(rest))
+        return is_dropout
+    without_zeros = np.where(zero, np.nan, values)
+    floor = max(forensics.noise_sigma(without_zeros), forensics.quantum(without_zeros))
     edges = np.flatnonzero(np.diff(np.concatenate(([0], zero.astype(np.int8), [0]))))
     for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if stop - start <= _LONGEST_DROPOUT and _far_from_zero(rest, start, stop, floor):
-            marked[start:stop] = True
-    return marked
+        if stop - start <= _LONGEST_DROPOUT and _far_from_zero(without_zeros, start, stop, floor):
+            is_dropout[start:stop] = True
+    return is_dropout
 
 
-def _far_from_zero(rest: Floats, start: int, stop: int, floor: float) -> bool:
-    before, after = rest[max(0, start - _BESIDE) : start], rest[stop : stop + _BESIDE]
+def _far_from_zero(without_zeros: Floats, start: int, stop: int, floor: float) -> bool:
+    before, after = (
+        without_zeros[max(0, start - _BESIDE) : start],
+        without_zeros[stop : stop + _BESIDE],
+    )
     before, after = before[np.isfinite(before)], after[np.isfinite(after)]
     if before.size < 3 or after.size < 3:
         return False
-    beside = np.concatenate((before, after))
-    spread = max(float(np.std(beside)), floor)
-    same_sign = bool((beside > 0).all() or (beside < 0).all())
-    return same_sign and float(np.abs(beside).min()) > 20.0 * spread
+    neighbours = np.concatenate((before, after))
+    spread = max(float(np.std(neighbours)), floor)
+    same_sign = bool((neighbours > 0).all() or (neighbours < 0).all())
+    return same_sign and float(np.abs(neighbours).min()) > 20.0 * spread
 
 
 def own_interval(ticks: Ints, values: Floats, *, command: bool) -> float | None:
@@ -107,12 +110,12 @@ def own_interval(ticks: Ints, values: Floats, *, command: bool) -> float | None:
     distance = np.diff(changes)
     if 2 * np.count_nonzero(distance <= 1) > distance.size:
         return None  # the median is 1, which most measurements have; looking for it takes longer
-    usual = float(np.median(distance))
-    if usual < 1.5:
+    median_distance = float(np.median(distance))
+    if median_distance < 1.5:
         return None
-    for period in range(int(min(usual * 1.5, _LONGEST_SCAN)), 1, -1):
+    for period in range(int(min(median_distance * 1.5, _LONGEST_SCAN)), 1, -1):
         phases = np.bincount(changes % period, minlength=period)
         if phases.max() >= 0.9 * changes.size:
             return float(period)
-    spread = float(np.median(np.abs(distance - usual)))
-    return usual if spread <= usual / 3.0 and not command else None
+    spread = float(np.median(np.abs(distance - median_distance)))
+    return median_distance if spread <= median_distance / 3.0 and not command else None

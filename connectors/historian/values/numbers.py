@@ -53,8 +53,8 @@ def parse_number(text: str, decimal: str) -> float | None:
         return float(text.replace(decimal, ".").replace("\u2212", "-"))
     if _GROUPED[decimal].fullmatch(text):
         other = "," if decimal == "." else "."
-        bare = _MARKS.sub("", text).replace(other, "")
-        return float(bare.replace(decimal, ".").replace("\u2212", "-"))
+        digits = _MARKS.sub("", text).replace(other, "")
+        return float(digits.replace(decimal, ".").replace("\u2212", "-"))
     with_unit = _WITH_UNIT.match(text)
     if with_unit and is_unit(with_unit["unit"]):
         return parse_number(with_unit["number"], decimal)
@@ -69,16 +69,18 @@ def parse_numbers(cells: Sequence[str], decimal: str) -> Floats:
     quick = quick_numbers(cells, decimal)
     if quick is not None:
         return quick
-    known: dict[str, float] = {}
+    number_of_text: dict[str, float] = {}
     doubtful: set[str] = set()
     for text in dict.fromkeys(cells):
         number = parse_number(text, decimal)
-        known[text] = np.nan if number is None else number
+        number_of_text[text] = np.nan if number is None else number
         if number is not None and _may_be_two(text, decimal):
             doubtful.add(text)
-    if doubtful and not _writes_thousands_apart(cells, known, doubtful):
-        known.update(dict.fromkeys(doubtful, np.nan))
-    values = np.fromiter((known[text] for text in cells), dtype=np.float64, count=len(cells))
+    if doubtful and not _writes_thousands_apart(cells, number_of_text, doubtful):
+        number_of_text.update(dict.fromkeys(doubtful, np.nan))
+    values = np.fromiter(
+        (number_of_text[text] for text in cells), dtype=np.float64, count=len(cells)
+    )
     values[~np.isfinite(values)] = np.nan
     return values
 
@@ -110,18 +112,20 @@ def _may_be_two(text: str, decimal: str) -> bool:
 
 
 def _writes_thousands_apart(
-    cells: Sequence[str], known: dict[str, float], doubtful: set[str]
+    cells: Sequence[str], number_of_text: dict[str, float], doubtful: set[str]
 ) -> bool:
     """Whether the column has the habit: several of its numbers are written so, none of five
     digits is not, and they are a tenth of all or go on from where the plain ones end."""
     count = Counter(cells)
-    apart = sum(count[text] for text in doubtful)
-    plain = [abs(v) for text, v in known.items() if np.isfinite(v) and text not in doubtful]
-    most = max(plain, default=0.0)
-    if apart < _FEWEST_APART or most >= _NEEDS_MARK:
+    doubtful_count = sum(count[text] for text in doubtful)
+    certain_numbers = [
+        abs(v) for text, v in number_of_text.items() if np.isfinite(v) and text not in doubtful
+    ]
+    largest = max(certain_numbers, default=0.0)
+    if doubtful_count < _FEWEST_APART or largest >= _NEEDS_MARK:
         return False
-    numbers = sum(n for text, n in count.items() if np.isfinite(known[text]))
-    return apart >= _HABIT * numbers or most >= _NEAR_MARK
+    numbers = sum(n for text, n in count.items() if np.isfinite(number_of_text[text]))
+    return doubtful_count >= _HABIT * numbers or largest >= _NEAR_MARK
 
 
 def quick_numbers(cells: Sequence[str], decimal: str) -> Floats | None:

@@ -53,15 +53,15 @@ def quality_of(
     Raises ``UnreadableSource`` where codes of unknown meaning differ and nothing settles which of
     them is good.
     """
-    distinct, which = coded(codes)
-    verdicts = _verdicts(distinct, which, has_value, column, good, family, name, notes)
-    known = [Quality.GOOD if verdicts[code] else Quality.BAD for code in distinct]
-    return np.array(known, dtype=np.uint8)[which]
+    distinct, code_index = coded(codes)
+    verdicts = _verdicts(distinct, code_index, has_value, column, good, family, name, notes)
+    qualities = [Quality.GOOD if verdicts[code] else Quality.BAD for code in distinct]
+    return np.array(qualities, dtype=np.uint8)[code_index]
 
 
 def _verdicts(
     distinct: list[str],
-    which: Kinds,
+    code_index: Kinds,
     has_value: Bools,
     column: str,
     good: Sequence[str],
@@ -76,7 +76,7 @@ def _verdicts(
     words = {code: _good_word(code) for code in distinct if code not in numeric}
     if not numeric:
         return words
-    counts = np.bincount(which[has_value], minlength=len(distinct))
+    counts = np.bincount(code_index[has_value], minlength=len(distinct))
     with_value = {code for code, count in zip(distinct, counts.tolist(), strict=True) if count}
     return words | _numeric_verdicts(numeric, with_value, column, family, name, notes)
 
@@ -89,12 +89,12 @@ def _numeric_verdicts(
     name: str,
     notes: ReadingNotes,
 ) -> dict[str, bool]:
-    plain = column.replace(" ", "").lower()
+    folded = column.replace(" ", "").lower()
     if family == "aveva":
         notes.decide(f"Quality column {column!r}: 0 is good (AVEVA history table).")
         return {code: value == 0 for code, value in numeric.items()}
     top = max(numeric.values())
-    if family == "opc" or plain in _OPC_NAMES or _OPC_GOOD <= top <= 255:
+    if family == "opc" or folded in _OPC_NAMES or _OPC_GOOD <= top <= 255:
         notes.decide(f"Quality column {column!r}: OPC codes, good from 192.")
         return {code: is_good_opc(value) for code, value in numeric.items()}
     if len(numeric) == 1:
@@ -120,9 +120,9 @@ def _settled_by_values(
         good = filled[0]
         notes.decide(f"Quality column {column!r}: only rows with {good} have values; it is good.")
         return {code: code == good for code in numeric}
-    shown = ", ".join(sorted(numeric, key=numeric.__getitem__)[:8])
+    code_list = ", ".join(sorted(numeric, key=numeric.__getitem__)[:8])
     raise UnreadableSource(
-        f"{name}: the quality column {column!r} holds the codes {shown}; 0 means good in one "
+        f"{name}: the quality column {column!r} holds the codes {code_list}; 0 means good in one "
         "system and bad in another. Say which are good, for example good_quality=('0',)"
     )
 

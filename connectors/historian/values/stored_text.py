@@ -66,7 +66,7 @@ class StoredText(Sequence[str]):
         return self.columns.size if self.rows is None else len(self.rows)
 
     @overload
-    def __getitem__(self, at: int) -> str: ...
+    def __getitem__(self, index: int) -> str: ...
     @overload
     def __getitem__(self, at: slice) -> list[str]: ...
     def __getitem__(self, at: int | slice) -> str | list[str]:
@@ -87,10 +87,10 @@ class StoredText(Sequence[str]):
         """The first cells, without reading the others."""
         if self.rows is not None:
             return self.at(np.arange(min(count, len(self))))
-        found: list[str] = []
+        cells: list[str] = []
         for columns in self.columns.batches(self.places, min(count, len(self))):
-            found += self.of(columns).to_pylist()
-        return [cell.strip() for cell in found[:count]]
+            cells += self.of(columns).to_pylist()
+        return [cell.strip() for cell in cells[:count]]
 
     def at(self, chosen: Rows) -> list[str]:
         """The cells in these places of the column, which are in order."""
@@ -148,16 +148,16 @@ class StoredText(Sequence[str]):
         text = pc.ascii_trim_whitespace(self.whole())
         mark = r"\." if decimal == "." else ","
         pattern = rf"^-?(?:[0-9]+{mark}?[0-9]*|{mark}[0-9]+)(?:[eE][+-]?[0-9]+)?$"
-        plain = pc.match_substring_regex(text, pattern)
-        numbers = text.filter(plain)
+        plain_number = pc.match_substring_regex(text, pattern)
+        numbers = text.filter(plain_number)
         if decimal != ".":
             numbers = pc.replace_substring(numbers, ",", ".")
-        is_plain = np.asarray(plain.to_numpy(zero_copy_only=False), dtype=bool)
+        is_plain = np.asarray(plain_number.to_numpy(zero_copy_only=False), dtype=bool)
         values = np.full(len(self), np.nan)
         values[is_plain] = pc.cast(numbers, pa.float64()).to_numpy(zero_copy_only=False)
         values[~np.isfinite(values)] = np.nan
-        rest = np.flatnonzero(~is_plain)
-        return values, rest.tolist(), text.take(pa.array(rest)).to_pylist()
+        other_rows = np.flatnonzero(~is_plain)
+        return values, other_rows.tolist(), text.take(pa.array(other_rows)).to_pylist()
 
 
 def has_been_read(cells: Sequence[str]) -> bool:
@@ -168,29 +168,32 @@ def has_been_read(cells: Sequence[str]) -> bool:
 def coded(cells: Sequence[str]) -> tuple[list[str], Kinds]:
     """The different cells, blanks at both ends taken off, in the order in which they first come;
     (n,) which of them each cell is."""
-    known: dict[str, int] = {}
+    index_of_text: dict[str, int] = {}
     parts: list[NDArray[Any]] = []
     if isinstance(cells, StoredText):
         for text in cells.arrays():
             words = text.dictionary_encode()
-            places = [known.setdefault(w.strip(), len(known)) for w in words.dictionary.to_pylist()]
+            places = [
+                index_of_text.setdefault(w.strip(), len(index_of_text))
+                for w in words.dictionary.to_pylist()
+            ]
             indices = words.indices.to_numpy(zero_copy_only=False)
-            which = np.array(places, dtype=np.int32)[indices]
-            parts.append(which.astype(np.uint16) if len(known) < 2**16 else which)
-        return list(known), np.concatenate(parts or [np.zeros(0, dtype=np.int32)])
-    kinds = (known.setdefault(cell.strip(), len(known)) for cell in cells)
-    which = np.fromiter(kinds, dtype=np.intp, count=len(cells))
-    return list(known), which
+            kind_index = np.array(places, dtype=np.int32)[indices]
+            parts.append(kind_index.astype(np.uint16) if len(index_of_text) < 2**16 else kind_index)
+        return list(index_of_text), np.concatenate(parts or [np.zeros(0, dtype=np.int32)])
+    kinds = (index_of_text.setdefault(cell.strip(), len(index_of_text)) for cell in cells)
+    kind_index = np.fromiter(kinds, dtype=np.intp, count=len(cells))
+    return list(index_of_text), kind_index
 
 
-def rows_of_each(which: Kinds, kinds: int) -> list[Rows]:
-    """The rows of each kind in order; ``which`` (n,) tells the kind of each row."""
-    narrow = np.int32 if which.size < 2**31 else np.int64
-    counts = np.bincount(which, minlength=kinds)
-    order = np.empty(which.size, dtype=narrow)
+def rows_of_each(kind_index: Kinds, kinds: int) -> list[Rows]:
+    """The rows of each kind in order; ``kind_index`` (n,) tells the kind of each row."""
+    narrow = np.int32 if kind_index.size < 2**31 else np.int64
+    counts = np.bincount(kind_index, minlength=kinds)
+    order = np.empty(kind_index.size, dtype=narrow)
     free = np.cumsum(counts) - counts  # the next place of each kind
-    for begin in range(0, which.size, _PIECE):
-        part = which[begin : begin + _PIECE]
+    for begin in range(0, kind_index.size, _PIECE):
+        part = kind_index[begin : begin + _PIECE]
         by_kind = np.argsort(part, kind="stable")
         sorted_kinds = part[by_kind]
         starts = np.searchsorted(sorted_kinds, np.arange(kinds))
@@ -206,7 +209,7 @@ def chosen(cells: Sequence[str], rows: Rows) -> Sequence[str]:
     return [cells[row] for row in rows.tolist()]
 
 
-def some(cells: Sequence[str], rows: Rows) -> list[str]:
+def cells_at(cells: Sequence[str], rows: Rows) -> list[str]:
     """The cells of a few rows, in order, read at once."""
     if isinstance(cells, StoredText):
         return cells.at(rows)
@@ -217,7 +220,9 @@ def joined(date: Sequence[str], clock: Sequence[str]) -> Sequence[str]:
     """Each cell of two columns as one text, with a blank between them."""
     if isinstance(date, StoredText) and isinstance(clock, StoredText):
         return StoredText(date.columns, (*date.places, *clock.places), _with_blank)
-    return [f"{one.strip()} {other.strip()}" for one, other in zip(date, clock, strict=True)]
+    return [
+        f"{date_cell.strip()} {other.strip()}" for date_cell, other in zip(date, clock, strict=True)
+    ]
 
 
 def _with_blank(columns: list[pa.Array]) -> pa.Array:
@@ -232,7 +237,7 @@ def first_filled(cells: Sequence[str], others: Sequence[str]) -> Sequence[str]:
     """Each cell of ``cells``, or the one of ``others`` beside it where it is blank."""
     if isinstance(cells, StoredText) and isinstance(others, StoredText):
         return StoredText(cells.columns, (*cells.places, *others.places), _filled)
-    return [one if one.strip() else other for one, other in zip(cells, others, strict=True)]
+    return [cell if cell.strip() else other for cell, other in zip(cells, others, strict=True)]
 
 
 def _filled(columns: list[pa.Array]) -> pa.Array:
@@ -242,12 +247,12 @@ def _filled(columns: list[pa.Array]) -> pa.Array:
     return pc.if_else(blank, columns[1], columns[0])
 
 
-def each(cells: Sequence[str], change: Callable[[str], str]) -> Sequence[str]:
+def change_each(cells: Sequence[str], change: Callable[[str], str]) -> Sequence[str]:
     """Each cell changed alone."""
-    return together([cells], lambda one: change(one[0]))
+    return make_of_rows([cells], lambda cells_of_row: change(cells_of_row[0]))
 
 
-def together(
+def make_of_rows(
     columns: Sequence[Sequence[str]], make: Callable[[Sequence[str]], str]
 ) -> Sequence[str]:
     """One text of the cells of each row. Of a file in pieces each different row is made once."""
@@ -258,13 +263,13 @@ def together(
     def made(cells: list[pa.Array]) -> pa.Array:
         import pyarrow as pa
 
-        which = np.zeros(len(cells[0]), dtype=np.int64)
+        code = np.zeros(len(cells[0]), dtype=np.int64)
         for column in cells:
             encoded = column.dictionary_encode()
-            which = which * len(encoded.dictionary) + encoded.indices.to_numpy(zero_copy_only=False)
-        distinct, rows = np.unique(which, return_index=True)
+            code = code * len(encoded.dictionary) + encoded.indices.to_numpy(zero_copy_only=False)
+        distinct, rows = np.unique(code, return_index=True)
         texts = pa.array([make([column[row].as_py() for column in cells]) for row in rows.tolist()])
-        return texts.take(pa.array(np.searchsorted(distinct, which)))
+        return texts.take(pa.array(np.searchsorted(distinct, code)))
 
-    places = tuple(place for column in stored for place in column.places)
+    places = tuple(column_index for column in stored for column_index in column.places)
     return StoredText(stored[0].columns, places, made)

@@ -63,8 +63,8 @@ def canonical(unit: str) -> str:
 
 def is_unit(text: str) -> bool:
     """Whether ``text`` is the spelling of a known unit, with or without brackets."""
-    bare = text.strip().strip("[]()").replace(" ", "").lower()
-    return bare in _CANONICAL
+    folded = text.strip().strip("[]()").replace(" ", "").lower()
+    return folded in _CANONICAL
 
 
 def split_unit(header: str) -> tuple[str, str]:

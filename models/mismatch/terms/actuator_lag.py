@@ -13,8 +13,8 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -74,13 +74,13 @@ class ActuatorLag(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The time constant, up to 15 s or ten samples."""
-        return (Coordinate(name="tau_s", low=0.0, high=max(15.0, 10.0 * look.interval_s)),)
+        return (Coordinate(name="tau_s", low=0.0, high=max(15.0, 10.0 * summary.interval_s)),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From half a second or half a sample upwards."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         return np.array([[0.5], [1.0], [2.0], [4.0], [6.0]]) * unit
 
     def shape(
@@ -89,9 +89,9 @@ class ActuatorLag(CommandTerm):
         """The lagged command."""
         lagged(command, marks, interval_s, float(values[0]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A slip that takes 0.2 s is not worth a work order."""
-        return bool(values[0] >= max(MATERIAL_S, 0.7 * look.interval_s))
+        return bool(values[0] >= max(MATERIAL_S, 0.7 * summary.interval_s))
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The time constant."""
@@ -110,7 +110,7 @@ class ActuatorLag(CommandTerm):
                 "Loop in manual: step OP by 10 % and by 20 %, and time the stem to 63 % of each "
                 "step."
             ),
-            fails=f"about {about(tau)} for either step",
+            fails=f"about {about_value(tau)} for either step",
             passes=f"within {MATERIAL_S} s",
         )
 

@@ -13,8 +13,8 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, number
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -85,19 +85,21 @@ class AsymmetricLag(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The two time constants, up to 15 s or ten samples."""
-        high = max(15.0, 10.0 * look.interval_s)
+        high = max(15.0, 10.0 * summary.interval_s)
         return (
             Coordinate(name="tau_up_s", low=0.0, high=high),
             Coordinate(name="tau_down_s", low=0.0, high=high),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Four sizes, each way, with the other way at a third of it or at 0."""
-        slow = max(look.interval_s, 1.0) * np.array([1.5, 3.0, 5.0, 8.0])
-        ways = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.3)]
-        return np.concatenate([*ways, *(pair[:, ::-1] for pair in ways)])
+        slow = max(summary.interval_s, 1.0) * np.array([1.5, 3.0, 5.0, 8.0])
+        rising_and_falling = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.3)]
+        return np.concatenate(
+            [*rising_and_falling, *(pair[:, ::-1] for pair in rising_and_falling)]
+        )
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
@@ -105,10 +107,10 @@ class AsymmetricLag(CommandTerm):
         """The lagged command."""
         lagged_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The slower side counts, and only where it is clearly the slower one."""
         fast, slow = sorted((float(values[0]), float(values[1])))
-        return slow >= max(MATERIAL_S, 0.7 * look.interval_s) and slow >= MATERIAL_RATIO * fast
+        return slow >= max(MATERIAL_S, 0.7 * summary.interval_s) and slow >= MATERIAL_RATIO * fast
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The time constants of the position."""
@@ -126,7 +128,7 @@ class AsymmetricLag(CommandTerm):
         return f"The actuator lags by {slow} when {slowly} but {other}: {self.words.plain}."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        up, down = about(parameters["tau_rising"]), about(parameters["tau_falling"])
+        up, down = about_value(parameters["tau_rising"]), about_value(parameters["tau_falling"])
         return FieldTest(
             do=(
                 "Loop in manual: step OP by 10 % up, then down, and time the stem to 63 % of "

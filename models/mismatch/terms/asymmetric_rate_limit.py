@@ -15,8 +15,8 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, inverse, number
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, inverse, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -89,21 +89,23 @@ class AsymmetricRateLimit(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The two slownesses."""
-        high = SLOWEST * max(look.interval_s, 1.0)
+        high = SLOWEST * max(summary.interval_s, 1.0)
         return (
             Coordinate(name="slowness_up_s_per_percent", low=0.0, high=high),
             Coordinate(name="slowness_down_s_per_percent", low=0.0, high=high),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Four limits, each way, with the other way free or four times as fast."""
-        unit = max(look.interval_s, 1.0)
-        fastest = min(max(look.swing / (2.0 * look.interval_s), 1.0 / unit), 6.0)
+        unit = max(summary.interval_s, 1.0)
+        fastest = min(max(summary.swing / (2.0 * summary.interval_s), 1.0 / unit), 6.0)
         slow = 1.0 / np.geomspace(0.4 / unit, fastest, 4)
-        ways = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.25)]
-        return np.concatenate([*ways, *(pair[:, ::-1] for pair in ways)])
+        rising_and_falling = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.25)]
+        return np.concatenate(
+            [*rising_and_falling, *(pair[:, ::-1] for pair in rising_and_falling)]
+        )
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
@@ -111,13 +113,13 @@ class AsymmetricRateLimit(CommandTerm):
         """The limited command."""
         limited_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The slower side counts as for the rate limit, where it is clearly the slower one."""
         fast, slow = sorted((float(values[0]), float(values[1])))
-        matters = slow * MATERIAL >= 1.0 and slow * look.swing >= 0.7 * look.interval_s
+        matters = slow * MATERIAL >= 1.0 and slow * summary.swing >= 0.7 * summary.interval_s
         return matters and slow >= MATERIAL_RATIO * fast
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """The slower way is as fast as large actuators without a booster are built."""
         return bool(np.max(values) * AS_BUILT <= 1.0)
 
@@ -142,7 +144,7 @@ class AsymmetricRateLimit(CommandTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         up, down = (
-            about(inverse(parameters[name], STEP_PERCENT))
+            about_value(inverse(parameters[name], STEP_PERCENT))
             for name in ("rate_rising", "rate_falling")
         )
         return FieldTest(

@@ -14,8 +14,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number
 from stemwatch.models.recording import Floats
 
 # Jumps that differ by less than 1.5 to 1 lie within the scatter of a few dozen slips.
@@ -65,11 +65,11 @@ class AsymmetricSlip(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The asymmetry, positive where rising jumps are the larger ones."""
         return (Coordinate(name="asymmetry", low=-MOST, high=MOST),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Ratios of the jumps of 1.7, 3.4 and 9, either way."""
         return either_sign(0.25, 0.55, 0.8)
 
@@ -77,7 +77,7 @@ class AsymmetricSlip(StemTerm):
         """The asymmetry of the jump."""
         stem.numbers[stem_number.ASYMMETRY] = values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The larger jump is at least one and a half times the smaller."""
         return bool(abs(values[0]) >= MATERIAL)
 
@@ -100,7 +100,7 @@ class AsymmetricSlip(StemTerm):
                 "way, "
                 "and read each jump."
             ),
-            fails=f"jumps rising about {about(parameters['ratio'])} times those falling",
+            fails=f"jumps rising about {about_value(parameters['ratio'])} times those falling",
             passes=f"alike to within {(1.0 + MATERIAL) / (1.0 - MATERIAL):.1f} times",
         )
 

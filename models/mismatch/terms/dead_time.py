@@ -15,8 +15,8 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.delay import delayed
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -66,13 +66,13 @@ class DeadTime(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The delay, up to 12 s or ten samples."""
-        return (Coordinate(name="theta_s", low=0.0, high=max(12.0, 10.0 * look.interval_s)),)
+        return (Coordinate(name="theta_s", low=0.0, high=max(12.0, 10.0 * summary.interval_s)),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Close enough together that an edge of a few seconds finds its place."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         return np.array([[0.5], [1.0], [1.75], [2.5], [3.5], [4.5], [6.0]]) * unit
 
     def shape(
@@ -81,13 +81,13 @@ class DeadTime(CommandTerm):
         """The delayed command."""
         delayed(command, marks, float(values[0]) / interval_s, out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """More than what scanning alone makes."""
-        return bool(values[0] >= MATERIAL * max(1.0, look.interval_s))
+        return bool(values[0] >= MATERIAL * max(1.0, summary.interval_s))
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """As long as tubing and air of a large valve take, or the clocks of a sound loop differ."""
-        return bool(values[0] <= AS_BUILT * max(1.0, look.interval_s))
+        return bool(values[0] <= AS_BUILT * max(1.0, summary.interval_s))
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The delay."""
@@ -106,7 +106,7 @@ class DeadTime(CommandTerm):
                 "count by "
                 "radio, and time how long the stem stands still."
             ),
-            fails=f"about {about(parameters['theta'])}",
+            fails=f"about {about_value(parameters['theta'])}",
             passes=(
                 f"less than {AS_BUILT} s; the delay is then in how OP and MV are stamped, not in "
                 "the "

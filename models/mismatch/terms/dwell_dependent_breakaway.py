@@ -18,8 +18,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 T0_S = 5.0  # seconds; a convention of the formula, which b is stated with
@@ -86,11 +86,11 @@ class DwellDependentBreakaway(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Rise of the breakaway per e-fold of rest."""
         return (Coordinate(name="b_percent", low=0.0, high=2.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From what scatter hides upwards."""
         return np.array([[0.1], [0.2], [0.35], [0.6], [1.0]])
 
@@ -101,7 +101,7 @@ class DwellDependentBreakaway(StemTerm):
             add_scaled(_growth(table.size, stem.interval_s), float(values[0]), table)
             stem.numbers[stem_number.BY_REST] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """Half a percent of span after ten minutes of rest."""
         return bool(values[0] >= MATERIAL_PERCENT)
 
@@ -123,7 +123,7 @@ class DwellDependentBreakaway(StemTerm):
                 "the "
                 "steps until it moves; the same after 10 minutes."
             ),
-            fails=f"about {about(parameters['b'], tenfold)} more after the long rest",
+            fails=f"about {about_value(parameters['b'], tenfold)} more after the long rest",
             passes=f"no more than {tenfold * MATERIAL_PERCENT:.1f} % more",
         )
 

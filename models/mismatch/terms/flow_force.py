@@ -16,8 +16,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.5  # change of the force over the travel seen
@@ -65,11 +65,11 @@ class FlowForce(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The force in the middle of travel against the ends."""
         return (Coordinate(name="U_percent", low=-12.0, high=12.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 1 to 6 % of span, either way."""
         return either_sign(1.0, 3.0, 6.0)
 
@@ -80,9 +80,9 @@ class FlowForce(StemTerm):
             table += values[0] * _TABLE
             stem.numbers[stem_number.BY_PLACE] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The force changes by half a percent of span over the travel that was seen."""
-        seen = _shape(np.linspace(look.mv_low, look.mv_high, 21))
+        seen = _shape(np.linspace(summary.mv_low, summary.mv_high, 21))
         return bool(abs(values[0]) * (seen.max() - seen.min()) >= MATERIAL_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
@@ -104,7 +104,7 @@ class FlowForce(StemTerm):
                 "to the "
                 "middle, each from below, and read OP less position."
             ),
-            fails=f"in the middle {about(size(parameters['U']))} off the mean of the ends",
+            fails=f"in the middle {about_value(size(parameters['U']))} off the mean of the ends",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

@@ -15,8 +15,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number, size
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_SHARE = 0.2  # over the record; less is what warm packing does in a shift
@@ -57,11 +57,11 @@ class GrowingStiction(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Growth over the record as a share; -0.5 is halved, 2 is tripled."""
         return (Coordinate(name="growth", low=-0.5, high=2.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Shrinking and growing."""
         return np.array([[-0.3], [0.3], [0.6], [1.0], [1.5]])
 
@@ -69,10 +69,10 @@ class GrowingStiction(StemTerm):
         """The growth of both friction levels."""
         stem.numbers[stem_number.GROWTH] = values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A fifth of S, and a fifth of a percent of span."""
         growth = abs(float(values[0]))
-        return growth >= MATERIAL_SHARE and growth * look.S >= MATERIAL_PERCENT
+        return growth >= MATERIAL_SHARE and growth * summary.S >= MATERIAL_PERCENT
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """Percent of growth over the record."""
@@ -92,7 +92,7 @@ class GrowingStiction(StemTerm):
                 "move back, "
                 "at the beginning and at the end of a time as long as this recording."
             ),
-            fails=f"the count changes by about {about(size(parameters['growth']))}",
+            fails=f"the count changes by about {about_value(size(parameters['growth']))}",
             passes=f"alike to within {100.0 * MATERIAL_SHARE:g} %",
         )
 

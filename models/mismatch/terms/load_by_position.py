@@ -18,8 +18,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number, size
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number, size
 from stemwatch.models.recording import Floats
 
 MOST = 60.0  # percent at an end of travel, either way
@@ -63,7 +63,7 @@ class LoadByPosition(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """What the straight, the bent and the twice bent part add at 100 % of travel."""
         return (
             Coordinate(name="straight_percent", low=-MOST, high=MOST),
@@ -71,7 +71,7 @@ class LoadByPosition(StemTerm):
             Coordinate(name="twice_bent_percent", low=-MOST, high=MOST),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Straight and bent ones, either way."""
         straight = np.array([[size, 0.0, 0.0] for size in (-12.0, -5.0, -2.0, 2.0, 5.0, 12.0)])
         bent = np.array([[0.0, size, 0.0] for size in (-8.0, -3.0, 3.0, 8.0)])
@@ -84,12 +84,12 @@ class LoadByPosition(StemTerm):
             table += _TABLES @ values
             stem.numbers[stem_number.BY_PLACE] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The force changes by more than a percent of span over the travel that was seen."""
-        seen = _powers(np.linspace(look.mv_low, look.mv_high, 21)) @ values
+        seen = _powers(np.linspace(summary.mv_low, summary.mv_high, 21)) @ values
         return bool(seen.max() - seen.min() >= MATERIAL_PERCENT)
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """What hangs on a drive of finite gain pulls it off its command, however sound it is."""
         return True
 
@@ -116,7 +116,7 @@ class LoadByPosition(StemTerm):
                 "Loop in manual: go to 25 % and to 75 % from below, and read OP less position at "
                 "both."
             ),
-            fails=f"the two differ by about {about(size(parameters['rise']))}",
+            fails=f"the two differ by about {about_value(size(parameters['rise']))}",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

@@ -16,8 +16,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel; good linkages have a tenth
@@ -65,11 +65,11 @@ class LostMotion(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The play."""
         return (Coordinate(name="b_percent", low=0.0, high=8.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.4 to 4 % of travel."""
         return np.array([[0.4], [0.8], [1.3], [1.8], [2.4], [3.2], [4.5]])
 
@@ -77,7 +77,7 @@ class LostMotion(StemTerm):
         """The play before the reading."""
         stem.numbers[stem_number.PLAY] = values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """More than a good linkage has."""
         return bool(values[0] >= MATERIAL_PERCENT)
 
@@ -98,7 +98,7 @@ class LostMotion(StemTerm):
                 "stem moves, "
                 "then back, and read how far the stem goes before the position reading follows."
             ),
-            fails=f"about {about(parameters['b'])} of travel",
+            fails=f"about {about_value(parameters['b'])} of travel",
             passes=f"less than {MATERIAL_PERCENT} %",
         )
 

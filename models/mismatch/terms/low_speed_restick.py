@@ -16,8 +16,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, about
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value
 from stemwatch.models.recording import Floats
 
 # Every stem sticks again on ramps slower than its packing's Stribeck speed, up to 0.1 %/s or so.
@@ -59,11 +59,11 @@ class LowSpeedRestick(ReadingTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The speed, up to 2 %/s."""
         return (Coordinate(name="v_c_percent_per_s", low=0.0, high=2.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From the slowest ramps of a loop to fast ones; the loss is rough, so they are many."""
         return np.geomspace(0.015, 1.0, 8)[:, None]
 
@@ -72,7 +72,7 @@ class LowSpeedRestick(ReadingTerm):
         if values[0] > 0.0:
             stem.numbers[stem_number.RESTICK] = values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It stops on ramps that loops really make."""
         return bool(values[0] >= MATERIAL_PERCENT_PER_S)
 
@@ -87,9 +87,9 @@ class LowSpeedRestick(ReadingTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        half, twice = about(parameters["v_c"], 0.5), about(parameters["v_c"], 2.0)
+        half, double = about_value(parameters["v_c"], 0.5), about_value(parameters["v_c"], 2.0)
         return FieldTest(
-            do=f"Loop in manual: ramp OP over 5 % at {half}, then at {twice}, and watch the stem.",
+            do=f"Loop in manual: ramp OP over 5 % at {half}, then at {double}, and watch the stem.",
             fails="steps on the slow ramp, a smooth slide on the quick one",
             passes="a smooth slide on both",
         )

@@ -21,8 +21,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, grid
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, grid
 from stemwatch.models.recording import Floats
 
 LONGEST = 60.0  # samples
@@ -65,20 +65,22 @@ class MotorDrive(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Lag and run-up up to sixty samples; a top speed at which OP's swing takes as long."""
-        longest = LONGEST * look.interval_s
+        longest = LONGEST * summary.interval_s
         return (
             Coordinate(name="tau_s", low=0.0, high=longest),
             Coordinate(name="run_up_s", low=0.0, high=longest),
-            Coordinate(name="slowness_s_per_percent", low=0.0, high=longest / max(look.swing, 1.0)),
+            Coordinate(
+                name="slowness_s_per_percent", low=0.0, high=longest / max(summary.swing, 1.0)
+            ),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Lags of 4 to 30 samples, run-ups of 2 to 8, without and with a top speed."""
-        dt = look.interval_s
+        dt = summary.interval_s
         lags, run_ups = np.array([4.0, 10.0, 30.0]) * dt, np.array([2.0, 6.0]) * dt
-        slow = np.array([0.0, 40.0]) * dt / max(look.swing, 1.0)
+        slow = np.array([0.0, 40.0]) * dt / max(summary.swing, 1.0)
         return grid(lags, run_ups, slow)
 
     def fill(self, stem: Stem, values: Floats) -> None:
@@ -87,11 +89,11 @@ class MotorDrive(StemTerm):
         numbers[stem_number.DRAG_S], numbers[stem_number.RUN_UP_S] = values[0], values[1]
         numbers[stem_number.TOP_SPEED] = 1.0 / values[2] if values[2] > 1.0 / FREE else np.inf
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The run-up takes a sample and more; without it this is a drag or a lag."""
-        return bool(min(values[0], values[1]) >= LEAST_SHOWN * look.interval_s)
+        return bool(min(values[0], values[1]) >= LEAST_SHOWN * summary.interval_s)
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Lag and run-up are those of the motor: every drive of finite gain has them."""
         return True
 
@@ -108,7 +110,7 @@ class MotorDrive(StemTerm):
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         return FieldTest(
             do="Step the command by 5 % and time the drive to 63 % of it.",
-            fails=f"about {about(parameters['tau'])} behind the command",
+            fails=f"about {about_value(parameters['tau'])} behind the command",
             passes="the time that the maker gives for this gain and load",
         )
 

@@ -17,8 +17,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.4  # of S/2; the tight spots that fitters find are half a percent and more
@@ -26,12 +26,12 @@ _PLACES = stem_number.places()
 
 
 @njit(cache=True)
-def add_bump(places: Floats, height: float, place: float, width: float, table: Floats) -> None:
+def add_bump(places: Floats, height: float, centre: float, width: float, table: Floats) -> None:
     """Add ``height exp(-((x - place)/width)^2)`` over ``places`` (m,) to ``table`` (m,)."""
     for i in range(places.size):
-        away = (places[i] - place) / width
-        if abs(away) < 6.0:
-            table[i] += height * np.exp(-away * away)
+        offset = (places[i] - centre) / width
+        if abs(offset) < 6.0:
+            table[i] += height * np.exp(-offset * offset)
 
 
 class PositionDependentFriction(StemTerm):
@@ -65,18 +65,18 @@ class PositionDependentFriction(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Height, place within the travel seen, and width."""
         return (
             Coordinate(name="height_percent", low=0.0, high=10.0),
-            Coordinate(name="place_percent", low=look.mv_low, high=look.mv_high),
+            Coordinate(name="place_percent", low=summary.mv_low, high=summary.mv_high),
             Coordinate(name="width_percent", low=2.0, high=12.0),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Six places, a narrow and a wide bump each."""
         part = (np.arange(6) + 0.5) / 6.0
-        places = look.mv_low + part * (look.mv_high - look.mv_low)
+        places = summary.mv_low + part * (summary.mv_high - summary.mv_low)
         low, wide = np.full(6, 1.5), np.full(6, 3.0)
         return np.concatenate(
             [np.stack([low, places, wide], axis=1), np.stack([low, places, 2.3 * wide], axis=1)]
@@ -84,12 +84,12 @@ class PositionDependentFriction(StemTerm):
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The bump onto the table of friction."""
-        height, place, width = float(values[0]), float(values[1]), float(values[2])
+        height, centre, width = float(values[0]), float(values[1]), float(values[2])
         if height != 0.0:
-            add_bump(_PLACES, height, place, width, stem.friction)
+            add_bump(_PLACES, height, centre, width, stem.friction)
             stem.numbers[stem_number.BY_PLACE] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A bump that one feels."""
         return bool(values[0] >= MATERIAL_PERCENT)
 
@@ -103,22 +103,22 @@ class PositionDependentFriction(StemTerm):
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         """With the band in which the bump is over a third of its height."""
-        place, width = number(parameters["place"]), number(parameters["width"])
+        centre, width = number(parameters["place"]), number(parameters["width"])
         return (
-            f"Between {place - width:.0f} and {place + width:.0f} % of travel the stem drags: "
+            f"Between {centre - width:.0f} and {centre + width:.0f} % of travel the stem drags: "
             f"friction is higher by {parameters['A']} of span at {parameters['place']} of travel."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        place, both = parameters["place"], 2.0
+        centre, factor = parameters["place"], 2.0
         return FieldTest(
             do=(
-                f"Loop in manual: at {about(place)} of travel step OP by 0.2 % from one move of "
-                "the stem "
+                f"Loop in manual: at {about_value(centre)} of travel step OP by 0.2 % from one "
+                "move of the stem "
                 "to the move back, and count; the same well away from there."
             ),
-            fails=f"about {about(parameters['A'], both)} of OP more there",
-            passes=f"no more than {both * MATERIAL_PERCENT:g} % more",
+            fails=f"about {about_value(parameters['A'], factor)} of OP more there",
+            passes=f"no more than {factor * MATERIAL_PERCENT:g} % more",
         )
 
 

@@ -14,8 +14,8 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, inverse
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, inverse
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -32,14 +32,18 @@ def limited(command: Floats, marks: Marks, dt: float, slowness: float, out: Floa
 
     ``slowness`` in seconds per percent, 0 is no limit; at rest where marked START.
     """
-    most = dt / slowness if slowness > 0.0 else np.inf
+    most_per_sample = dt / slowness if slowness > 0.0 else np.inf
     p = command[0]
     for k in range(command.size):
         if marks[k] == 1:
             p = command[k]
         else:
             error = command[k] - p
-            p = command[k] if abs(error) <= most else p + (most if error > 0.0 else -most)
+            p = (
+                command[k]
+                if abs(error) <= most_per_sample
+                else p + (most_per_sample if error > 0.0 else -most_per_sample)
+            )
         out[k] = p
 
 
@@ -87,15 +91,15 @@ class RateLimit(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The slowness."""
-        high = SLOWEST * max(look.interval_s, 1.0)
+        high = SLOWEST * max(summary.interval_s, 1.0)
         return (Coordinate(name="slowness_s_per_percent", low=0.0, high=high),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Limits from 0.3 % in a second or sample to half the swing in one; none shows above."""
-        unit = max(look.interval_s, 1.0)
-        fastest = min(max(look.swing / (2.0 * look.interval_s), 1.0 / unit), 8.0)
+        unit = max(summary.interval_s, 1.0)
+        fastest = min(max(summary.swing / (2.0 * summary.interval_s), 1.0 / unit), 8.0)
         return 1.0 / np.geomspace(0.3 / unit, fastest, 6)[:, None]
 
     def shape(
@@ -104,12 +108,12 @@ class RateLimit(CommandTerm):
         """The limited command."""
         limited(command, marks, interval_s, float(values[0]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """Slow for a valve, and slow enough to take most of a sample over the swing of OP."""
         slowness = float(values[0])
-        return slowness * MATERIAL >= 1.0 and slowness * look.swing >= 0.7 * look.interval_s
+        return slowness * MATERIAL >= 1.0 and slowness * summary.swing >= 0.7 * summary.interval_s
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """As fast as large actuators without a booster are built."""
         return bool(values[0] * AS_BUILT <= 1.0)
 
@@ -124,7 +128,7 @@ class RateLimit(CommandTerm):
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        took = about(inverse(parameters["rate"], STEP_PERCENT))
+        took = about_value(inverse(parameters["rate"], STEP_PERCENT))
         return FieldTest(
             do=(
                 f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem to its "

@@ -17,8 +17,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 WAVES = (1, 2, 3)
@@ -63,12 +63,12 @@ class SensorDrift(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The drift over the record, and the slow waves on it."""
         waves = (Coordinate(name=f"wave_{j}_percent", low=-5.0, high=5.0) for j in WAVES)
         return (Coordinate(name="D_percent", low=-10.0, high=10.0), *waves)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.6 to 4 % over the record, either way, and a bend to either side."""
         straight = either_sign(0.6, 1.5, 4.0)
         starts = np.zeros((straight.shape[0] + 2, 1 + len(WAVES)))
@@ -83,7 +83,7 @@ class SensorDrift(StemTerm):
             stem.wander += values[1:] @ _waves(stem.wander.size)
             stem.numbers[stem_number.BY_TIME] = 1.0
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The reading wanders by half a percent over the record."""
         return bool(np.ptp(_course(values)) >= MATERIAL_PERCENT)
 
@@ -97,10 +97,10 @@ class SensorDrift(StemTerm):
                 f"The position reading wanders over {parameters['range']} of travel during the "
                 "record, up and down."
             )
-        way = "downwards" if number(parameters["D"]) < 0.0 else "upwards"
+        direction = "downwards" if number(parameters["D"]) < 0.0 else "upwards"
         return (
-            f"The position reading drifts {way} by {size(parameters['D'])} of travel over the "
-            "record."
+            f"The position reading drifts {direction} by {size(parameters['D'])} of travel over "
+            "the record."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
@@ -110,7 +110,7 @@ class SensorDrift(StemTerm):
                 "after a "
                 "time as long as this recording."
             ),
-            fails=f"readings apart by up to {about(parameters['range'])}",
+            fails=f"readings apart by up to {about_value(parameters['range'])}",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

@@ -14,8 +14,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, about, either_sign, number
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value, either_sign, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its middle
@@ -58,11 +58,11 @@ class SpanError(ReadingTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The gain less 1."""
         return (Coordinate(name="gain_error", low=-0.4, high=0.4),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 3 to 20 %, either way."""
         return either_sign(0.03, 0.08, 0.2)
 
@@ -70,18 +70,18 @@ class SpanError(ReadingTerm):
         """The error onto the reading's gain."""
         stem.numbers[stem_number.GAIN] += values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It moves the reading over half the travel seen."""
-        return bool(abs(values[0]) * 0.5 * (look.mv_high - look.mv_low) >= MATERIAL_PERCENT)
+        return bool(abs(values[0]) * 0.5 * (summary.mv_high - summary.mv_low) >= MATERIAL_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """Percent of reading per percent of travel."""
         return {"gain": (1.0 + float(values[0]), "")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        way = "compressed" if number(parameters["gain"]) < 1.0 else "stretched"
+        change = "compressed" if number(parameters["gain"]) < 1.0 else "stretched"
         return (
-            f"The position reading is {way} over the stroke: it moves by {parameters['gain']} % "
+            f"The position reading is {change} over the stroke: it moves by {parameters['gain']} % "
             "for each percent of travel."
         )
 
@@ -92,7 +92,7 @@ class SpanError(ReadingTerm):
                 "difference "
                 "of the two readings."
             ),
-            fails=f"about {about(parameters['gain'], 60.0)} %",
+            fails=f"about {about_value(parameters['gain'], 60.0)} %",
             passes=f"60 %, to within {MATERIAL_PERCENT} %",
         )
 

@@ -14,8 +14,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT_PER_S = 0.004  # 1 % of travel in four minutes: a loop has to work against it
@@ -59,11 +59,11 @@ class StemCreep(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The speed at rest."""
         return (Coordinate(name="creep_percent_per_s", low=-0.3, high=0.3),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.5 to 6 % a minute, either way."""
         return either_sign(0.008, 0.025, 0.1)
 
@@ -71,7 +71,7 @@ class StemCreep(StemTerm):
         """The speed of a resting stem."""
         stem.numbers[stem_number.CREEP] = values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A percent of travel in four minutes."""
         return bool(abs(values[0]) >= MATERIAL_PERCENT_PER_S)
 
@@ -88,7 +88,7 @@ class StemCreep(StemTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         held_s = 240.0
-        crept = about(size(replace(parameters["creep"], unit="%")), held_s)
+        crept = about_value(size(replace(parameters["creep"], unit="%")), held_s)
         return FieldTest(
             do=(
                 "Loop in manual: hold OP for four minutes, and read the stem at the beginning and "

@@ -14,8 +14,8 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, about, grid, number, size
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, grid, number, size
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -36,12 +36,12 @@ def sagged(
         out[:] = command
         return
     side = 1.0 if share > 0.0 else -1.0
-    kept = max(1.0 - dt / recovery_s, 0.0)
+    kept_share = max(1.0 - dt / recovery_s, 0.0)
     air, before = 0.0, command[0]
     for k in range(command.size):
         if marks[k] == 1:
             air, before = 0.0, command[k]
-        air = kept * air + abs(share) * max(side * (command[k] - before), 0.0)
+        air = kept_share * air + abs(share) * max(side * (command[k] - before), 0.0)
         before = command[k]
         out[k] = command[k] - side * air
 
@@ -84,17 +84,17 @@ class SupplySag(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The share that is missing, and the time of recovery."""
-        low = max(3.0, 2.0 * look.interval_s)
+        low = max(3.0, 2.0 * summary.interval_s)
         return (
             Coordinate(name="share", low=-0.9, high=0.9),
-            Coordinate(name="recovery_s", low=low, high=max(300.0, 100.0 * look.interval_s)),
+            Coordinate(name="recovery_s", low=low, high=max(300.0, 100.0 * summary.interval_s)),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """A tenth to a half of the move, back within a minute or five."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         return grid((-0.4, -0.15, 0.15, 0.4), (8.0 * unit, 25.0 * unit, 80.0 * unit))
 
     def shape(
@@ -103,9 +103,9 @@ class SupplySag(CommandTerm):
         """What the supply leaves of the command."""
         sagged(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The largest move falls short by an amount that a loop feels."""
-        return bool(abs(values[0]) * look.swing >= MATERIAL_PERCENT)
+        return bool(abs(values[0]) * summary.swing >= MATERIAL_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """Percent of a move that is missing (negative: falling uses the air); the recovery."""
@@ -128,9 +128,9 @@ class SupplySag(CommandTerm):
                 "view."
             ),
             fails=(
-                f"the stem stops about {about(size(parameters['sag']), step / 100.0)} short, and "
-                "arrives "
-                f"with a time constant of about {about(parameters['recovery'])}"
+                f"the stem stops about {about_value(size(parameters['sag']), step / 100.0)} "
+                "short, and arrives "
+                f"with a time constant of about {about_value(parameters['recovery'])}"
             ),
             passes=f"less than {MATERIAL_PERCENT:g} % short, and the gauge stands still",
         )

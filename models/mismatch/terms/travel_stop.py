@@ -16,8 +16,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about, number
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number
 from stemwatch.models.recording import Floats
 
 MATERIAL_BEYOND = 0.5  # percent of travel by which OP asks for more than the stop gives
@@ -63,19 +63,21 @@ class TravelStop(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """How far the stops lie inside the stroke, up to the far end of what OP asks for."""
         return (
-            Coordinate(name="inside_low_percent", low=0.0, high=max(look.op_high, 1.0)),
-            Coordinate(name="inside_high_percent", low=0.0, high=max(100.0 - look.op_low, 1.0)),
+            Coordinate(name="inside_low_percent", low=0.0, high=max(summary.op_high, 1.0)),
+            Coordinate(name="inside_high_percent", low=0.0, high=max(100.0 - summary.op_low, 1.0)),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Where MV ended, and further inside the range of OP; one stop at a time."""
-        inward = np.array([0.05, 0.15, 0.3]) * look.swing
-        most_low, most_high = (coordinate.high for coordinate in self.coordinates(look))
-        low = np.clip([look.mv_low, *(look.op_low + inward)], SOME, most_low)
-        high = np.clip([100.0 - look.mv_high, *(100.0 - look.op_high + inward)], SOME, most_high)
+        inward = np.array([0.05, 0.15, 0.3]) * summary.swing
+        most_low, most_high = (coordinate.high for coordinate in self.coordinates(summary))
+        low = np.clip([summary.mv_low, *(summary.op_low + inward)], SOME, most_low)
+        high = np.clip(
+            [100.0 - summary.mv_high, *(100.0 - summary.op_high + inward)], SOME, most_high
+        )
         none = np.zeros(low.size)
         return np.concatenate([np.stack([low, none], axis=1), np.stack([none, high], axis=1)])
 
@@ -86,14 +88,16 @@ class TravelStop(StemTerm):
         if values[1] > 0.0:
             stem.numbers[stem_number.STOP_HIGH] = 100.0 - values[1]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """OP asks for more than a stop gives, friction counted; and it is not the end of stroke."""
-        held = 0.5 * (look.S - look.J)  # what friction alone keeps the stem short by
-        low = values[0] - (look.op_low + held)
-        high = (look.op_high - held) - (100.0 - values[1])
+        friction_shortfall = 0.5 * (
+            summary.S - summary.J
+        )  # what friction alone keeps the stem short by
+        low = values[0] - (summary.op_low + friction_shortfall)
+        high = (summary.op_high - friction_shortfall) - (100.0 - values[1])
         return any(
-            bool(beyond >= MATERIAL_BEYOND and inside >= MATERIAL_INSIDE)
-            for beyond, inside in zip((low, high), values, strict=True)
+            bool(op_end >= MATERIAL_BEYOND and stop >= MATERIAL_INSIDE)
+            for op_end, stop in zip((low, high), values, strict=True)
         )
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
@@ -105,16 +109,18 @@ class TravelStop(StemTerm):
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         low, high = parameters["stop_low"], parameters["stop_high"]
-        said = []
+        sentences = []
         if number(low) > SOME:
-            said.append(f"does not fall below {low} of travel")
+            sentences.append(f"does not fall below {low} of travel")
         if number(high) < 100.0 - SOME:
-            said.append(f"does not rise above {high} of travel")
-        places = " and ".join(said) if said else f"stays between {low} and {high} of travel"
+            sentences.append(f"does not rise above {high} of travel")
+        places = (
+            " and ".join(sentences) if sentences else f"stays between {low} and {high} of travel"
+        )
         return f"The stem {places} while the command goes on."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
-        low, high = about(parameters["stop_low"]), about(parameters["stop_high"])
+        low, high = about_value(parameters["stop_low"]), about_value(parameters["stop_high"])
         return FieldTest(
             do="Where the process allows it, loop in manual: take OP to 0 % and to 100 %.",
             fails=f"the stem stays between {low} and {high}",

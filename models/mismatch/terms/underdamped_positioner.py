@@ -17,8 +17,8 @@ from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import CommandTerm, grid, number
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import CommandTerm, grid, number
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -39,13 +39,13 @@ def rung(command: Floats, marks: Marks, dt: float, wn: float, zeta: float, out: 
         return
     steps = max(10, int(np.ceil(dt / 0.1 - 1e-9)))
     h = dt / steps
-    pull, kept = h * wn * wn, 1.0 - 2.0 * h * zeta * wn
+    pull, kept_share = h * wn * wn, 1.0 - 2.0 * h * zeta * wn
     # Columns of the map: where a unit of error and a unit of velocity go in one sample.
     ee, ve, ev, vv = 1.0, 0.0, 0.0, 1.0
     for _ in range(steps):
-        ve = kept * ve - pull * ee
+        ve = kept_share * ve - pull * ee
         ee += h * ve
-        vv = kept * vv - pull * ev
+        vv = kept_share * vv - pull * ev
         ev += h * vv
     p, velocity = command[0], 0.0
     for k in range(command.size):
@@ -104,17 +104,17 @@ class UnderdampedPositioner(CommandTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """Natural frequency and damping; ringing faster than four samples is aliased."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         return (
             Coordinate(name="wn_rad_per_s", low=0.15 / unit, high=2.0 / unit),
             Coordinate(name="zeta", low=0.03, high=1.0),
         )
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """Periods from 5 to 30 s (or samples), little and much damping."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         frequencies = np.array([0.2, 0.35, 0.55, 0.85, 1.3]) / unit
         return grid(frequencies, (0.12, 0.3, 0.6))
 
@@ -124,12 +124,12 @@ class UnderdampedPositioner(CommandTerm):
         """The ringing command."""
         rung(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It overshoots by a share of each move and by an amount that disturbs a loop, and slowly
         enough to be seen: between a few samples a ring is not told from a lag."""
         wn, zeta = float(values[0]), float(values[1])
-        seen = overshoot(zeta) * look.swing >= MATERIAL_OVERSHOOT
-        slow = wn * max(look.interval_s, 1.0) <= QUICKEST
+        seen = overshoot(zeta) * summary.swing >= MATERIAL_OVERSHOOT
+        slow = wn * max(summary.interval_s, 1.0) <= QUICKEST
         return wn > 0.0 and slow and zeta <= MATERIAL_ZETA and seen
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
@@ -143,22 +143,22 @@ class UnderdampedPositioner(CommandTerm):
         damping = number(zeta)
         if number(wn) > 0.0 and damping < 1.0:
             period = 2.0 * pi / (number(wn) * sqrt(1.0 - damping * damping))
-            said = replace(wn, value=period, low=None, high=None, unit="s")
+            period_estimate = replace(wn, value=period, low=None, high=None, unit="s")
             rings += (
-                f", with a period of {said} and an overshoot of "
+                f", with a period of {period_estimate} and an overshoot of "
                 f"{100.0 * overshoot(damping):.0f} % of the move"
             )
         return f"{rings} (natural frequency {wn}, damping ratio {zeta})."
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         zeta = number(parameters["zeta"])
-        over = 100.0 * overshoot(zeta) if 0.0 <= zeta < 1.0 else 0.0
+        overshoot_percent = 100.0 * overshoot(zeta) if 0.0 <= zeta < 1.0 else 0.0
         return FieldTest(
             do=(
                 "Loop in manual: step OP by 10 %, and read how far the stem swings beyond its "
                 "place."
             ),
-            fails=f"by about {over:.0f} % of the step",
+            fails=f"by about {overshoot_percent:.0f} % of the step",
             passes=f"by no more than {100.0 * overshoot(MATERIAL_ZETA):.0f} % of it",
         )
 

@@ -16,8 +16,8 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import StemTerm, about
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import StemTerm, about_value
 from stemwatch.models.recording import Floats
 
 MATERIAL_S = 0.7  # a slip that takes less is how good valves are
@@ -64,22 +64,22 @@ class ViscousDrag(StemTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The time constant, up to 15 s or ten samples."""
-        return (Coordinate(name="tau_v_s", low=0.0, high=max(15.0, 10.0 * look.interval_s)),)
+        return (Coordinate(name="tau_v_s", low=0.0, high=max(15.0, 10.0 * summary.interval_s)),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From half a second or half a sample upwards."""
-        unit = max(look.interval_s, 1.0)
+        unit = max(summary.interval_s, 1.0)
         return np.array([[0.5], [1.0], [2.0], [3.5], [6.0]]) * unit
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """The time constant of sliding."""
         stem.numbers[stem_number.DRAG_S] = values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A slip that takes 0.2 s is not worth a work order."""
-        return bool(values[0] >= max(MATERIAL_S, 0.7 * look.interval_s))
+        return bool(values[0] >= max(MATERIAL_S, 0.7 * summary.interval_s))
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The time constant."""
@@ -98,7 +98,7 @@ class ViscousDrag(StemTerm):
                 "63 % of the "
                 "step."
             ),
-            fails=f"about {about(parameters['tau_v'])}",
+            fails=f"about {about_value(parameters['tau_v'])}",
             passes=f"within {MATERIAL_S} s",
         )
 

@@ -14,8 +14,14 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Coordinate, Look, Term, Words
-from stemwatch.models.mismatch.terms._ways import ReadingTerm, about, either_sign, number, size
+from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
+from stemwatch.models.mismatch.terms._common import (
+    ReadingTerm,
+    about_value,
+    either_sign,
+    number,
+    size,
+)
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.4  # of travel; positioners are set to within a quarter of a percent or so
@@ -56,11 +62,11 @@ class ZeroShift(ReadingTerm):
         ),
     )
 
-    def coordinates(self, look: Look) -> tuple[Coordinate, ...]:
+    def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The shift."""
         return (Coordinate(name="zero_percent", low=-25.0, high=25.0),)
 
-    def starts(self, look: Look) -> Floats:
+    def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.5 to 5 % of travel, either way."""
         return either_sign(0.5, 1.5, 5.0)
 
@@ -68,7 +74,7 @@ class ZeroShift(ReadingTerm):
         """The shift onto the reading's zero."""
         stem.numbers[stem_number.ZERO] += values[0]
 
-    def material(self, values: Floats, look: Look) -> bool:
+    def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """More than a careful calibration leaves."""
         return bool(abs(values[0]) >= MATERIAL_PERCENT)
 
@@ -77,16 +83,16 @@ class ZeroShift(ReadingTerm):
         return {"zero": (float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
-        way = "low" if number(parameters["zero"]) < 0.0 else "high"
+        direction = "low" if number(parameters["zero"]) < 0.0 else "high"
         return (
-            f"The position reads {way} by {size(parameters['zero'])} of travel at mid-travel: "
-            "its zero is off, or the bench set of the spring is."
+            f"The position reads {direction} by {size(parameters['zero'])} of travel at "
+            "mid-travel: its zero is off, or the bench set of the spring is."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         return FieldTest(
             do="Loop in manual: go to 50 % on the scale at the stem, and read the position.",
-            fails=f"it reads about {about(size(parameters['zero']))} off",
+            fails=f"it reads about {about_value(size(parameters['zero']))} off",
             passes=f"within {MATERIAL_PERCENT} %",
         )
 

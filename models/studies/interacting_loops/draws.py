@@ -87,7 +87,7 @@ class RunPlant:
 def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPlant:
     """A plant of 10 to 40 loops with 0 to 3 sources, or as many as ``sources`` says."""
     m = int(rng.integers(10, 41))
-    wanted = int(rng.integers(0, 4)) if sources is None else sources
+    source_count = int(rng.integers(0, 4)) if sources is None else sources
     units = np.sort(rng.integers(0, max(2, m // 6), m))
     loops = np.stack([_loop(rng) for _ in range(m)])
     links = _damped(loops, _links(rng, units, loops))
@@ -100,7 +100,7 @@ def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPla
         sticking=np.ones((m, _MOST_SCANS)),
         units=tuple(int(unit) for unit in units),
     )
-    for _ in range(wanted):
+    for _ in range(source_count):
         plant = _with_source(rng, plant)
     return plant
 
@@ -108,9 +108,9 @@ def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPla
 def run_drawn(plant: DrawnPlant) -> RunPlant:
     """The plant as it is recorded, without each of its sources, and, with a third of its noise and
     loads, with none and with each of them by itself."""
-    everything = range(len(plant.sources))
-    pv, op = _run(plant, everything)
-    whole = np.var(_moving(pv), axis=1) + 1e-12
+    all_sources = range(len(plant.sources))
+    pv, op = _run(plant, all_sources)
+    variance = np.var(_moving(pv), axis=1) + 1e-12
     shares = np.zeros((len(plant.sources), pv.shape[0]))
     calm = replace(
         plant,
@@ -118,15 +118,15 @@ def run_drawn(plant: DrawnPlant) -> RunPlant:
         noise=_CALM * plant.noise,
         set_points=0.0 * plant.set_points,
     )
-    recorded, usual = _moving(pv), _moving(_run(calm, [])[0])
-    for at in everything:
-        alone = _moving(_run(calm, [at])[0])
-        without = _moving(_run(plant, [k for k in everything if k != at])[0])
-        enough = np.minimum(np.var(alone, axis=1) - np.var(usual, axis=1),
-                            _around(recorded, _made(alone, usual)))  # fmt: skip
-        band = _made(recorded, without)
-        needed = _around(recorded, band) - _around(without, band)
-        shares[at] = np.clip(np.maximum(enough, needed) / whole, 0.0, 1.0)
+    recorded, quiet_pv = _moving(pv), _moving(_run(calm, [])[0])
+    for index in all_sources:
+        with_one = _moving(_run(calm, [index])[0])
+        without_one = _moving(_run(plant, [k for k in all_sources if k != index])[0])
+        caused = np.minimum(np.var(with_one, axis=1) - np.var(quiet_pv, axis=1),
+                            _around(recorded, _is_caused(with_one, quiet_pv)))  # fmt: skip
+        band = _is_caused(recorded, without_one)
+        needed = _around(recorded, band) - _around(without_one, band)
+        shares[index] = np.clip(np.maximum(caused, needed) / variance, 0.0, 1.0)
     sp = 50.0 + plant.set_points[:, EVERY - 1 :: EVERY][:, : pv.shape[1]]
     return RunPlant(
         interval_s=SCAN_S * EVERY,
@@ -140,13 +140,13 @@ def run_drawn(plant: DrawnPlant) -> RunPlant:
     )
 
 
-def _made(present: Floats, absent: Floats) -> Bools:
+def _is_caused(present: Floats, absent: Floats) -> Bools:
     """The bins within a quarter of the frequency at which most loops have more power than without a
     source, and of its second and third harmonics."""
     power = np.abs(np.fft.rfft(present, axis=1)) ** 2
-    more = np.maximum(power - np.abs(np.fft.rfft(absent, axis=1)) ** 2, 0.0)
-    more /= power.sum(axis=1, keepdims=True) + 1e-12
-    total = more[:, 1:].sum(axis=0)
+    added_power = np.maximum(power - np.abs(np.fft.rfft(absent, axis=1)) ** 2, 0.0)
+    added_power /= power.sum(axis=1, keepdims=True) + 1e-12
+    total = added_power[:, 1:].sum(axis=0)
     peak = 1 + int(np.argmax(np.convolve(total, np.ones(5), mode="same")))
     ratio = np.arange(power.shape[1]) / peak
     return np.asarray(np.any([np.abs(ratio / k - 1.0) <= 0.25 / k for k in (1, 2, 3)], axis=0))
@@ -164,10 +164,10 @@ def _labels(shares: Floats) -> tuple[int, ...]:
         return tuple([-1] * m)
     best = shares.argmax(axis=0)
     label = np.where(shares.max(axis=0) >= LEAST_SHARE, best, -1)
-    for at in range(shares.shape[0]):
-        if (label == at).sum() < 2:
-            label[label == at] = -1
-    return tuple(int(one) for one in label.tolist())
+    for row in range(shares.shape[0]):
+        if (label == row).sum() < 2:
+            label[label == row] = -1
+    return tuple(int(number) for number in label.tolist())
 
 
 def _moving(values: Floats) -> Floats:
@@ -180,9 +180,9 @@ def _moving(values: Floats) -> Floats:
 
 def _run(plant: DrawnPlant, active: range | list[int]) -> tuple[Floats, Floats]:
     loops, loads = plant.loops.copy(), plant.loads.copy()
-    for at, source in enumerate(plant.sources):
-        if at in active:
-            loads += plant.waves[at] if source.kind is SourceKind.WAVE else 0.0
+    for index, source in enumerate(plant.sources):
+        if index in active:
+            loads += plant.waves[index] if source.kind is SourceKind.WAVE else 0.0
         elif source.kind is SourceKind.STICKING:
             loops[source.loop, STICK] = 0.0
         elif source.kind is SourceKind.TIGHT:
@@ -220,13 +220,20 @@ def _links(rng: np.random.Generator, units: Ints, loops: Floats) -> Floats:
         links.append([a, b, strength * scale * rng.choice([-1.0, 1.0]), lag, rng.random() < 0.5])
 
     for a in range(m):
-        near = [b for b in range(m) if b != a and units[b] == units[a]]
-        for b in rng.permutation(near)[: rng.integers(2, 5)] if near else []:
+        same_unit = [b for b in range(m) if b != a and units[b] == units[a]]
+        for b in rng.permutation(same_unit)[: rng.integers(2, 5)] if same_unit else []:
             link(a, int(b), rng.uniform(0.3, 1.2))
     for unit in range(int(units.max())):
-        here, there = np.flatnonzero(units == unit), np.flatnonzero(units == unit + 1)
-        for _ in range(2 if here.size and there.size else 0):
-            link(int(rng.choice(here)), int(rng.choice(there)), rng.uniform(0.4, 1.2))
+        loops_of_unit, loops_of_next = (
+            np.flatnonzero(units == unit),
+            np.flatnonzero(units == unit + 1),
+        )
+        for _ in range(2 if loops_of_unit.size and loops_of_next.size else 0):
+            link(
+                int(rng.choice(loops_of_unit)),
+                int(rng.choice(loops_of_next)),
+                rng.uniform(0.4, 1.2),
+            )
     first, last = np.flatnonzero(units == 0), np.flatnonzero(units == units.max())
     if first.size and units.max() > 0 and rng.random() < 0.33:
         link(int(rng.choice(last)), int(rng.choice(first)), rng.uniform(0.1, 0.4))
@@ -239,14 +246,14 @@ def _damped(loops: Floats, links: Floats) -> Floats:
     m, scans = loops.shape[0], 9000
     pulse = np.zeros((m, scans))
     pulse[:, :50] = 3.0 * np.where(np.arange(m) % 2, 1.0, -1.0)[:, None]
-    still, always = np.zeros((m, scans)), np.ones((m, scans))
-    tried = loops.copy()
-    tried[:, GAIN] *= 1.25
-    tried[:, STEP] = 0.0
+    no_input, always = np.zeros((m, scans)), np.ones((m, scans))
+    detuned = loops.copy()
+    detuned[:, GAIN] *= 1.25
+    detuned[:, STEP] = 0.0
     for _ in range(12):
         stronger = links.copy()
         stronger[:, STRENGTH] *= 1.5
-        pv, _ = run_plant(tried, stronger, still, pulse, still, always, EVERY)
+        pv, _ = run_plant(detuned, stronger, no_input, pulse, no_input, always, EVERY)
         swing = np.abs(pv - 50.0)
         if (swing[:, -400:].max(axis=1) <= 0.02 * swing.max(axis=1) + 1e-6).all():
             break
@@ -258,8 +265,8 @@ def _set_points(rng: np.random.Generator, m: int) -> Floats:
     """Constant, but for a step now and then in one loop of five."""
     out = np.zeros((m, _MOST_SCANS))
     for i in np.flatnonzero(rng.random(m) < 0.2):
-        for at in rng.integers(0, _MOST_SCANS, rng.integers(1, 6)):
-            out[i, at:] += rng.normal() * 2.0
+        for scan in rng.integers(0, _MOST_SCANS, rng.integers(1, 6)):
+            out[i, scan:] += rng.normal() * 2.0
     return out
 
 
@@ -279,15 +286,15 @@ def _loads(rng: np.random.Generator, loops: Floats) -> Floats:
 
 def _with_source(rng: np.random.Generator, plant: DrawnPlant) -> DrawnPlant:
     """One source more, in a loop that has none and that acts on others."""
-    taken = {source.loop for source in plant.sources}
+    used_loops = {source.loop for source in plant.sources}
     out = np.bincount(plant.links[:, 0].astype(np.int64), minlength=plant.loops.shape[0])
-    acting = set(np.flatnonzero(out >= 2).tolist()) - taken
+    acting = set(np.flatnonzero(out >= 2).tolist()) - used_loops
     kind = rng.choice(list(SourceKind), p=[0.5, 0.25, 0.25])
     m = plant.loops.shape[0]
     wave = np.zeros((m, _MOST_SCANS))
     kind = SourceKind(str(kind))
     if kind is SourceKind.TIGHT:
-        acting = {one for one in acting if _ultimate(plant.loops[one])[1] >= _FASTEST_SEEN}
+        acting = {loop for loop in acting if _ultimate(plant.loops[loop])[1] >= _FASTEST_SEEN}
     if kind is SourceKind.WAVE or not acting:
         return replace(
             plant,
@@ -335,9 +342,9 @@ def _wave(rng: np.random.Generator, plant: DrawnPlant) -> Floats:
     shape = int(rng.integers(0, 3))
     sine = np.sin(phase)
     wave = (sine, np.clip(4.0 * sine, -1.0, 1.0), 2.0 / np.pi * np.arcsin(sine))[shape]
-    reached = rng.permutation(m)[: rng.integers(2, 6)]
+    loops_reached = rng.permutation(m)[: rng.integers(2, 6)]
     out = np.zeros((m, _MOST_SCANS))
-    for i in reached:
+    for i in loops_reached:
         size = rng.uniform(1.0, 5.0) * (0.4 if plant.loops[i, INTEGRATING] else 1.0)
         out[i] = size * rng.choice([-1.0, 1.0]) * np.roll(wave, int(rng.integers(0, 60)))
     return out * _present(rng)
@@ -353,6 +360,6 @@ def _ultimate(loop: Floats) -> tuple[float, float]:
         process = loop[PROCESS] / loop[LAG] / (z - 1.0 + 1.0 / loop[LAG])
     open_loop = process * z ** (-loop[DELAY]) * (1.0 + z / (z - 1.0) / loop[RESET])
     phase = np.unwrap(np.angle(open_loop))
-    beyond: Bools = phase <= -np.pi
-    at = int(np.argmax(beyond)) if beyond.any() else w.size - 1
-    return float(1.0 / np.abs(open_loop[at])), float(2.0 * np.pi / w[at])
+    past_180: Bools = phase <= -np.pi
+    crossing = int(np.argmax(past_180)) if past_180.any() else w.size - 1
+    return float(1.0 / np.abs(open_loop[crossing])), float(2.0 * np.pi / w[crossing])

@@ -74,18 +74,18 @@ def judge_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> JudgedPlant:
 
 def _judged(plant: RunPlant, evidence: MemberEvidence) -> JudgedGroup:
     true = [plant.label[loop] for loop in evidence.members]
-    most = max(sorted(set(true)), key=true.count)
-    if most < 0:
+    commonest = max(sorted(set(true)), key=true.count)
+    if commonest < 0:
         return JudgedGroup(kind="", place=-1, source=-1, evidence=evidence)
-    source = plant.sources[most]
+    source = plant.sources[commonest]
     ranking = rank_sources(evidence, WEIGHTS)
     order = sorted(
         [*zip(ranking.probability, ranking.members, strict=True), (ranking.none, -1)],
         key=lambda pair: -pair[0],
     )
     places = [loop for _, loop in order]
-    place = places.index(source.loop) if source.loop in places else -1
-    return JudgedGroup(kind=source.kind.value, place=place, source=source.loop, evidence=evidence)
+    rank = places.index(source.loop) if source.loop in places else -1
+    return JudgedGroup(kind=source.kind.value, place=rank, source=source.loop, evidence=evidence)
 
 
 def null_statistics(plant: RunPlant) -> tuple[float, float] | None:
@@ -93,25 +93,29 @@ def null_statistics(plant: RunPlant) -> tuple[float, float] | None:
     share of the limits, and the largest prominence of a regular one; ``None`` of other plants."""
     if plant.sources:
         return None
-    alone = oscillations(loop_spectra(plant.sp - plant.pv, plant.interval_s))
-    tall = [one.regularity for one in alone if one.prominence >= LIMITS.prominence
-            and one.share >= LIMITS.share]  # fmt: skip
-    regular = [one.prominence for one in alone if one.regularity >= LIMITS.regularity
-               and one.share >= LIMITS.share]  # fmt: skip
+    of_each_loop = oscillations(loop_spectra(plant.sp - plant.pv, plant.interval_s))
+    tall = [peak.regularity for peak in of_each_loop if peak.prominence >= LIMITS.prominence
+            and peak.share >= LIMITS.share]  # fmt: skip
+    regular = [peak.prominence for peak in of_each_loop if peak.regularity >= LIMITS.regularity
+               and peak.share >= LIMITS.share]  # fmt: skip
     return max(tall, default=0.0), max(regular, default=0.0)
 
 
 def adjusted_rand_index(a: Sequence[int], b: Sequence[int]) -> float:
     """Agreement of two partitions, 1 for equal ones, 0 by chance (Hubert and Arabie 1985)."""
-    one = np.unique(np.asarray(a), return_inverse=True)[1]
+    label_index = np.unique(np.asarray(a), return_inverse=True)[1]
     other = np.unique(np.asarray(b), return_inverse=True)[1]
-    table = np.zeros((one.max() + 1, other.max() + 1))
-    np.add.at(table, (one, other), 1.0)
+    table = np.zeros((label_index.max() + 1, other.max() + 1))
+    np.add.at(table, (label_index, other), 1.0)
 
     def pairs(counts: np.ndarray) -> float:
         return float((counts * (counts - 1.0) / 2.0).sum())
 
-    both, first, second = pairs(table), pairs(table.sum(axis=1)), pairs(table.sum(axis=0))
-    expected = first * second / max(len(one) * (len(one) - 1) / 2.0, 1.0)
-    most = (first + second) / 2.0
-    return 1.0 if most == expected else (both - expected) / (most - expected)
+    same_in_both, first, second = pairs(table), pairs(table.sum(axis=1)), pairs(table.sum(axis=0))
+    expected = first * second / max(len(label_index) * (len(label_index) - 1) / 2.0, 1.0)
+    largest_possible = (first + second) / 2.0
+    return (
+        1.0
+        if largest_possible == expected
+        else (same_in_both - expected) / (largest_possible - expected)
+    )

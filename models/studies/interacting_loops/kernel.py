@@ -21,15 +21,15 @@ FROM, TO, STRENGTH, LINK_LAG, OF_STEM = range(5)
 
 
 @njit(cache=True)
-def _moved(stem: float, wanted: float, band: float, jump: float) -> float:
+def _moved(stem: float, demanded: float, band: float, jump: float) -> float:
     """A stem that rests until OP is half the band ahead, then jumps and follows behind OP."""
     if band <= 0.0:
-        return wanted
-    ahead = wanted - stem
+        return demanded
+    ahead = demanded - stem
     if abs(ahead) <= 0.5 * band:
         return stem
     side = 1.0 if ahead > 0.0 else -1.0
-    return wanted - side * max(0.5 * band - jump, 0.0)
+    return demanded - side * max(0.5 * band - jump, 0.0)
 
 
 @njit(cache=True)
@@ -40,16 +40,16 @@ def run_plant(
     loads: Floats,
     noise: Floats,
     sticking: Floats,
-    every: int,
+    scans_per_sample: int,
 ) -> tuple[Floats, Floats]:
-    """(m, n) PV and OP as read each ``every`` scans.
+    """(m, n) PV and OP as read each ``scans_per_sample`` scans.
 
     ``loops`` (m, 11), ``links`` (k, 5); ``set_points``, ``loads`` (on the process input) and
     ``noise`` (on PV) are (m, scans), deviations around 50 %; ``sticking`` (m, scans) multiplies S
     and J, so that a valve may stick for part of the time.
     """
     m, n = set_points.shape
-    size = n // every
+    size = n // scans_per_sample
     out_pv, out_op = np.empty((m, size)), np.empty((m, size))
     longest = int(loops[:, DELAY].max()) + 1
     waiting = np.zeros((m, longest))
@@ -72,21 +72,21 @@ def run_plant(
             error = set_points[i, k] - pv[i]
             integral[i] += loops[i, GAIN] * error / loops[i, RESET]
             raw = integral[i] + loops[i, GAIN] * error
-            wanted = min(max(raw, loops[i, LOW]), loops[i, HIGH])
-            integral[i] += wanted - raw
-            op[i] = wanted
+            demanded = min(max(raw, loops[i, LOW]), loops[i, HIGH])
+            integral[i] += demanded - raw
+            op[i] = demanded
             band, jump = loops[i, STICK] * sticking[i, k], loops[i, JUMP] * sticking[i, k]
-            stem[i] = _moved(stem[i], wanted, band, jump)
-            at = k % longest
-            waiting[i, at] = stem[i] + load[i]
+            stem[i] = _moved(stem[i], demanded, band, jump)
+            slot = k % longest
+            waiting[i, slot] = stem[i] + load[i]
             late = waiting[i, (k + longest - int(loops[i, DELAY])) % longest]
             if loops[i, INTEGRATING] > 0.5:
                 state[i] += loops[i, PROCESS] * late / loops[i, LAG]
             else:
                 state[i] += (loops[i, PROCESS] * late - state[i]) / loops[i, LAG]
-        if (k + 1) % every == 0:
-            place = (k + 1) // every - 1
-            if place < size:
+        if (k + 1) % scans_per_sample == 0:
+            sample = (k + 1) // scans_per_sample - 1
+            if sample < size:
                 for i in range(m):
-                    out_pv[i, place], out_op[i, place] = 50.0 + pv[i], 50.0 + op[i]
+                    out_pv[i, sample], out_op[i, sample] = 50.0 + pv[i], 50.0 + op[i]
     return out_pv, out_op

@@ -51,7 +51,7 @@ def _text(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> N
     run_choudhury(op, q[0], q[1], y0, False, out)
 
 
-def _drawn(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:
+def _simulate(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:
     run_choudhury(op, q[0], q[1], y0, True, out)
 
 
@@ -95,5 +95,5 @@ CHOUDHURY_AS_DRAWN = KernelModel(
         "accumulated force back to zero again and again: not to be used on plant data (A1).",
         *_SHARED_LIMITS,
     ),
-    run=_drawn,
+    run=_simulate,
 )

@@ -96,18 +96,18 @@ def cut(problem: FitProblem, train_until: int) -> FitStretches:
     """Stretches from each start to the next; past ``train_until`` the run starts afresh."""
     starts = np.flatnonzero(problem.start == kernel.START)
     before = starts[:1] if starts.size else np.array([], dtype=np.intp)
-    inside = train_until < problem.op.size and before.size and train_until > before[0]
-    ends = np.unique([*starts, *([train_until] if inside else []), problem.op.size])
+    splits_record = train_until < problem.op.size and before.size and train_until > before[0]
+    ends = np.unique([*starts, *([train_until] if splits_record else []), problem.op.size])
     pairs = tuple((int(a), int(b)) for a, b in pairwise(ends))
     blocks = np.arange(problem.n_blocks) * problem.op.size // problem.n_blocks
     first = int(ends[0])
-    both = np.unique([*ends, *blocks[blocks > first]])
-    short = tuple((int(a), int(b)) for a, b in pairwise(both))
-    counted = problem.scored.copy()
+    edges = np.unique([*ends, *blocks[blocks > first]])
+    short = tuple((int(a), int(b)) for a, b in pairwise(edges))
+    is_scored = problem.scored.copy()
     # As after any start, the stem's history is not known until it has slipped.
-    counted[train_until : train_until + _warm_up(problem)] = False
+    is_scored[train_until : train_until + _warm_up(problem)] = False
     return FitStretches(
-        problem=problem, stretches=pairs, short=short, counted=counted, train_until=train_until
+        problem=problem, stretches=pairs, short=short, counted=is_scored, train_until=train_until
     )
 
 
@@ -129,7 +129,7 @@ def fit_model(
     recording that cannot be fitted is a result with an outcome. Raises ``ValueError`` where
     ``train_until`` is not within the recording.
     """
-    began = time.perf_counter()
+    started = time.perf_counter()
     if not 0 < train_until <= len(recording):
         raise ValueError(
             f"{recording.valve}: train_until from 1 to {len(recording)} expected, received "
@@ -139,7 +139,7 @@ def fit_model(
     if isinstance(problem, str):
         unknown = {p.name: Estimate.unknown(problem, unit=p.unit) for p in model.parameters}
         return ModelFit(model=model.name, parameters=unknown, outcome=problem)
-    return _fitted(model, problem, train_until, effort or (SLOW if model.slow else QUICK), began)
+    return _fitted(model, problem, train_until, effort or (SLOW if model.slow else QUICK), started)
 
 
 def _problem(recording: Recording, train_until: int) -> FitProblem | str:
@@ -152,11 +152,11 @@ def _problem(recording: Recording, train_until: int) -> FitProblem | str:
             "these models need both in percent: give the range of the position"
         )
     problem = make_problem(recording)
-    counted = int(problem.scored[:train_until].sum())
-    if counted < LEAST_SAMPLES:
+    scored_count = int(problem.scored[:train_until].sum())
+    if scored_count < LEAST_SAMPLES:
         return (
-            f"only {counted} usable samples before train_until, {LEAST_SAMPLES} are needed; take a "
-            "longer window"
+            f"only {scored_count} usable samples before train_until, {LEAST_SAMPLES} are "
+            "needed; take a longer window"
         )
     if np.ptp(problem.op[:train_until]) == 0.0:
         return "the command does not move before train_until, so nothing can be fitted"
@@ -166,7 +166,7 @@ def _problem(recording: Recording, train_until: int) -> FitProblem | str:
 
 
 def _fitted(
-    model: ValveModel, problem: FitProblem, train_until: int, effort: SearchEffort, began: float
+    model: ValveModel, problem: FitProblem, train_until: int, effort: SearchEffort, started: float
 ) -> ModelFit:
     runs = cut(problem, train_until)
     trained = runs.counted & (np.arange(problem.op.size) < train_until)
@@ -200,7 +200,7 @@ def _fitted(
         simulated=simulated,
         training=training,
         heldout=score(simulated, problem.mv, late, resolution),
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - started,
         outcome=_doubts(cube, best, training),
     )
 
@@ -215,11 +215,11 @@ def score_run(
     problem = _problem(recording, train_until)
     if isinstance(problem, str):
         return None, None
-    counted, early = cut(problem, train_until).counted, np.arange(simulated.size) < train_until
+    is_scored, early = cut(problem, train_until).counted, np.arange(simulated.size) < train_until
     resolution = _resolution(problem)
     return (
-        score(simulated, problem.mv, counted & early, resolution),
-        score(simulated, problem.mv, counted & ~early, resolution),
+        score(simulated, problem.mv, is_scored & early, resolution),
+        score(simulated, problem.mv, is_scored & ~early, resolution),
     )
 
 
@@ -288,8 +288,8 @@ def intervals(
     rng = np.random.default_rng(7)
     points = [best]
     for width in WIDTHS:
-        drawn = best + width * rng.standard_normal((cloud // len(WIDTHS), size + 1))
-        points += list(cube.bounds.clip(drawn))
+        population = best + width * rng.standard_normal((cloud // len(WIDTHS), size + 1))
+        points += list(cube.bounds.clip(population))
     values, sums = _sums(cube, points, squares, block)
     counts = np.bincount(np.unique(block, return_inverse=True)[1])
     chosen = cheapest(values, sums, block_weights(counts, REPLICATES, rng), rng)
@@ -302,8 +302,8 @@ def intervals(
 
 def _sampling(cube: Cube, step: float, shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
     """The error by sampling, which no reweighting shows: a slip is seen a ``step`` of OP late."""
-    worth = np.array([p.per_percent or 0.0 for p in cube.model.parameters])
-    return np.asarray(step * worth * rng.uniform(-1.0, 1.0, shape))
+    per_percent = np.array([p.per_percent or 0.0 for p in cube.model.parameters])
+    return np.asarray(step * per_percent * rng.uniform(-1.0, 1.0, shape))
 
 
 def _sums(

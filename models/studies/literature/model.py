@@ -126,11 +126,11 @@ class KernelModel:
         if parameters.shape != (len(self.parameters),):
             names = ", ".join(p.name for p in self.parameters)
             return f"expected {len(self.parameters)} parameters ({names}), received {parameters}"
-        for known, value in zip(self.parameters, parameters.tolist(), strict=True):
-            if not known.lower <= value <= known.upper:
+        for parameter, value in zip(self.parameters, parameters.tolist(), strict=True):
+            if not parameter.lower <= value <= parameter.upper:
                 return (
-                    f"{known.name} = {value:g} {known.unit} is outside {known.lower:g} to "
-                    f"{known.upper:g}"
+                    f"{parameter.name} = {value:g} {parameter.unit} is outside "
+                    f"{parameter.lower:g} to {parameter.upper:g}"
                 )
         return self.relation(parameters)
 
@@ -164,8 +164,8 @@ def values_of(model: ValveModel, **named: float) -> Floats:
 
     Raises ``ValueError`` on a name that the model does not have.
     """
-    known = [parameter.name for parameter in model.parameters]
-    unknown = sorted(set(named) - set(known))
+    names = [parameter.name for parameter in model.parameters]
+    unknown = sorted(set(named) - set(names))
     if unknown:
-        raise ValueError(f"{model.name} has no {', '.join(unknown)}; it has {', '.join(known)}")
+        raise ValueError(f"{model.name} has no {', '.join(unknown)}; it has {', '.join(names)}")
     return np.array([named.get(p.name, p.default) for p in model.parameters], dtype=np.float64)

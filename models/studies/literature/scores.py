@@ -28,30 +28,30 @@ class FitScore:
     samples: int
 
 
-def score(simulated: Floats, mv: Floats, counted: Bools, resolution: float) -> FitScore | None:
-    """Score where ``counted`` (n,), or ``None`` with fewer than 20 samples or a constant MV.
+def score(simulated: Floats, mv: Floats, is_scored: Bools, resolution: float) -> FitScore | None:
+    """Score where ``is_scored`` (n,), or ``None`` with fewer than 20 samples or a constant MV.
 
     ``resolution`` in percent: a step of MV up to this is noise.
     """
-    counted = counted & np.isfinite(simulated)
-    if counted.sum() < LEAST_SCORED or np.ptp(mv[counted]) == 0.0:
+    is_scored = is_scored & np.isfinite(simulated)
+    if is_scored.sum() < LEAST_SCORED or np.ptp(mv[is_scored]) == 0.0:
         return None
-    rmse = float(np.sqrt(np.mean((simulated[counted] - mv[counted]) ** 2)))
+    rmse = float(np.sqrt(np.mean((simulated[is_scored] - mv[is_scored]) ** 2)))
     return FitScore(
         rmse=rmse,
-        fit_percent=100.0 * (1.0 - rmse / float(np.std(mv[counted]))),
-        direction_percent=_directions(simulated, mv, counted, resolution),
-        samples=int(counted.sum()),
+        fit_percent=100.0 * (1.0 - rmse / float(np.std(mv[is_scored]))),
+        direction_percent=_directions(simulated, mv, is_scored, resolution),
+        samples=int(is_scored.sum()),
     )
 
 
-def _directions(simulated: Floats, mv: Floats, counted: Bools, resolution: float) -> float:
-    pairs = counted[1:] & counted[:-1]
+def _directions(simulated: Floats, mv: Floats, is_scored: Bools, resolution: float) -> float:
+    pairs = is_scored[1:] & is_scored[:-1]
     if not pairs.any():
         return float("nan")
-    directions = [_way(np.diff(signal)[pairs], resolution) for signal in (simulated, mv)]
+    directions = [_directions_of(np.diff(signal)[pairs], resolution) for signal in (simulated, mv)]
     return 100.0 * float(np.mean(directions[0] == directions[1]))
 
 
-def _way(steps: Floats, resolution: float) -> Floats:
+def _directions_of(steps: Floats, resolution: float) -> Floats:
     return np.where(np.abs(steps) <= resolution, 0.0, np.sign(steps))

@@ -74,8 +74,8 @@ class Cube:
         low, high = parameter.lower, parameter.upper
         if parameter.per_percent is None:
             return low, high
-        most = parameter.per_percent * max(1.2 * self.swing, 2.0)
-        return max(low, -0.5 * most), min(high, most)
+        most_value = parameter.per_percent * max(1.2 * self.swing, 2.0)
+        return max(low, -0.5 * most_value), min(high, most_value)
 
     def hypercube(self, count: int, rng: np.random.Generator) -> Floats:
         """(count + 1, k + 1) points that fill the cube evenly, denser at small friction levels.
@@ -89,8 +89,8 @@ class Cube:
         for index, parameter in enumerate(self.model.parameters):
             if parameter.per_percent is not None and parameter.lower >= 0.0:
                 points[:, index] **= 1.6
-        usual = np.array([p.default for p in self.model.parameters])
-        return np.vstack((points, self.point(usual, self.zero)))
+        defaults = np.array([p.default for p in self.model.parameters])
+        return np.vstack((points, self.point(defaults, self.zero)))
 
 
 def _value(low: float, high: float, share: float, logarithmic: bool) -> float:
@@ -105,14 +105,14 @@ def _share(low: float, high: float, value: float, logarithmic: bool) -> float:
     return (value - low) / (high - low)
 
 
-def loss_over(cube: Cube, each: Callable[[Floats, float], float]) -> Loss:
+def loss_over(cube: Cube, loss_of_candidate: Callable[[Floats, float], float]) -> Loss:
     """Losses (m,) of candidates (m, k + 1); infinite where the model objects."""
 
     def loss_of(candidate: Floats) -> float:
         parameters, zero = cube.values(candidate)
         if cube.model.objection(parameters) is not None:
             return np.inf
-        return each(parameters, zero)
+        return loss_of_candidate(parameters, zero)
 
     return lambda candidates: np.array([loss_of(candidate) for candidate in candidates])
 
@@ -124,8 +124,10 @@ def search(cube: Cube, coarse: Loss, fine: Loss, effort: SearchEffort) -> Search
 
     def descend(loss: Loss, starts: list[SearchResult], spread: float) -> list[SearchResult]:
         width = np.full(first.shape[1], spread)
-        how = {"rounds": effort.rounds, "population": effort.population}
-        fits = [refine(loss, s.candidate, width, cube.bounds, rng, **how) for s in starts]
+        search_options = {"rounds": effort.rounds, "population": effort.population}
+        fits = [
+            refine(loss, s.candidate, width, cube.bounds, rng, **search_options) for s in starts
+        ]
         return sorted(fits, key=lambda fit: fit.loss)
 
     by_short_runs = descend(coarse, best_of(coarse, first, keep=effort.starts), 0.08)

@@ -17,15 +17,15 @@ MOST = 200.0  # percent of OP
 UNREAD = "quoted from memory, the paper was not read again"
 
 
-def band(name: str = "S", where: str = "") -> Parameter:
+def band(name: str = "S", suffix: str = "") -> Parameter:
     """S, percent of OP."""
-    meaning = f"dead band plus stick band{where}: travel of OP from a reversal to the slip"
+    meaning = f"dead band plus stick band{suffix}: travel of OP from a reversal to the slip"
     return _level(name, 5.0, meaning)
 
 
-def jump(name: str = "J", where: str = "") -> Parameter:
+def jump(name: str = "J", suffix: str = "") -> Parameter:
     """J, percent of OP."""
-    return _level(name, 2.0, f"slip jump{where}: height of the slip")
+    return _level(name, 2.0, f"slip jump{suffix}: height of the slip")
 
 
 def breakaway() -> Parameter:

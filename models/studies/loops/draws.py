@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter, sawtooth
 
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.loops.archives import archived
-from stemwatch.models.studies.loops.driving import coloured, now_and_then, stepped, wave
 from stemwatch.models.studies.loops.kernel import LoopNumbers, run_scans
 
 # What acts on a loop, and how often it is drawn. Every one of them comes with a sticking stem and
@@ -60,25 +59,25 @@ def draw_loop(seed: int, index: int, story: str = "") -> DrawnLoop:
     """
     rng = np.random.default_rng([seed, index])
     for _ in range(_TRIES):
-        loop, slips = _drawn(rng, story, index % 2 == 0)
+        loop, slips = _draw(rng, story, index % 2 == 0)
         if slips >= FEWEST_SLIPS or not loop.sticky:
             return loop
     raise RuntimeError(f"no loop of seed {seed}, place {index} moved its stem {FEWEST_SLIPS} times")
 
 
-def _drawn(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, int]:
+def _draw(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, int]:
     """One loop, and how often its stem broke away in the record."""
-    drawn = str(rng.choice(list(STORIES), p=list(STORIES.values())))
-    story = story or drawn
+    drawn_story = str(rng.choice(list(STORIES), p=list(STORIES.values())))
+    story = story or drawn_story
     S = float(np.exp(rng.uniform(np.log(1.0), np.log(8.0)))) if sticks else 0.0
     J = S * float(rng.choice([0.0, rng.uniform(0.1, 0.9), 1.0, rng.uniform(1.0, 1.2)]))
-    every = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
+    stride = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
     count = int(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST))))
-    signals, stem = _run(rng, story, S, J, WARM_UP + every * count)
-    op, pv, sp = archived(signals, WARM_UP, every, rng)
+    signals, stem = _run(rng, story, S, J, WARM_UP + stride * count)
+    op, pv, sp = archived(signals, WARM_UP, stride, rng)
     moves = np.diff(stem[WARM_UP:]) != 0.0
     slips = int(np.count_nonzero(moves[1:] & ~moves[:-1]))
-    loop = DrawnLoop(op=op, pv=pv, sp=sp, interval_s=float(every), S=S, J=J, story=story)
+    loop = DrawnLoop(op=op, pv=pv, sp=sp, interval_s=float(stride), S=S, J=J, story=story)
     return loop, slips
 
 
@@ -183,13 +182,17 @@ def _disturbances(
     if rng.random() < 0.15:
         load += rng.uniform(0.3, 3.0) * stepped(time, rng.uniform(5.0, 30.0) * period, rng)
     if "load" in stories:
-        more = rng.uniform(0.5, 3.0) * coloured(time.size, period * rng.uniform(0.5, 6.0), rng)
-        load += more * now_and_then(time.size, 30.0 * period, rng)
+        coloured_noise = rng.uniform(0.5, 3.0) * coloured(
+            time.size, period * rng.uniform(0.5, 6.0), rng
+        )
+        load += coloured_noise * now_and_then(time.size, 30.0 * period, rng)
     if "saturated" in stories:
         load += wave(time, period, rng) * float(rng.uniform(2.0, 6.0))
-    for story in stories & {"wave", "neighbour"}:
+    for wave_story in stories & {"wave", "neighbour"}:
         amplitude = float(np.exp(rng.uniform(np.log(0.5), np.log(5.0))))
-        shape = wave(time, period, rng) if story == "wave" else _neighbour(time.size, period, rng)
+        shape = (
+            wave(time, period, rng) if wave_story == "wave" else _neighbour(time.size, period, rng)
+        )
         if rng.random() < 0.3:
             push += amplitude * numbers.process_gain * 0.5 * shape
         else:
@@ -226,18 +229,112 @@ def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
         pv_filter=0.0,
         gap=0.0,
     )
-    nothing = np.zeros(scans)
+    zeros = np.zeros(scans)
     load = 0.5 * coloured(scans, 5.0 * lag, rng)
     start = np.full(scans, 50.0)
     start[: scans // 50 + 1] = 50.0 + S
-    read, _ = run_scans(numbers, start, load, nothing, nothing, rng.standard_normal(2048))
-    away = read[1] - np.mean(read[1])
-    return np.asarray(away / max(float(np.std(away)), 1e-6))
+    read, _ = run_scans(numbers, start, load, zeros, zeros, rng.standard_normal(2048))
+    deviation = read[1] - np.mean(read[1])
+    return np.asarray(deviation / max(float(np.std(deviation)), 1e-6))
 
 
-def _slewed(values: Floats, most: float) -> Floats:
-    """The values followed at no more than ``most`` a scan."""
+def _slewed(values: Floats, most_step: float) -> Floats:
+    """The values followed at no more than ``most_step`` a scan."""
     followed = values.copy()
     for k in range(1, values.size):
-        followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most, most)
+        followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most_step, most_step)
     return followed
+
+
+def coloured(count: int, time: float, rng: np.random.Generator) -> Floats:
+    """(count,) noise of unit variance with this correlation time, in scans."""
+    pole = float(np.exp(-1.0 / max(time, 0.05)))
+    innovations = rng.standard_normal(count) * np.sqrt(1.0 - pole * pole)
+    return np.asarray(lfilter([1.0], [1.0, -pole], innovations))
+
+
+def stepped(time: Floats, mean_gap: float, rng: np.random.Generator) -> Floats:
+    """(n,) steps between -1 and 1, on average ``mean_gap`` scans from each other."""
+    times = np.cumsum(mean_gap * (0.3 + 0.7 * rng.exponential(1.0, 4000)))
+    times = times[times < time.size]
+    heights = np.concatenate([[0.0], rng.uniform(-1.0, 1.0, times.size)])
+    return np.asarray(heights[np.searchsorted(times, time, side="right")])
+
+
+def now_and_then(count: int, mean_gap: float, rng: np.random.Generator) -> Floats:
+    """(count,) ones, or in one record of four stretches of ones and noughts."""
+    if rng.random() > 0.25:
+        return np.ones(count)
+    return np.asarray(coloured(count, mean_gap, rng) > rng.uniform(-0.7, 0.3), dtype=np.float64)
+
+
+def wave(time: Floats, period: float, rng: np.random.Generator) -> Floats:
+    """A sine, a triangle, a saw, or a wave between sine and square, whose phase wanders; now and
+    then it comes and goes. Its period is drawn around ``period``."""
+    own_period = period * float(np.exp(rng.uniform(np.log(0.7), np.log(6.0))))
+    walk = np.cumsum(rng.standard_normal(time.size)) * np.sqrt(1.0 / own_period)
+    phase = 2.0 * np.pi * (time / own_period + rng.uniform()) + rng.uniform(0.02, 0.5) * walk
+    kind = rng.choice(["sine", "sine", "square", "triangle", "saw"])
+    if kind == "sine":
+        shape = np.sin(phase)
+    elif kind == "square":
+        shape = np.tanh(rng.uniform(1.5, 12.0) * np.sin(phase))
+    else:
+        shape = sawtooth(phase, 0.5 if kind == "triangle" else rng.uniform(0.55, 0.95))
+    if rng.random() < 0.3:  # its size wanders
+        shape = shape * np.exp(0.4 * coloured(time.size, 5.0 * own_period, rng))
+    return np.asarray(shape * now_and_then(time.size, 10.0 * own_period, rng))
+
+
+_COMPRESSED = 0.2  # of signals
+_HELD = 0.1  # of records: every second or third row repeats the one before
+_AVERAGED = 0.25
+_LATE = 0.15  # of records: PV was stored one row after the OP of the same time
+_SPIKED = 0.06
+
+
+def archived(
+    signals: tuple[Floats, Floats, Floats], first: int, stride: int, rng: np.random.Generator
+) -> tuple[Floats, Floats, Floats]:
+    """OP, PV and SP, (n,) each, as stored once in ``stride`` scans from scan ``first`` on."""
+    averaged = stride > 1 and rng.random() < _AVERAGED
+    count = (signals[0].size - first) // stride
+    op, pv, sp = (_thinned(signal[first:], stride, count, averaged) for signal in signals)
+    if rng.random() < _SPIKED:
+        bad_samples = rng.integers(0, pv.size, 1 + pv.size // 400)
+        pv[bad_samples] += rng.standard_normal(bad_samples.size) * 3.0 * np.std(pv)
+    op, pv = _compressed(op, rng), _compressed(pv, rng)
+    if rng.random() < _HELD:
+        is_held = rng.random(count) < rng.uniform(0.1, 0.6)
+        is_held[0] = False
+        last = np.maximum.accumulate(np.where(is_held, 0, np.arange(count)))
+        op, pv, sp = op[last], pv[last], sp[last]
+    if rng.random() < _LATE:
+        late = 1 if rng.random() < 0.5 else -1
+        pv = np.roll(pv, late)
+        op, pv, sp = op[1:-1], pv[1:-1], sp[1:-1]
+    return op, pv, sp
+
+
+def _thinned(values: Floats, stride: int, count: int, averaged: bool) -> Floats:
+    values = values[: count * stride].reshape(count, stride)
+    return np.asarray(values.mean(axis=1) if averaged else values[:, 0].copy())
+
+
+def _compressed(values: Floats, rng: np.random.Generator) -> Floats:
+    """Kept only where it left the last kept value by more than a deviation; between, held or, as a
+    historian answers that interpolates, on a straight line."""
+    if rng.random() > _COMPRESSED:
+        return values
+    deviation = float(rng.uniform(0.02, 0.25)) * float(np.std(values))
+    stored = [0]
+    for k, value in enumerate(values):
+        if abs(value - values[stored[-1]]) > deviation:
+            if k - 1 > stored[-1]:
+                stored.append(k - 1)  # so that a straight line does not smear a jump
+            stored.append(k)
+    places = np.arange(values.size)
+    if rng.random() < 0.5:
+        return np.asarray(np.interp(places, stored, values[stored]))
+    last = np.searchsorted(stored, places, side="right") - 1
+    return np.asarray(values[stored][last])

@@ -34,14 +34,14 @@ def example(seed: int, index: int) -> LoopExample | None:
     """The example of a drawn loop; ``None`` where it holds nothing that can be compared."""
     loop = draw_loop(seed, index)
     try:
-        shown = evidence(loop.op, loop.pv)
+        evidence_seen = evidence(loop.op, loop.pv)
     except ValueError:
         return None
     return LoopExample(
-        values=shown.values,
-        windows=windows(loop.op, loop.pv, loop.sp, shown.period).astype(np.float32),
+        values=evidence_seen.values,
+        windows=windows(loop.op, loop.pv, loop.sp, evidence_seen.period).astype(np.float32),
         sticky=loop.sticky,
-        log_S=float(np.log(loop.S / shown.amplitude)) if loop.sticky else np.nan,
+        log_S=float(np.log(loop.S / evidence_seen.amplitude)) if loop.sticky else np.nan,
     )
 
 

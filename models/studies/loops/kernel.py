@@ -56,9 +56,9 @@ def _rounded(value: float, step: float) -> float:
 
 
 @njit(cache=True)
-def _with_play(true: float, shown: float, half_play: float) -> float:
+def _with_play(true: float, indicated: float, half_play: float) -> float:
     """What a sensor with lost motion shows."""
-    return min(max(shown, true - half_play), true + half_play)
+    return min(max(indicated, true - half_play), true + half_play)
 
 
 @njit(cache=True)
@@ -67,9 +67,9 @@ def _controlled(numbers: LoopNumbers, error: float, integral: float) -> tuple[fl
     if abs(error) < numbers.gap:
         error = 0.0
     integral += numbers.gain * error * numbers.executes_every / numbers.reset
-    wanted = integral + numbers.gain * error
-    op = min(max(wanted, numbers.low), numbers.high)
-    return op, integral + op - wanted
+    demanded = integral + numbers.gain * error
+    op = min(max(demanded, numbers.low), numbers.high)
+    return op, integral + op - demanded
 
 
 @njit(cache=True)
@@ -96,17 +96,17 @@ def run_scans(
     a_sensor = 1.0 - math.exp(-1.0 / numbers.sensor_lag) if numbers.sensor_lag > 0.05 else 1.0
     op = p = x = numbers.output
     waiting = np.zeros(numbers.delay + 1)
-    first = second = sensed = shown = 0.0
+    first = second = sensed = indicated = 0.0
     integral = numbers.output
-    moving, side, fs, drawn = False, 1.0, fs0, 0
+    moving, side, fs, draws_used = False, 1.0, fs0, 0
     half_play = 0.5 * numbers.play
     base = set_point[0]
     a_filter = 1.0 - math.exp(-1.0 / numbers.pv_filter) if numbers.pv_filter > 0.05 else 1.0
     filtered = base
     for k in range(n):
         true = base + sensed + push[k]
-        shown = _with_play(true - base, shown, half_play)
-        pv = _rounded(base + shown + noise[k], numbers.pv_step)
+        indicated = _with_play(true - base, indicated, half_play)
+        pv = _rounded(base + indicated + noise[k], numbers.pv_step)
         filtered += a_filter * (pv - filtered)
         if k % numbers.executes_every == 0:
             op, integral = _controlled(numbers, set_point[k] - filtered, integral)
@@ -115,16 +115,16 @@ def run_scans(
         p += a_air * (op_read - p)
         if moving and side * (p - before) <= 1e-9:
             moving = False
-            fs = fs0 * max(1.0 + numbers.scatter * draws[drawn % draws.size], 0.2)
+            fs = fs0 * max(1.0 + numbers.scatter * draws[draws_used % draws.size], 0.2)
             fs = max(fs, fd)
-            drawn += 1
+            draws_used += 1
         if not moving and abs(p - x) > fs:
             moving = True
             side = 1.0 if p > x else -1.0
         if moving:
             x = p - side * fd
-        away = x - numbers.output
-        bent = away * max(1.0 + 0.1 * numbers.bend * away, 0.2)
+        deviation = x - numbers.output
+        bent = deviation * max(1.0 + 0.1 * numbers.bend * deviation, 0.2)
         waiting[k % waiting.size] = bent + load[k]
         entering = waiting[(k + 1) % waiting.size]
         if numbers.integrating:

@@ -80,8 +80,8 @@ def fit_segments(
     scale = torch.cat([unit, torch.ones_like(unit[:, :1])], dim=1)
 
     def normal(change: Tensor, _: Tensor) -> Tensor:
-        plain = normal_matrix(step, centre + unit * change, cut)
-        return scale[:, :, None] * plain * scale[:, None, :]
+        normal = normal_matrix(step, centre + unit * change, cut)
+        return scale[:, :, None] * normal * scale[:, None, :]
 
     descent = descend(
         torch.zeros_like(centre),
@@ -105,7 +105,7 @@ def normal_matrix(step: NetworkStep, weights: Tensor, cut: Segments) -> Tensor:
     nets, horizon, rows, _ = lags.shape
     by_weights, by_lags = _derivatives(step, weights, lags.reshape(nets, horizon * rows, -1))
     s = by_weights.reshape(nets, horizon, rows, -1)
-    d1, d2 = (by_lags[..., at].reshape(nets, horizon, rows, 1) for at in (3, 4))
+    d1, d2 = (by_lags[..., lag].reshape(nets, horizon, rows, 1) for lag in (3, 4))
     _carry(s, d1, d2)
     residual = _answers(step, weights, lags, y, cut)
     J = torch.cat([s, residual[..., None]], dim=-1).reshape(nets, horizon * rows, -1)
@@ -144,13 +144,13 @@ def _lags(u: Tensor, y: Tensor) -> Tensor:
 def _derivatives(step: NetworkStep, weights: Tensor, lags: Tensor) -> tuple[Tensor, Tensor]:
     """``d y / d weights`` (B, N, P) and ``d y / d lags`` (B, N, 5) of single steps."""
 
-    def one(flat: Tensor, sample: Tensor) -> Tensor:
+    def output_of_sample(flat: Tensor, sample: Tensor) -> Tensor:
         return step(flat[None], sample[None, None])[0, 0]
 
-    each = vmap(vmap(grad(one, argnums=(0, 1)), in_dims=(None, 0)))
+    gradients = vmap(vmap(grad(output_of_sample, argnums=(0, 1)), in_dims=(None, 0)))
     # In pieces that stay in the processor's cache: all at once takes ten times as long.
     length = _PIECE // weights.shape[0] + 1
-    pieces = [each(weights, piece) for piece in torch.split(lags, length, dim=1)]
+    pieces = [gradients(weights, piece) for piece in torch.split(lags, length, dim=1)]
     by_weights, by_lags = (torch.cat(part, dim=1) for part in zip(*pieces, strict=True))
     return by_weights, by_lags
 

@@ -43,10 +43,10 @@ def free_runs(
         out[:2, run] = y[:2, run]
         for t in range(2, u.shape[0]):
             _look_back(u, out, t, run, lags)
-            for at in range(len(inputs)):
-                units[0, at] = lags[inputs[at]] / reach
+            for column in range(len(inputs)):
+                units[0, column] = lags[inputs[column]] / reach
             answer = reach * (_forward(weights, sizes, codes, units) - centre) / share
-            out[t, run] = _held(answer, limit)
+            out[t, run] = _limited(answer, limit)
 
 
 @njit(cache=True)
@@ -70,24 +70,24 @@ def jacobian(
     reach, centre, share = scale
     units, slopes = np.zeros((len(sizes), sizes.max())), np.zeros((len(sizes), sizes.max()))
     size, samples, lags = weights.shape[0], u.shape[0] - 2, np.zeros(5)
-    made = np.empty((u.shape[0], 1))
+    answers = np.empty((u.shape[0], 1))
     for run in range(u.shape[1]):
-        made[:2, 0] = y[:2, run]
+        answers[:2, 0] = y[:2, run]
         for t in range(2, u.shape[0]):
             row = out[run * samples + t - 2]
-            _look_back(u[:, run : run + 1], made, t, 0, lags)
-            for at in range(len(inputs)):
-                units[0, at] = lags[inputs[at]] / reach
+            _look_back(u[:, run : run + 1], answers, t, 0, lags)
+            for column in range(len(inputs)):
+                units[0, column] = lags[inputs[column]] / reach
             answer = reach * (_forward(weights, sizes, codes, units) - centre) / share
             _backward(weights, sizes, codes, units, slopes, reach / share, row)
-            made[t, 0] = _held(answer, limit)
-            row[size] = made[t, 0] - y[t, run]
-            for at in range(len(inputs)):
-                back = inputs[at] - 2  # 1 and 2 are y(t-1) and y(t-2)
-                if back > 0 and t - back >= 2:
-                    _carry(row, slopes[0, at] / reach, out[run * samples + t - 2 - back])
-            for at in range(size):
-                row[at] = min(max(row[at], -steepest), steepest)
+            answers[t, 0] = _limited(answer, limit)
+            row[size] = answers[t, 0] - y[t, run]
+            for column in range(len(inputs)):
+                steps_back = inputs[column] - 2  # 1 and 2 are y(t-1) and y(t-2)
+                if steps_back > 0 and t - steps_back >= 2:
+                    _carry(row, slopes[0, column] / reach, out[run * samples + t - 2 - steps_back])
+            for column in range(size):
+                row[column] = min(max(row[column], -steepest), steepest)
 
 
 @njit(cache=True)
@@ -98,7 +98,7 @@ def _look_back(u: Floats, y: Floats, t: int, run: int, lags: Floats) -> None:
 
 
 @njit(cache=True)
-def _held(answer: float, limit: float) -> float:
+def _limited(answer: float, limit: float) -> float:
     """``answer`` clamped to ``-limit`` to ``limit``; NaN becomes ``limit``."""
     if math.isnan(answer):
         return limit
@@ -128,15 +128,15 @@ def _slope(code: int, answer: float) -> float:
 @njit(cache=True)
 def _forward(weights: Floats, sizes: Indices, codes: Indices, units: Floats) -> float:
     """The last layer's answer; ``units`` (layers + 1, widest) holds the inputs in its first row."""
-    place = 0
+    offset = 0
     for layer in range(len(codes)):
         wide = sizes[layer]
         for unit in range(sizes[layer + 1]):
-            total = weights[place + wide]
+            total = weights[offset + wide]
             for at in range(wide):
-                total += weights[place + at] * units[layer, at]
+                total += weights[offset + at] * units[layer, at]
             units[layer + 1, unit] = _squash(codes[layer], total)
-            place += wide + 1
+            offset += wide + 1
     answer: float = units[len(codes), 0]
     return answer
 
@@ -153,15 +153,15 @@ def _backward(
 ) -> None:
     """Derivatives of ``factor`` times the answer: by each weight into ``row``, by each unit into
     ``slopes``, whose first row is of the inputs."""
-    last, place = len(codes), weights.shape[0]
+    last, offset = len(codes), weights.shape[0]
     slopes[last, 0] = factor * _slope(codes[last - 1], units[last, 0])
-    for back in range(last):
-        layer = last - 1 - back
+    for layers_back in range(last):
+        layer = last - 1 - layers_back
         wide = sizes[layer]
-        place -= sizes[layer + 1] * (wide + 1)
+        offset -= sizes[layer + 1] * (wide + 1)
         slopes[layer, :wide] = 0.0
         for unit in range(sizes[layer + 1]):
-            at_unit, first = slopes[layer + 1, unit], place + unit * (wide + 1)
+            at_unit, first = slopes[layer + 1, unit], offset + unit * (wide + 1)
             for at in range(wide):
                 row[first + at] = at_unit * units[layer, at]
                 slopes[layer, at] += at_unit * weights[first + at]
@@ -174,5 +174,5 @@ def _backward(
 @njit(cache=True)
 def _carry(row: Floats, by_lag: float, earlier: Floats) -> None:
     """Add an earlier position's derivatives times ``by_lag``, except in the residual's column."""
-    for at in range(row.shape[0] - 1):
-        row[at] += by_lag * earlier[at]
+    for column in range(row.shape[0] - 1):
+        row[column] += by_lag * earlier[column]

@@ -26,14 +26,14 @@ class Transfer(StrEnum):
     LINEAR = "linear"
 
 
-def _same(x: Tensor) -> Tensor:
+def _identity(x: Tensor) -> Tensor:
     return x
 
 
 _FUNCTION: dict[Transfer, Callable[[Tensor], Tensor]] = {
     Transfer.LOG_SIGMOID: torch.sigmoid,
     Transfer.TANGENT_SIGMOID: torch.tanh,
-    Transfer.LINEAR: _same,
+    Transfer.LINEAR: _identity,
 }
 _CODE = {
     Transfer.LOG_SIGMOID: kernel.LOG_SIGMOID,

@@ -96,8 +96,8 @@ FAMILIES: dict[str, Family] = {
 
 def unseen(family: str, count: int) -> list[Floats]:
     """The first ``count`` inputs of a family; the k-th does not depend on ``count``."""
-    place = list(FAMILIES).index(family)
-    rngs = (np.random.default_rng([_UNSEEN, place, number]) for number in range(count))
+    family_index = list(FAMILIES).index(family)
+    rngs = (np.random.default_rng([_UNSEEN, family_index, number]) for number in range(count))
     return [FAMILIES[family](rng) for rng in rngs]
 
 

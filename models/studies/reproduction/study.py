@@ -53,8 +53,8 @@ def cdc_percent(simulated: Floats, truth: Floats) -> Floats:
     the share of samples at which the stem moves, about 60 % in these cases, which is what the
     paper reports; with ">= 0" it would have to report nearly 100 %.
     """
-    together = np.diff(simulated, axis=-1) * np.diff(truth, axis=-1)
-    return np.asarray(100.0 * np.mean(together > 0.0, axis=-1))
+    direction_product = np.diff(simulated, axis=-1) * np.diff(truth, axis=-1)
+    return np.asarray(100.0 * np.mean(direction_product > 0.0, axis=-1))
 
 
 DEFAULT_SEEDS = 5
@@ -145,7 +145,7 @@ def _study(task: StudyTask) -> CaseResult:
     fitted, fitted_sine = our_network.fit_S_J(rich.u, rich.y), our_network.fit_S_J(sine.u, sine.y)
     networks = [
         *_published(case, sine, task.seeds),
-        *_ours(rich, sine, fitted, fitted_sine, task.seeds),
+        *_our_results(rich, sine, fitted, fitted_sine, task.seeds),
     ]
     families = {family: unseen(family, task.unseen_each) for family in FAMILIES}
     return CaseResult(
@@ -166,7 +166,7 @@ def _published(case: PaperCase, sine: _Record, seeds: int) -> list[_Network]:
     ]
 
 
-def _ours(
+def _our_results(
     rich: _Record,
     sine: _Record,
     fitted: tuple[float, float],
@@ -248,17 +248,17 @@ class Target:
 
 def targets(case: CaseResult) -> list[Target]:
     """Every target of one case: the sine, and for each family the median and four in five."""
-    ours = next(result for result in case.results if result.network == OURS)
+    our_result = next(result for result in case.results if result.network == OURS)
     return [
         Target(shape=case.case.shape, what=inputs, found=error, limit=limit)
-        for inputs, error, limit in _limits(case.case.shape, ours)
+        for inputs, error, limit in _limits(case.case.shape, our_result)
     ]
 
 
-def _limits(shape: Shape, ours: Result) -> Iterator[tuple[str, float, float]]:
-    yield "the paper's sine", ours.rmse[ours.chosen], SINE_RMSE
+def _limits(shape: Shape, our_result: Result) -> Iterator[tuple[str, float, float]]:
+    yield "the paper's sine", our_result.rmse[our_result.chosen], SINE_RMSE
     overshoot = shape is Shape.OVERSHOOT
-    for family in ours.unseen:
+    for family in our_result.unseen:
         limit = MEDIAN_OVERSHOOT if overshoot else MEDIAN
         yield f"{family.family}, median", family.median, limit
         if not overshoot:

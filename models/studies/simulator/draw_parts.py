@@ -159,19 +159,19 @@ def draw_setpoints(
     the valve that far. Openings stay between 12 and 88 %, set points between 8 and 92 %.
     """
     moves = []
-    place, time = 0.0, float(rng.uniform(20.0, 120.0))
+    level, time = 0.0, float(rng.uniform(20.0, 120.0))
     per_travel = 1.0 / controller.gain if process.integrating else process.gain
     while time < duration_s:
         step = float(rng.uniform(*travel)) * float(rng.choice([-1.0, 1.0]))
-        if not _within(controller, place + step, per_travel, process.integrating):
+        if not _within(controller, level + step, per_travel, process.integrating):
             step = -step
-        if _within(controller, place + step, per_travel, process.integrating):
-            place += step
-        moves.append((round(time, 1), controller.set_point + place * per_travel))
+        if _within(controller, level + step, per_travel, process.integrating):
+            level += step
+        moves.append((round(time, 1), controller.set_point + level * per_travel))
         time += float(rng.uniform(150.0, 500.0))
     return tuple(moves)
 
 
-def _within(controller: Controller, place: float, per_travel: float, integrating: bool) -> bool:
-    opening = controller.output + (0.0 if integrating else place)
-    return 12.0 < opening < 88.0 and 8.0 < controller.set_point + place * per_travel < 92.0
+def _within(controller: Controller, level: float, per_travel: float, integrating: bool) -> bool:
+    opening = controller.output + (0.0 if integrating else level)
+    return 12.0 < opening < 88.0 and 8.0 < controller.set_point + level * per_travel < 92.0

@@ -24,11 +24,11 @@ def manual_output_at(spans: tuple[ManualSpan, ...], times_s: Floats) -> Floats:
     """(n,) OP in manual; NaN in automatic, +inf where manual holds the last OP."""
     output = np.full(times_s.size, np.nan)
     for span in spans:
-        inside = (times_s >= span.start_s) & (times_s < span.stop_s)
-        output[inside] = np.inf
+        in_manual = (times_s >= span.start_s) & (times_s < span.stop_s)
+        output[in_manual] = np.inf
         if span.knots:
             times, heights = np.array(span.knots).T
-            output[inside] = np.interp(times_s[inside], times, heights)
+            output[in_manual] = np.interp(times_s[in_manual], times, heights)
     return output
 
 

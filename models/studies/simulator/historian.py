@@ -36,9 +36,9 @@ def swinging_door(values: Floats, deviation: float) -> Bools:
     anew there. Every dropped sample then lies within ``deviation`` of the line between the kept
     ones. The first and the last sample are always kept.
     """
-    kept = np.zeros(values.size, dtype=np.bool_)
-    kept[0] = True
-    kept[values.size - 1] = True
+    is_kept = np.zeros(values.size, dtype=np.bool_)
+    is_kept[0] = True
+    is_kept[values.size - 1] = True
     anchor = 0
     highest, lowest = -np.inf, np.inf
     for i in range(1, values.size):
@@ -47,26 +47,26 @@ def swinging_door(values: Floats, deviation: float) -> Bools:
         slope = rise / span
         if slope > lowest or slope < highest:
             anchor = i - 1
-            kept[anchor] = True
+            is_kept[anchor] = True
             rise = values[i] - values[anchor]
             highest, lowest = rise - deviation, rise + deviation
             continue
         highest = max(highest, (rise - deviation) / span)
         lowest = min(lowest, (rise + deviation) / span)
-    return kept
+    return is_kept
 
 
 @njit(cache=True)
 def exception_report(values: Floats, deviation: float) -> Floats:
     """(n,) the last reported value; a sample is reported when it is more than ``deviation`` away
     from it."""
-    held = np.empty_like(values)
+    held_values = np.empty_like(values)
     last = values[0]
     for i in range(values.size):
         if abs(values[i] - last) > deviation:
             last = values[i]
-        held[i] = last
-    return held
+        held_values[i] = last
+    return held_values
 
 
 SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP", Role.MODE: "MODE"}
@@ -82,12 +82,12 @@ def archived(loop: PlantLoop, columns: dict[Role, Floats], rng: np.random.Genera
     measured = _measured(loop, _sampled(loop.archive, columns, rng), rng)
     signals = {}
     for role, values in measured.items():
-        kept, dropped = _compressed(_frozen(values, role, loop.archive), role, loop.archive)
-        quality = _quality(kept.size, role, loop.archive)
+        is_kept, dropped = _compressed(_frozen(values, role, loop.archive), role, loop.archive)
+        quality = _quality(is_kept.size, role, loop.archive)
         quality[dropped] = Quality.MISSING
         unit = "" if role is Role.MODE else "%"
         signals[role] = Signal(
-            values=kept, quality=quality, tag=f"{loop.tag}.{SUFFIX[role]}", unit=unit
+            values=is_kept, quality=quality, tag=f"{loop.tag}.{SUFFIX[role]}", unit=unit
         )
     return Recording(
         valve=loop.tag,
@@ -106,19 +106,23 @@ def _sampled(
     sampled = dict(columns)
     for role in (Role.OP, Role.MV, Role.PV):
         fine = columns[role]
-        place = np.arange(0, fine.size, READS)
+        sample_places = np.arange(0, fine.size, READS)
         if archive.average_s > 0.0:
             block = max(round(archive.average_s / archive.interval_s), 1) * READS
             sums = np.concatenate([[0.0], np.cumsum(fine)])
             # What is stored is the mean over the last complete block, none before the first.
-            stop = np.maximum(place // block * block, 1)
+            stop = np.maximum(sample_places // block * block, 1)
             start = np.maximum(stop - block, 0)
             sampled[role] = (sums[stop] - sums[start]) / (stop - start)
             continue
         if role is Role.MV:
-            most = archive.position_jitter_s / archive.interval_s * READS
-            place = np.maximum(place - np.round(rng.uniform(0.0, most, place.size)).astype(int), 0)
-        sampled[role] = fine[place]
+            most_jitter = archive.position_jitter_s / archive.interval_s * READS
+            sample_places = np.maximum(
+                sample_places
+                - np.round(rng.uniform(0.0, most_jitter, sample_places.size)).astype(int),
+                0,
+            )
+        sampled[role] = fine[sample_places]
     return sampled
 
 
@@ -158,17 +162,17 @@ def rounded(values: Floats, step: float) -> Floats:
     return np.asarray(np.round(values / step) * step) if step > 0.0 else values
 
 
-def _inside(count: int, span: Span, interval_s: float) -> slice:
+def _samples_inside(count: int, span: Span, interval_s: float) -> slice:
     return slice(*(min(max(round(t / interval_s), 0), count) for t in (span.start_s, span.stop_s)))
 
 
 def _frozen(values: Floats, role: Role, archive: SimulatedArchive) -> Floats:
-    held = values.copy()
+    held_values = values.copy()
     for span in archive.frozen:
-        place = _inside(values.size, span, archive.interval_s)
-        if span.role in (None, role) and place.start < place.stop:
-            held[place] = held[place.start]
-    return held
+        part = _samples_inside(values.size, span, archive.interval_s)
+        if span.role in (None, role) and part.start < part.stop:
+            held_values[part] = held_values[part.start]
+    return held_values
 
 
 def _compressed(values: Floats, role: Role, archive: SimulatedArchive) -> tuple[Floats, Bools]:
@@ -178,15 +182,15 @@ def _compressed(values: Floats, role: Role, archive: SimulatedArchive) -> tuple[
         if compression.role is not role:
             continue
         if compression.kind is CompressionKind.EXCEPTION:
-            held = exception_report(values, compression.deviation)
-            kept = np.concatenate([[True], held[1:] != held[:-1]])
-            values = held
+            held_values = exception_report(values, compression.deviation)
+            is_kept = np.concatenate([[True], held_values[1:] != held_values[:-1]])
+            values = held_values
         else:
-            kept = swinging_door(values, compression.deviation)
-            knots = np.flatnonzero(kept)
+            is_kept = swinging_door(values, compression.deviation)
+            knots = np.flatnonzero(is_kept)
             values = np.interp(np.arange(values.size), knots, values[knots])
         if not compression.filled:
-            dropped |= ~kept
+            dropped |= ~is_kept
     return values, dropped
 
 
@@ -195,5 +199,5 @@ def _quality(count: int, role: Role, archive: SimulatedArchive) -> QualityCodes:
     for spans, code in ((archive.bad, Quality.BAD), (archive.gaps, Quality.MISSING)):
         for span in spans:
             if span.role in (None, role):
-                quality[_inside(count, span, archive.interval_s)] = code
+                quality[_samples_inside(count, span, archive.interval_s)] = code
     return quality

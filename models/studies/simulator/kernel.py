@@ -45,10 +45,10 @@ def stem_speed(
 ) -> float:
     """Speed after one step: Karnopp's standing band, drag implicit; a reversal within the step
     ends at rest, for the stem would otherwise never stick again."""
-    standing = abs(speed) <= stem.rest_band_m_per_s
-    if standing and abs(force) <= breakaway_n:
+    is_standing = abs(speed) <= stem.rest_band_m_per_s
+    if is_standing and abs(force) <= breakaway_n:
         return 0.0
-    direction = math.copysign(1.0, force if standing else speed)
+    direction = math.copysign(1.0, force if is_standing else speed)
     net = force - direction * friction_level(speed, breakaway_n, kinetic_n, stem)
     new = (speed + dt / stem.mass_kg * net) / (1.0 + dt * stem.viscous_n_s_per_m / stem.mass_kg)
     if new * direction < 0.0:
@@ -76,21 +76,23 @@ def bristle_speed(
     """
     stiff, damp = packing.bristle_n_per_m, packing.bristle_n_s_per_m
     part = 0.5 * dt
-    way = 0.0
+    travel_m = 0.0
     for _ in range(2):
         new, slack = speed, 1.0
         for _ in range(3):
             level = max(friction_level(new, breakaway_n, kinetic_n, stem), 0.05 * breakaway_n)
             slack = 1.0 + part * stiff * abs(new) / level
             # z = (z0 + dt v)/slack, put into the balance of forces and solved for v.
-            held = stiff * deflection_m / slack + damp * deflection_m * (1.0 / slack - 1.0) / part
+            bristle_force = (
+                stiff * deflection_m / slack + damp * deflection_m * (1.0 / slack - 1.0) / part
+            )
             drag = stem.viscous_n_s_per_m + (stiff * part + damp) / slack
-            new = speed + part / stem.mass_kg * (force - held)
+            new = speed + part / stem.mass_kg * (force - bristle_force)
             new /= 1.0 + part * drag / stem.mass_kg
         speed = new
         deflection_m = (deflection_m + part * speed) / slack
-        way += part * speed
-    return speed, deflection_m, way
+        travel_m += part * speed
+    return speed, deflection_m, travel_m
 
 
 @njit(cache=True)
@@ -107,8 +109,8 @@ def packing_levels(
     breakaway = factor * (level_n + opening * packing.breakaway_skew_n)
     kinetic = factor * (stem.kinetic_n + opening * packing.kinetic_skew_n)
     if packing.bump_n > 0.0:
-        away = (x - packing.bump_at_m) / packing.bump_width_m
-        tight = packing.bump_n * math.exp(-away * away)
+        offset = (x - packing.bump_at_m) / packing.bump_width_m
+        tight = packing.bump_n * math.exp(-offset * offset)
         breakaway += tight
         kinetic += tight
     if packing.dwell_n > 0.0:
@@ -152,21 +154,21 @@ def moved_stem(
     opening = math.copysign(1.0, force if was_standing else v)
     breakaway, kinetic = packing_levels(opening, x, level_n, state[0], factor, stem, packing)
     if packing.bristle_n_per_m > 0.0:
-        moved, state[1], way = bristle_speed(
+        moved, state[1], travel_m = bristle_speed(
             force, v, state[1], breakaway, kinetic, dt, stem, packing
         )
     else:
         moved = stem_speed(force, v, breakaway, kinetic, dt, stem)
-        way = dt * moved
-    standing = abs(moved) <= stem.rest_band_m_per_s
-    new = x + way + (dt * packing.creep_m_per_s if standing else 0.0)
+        travel_m = dt * moved
+    is_standing = abs(moved) <= stem.rest_band_m_per_s
+    new = x + travel_m + (dt * packing.creep_m_per_s if is_standing else 0.0)
     if new <= body.low_m or new >= body.high_m:
         new, moved = min(max(new, body.low_m), body.high_m), 0.0
-        standing = True
-    state[0] = state[0] + dt if standing else 0.0
-    way = new - x
-    if body.hysteresis_n > 0.0 and way != 0.0:
-        state[2] += way / body.hysteresis_m * (1.0 - math.copysign(1.0, way) * state[2])
+        is_standing = True
+    state[0] = state[0] + dt if is_standing else 0.0
+    travel_m = new - x
+    if body.hysteresis_n > 0.0 and travel_m != 0.0:
+        state[2] += travel_m / body.hysteresis_m * (1.0 - math.copysign(1.0, travel_m) * state[2])
     return new, moved
 
 
@@ -182,8 +184,8 @@ def air_step(pressure: float, command: float, position: float, dt: float, air: A
 @njit(cache=True)
 def demanded_pressure(command: float, position: float, air: AirNumbers) -> float:
     """The pressure that I/P or positioner demand, Pa, between 0 and the supply's."""
-    asked = command + air.positioner_gain * (command - position)
-    target = air.low_pa + asked / 100.0 * (air.high_pa - air.low_pa)
+    demanded = command + air.positioner_gain * (command - position)
+    target = air.low_pa + demanded / 100.0 * (air.high_pa - air.low_pa)
     return min(max(target, 0.0), air.supply_pa)
 
 
@@ -232,11 +234,11 @@ def controller_scan(
     """
     if automatic:
         integral += c.gain * c.scan_s / c.reset_s * error
-        wanted = c.gain * (error - c.derivative_s * slope) + integral
+        demanded = c.gain * (error - c.derivative_s * slope) + integral
     else:
-        wanted = manual
-    output = min(max(wanted, c.low), c.high)
-    if output != wanted or not automatic:
+        demanded = manual
+    output = min(max(demanded, c.low), c.high)
+    if output != demanded or not automatic:
         integral = output - c.gain * (error - c.derivative_s * slope)
     return output, integral
 

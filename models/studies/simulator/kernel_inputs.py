@@ -150,7 +150,7 @@ def stem_numbers(valve: SimulatedValve) -> StemNumbers:
     actuator = valve.actuator
     newton, metre = _newton_per_percent(actuator), _metre_per_percent(actuator)
     bristles = valve.packing.presliding_percent > 0.0
-    rest = _BRISTLE_REST_PERCENT_PER_S if bristles else _REST_BAND_PERCENT_PER_S
+    rest_band = _BRISTLE_REST_PERCENT_PER_S if bristles else _REST_BAND_PERCENT_PER_S
     return StemNumbers(
         mass_kg=float(actuator.mass_kg),
         spring_n_per_m=actuator.spring_n_per_m,
@@ -159,7 +159,7 @@ def stem_numbers(valve: SimulatedValve) -> StemNumbers:
         breakaway_n=0.5 * (valve.S + valve.J) * newton,
         viscous_n_s_per_m=actuator.viscous_s * actuator.spring_n_per_m,
         stribeck_m_per_s=actuator.stribeck_percent_per_s * metre,
-        rest_band_m_per_s=rest * metre,
+        rest_band_m_per_s=rest_band * metre,
     )
 
 
@@ -236,7 +236,7 @@ def air_line_numbers(valve: SimulatedValve) -> AirLineNumbers:
 def valve_numbers(loop: PlantLoop) -> ValveNumbers:
     """The valve of ``loop``, and whether the kernel needs the full air line and the full body."""
     valve = loop.valve
-    plain = (PackingDefects(), BodyDefects(), Upsets())
+    no_defects = (PackingDefects(), BodyDefects(), Upsets())
     return ValveNumbers(
         stem=stem_numbers(valve),
         packing=packing_numbers(valve),
@@ -244,7 +244,7 @@ def valve_numbers(loop: PlantLoop) -> ValveNumbers:
         air=air_numbers(valve),
         line=air_line_numbers(valve),
         line_on=valve.air_line != AirLine(),
-        body_on=(valve.packing, valve.body, loop.upsets) != plain,
+        body_on=(valve.packing, valve.body, loop.upsets) != no_defects,
     )
 
 

@@ -162,7 +162,7 @@ def _flat(value: object, name: str = "") -> list[tuple[str, Plain]]:
     elif isinstance(value, tuple | list):
         items = [(str(index), inner) for index, inner in enumerate(value)]
     else:
-        plain = value.value if isinstance(value, StrEnum) else value
-        assert plain is None or isinstance(plain, float | int | str | bool)
-        return [(name, plain)]
+        raw_value = value.value if isinstance(value, StrEnum) else value
+        assert raw_value is None or isinstance(raw_value, float | int | str | bool)
+        return [(name, raw_value)]
     return [leaf for key, inner in items for leaf in _flat(inner, f"{name}.{key}" if name else key)]

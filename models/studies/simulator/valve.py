@@ -171,5 +171,5 @@ def slip_share(positioner_gain: float, air_lag_s: float, viscous_s: float) -> fl
     if abs(root.imag) > 0.0 and stop.imag <= 0.0:
         stop += 2j * cmath.pi
     stop /= slow - fast
-    way = a / slow * (cmath.exp(slow * stop) - 1.0) + b / fast * (cmath.exp(fast * stop) - 1.0)
-    return float(way.real)
+    travel = a / slow * (cmath.exp(slow * stop) - 1.0) + b / fast * (cmath.exp(fast * stop) - 1.0)
+    return float(travel.real)

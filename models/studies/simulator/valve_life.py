@@ -125,12 +125,12 @@ class ValveLife:
             loop = replace(loop, controller=slower)
         if self.life is Life.TRANSMITTER and day >= self.days // 3:
             other = np.random.default_rng([self.seed, 2])
-            fresh = replace(
+            repacked = replace(
                 loop.transmitters,
                 position_zero=float(other.uniform(-_ZERO, _ZERO)),
                 position_noise=float(other.uniform(0.02, 0.1)),
             )
-            loop = replace(loop, transmitters=fresh)
+            loop = replace(loop, transmitters=repacked)
         loop = replace(loop, loads=self._loads(loop, day, rng))
         loop = replace(loop, setpoints=_set_points(loop, rng))
         if self.life is Life.SHUTDOWNS and day % 30 in (10, 11, 12, 13):
@@ -161,11 +161,11 @@ class ValveLife:
 def draw_lives(n: int, days: int, seed: int) -> list[ValveLife]:
     """``n`` valves over ``days`` days, the lives of ``IN_TURN`` in turn. The first k do not depend
     on ``n``."""
-    return [_life(place, days, np.random.default_rng([seed, place, 9])) for place in range(n)]
+    return [_life(index, days, np.random.default_rng([seed, index, 9])) for index in range(n)]
 
 
-def _life(place: int, days: int, rng: np.random.Generator) -> ValveLife:
-    life = IN_TURN[place % len(IN_TURN)]
+def _life(index: int, days: int, rng: np.random.Generator) -> ValveLife:
+    life = IN_TURN[index % len(IN_TURN)]
     kinds = (ProcessKind.FLOW, ProcessKind.FLOW, ProcessKind.PRESSURE)
     kind = kinds[int(rng.integers(len(kinds)))]
     process = draw_process(kind, rng)
@@ -185,7 +185,7 @@ def _life(place: int, days: int, rng: np.random.Generator) -> ValveLife:
         position_span=1.0,
     )
     loop = PlantLoop(
-        tag=f"{LETTER[kind]}-{100 + place}",
+        tag=f"{LETTER[kind]}-{100 + index}",
         story=life.value,
         valve=valve,
         process=process,
@@ -194,20 +194,22 @@ def _life(place: int, days: int, rng: np.random.Generator) -> ValveLife:
         pv_range=PV_RANGE[kind],
         loads=coloured_load(process, rng, (0.4, 1.0)),
     )
-    made = ValveLife(tag=loop.tag, life=life, days=days, loop=loop, seed=int(rng.integers(2**31)))
+    valve_life = ValveLife(
+        tag=loop.tag, life=life, days=days, loop=loop, seed=int(rng.integers(2**31))
+    )
     if life in HEALTHY:
-        return made
+        return valve_life
     begins = max(int(rng.uniform(_FIRST_WEAR, _LAST_WEAR) * days), 1)
-    made = replace(made, begins=begins, worn=float(rng.uniform(*WORN_S_PERCENT)))
-    crosses = made.crosses
+    valve_life = replace(valve_life, begins=begins, worn=float(rng.uniform(*WORN_S_PERCENT)))
+    crosses = valve_life.crosses
     if crosses is None:
-        return made
+        return valve_life
     if life is Life.NOT_HELPED:
-        return replace(made, worked=(crosses + _HELPLESS_AFTER,))
+        return replace(valve_life, worked=(crosses + _HELPLESS_AFTER,))
     if life in (Life.REPAIRED, Life.UNRECORDED):
         day = crosses + _REPAIRED_AFTER
-        return replace(made, repaired=day, worked=(day,) if life is Life.REPAIRED else ())
-    return made
+        return replace(valve_life, repaired=day, worked=(day,) if life is Life.REPAIRED else ())
+    return valve_life
 
 
 def _set_points(loop: PlantLoop, rng: np.random.Generator) -> tuple[tuple[float, float], ...]:

@@ -35,16 +35,16 @@ class _Server(smtplib.SMTP):
     def call(self, host: str, port: int) -> None:
         """Connect; raises ``SMTPConnectError`` where the server does not want to talk."""
         self._host = host  # whose name the certificate must have
-        code, said = self.connect(host, port)
+        code, reply = self.connect(host, port)
         if code != 220:
-            raise smtplib.SMTPConnectError(code, said)
+            raise smtplib.SMTPConnectError(code, reply)
 
     def _get_socket(self, host: str, port: int, timeout: float) -> socket.socket:
-        plain = socket.create_connection((host, port), timeout)
-        self.link = plain.dup()
+        plain_socket = socket.create_connection((host, port), timeout)
+        self.link = plain_socket.dup()
         if not self._encrypted:
-            return plain
-        return ssl.create_default_context().wrap_socket(plain, server_hostname=host)
+            return plain_socket
+        return ssl.create_default_context().wrap_socket(plain_socket, server_hostname=host)
 
     def close(self) -> None:
         """End the conversation without a word."""
@@ -90,23 +90,23 @@ class MailNotifier:
         if password is not None and self.security == "none":
             raise NotSent("a password is not sent without encryption; use starttls or tls")
         mail = self._mail(key, message)
-        taken = self._taken.setdefault(key, set())
-        left = [receiver for receiver in self.to if receiver not in taken]
+        accepted_by = self._taken.setdefault(key, set())
+        receivers = [receiver for receiver in self.to if receiver not in accepted_by]
         server = _Server(encrypted=self.security == "tls")
         try:
             with cut_off_after(MESSAGE_S, lambda: server.link):
-                refused = self._say_to(server, password, mail, left)
+                refused = self._say_to(server, password, mail, receivers)
         except smtplib.SMTPAuthenticationError:
             raise NotSent(f"{self.host} refused the login of {self.user}") from None
         except (smtplib.SMTPException, OSError) as error:
             raise NotSent(f"{self.host}: {type(error).__name__}: {error}") from None
         if refused:
-            taken.update(set(left) - refused.keys())
+            accepted_by.update(set(receivers) - refused.keys())
             raise NotSent(f"{self.host} took no mail for {', '.join(sorted(refused))}")
         del self._taken[key]
 
     def _say_to(
-        self, server: _Server, password: str | None, mail: EmailMessage, to: Sequence[str]
+        self, server: _Server, password: str | None, mail: EmailMessage, receivers: Sequence[str]
     ) -> Mapping[str, object]:
         """Connect, log in, and hand the mail over; the receivers that the server refused."""
         try:
@@ -115,7 +115,7 @@ class MailNotifier:
                 server.starttls(context=ssl.create_default_context())
             if self.user is not None and password is not None:
                 server.login(self.user, password)
-            refused: Mapping[str, object] = server.send_message(mail, to_addrs=to)
+            refused: Mapping[str, object] = server.send_message(mail, to_addrs=receivers)
             with contextlib.suppress(smtplib.SMTPException, OSError):
                 server.quit()  # the mail is taken, whatever is said to this
             return refused

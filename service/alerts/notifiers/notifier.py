@@ -19,8 +19,8 @@ class NotSent(Exception):
     ``final``: it never will, however often it is tried.
     """
 
-    def __init__(self, why: str, *, final: bool = False) -> None:
-        super().__init__(why)
+    def __init__(self, reason: str, *, final: bool = False) -> None:
+        super().__init__(reason)
         self.final = final
 
 

@@ -41,33 +41,33 @@ def addresses(host: str, port: int, *, allow_private: bool) -> list[str]:
     ``OSError`` where the name is not known.
     """
     resolved = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    listed = list(dict.fromkeys(str(entry[4][0]) for entry in resolved))
+    address_list = list(dict.fromkeys(str(entry[4][0]) for entry in resolved))
     if not allow_private:
-        for address in listed:
+        for address in address_list:
             if not is_public(address):
                 raise NotSent(
                     f"{host} is {address}, an address of this machine or of a private network; set "
                     "allow_private = true where that is meant",
                     final=True,
                 )
-    return listed
+    return address_list
 
 
 def is_public(address: str) -> bool:
     """Whether an address is one of the public internet, and leads to no other."""
     try:
-        plain = ip_address(address)
+        parsed = ip_address(address)
     except ValueError:
         return False
-    if isinstance(plain, IPv6Address):
-        if plain in _TEREDO or plain in _LOCAL_TRANSLATED or plain.scope_id is not None:
+    if isinstance(parsed, IPv6Address):
+        if parsed in _TEREDO or parsed in _LOCAL_TRANSLATED or parsed.scope_id is not None:
             return False
-        if plain.is_site_local:  # withdrawn, but routers still lead it to networks of a site
+        if parsed.is_site_local:  # withdrawn, but routers still lead it to networks of a site
             return False
-        inner = _inner(plain)
+        inner = _inner(parsed)
         if inner is not None:
             return is_public(str(inner))
-    return plain.is_global and not plain.is_multicast and not plain.is_reserved
+    return parsed.is_global and not parsed.is_multicast and not parsed.is_reserved
 
 
 def _inner(address: IPv6Address) -> IPv4Address | None:

@@ -77,7 +77,7 @@ def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Pi
     if mismatch.stroke_curve is not None:
         recording = in_travel(recording, mismatch.stroke_curve)
     assert recording.mv is not None
-    late = next((one for one in mismatch.effects if one.slug == "dead_time"), None)
+    late = next((effect for effect in mismatch.effects if effect.slug == "dead_time"), None)
     seen = _Seen(
         op=recording.op.values,
         mv=recording.mv.values,
@@ -139,32 +139,34 @@ def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
     fitted if it has three; of a valve that is slower one way, moves that way. Where the stem is
     nowhere far behind, the largest moves."""
     limit = _limit(effects)
-    way = 0
+    direction = 0
     if limit is not None and limit.rising != limit.falling:
-        way = 1 if limit.rising < limit.falling else -1
-    command = {1: "a rising command", -1: "a falling command", 0: "the command"}[way]
+        direction = 1 if limit.rising < limit.falling else -1
+    command = {1: "a rising command", -1: "a falling command", 0: "the command"}[direction]
     heldout = seen.runs.heldout_from
     unseen = ", in the part that neither model was fitted to"
     behind, largest = (
         f"on which the stem stayed farthest behind {command}",
         "with the largest moves",
     )
-    found = [
-        (moves(seen, way, begin), f"{said}{part}.")
-        for moves, said in ((_farthest_behind, behind), (_largest, f"{largest} of {command}"))
+    candidates = [
+        (moves(seen, direction, begin), f"{caption}{part}.")
+        for moves, caption in ((_farthest_behind, behind), (_largest, f"{largest} of {command}"))
         for begin, part in ((heldout, unseen), (0, ""))
     ]
-    most = max(len(strokes) for strokes, _ in found)
-    strokes, said = next(one for one in found if len(one[0]) == most)
+    most_strokes = max(len(strokes) for strokes, _ in candidates)
+    strokes, caption = next(
+        candidate for candidate in candidates if len(candidate[0]) == most_strokes
+    )
     for number, stroke in enumerate(strokes, start=1):
         plot = _stroke(seen, stroke, limit)
-        one = "The only stroke" if most == 1 else f"One of {most} strokes"
-        yield Picture(title=f"Stroke {number}", plot=plot, says=f"{one} {said}")
+        which_stroke = "The only stroke" if most_strokes == 1 else f"One of {most_strokes} strokes"
+        yield Picture(title=f"Stroke {number}", plot=plot, says=f"{which_stroke} {caption}")
 
 
-def _largest(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
+def _largest(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
     """The largest moves of OP after ``begin`` from one turn to the next, in the order of time."""
-    known = np.isfinite(seen.op) & np.isfinite(seen.mv)
+    finite = np.isfinite(seen.op) & np.isfinite(seen.mv)
     op = np.where(np.isfinite(seen.op), seen.op, np.nanmedian(seen.op))
     turns = reversals(op, max(LEAST_STROKE * swing(seen.op), SMALLEST_STROKE_PERCENT))
     turns = turns[turns >= begin]
@@ -173,13 +175,15 @@ def _largest(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
         _Stroke(int(turns[k]), int(turns[k + 1]), 1 if sizes[k] > 0.0 else -1)
         for k in np.argsort(-np.abs(sizes), kind="stable").tolist()
     ]
-    fit = [one for one in moves if way * one.way >= 0 and known[one.first : one.last + 1].all()][
-        :STROKES
-    ]
+    fit = [
+        move
+        for move in moves
+        if direction * move.way >= 0 and finite[move.first : move.last + 1].all()
+    ][:STROKES]
     return sorted(fit, key=lambda stroke: stroke.first)
 
 
-def _farthest_behind(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
+def _farthest_behind(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
     """The moves of OP after ``begin`` on which MV stayed farthest behind, in the order of time.
 
     ``way`` is 1 for rising ones, -1 for falling ones, 0 for either. A move lasts from where MV
@@ -187,56 +191,63 @@ def _farthest_behind(seen: _Seen, way: int, begin: int) -> list[_Stroke]:
     """
     behind = seen.op - seen.mv
     behind = behind - np.nanmedian(behind)
-    far = np.abs(behind) if way == 0 else way * behind
+    distance = np.abs(behind) if direction == 0 else direction * behind
     least = max(LEAST_BEHIND * swing(seen.op), SMALLEST_STROKE_PERCENT)
-    far = np.where(np.isfinite(far), far, np.inf)  # a gap ends a move, and is in none
-    free = np.isfinite(far)
+    distance = np.where(
+        np.isfinite(distance), distance, np.inf
+    )  # a gap ends a move, and is in none
+    free = np.isfinite(distance)
     free[:begin] = False
-    taken: list[_Stroke] = []
-    while len(taken) < STROKES:
-        peak = int(np.argmax(np.where(free, far, -np.inf)))
-        if not free[peak] or far[peak] < least:
+    strokes: list[_Stroke] = []
+    while len(strokes) < STROKES:
+        peak = int(np.argmax(np.where(free, distance, -np.inf)))
+        if not free[peak] or distance[peak] < least:
             break
-        near = far <= NEAR_AGAIN * far[peak]
-        before, after = np.flatnonzero(near[:peak]), np.flatnonzero(near[peak:])
+        within = distance <= NEAR_AGAIN * distance[peak]
+        before, after = np.flatnonzero(within[:peak]), np.flatnonzero(within[peak:])
         first = int(before[-1]) if before.size else 0
-        last = peak + int(after[0]) if after.size else far.size - 1
+        last = peak + int(after[0]) if after.size else distance.size - 1
         if free[first + 1 : last].all() and before.size and after.size:
-            taken.append(_Stroke(first, last, 1 if behind[peak] > 0.0 else -1))
+            strokes.append(_Stroke(first, last, 1 if behind[peak] > 0.0 else -1))
         free[first : last + 1] = False
-    return sorted(taken, key=lambda stroke: stroke.first)
+    return sorted(strokes, key=lambda stroke: stroke.first)
 
 
 def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
-    first, last, way = stroke.first, stroke.last, stroke.way
+    first, last, direction = stroke.first, stroke.last, stroke.way
     length = max(last - first, 4)
     begin = max(first - length // 2 - 2, 0)
     end = min(last + length + 3, seen.op.size)
-    at = np.arange(begin, end)
-    time = _since(at, first, seen.interval_s)
-    drawn = [
-        Drawn("op", "OP", time, seen.op[at]),
-        Drawn("naive", NAIVE, time, seen.runs.naive[at], dashed=True),
-        Drawn("extended", EXTENDED, time, seen.runs.extended[at]),
-        Drawn("mv", "MV, recorded", time, seen.mv[at]),
+    sample_index = np.arange(begin, end)
+    time = _since(sample_index, first, seen.interval_s)
+    lines = [
+        Drawn("op", "OP", time, seen.op[sample_index]),
+        Drawn("naive", NAIVE, time, seen.runs.naive[sample_index], dashed=True),
+        Drawn("extended", EXTENDED, time, seen.runs.extended[sample_index]),
+        Drawn("mv", "MV, recorded", time, seen.mv[sample_index]),
     ]
     notes = []
     if seen.late_s:
-        drawn.insert(
-            1, Drawn("op", "OP, later by the dead time", time, seen.command[at], dashed=True)
+        lines.insert(
+            1,
+            Drawn(
+                "op", "OP, later by the dead time", time, seen.command[sample_index], dashed=True
+            ),
         )
-    if limit is not None and math.isfinite(limit.of(way)):
-        slope = limit.of(way)
+    if limit is not None and math.isfinite(limit.of(direction)):
+        slope = limit.of(direction)
         # From where the stem itself turns, to where the command ends.
         after = first + np.arange(round(seen.late_s / seen.interval_s) + TURNS_WITHIN)
-        turn = int(after[np.argmin(way * seen.mv[after[after < end]])])
-        start, begun = float(seen.mv[turn]), (turn - first) * seen.interval_s
-        took = min(abs(float(seen.op[last]) - start) / abs(slope), float(time[-1]) - begun)
-        line = np.array([begun, begun + took])
-        drawn.append(Drawn("law", "fitted limit", line, start + slope * (line - begun)))
+        turn = int(after[np.argmin(direction * seen.mv[after[after < end]])])
+        start, start_s = float(seen.mv[turn]), (turn - first) * seen.interval_s
+        took = min(abs(float(seen.op[last]) - start) / abs(slope), float(time[-1]) - start_s)
+        line = np.array([start_s, start_s + took])
+        lines.append(Drawn("law", "fitted limit", line, start + slope * (line - start_s)))
         middle = float(line.mean())
-        said = f"{figure(abs(slope))} %/s"
-        notes.append(Note(middle, start + slope * (middle - begun), f"\N{NO-BREAK SPACE} {said}"))
+        slope_text = f"{figure(abs(slope))} %/s"
+        notes.append(
+            Note(middle, start + slope * (middle - start_s), f"\N{NO-BREAK SPACE} {slope_text}")
+        )
     return SmallPlot(
         x_label="time from the turn of OP, s",
         y_label="percent",
@@ -244,7 +255,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
             f"A move of OP from {figure(float(seen.op[first]))} to {figure(float(seen.op[last]))} "
             "percent with the recorded position and both models."
         ),
-        drawn=drawn,
+        drawn=lines,
         notes=notes,
     )
 
@@ -256,16 +267,16 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
     if not seen.late_s:
         return
     first, last = _stretch(seen)
-    at = np.arange(first, last)
-    time = _since(at, first, seen.interval_s)
+    sample_index = np.arange(first, last)
+    time = _since(sample_index, first, seen.interval_s)
     plot = SmallPlot(
         x_label="time, s",
         y_label="percent",
         spoken="OP, OP later by the dead time, and MV over a typical stretch.",
         drawn=[
-            Drawn("op", "OP", time, seen.op[at], dashed=True),
-            Drawn("sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[at]),
-            Drawn("mv", "MV, recorded", time, seen.mv[at]),
+            Drawn("op", "OP", time, seen.op[sample_index], dashed=True),
+            Drawn("sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[sample_index]),
+            Drawn("mv", "MV, recorded", time, seen.mv[sample_index]),
         ],
         width=740,
     )
@@ -276,9 +287,9 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
     )
 
 
-def _since(at: NDArray[np.int64], first: int, interval_s: float) -> Floats:
+def _since(sample_index: NDArray[np.int64], first: int, interval_s: float) -> Floats:
     """Seconds from sample ``first``."""
-    return np.asarray((at - first) * interval_s, dtype=np.float64)
+    return np.asarray((sample_index - first) * interval_s, dtype=np.float64)
 
 
 def _stretch(seen: _Seen) -> tuple[int, int]:
@@ -295,8 +306,8 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
     first, last = _stretch(seen)
     part = slice(first, last)
     runs = (("naive", NAIVE, seen.runs.naive), ("extended", EXTENDED, seen.runs.extended))
-    every = np.concatenate([seen.mv[part], *(run[part] for _, _, run in runs)])
-    limits = (*_around(seen.op[part]), *_around(every))
+    all_values = np.concatenate([seen.mv[part], *(run[part] for _, _, run in runs)])
+    limits = (*_around(seen.op[part]), *_around(all_values))
     for kind, name, run in runs:
         plot = SmallPlot(
             x_label="OP, %",
@@ -318,10 +329,10 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
 
 
 def _around(values: Floats) -> tuple[float, float]:
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return 0.0, 1.0
-    low, high = float(known.min()), float(known.max())
+    low, high = float(finite.min()), float(finite.max())
     margin = max(0.05 * (high - low), 1e-3)
     return low - margin, high + margin
 
@@ -340,7 +351,7 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
     recorded = of(seen.mv)
     if recorded is None:
         return
-    drawn = [*_points(recorded)]
+    lines = [*_points(recorded)]
     for kind, name, run in (
         ("naive", NAIVE, seen.runs.naive),
         ("extended", EXTENDED, seen.runs.extended),
@@ -348,13 +359,13 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
         simulated = of(run)
         if simulated is not None:
             x, y = _course(simulated, recorded)
-            drawn.append(Drawn(kind, name, x, y, dashed=kind == "naive"))
-    drawn += [Drawn("law", law.label, law.x, law.y) for law in recorded.laws]
+            lines.append(Drawn(kind, name, x, y, dashed=kind == "naive"))
+    lines += [Drawn("law", law.label, law.x, law.y) for law in recorded.laws]
     plot = SmallPlot(
         x_label=recorded.x_label,
         y_label=recorded.y_label,
         spoken=f"{recorded.y_label} against {recorded.x_label}: {recorded.says}",
-        drawn=drawn,
+        drawn=lines,
         limits=None if recorded.joined else (*_bulk(recorded.x), *_bulk(recorded.y)),
         width=740,
         height=300,
@@ -372,13 +383,13 @@ def _points(found: Telltale) -> Iterator[Drawn]:
     if found.joined:
         yield Drawn("mv", "recorded", found.x, found.y)
         return
-    every = -(-found.x.size // MOST_POINTS)
-    kept = np.arange(0, found.x.size, every)
+    stride = -(-found.x.size // MOST_POINTS)
+    kept_points = np.arange(0, found.x.size, stride)
     for kind, name, group in (
         ("mv", found.groups[0], found.rising),
         ("pv", found.groups[1], ~found.rising),
     ):
-        chosen = kept[group[kept]]
+        chosen = kept_points[group[kept_points]]
         if chosen.size:
             yield Drawn(kind, f"recorded, {name}", found.x[chosen], found.y[chosen], dots=True)
 
@@ -388,17 +399,17 @@ def _course(found: Telltale, reference: Telltale) -> tuple[Floats, Floats]:
     if found.joined:
         return found.x, found.y
     edges = np.linspace(*_bulk(reference.x), BINS + 1)
-    where = np.digitize(found.x, edges) - 1
+    bin_of_point = np.digitize(found.x, edges) - 1
     x, y = 0.5 * (edges[1:] + edges[:-1]), np.full(BINS, np.nan)
     for k in range(BINS):
-        inside = found.y[where == k]
-        if inside.size >= FEWEST_IN_BIN:
-            y[k] = np.median(inside)
+        in_bin = found.y[bin_of_point == k]
+        if in_bin.size >= FEWEST_IN_BIN:
+            y[k] = np.median(in_bin)
     return x, y
 
 
 def _bulk(values: Floats) -> tuple[float, float]:
     """Limits that hold all but the last percent at each end."""
-    low, high = (float(one) for one in np.percentile(values, [1.0, 99.0]))
+    low, high = (float(bound) for bound in np.percentile(values, [1.0, 99.0]))
     margin = 0.06 * (high - low) or max(abs(high), 1.0) * 0.05
     return low - margin, high + margin

@@ -58,12 +58,12 @@ def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
     band = _band(screening, command, mv, op, curve)
     low, high = np.percentile(op, [1.0, 99.0])
     knots = np.array(curve.op)
-    at = np.unique(np.concatenate(([low], knots[(knots > low) & (knots < high)], [high])))
-    line = np.column_stack((at, curve.command(at) + _zero(command, mv)))
-    said, proposal = curve.sentence(), curve.proposal()
+    op_grid = np.unique(np.concatenate(([low], knots[(knots > low) & (knots < high)], [high])))
+    line = np.column_stack((op_grid, curve.command(op_grid) + _zero(command, mv)))
+    curve_sentence, proposal = curve.sentence(), curve.proposal()
     if proposal:
-        said += f" In the plant file: {proposal}"
-    return LoopShapes(curve=line, band=band, says=said)
+        curve_sentence += f" In the plant file: {proposal}"
+    return LoopShapes(curve=line, band=band, says=curve_sentence)
 
 
 def _zero(command: Floats, mv: Floats) -> float:
@@ -78,15 +78,15 @@ def _turns(command: Floats, S: float) -> tuple[float, float]:
     low, high = (float(end) for end in np.percentile(command, [1.0, 99.0]))
     if not S > 0.0:
         return low, high
-    at = reversals(command, S)
-    if at.size < FEWEST_TURNS:
+    turning_points = reversals(command, S)
+    if turning_points.size < FEWEST_TURNS:
         return low, high
-    turns = command[at]
-    is_top = turns > command[np.concatenate((at[1:], [command.size - 1]))]
+    turns = command[turning_points]
+    is_top = turns > command[np.concatenate((turning_points[1:], [command.size - 1]))]
     if is_top.all() or not is_top.any():
         return low, high
-    below, above = float(np.median(turns[~is_top])), float(np.median(turns[is_top]))
-    return (below, above) if above - below > S else (low, high)
+    bottom, top = float(np.median(turns[~is_top])), float(np.median(turns[is_top]))
+    return (bottom, top) if top - bottom > S else (low, high)
 
 
 def _band(
@@ -130,6 +130,6 @@ def _op_of(curve: StrokeCurve, command: Floats) -> Floats:
     op, travel = np.array(curve.op), np.array(curve.travel)
     if curve.slope < 0.0:
         op, travel = op[::-1], travel[::-1]
-    inside = np.interp(command, travel, op)
-    beyond = command - np.clip(command, travel[0], travel[-1])
-    return np.asarray(inside + beyond / curve.slope)
+    inside_range = np.interp(command, travel, op)
+    outside_range = command - np.clip(command, travel[0], travel[-1])
+    return np.asarray(inside_range + outside_range / curve.slope)

@@ -80,7 +80,7 @@ class SmallPlot:
             Markup('<svg x="{}" y="{}" width="{}" height="{}" viewBox="{} {} {} {}">').format(
                 LEFT, TOP, inner_x, inner_y, LEFT, TOP, inner_x, inner_y
             ),
-            *(_line(one, *at(one.x, one.y)) for one in self.drawn),
+            *(_line(line, *at(line.x, line.y)) for line in self.drawn),
             Markup("</svg>"),
         ]
         for note in self.notes:
@@ -93,8 +93,8 @@ class SmallPlot:
         return Markup("").join(parts)
 
     def _limits(self) -> tuple[float, float, float, float]:
-        x = np.concatenate([one.x[np.isfinite(one.x)] for one in self.drawn] or [np.zeros(1)])
-        y = np.concatenate([one.y[np.isfinite(one.y)] for one in self.drawn] or [np.zeros(1)])
+        x = np.concatenate([line.x[np.isfinite(line.x)] for line in self.drawn] or [np.zeros(1)])
+        y = np.concatenate([line.y[np.isfinite(line.y)] for line in self.drawn] or [np.zeros(1)])
         return (*_widened(x), *_widened(y))
 
     def _axes(self, x_low: float, x_high: float, y_low: float, y_high: float) -> list[Markup]:
@@ -120,7 +120,7 @@ class SmallPlot:
 
     def _legend(self) -> Markup:
         order = dict.fromkeys(
-            (one.kind, one.label, one.dots, one.dashed) for one in self.drawn if one.label
+            (line.kind, line.label, line.dots, line.dashed) for line in self.drawn if line.label
         )
         items = [
             Markup(
@@ -142,7 +142,7 @@ def ticks(low: float, high: float) -> list[float]:
     """Round numbers between ``low`` and ``high``, about five."""
     rough = (high - low) / TICKS
     decade = 10.0 ** math.floor(math.log10(rough))
-    step = next(decade * one for one in _STEPS if decade * one >= rough)
+    step = next(decade * factor for factor in _STEPS if decade * factor >= rough)
     first = math.ceil(low / step - 1e-9)
     return [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
 
@@ -167,22 +167,22 @@ def _equal(
     wide as high."""
     wide, high = x_high - x_low, y_high - y_low
     if wide < shape * high:
-        more = 0.5 * (shape * high - wide)
-        return x_low - more, x_high + more, y_low, y_high
-    more = 0.5 * (wide / shape - high)
-    return x_low, x_high, y_low - more, y_high + more
+        margin = 0.5 * (shape * high - wide)
+        return x_low - margin, x_high + margin, y_low, y_high
+    margin = 0.5 * (wide / shape - high)
+    return x_low, x_high, y_low - margin, y_high + margin
 
 
 def _line(line: Drawn, x: Floats, y: Floats) -> Markup:
-    known = np.isfinite(x) & np.isfinite(y)
+    finite = np.isfinite(x) & np.isfinite(y)
     if line.dots:
-        path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[known], y[known], strict=True))
+        path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[finite], y[finite], strict=True))
         return Markup('<path class="p {}" d="{}"/>').format(line.kind, path)
     path, pen = "", "M"
-    for a, b, drawn in zip(x, y, known, strict=True):
-        if drawn:
+    for a, b, is_finite in zip(x, y, finite, strict=True):
+        if is_finite:
             path += f"{pen}{a:.1f} {b:.1f}"
-        pen = "L" if drawn else "M"
+        pen = "L" if is_finite else "M"
     dashed = " dashed" if line.dashed else ""
     return Markup('<path class="l {}{}" d="{}"/>').format(line.kind, dashed, path)
 

@@ -65,13 +65,13 @@ def telling_samples(traces: list[Floats], points: int = POINTS) -> NDArray[np.in
     bucket = bucket_of(samples, len(traces), points)
     if bucket == 1:
         return np.arange(samples)
-    picked = []
+    kept_samples = []
     for trace in traces:
         buckets = _buckets(trace, bucket)
         offsets = np.arange(len(buckets))[:, None] * bucket
-        picked.append((_extremes(buckets) + offsets).ravel())
-    every = np.unique(np.concatenate(picked))
-    return every[every < samples]
+        kept_samples.append((_extremes(buckets) + offsets).ravel())
+    all_samples = np.unique(np.concatenate(kept_samples))
+    return all_samples[all_samples < samples]
 
 
 def bucket_of(samples: int, traces: int, points: int = POINTS) -> int:

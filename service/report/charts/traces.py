@@ -31,12 +31,12 @@ def packed(values: Floats) -> dict[str, Any]:
 
     A value is the sum of ``steps`` up to it, divided by ``per``; null is a gap and adds nothing.
     """
-    known = np.isfinite(values)
-    places = _places(values[known])
-    whole = np.round(values[known] * 10.0**places).astype(np.int64)
+    finite = np.isfinite(values)
+    places = _places(values[finite])
+    integers = np.round(values[finite] * 10.0**places).astype(np.int64)
     steps: list[int | None] = [None] * values.size
-    for place, step in zip(np.flatnonzero(known).tolist(), _steps(whole), strict=True):
-        steps[place] = step
+    for index, step in zip(np.flatnonzero(finite).tolist(), _steps(integers), strict=True):
+        steps[index] = step
     return {"per": 10**places, "steps": steps}
 
 
@@ -51,16 +51,16 @@ def packed_indices(indices: NDArray[np.intp]) -> dict[str, Any]:
     return {"per": 1, "steps": _steps(indices.astype(np.int64))}
 
 
-def _steps(whole: NDArray[np.int64]) -> list[int]:
-    steps: list[int] = np.diff(whole, prepend=0).tolist()
+def _steps(integers: NDArray[np.int64]) -> list[int]:
+    steps: list[int] = np.diff(integers, prepend=0).tolist()
     return steps
 
 
-def _places(known: Floats) -> int:
-    """Decimals that keep ``DIGITS_OF_RANGE`` digits of the range of ``known``."""
-    if not known.size:
+def _places(finite: Floats) -> int:
+    """Decimals that keep ``DIGITS_OF_RANGE`` digits of the range of ``finite``."""
+    if not finite.size:
         return 0
-    size = float(np.ptp(known)) or abs(float(known[0])) or 1.0
+    size = float(np.ptp(finite)) or abs(float(finite[0])) or 1.0
     return min(12, max(0, DIGITS_OF_RANGE - 1 - math.floor(math.log10(size))))
 
 
@@ -86,10 +86,12 @@ def frame_of(recording: Recording, simulated: Floats | None, heldout: int | None
     )
     if stretch is None or grid.bucket == 1:
         return ChartFrame(grid=grid, stretch=stretch, detail=None)
-    drawn = [recording.signals[role].values for role in SIGNALS if role in recording.signals]
+    signal_values = [
+        recording.signals[role].values for role in SIGNALS if role in recording.signals
+    ]
     if simulated is not None:
-        drawn.append(simulated)
-    part = [trace[stretch.first : stretch.last] for trace in drawn]
+        signal_values.append(simulated)
+    part = [trace[stretch.first : stretch.last] for trace in signal_values]
     if bucket_of(part[0].size, len(part)) >= grid.bucket:
         return ChartFrame(grid=grid, stretch=stretch, detail=None)
     return ChartFrame(grid=grid, stretch=stretch, detail=stretch.first + telling_samples(part))
@@ -135,8 +137,13 @@ def difference(mv: Signal, simulated: Floats) -> Floats:
 
 def series(role: str, label: str, values: Floats, frame: ChartFrame) -> Chart:
     """One trace: thinned over the whole record, sample by sample in the stretch."""
-    drawn = lowest_and_highest(values, frame.grid)
-    trace = {"role": role, "label": label, "said": _range(label, drawn), "values": packed(drawn)}
+    thinned = lowest_and_highest(values, frame.grid)
+    trace = {
+        "role": role,
+        "label": label,
+        "said": _range(label, thinned),
+        "values": packed(thinned),
+    }
     if frame.detail is not None:
         trace["detail"] = packed(values[frame.detail])
     return trace
@@ -144,18 +151,18 @@ def series(role: str, label: str, values: Floats, frame: ChartFrame) -> Chart:
 
 def panel(name: str, title: str, unit: str, traces: list[Chart]) -> Chart:
     """One plot over time, with a sentence for those who do not see it."""
-    spoken = "; ".join(trace.pop("said") for trace in traces)
+    description = "; ".join(trace.pop("said") for trace in traces)
     return {
         "id": name,
         "title": title,
         "unit": printable(unit),
-        "summary": f"{title} over time: {spoken}.",
+        "summary": f"{title} over time: {description}.",
         "series": traces,
     }
 
 
 def _range(label: str, values: Floats) -> str:
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return f"{label} has no samples"
-    return f"{label} between {figure(known.min())} and {figure(known.max())}"
+    return f"{label} between {figure(finite.min())} and {figure(finite.max())}"

@@ -53,10 +53,10 @@ class _Candidates:
     count: int
     held_out: bool
 
-    def keep(self, wanted: Bools) -> _Candidates:
+    def keep(self, selected: Bools) -> _Candidates:
         return _Candidates(
-            first=self.first[wanted],
-            last=self.last[wanted],
+            first=self.first[selected],
+            last=self.last[selected],
             count=self.count,
             held_out=self.held_out,
         )
@@ -91,11 +91,11 @@ def typical_stretch_of(
 
 def _turns(op: Floats) -> Indices:
     """Indices at which OP turns round; gaps are skipped, not bridged by a value."""
-    known = np.flatnonzero(np.isfinite(op))
-    if known.size < 3:
-        return known[:0]
+    finite = np.flatnonzero(np.isfinite(op))
+    if finite.size < 3:
+        return finite[:0]
     threshold = max(TURN_SHARE * swing(op), SMALLEST_TURN_PERCENT)
-    return known[reversals(op[known], threshold)]
+    return finite[reversals(op[finite], threshold)]
 
 
 def _candidates(turns: Indices, begin: int, end: int, held_out: bool) -> _Candidates | None:
@@ -115,21 +115,21 @@ def _most_typical(
 ) -> TypicalStretch | None:
     errors = _errors(simulated, recording, candidates)
     measure = _swings(recording, candidates) if errors is None else errors
-    known = np.isfinite(measure)
-    if not known.any():
+    finite = np.isfinite(measure)
+    if not finite.any():
         return None
-    candidates, measure = candidates.keep(known), measure[known]
+    candidates, measure = candidates.keep(finite), measure[finite]
     low, high = np.percentile(measure, MIDDLE_PERCENTILES, method="nearest")
     length = candidates.last - candidates.first
-    off = np.abs(length - np.median(length)).astype(np.float64)
-    off[(measure < low) | (measure > high)] = np.inf
+    distance = np.abs(length - np.median(length)).astype(np.float64)
+    distance[(measure < low) | (measure > high)] = np.inf
     # Of several that are equally ordinary, the middle one: the record's ends are seldom typical.
-    equal = np.flatnonzero(off == off.min())
+    equal = np.flatnonzero(distance == distance.min())
     k = int(equal[equal.size // 2])
-    why = _why(candidates, measure[k], float(np.median(measure)), of_model=errors is not None)
+    reason = _reason(candidates, measure[k], float(np.median(measure)), of_model=errors is not None)
     name = "A typical stretch" if candidates.first.size > 1 else "A stretch"
     return TypicalStretch(
-        first=int(candidates.first[k]), last=int(candidates.last[k]), name=name, why=why
+        first=int(candidates.first[k]), last=int(candidates.last[k]), name=name, why=reason
     )
 
 
@@ -141,14 +141,14 @@ def _errors(
     if mv is None or simulated is None or simulated.shape != mv.values.shape:
         return None
     square = (mv.values - simulated) ** 2
-    known = np.isfinite(square)
-    if not known.any():
+    finite = np.isfinite(square)
+    if not finite.any():
         return None
-    total = _sums(np.where(known, square, 0.0), candidates)
-    count = _sums(known.astype(np.float64), candidates)
-    enough = count >= LEAST_KNOWN_SHARE * (candidates.last - candidates.first)
+    total = _sums(np.where(finite, square, 0.0), candidates)
+    count = _sums(finite.astype(np.float64), candidates)
+    enough_known = count >= LEAST_KNOWN_SHARE * (candidates.last - candidates.first)
     rmse: Floats = np.sqrt(total / np.maximum(count, 1.0))
-    return np.where(enough, rmse, np.nan)
+    return np.where(enough_known, rmse, np.nan)
 
 
 def _sums(values: Floats, candidates: _Candidates) -> Floats:
@@ -160,12 +160,12 @@ def _swings(recording: Recording, candidates: _Candidates) -> Floats:
     return ranges(recording.op.values, np.stack((candidates.first, candidates.last), axis=1))
 
 
-def _why(candidates: _Candidates, here: float, middle: float, *, of_model: bool) -> str:
-    place = " in the held-out part" if candidates.held_out else ""
-    what = "the stick-slip model misses MV by" if of_model else "OP swings over"
+def _reason(candidates: _Candidates, measure: float, middle: float, *, of_model: bool) -> str:
+    part = " in the held-out part" if candidates.held_out else ""
+    measure_text = "the stick-slip model misses MV by" if of_model else "OP swings over"
     unit = "% rmse" if of_model else "%"
-    number = f"{what} {figure(here, 2)} {unit} here"
+    number = f"{measure_text} {figure(measure, 2)} {unit} here"
     if candidates.first.size == 1:
-        return f"The only stretch with {candidates.count} reversals of OP{place}; {number}."
+        return f"The only stretch with {candidates.count} reversals of OP{part}; {number}."
     others = f"{figure(middle, 2)} % in the middle one of {candidates.first.size} such stretches"
-    return f"Chosen as typical: {candidates.count} reversals of OP{place}; {number}, {others}."
+    return f"Chosen as typical: {candidates.count} reversals of OP{part}; {number}, {others}."

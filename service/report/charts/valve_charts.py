@@ -65,32 +65,32 @@ def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Ch
     if screening.traces.stiction is not None:
         label = "stick-slip model"
         traces.append(series("stiction", label, screening.traces.stiction, frame))
-    told = _suspected(screening)
-    if told is not None:
-        traces.append(series("stiction", SUSPECTED_STEM, told.stem, frame))
+    suspicion = _suspected(screening)
+    if suspicion is not None:
+        traces.append(series("stiction", SUSPECTED_STEM, suspicion.stem, frame))
     title = "Controller output and stem" if len(traces) > 1 else "Controller output"
     return panel("travel", title, "%", traces)
 
 
 def _suspected(screening: Screening) -> ElementTraces | None:
     """The traces of a suspicion, where nothing better is known of the stem."""
-    told = screening.without_position
-    known = screening.traces.stiction is not None or told is None
-    return None if known or told is None else told.traces
+    suspicion = screening.without_position
+    has_stiction_fit = screening.traces.stiction is not None or suspicion is None
+    return None if has_stiction_fit or suspicion is None else suspicion.traces
 
 
 def _process(screening: Screening, recording: Recording, frame: ChartFrame) -> Chart | None:
     pv = _in_process_unit(recording, Role.PV)
     sp = _in_process_unit(recording, Role.SP)
-    shown = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
+    signals = [(role, signal) for role, signal in (("pv", pv), ("sp", sp)) if signal is not None]
     if pv is None:
         return None
-    traces = [series(role, role.upper(), signal.values, frame) for role, signal in shown]
-    told, measured = _suspected(screening), recording.get(Role.PV)
-    if told is not None and measured is not None:
+    traces = [series(role, role.upper(), signal.values, frame) for role, signal in signals]
+    suspicion, measured = _suspected(screening), recording.get(Role.PV)
+    if suspicion is not None and measured is not None:
         for role, label, values in (
-            ("naive", "PV by a linear loop", told.linear),
-            ("extended", "PV by a sticking valve", told.sticking),
+            ("naive", "PV by a linear loop", suspicion.linear),
+            ("extended", "PV by a sticking valve", suspicion.sticking),
         ):
             predicted = replace(measured, values=values).in_process_unit()
             traces.append(series(role, label, predicted.values, frame))
@@ -110,31 +110,31 @@ def _residuals(screening: Screening, recording: Recording, frame: ChartFrame) ->
         ("stiction", "MV − stick-slip model", traces.stiction),
         ("narx", "MV − NARX network", traces.narx),
     )
-    shown = [
+    residual_traces = [
         series(role, label, difference(mv, simulated), frame)
         for role, label, simulated in models
         if simulated is not None
     ]
-    if not shown:
+    if not residual_traces:
         return None
-    return panel("residual", "What the models leave unexplained", "%", shown)
+    return panel("residual", "What the models leave unexplained", "%", residual_traces)
 
 
 def _loop(screening: Screening, recording: Recording) -> Chart | None:
     """The recorded points and the simulated path against OP; PV stands in where MV is absent."""
     vertical, name = recording.mv, "MV"
-    told = _suspected(screening)
-    if vertical is None and told is not None:
-        return _suspected_loop(recording, told)
+    suspicion = _suspected(screening)
+    if vertical is None and suspicion is not None:
+        return _suspected_loop(recording, suspicion)
     if vertical is None:
         vertical, name = _in_process_unit(recording, Role.PV), "PV"
     if vertical is None:
         return None
     op, simulated = recording.op.values, screening.traces.stiction
-    drawn = [op, vertical.values]
+    axis_values = [op, vertical.values]
     if simulated is not None and name == "MV":
-        drawn.append(simulated)
-    picked = telling_samples(drawn, LOOP_POINTS)
+        axis_values.append(simulated)
+    kept_samples = telling_samples(axis_values, LOOP_POINTS)
     comparable = name == "MV" and vertical.unit == recording.op.unit
     shapes = loop_shapes(screening, op, vertical.values) if comparable else LoopShapes()
     labels = (
@@ -145,29 +145,29 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
         "title": f"{name} against OP",
         "x": "OP, %",
         "y": f"{name}, {printable(vertical.unit)}".rstrip(", "),
-        "seconds": packed(recording.time_s[picked]),
-        "op": packed(op[picked]),
+        "seconds": packed(recording.time_s[kept_samples]),
+        "op": packed(op[kept_samples]),
         "traces": [
-            {"role": role, "of": of, "label": label, "values": packed(trace[picked])}
-            for (role, of, label), trace in zip(labels, drawn[1:], strict=False)
+            {"role": role, "of": axis, "label": label, "values": packed(trace[kept_samples])}
+            for (role, axis, label), trace in zip(labels, axis_values[1:], strict=False)
         ],
         "shapes": shapes.drawn(),
         "says": printable(shapes.says),
     }
 
 
-def _suspected_loop(recording: Recording, told: ElementTraces) -> Chart:
+def _suspected_loop(recording: Recording, element: ElementTraces) -> Chart:
     """The fitted element's stem against OP: nobody has measured it."""
     op = recording.op.values
-    picked = telling_samples([op, told.stem], LOOP_POINTS)
-    stem = packed(told.stem[picked])
+    kept_samples = telling_samples([op, element.stem], LOOP_POINTS)
+    stem = packed(element.stem[kept_samples])
     trace = {"role": "stiction", "of": "stiction", "label": SUSPECTED_STEM, "values": stem}
     return {
         "title": "The suspected stem against OP",
         "x": "OP, %",
         "y": "stem, %",
-        "seconds": packed(recording.time_s[picked]),
-        "op": packed(op[picked]),
+        "seconds": packed(recording.time_s[kept_samples]),
+        "op": packed(op[kept_samples]),
         "traces": [trace],
         "shapes": [],
         "says": "Nobody has measured this stem: it is the one with which PV is predicted best.",
@@ -191,16 +191,16 @@ def overlay_of(recording: Recording | None, runs: FreeRuns | None) -> Chart | No
     if not np.array_equal(runs.naive, runs.extended, equal_nan=True):
         models.append(("extended", EXTENDED, runs.extended))
     mv = recording.mv
-    left = [
+    left_axis = [
         series(role, f"MV − {label}", difference(mv, run), frame) for role, label, run in models
     ]
-    drawn = [
+    shapes = [
         series("op", "OP", recording.op.values, frame),
         series("mv", "MV, recorded", mv.values, frame),
         *[series(role, label, run, frame) for role, label, run in models],
     ]
     panels: list[Chart | None] = [
-        panel("travel", "Recording and simulations", "%", drawn),
-        panel("residual", "What each leaves unexplained", "%", left),
+        panel("travel", "Recording and simulations", "%", shapes),
+        panel("residual", "What each leaves unexplained", "%", left_axis),
     ]
     return chart_over_time(recording, frame, runs.heldout_from, panels)

@@ -78,8 +78,8 @@ def _telling_part(screening: Screening, recording: Recording) -> tuple[int, int]
     """The samples around the typical stretch, or the last ones that hold a command."""
     stretch = typical_stretch(screening)
     if stretch is None:
-        known = np.flatnonzero(np.isfinite(recording.op.values))
-        middle = (int(known[-1]) if known.size else len(recording)) - EXCERPT_SAMPLES // 2
+        finite = np.flatnonzero(np.isfinite(recording.op.values))
+        middle = (int(finite[-1]) if finite.size else len(recording)) - EXCERPT_SAMPLES // 2
     else:
         middle = (stretch.first + stretch.last) // 2
     first = max(0, min(middle - EXCERPT_SAMPLES // 2, len(recording) - EXCERPT_SAMPLES))

@@ -63,9 +63,9 @@ def _loop(screening: Screening, recording: Recording) -> WindowLoop | None:
         return None
     stretch = typical_stretch(screening)
     part = slice(None) if stretch is None else slice(stretch.first, stretch.last)
-    shown = [op.values[part], mv.values[part]]
-    picked = telling_samples(shown, LOOP_POINTS)
-    return WindowLoop(shown[0][picked], shown[1][picked])
+    signals = [op.values[part], mv.values[part]]
+    kept_samples = telling_samples(signals, LOOP_POINTS)
+    return WindowLoop(signals[0][kept_samples], signals[1][kept_samples])
 
 
 def before_and_after(before: WindowLoop, after: WindowLoop) -> SmallPlot:
@@ -88,29 +88,29 @@ def pack_pictures(pictures: WindowPictures) -> bytes:
     if pictures.loop is None and not pictures.effects:
         return b""
     loop = pictures.loop
-    plain = {
+    as_json = {
         "version": VERSION,
         "loop": None if loop is None else {"op": packed(loop.op), "mv": packed(loop.mv)},
-        "effects": [_plain(picture) for picture in pictures.effects],
+        "effects": [_picture_as_json(picture) for picture in pictures.effects],
     }
-    return zlib.compress(json.dumps(plain, separators=(",", ":"), allow_nan=False).encode(), 9)
+    return zlib.compress(json.dumps(as_json, separators=(",", ":"), allow_nan=False).encode(), 9)
 
 
 def unpack_pictures(kept: bytes) -> WindowPictures:
     """The pictures of ``pack_pictures``; none where a newer version wrote them."""
     if not kept:
         return WindowPictures()
-    plain = json.loads(zlib.decompress(kept))
-    if plain["version"] != VERSION:
+    as_json = json.loads(zlib.decompress(kept))
+    if as_json["version"] != VERSION:
         return WindowPictures()
-    loop = plain["loop"]
+    loop = as_json["loop"]
     return WindowPictures(
         loop=None if loop is None else WindowLoop(unpacked(loop["op"]), unpacked(loop["mv"])),
-        effects=tuple(_picture(one) for one in plain["effects"]),
+        effects=tuple(_picture(picture) for picture in as_json["effects"]),
     )
 
 
-def _plain(picture: Picture) -> dict[str, Any]:
+def _picture_as_json(picture: Picture) -> dict[str, Any]:
     plot = picture.plot
     return {
         "title": picture.title,
@@ -125,40 +125,40 @@ def _plain(picture: Picture) -> dict[str, Any]:
         "legend": plot.legend,
         "drawn": [
             {
-                "kind": one.kind,
-                "label": one.label,
-                "x": packed(one.x),
-                "y": packed(one.y),
-                "dots": one.dots,
-                "dashed": one.dashed,
+                "kind": line.kind,
+                "label": line.label,
+                "x": packed(line.x),
+                "y": packed(line.y),
+                "dots": line.dots,
+                "dashed": line.dashed,
             }
-            for one in plot.drawn
+            for line in plot.drawn
         ],
     }
 
 
-def _picture(plain: dict[str, Any]) -> Picture:
-    limits: Sequence[float] | None = plain["limits"]
+def _picture(as_json: dict[str, Any]) -> Picture:
+    limits: Sequence[float] | None = as_json["limits"]
     plot = SmallPlot(
-        x_label=plain["x"],
-        y_label=plain["y"],
-        spoken=plain["spoken"],
-        notes=tuple(Note(*note) for note in plain["notes"]),
-        equal=plain["equal"],
-        width=plain["size"][0],
-        height=plain["size"][1],
+        x_label=as_json["x"],
+        y_label=as_json["y"],
+        spoken=as_json["spoken"],
+        notes=tuple(Note(*note) for note in as_json["notes"]),
+        equal=as_json["equal"],
+        width=as_json["size"][0],
+        height=as_json["size"][1],
         limits=None if limits is None else (limits[0], limits[1], limits[2], limits[3]),
-        legend=plain["legend"],
+        legend=as_json["legend"],
         drawn=tuple(
             Drawn(
-                one["kind"],
-                one["label"],
-                unpacked(one["x"]),
-                unpacked(one["y"]),
-                dots=one["dots"],
-                dashed=one["dashed"],
+                line["kind"],
+                line["label"],
+                unpacked(line["x"]),
+                unpacked(line["y"]),
+                dots=line["dots"],
+                dashed=line["dashed"],
             )
-            for one in plain["drawn"]
+            for line in as_json["drawn"]
         ),
     )
-    return Picture(title=plain["title"], plot=plot, says=plain["says"])
+    return Picture(title=as_json["title"], plot=plot, says=as_json["says"])

@@ -76,11 +76,13 @@ class WebSessions:
         with self._transactions.writing("ending a session") as session:
             session.execute(delete(SessionRow).where(SessionRow.digest == digest))
 
-    def end_others(self, user: int, kept: str = "") -> None:
-        """End all sessions of a user except ``kept``."""
+    def end_others(self, user: int, except_session: str = "") -> None:
+        """End all sessions of a user except ``except_session``."""
         with self._transactions.writing("ending sessions") as session:
             session.execute(
-                delete(SessionRow).where(SessionRow.user_id == user, SessionRow.digest != kept)
+                delete(SessionRow).where(
+                    SessionRow.user_id == user, SessionRow.digest != except_session
+                )
             )
 
     def remove_ended(self, *, now: datetime, idle: timedelta) -> None:

@@ -41,15 +41,16 @@ class LoginAttempts:
                 row.last, row.until = now, now + waits[key](row.count)
         return None
 
-    def refused(self, key: str, *, now: datetime, every: timedelta) -> int:
+    def refused(self, key: str, *, now: datetime, interval: timedelta) -> int:
         """Count an attempt that had to wait; how many there were since that was last asked, at
-        most once in ``every``, and 0 in between. After a pause those before it are among them."""
+        most once in ``interval``, and 0 in between. After a pause those before it are among
+        them."""
         with self._transactions.writing("counting refused attempts to sign in") as session:
             row = _row(session, key, now)
             row.count, row.last = row.count + 1, now
             if row.until > now:
                 return 0
-            count, row.count, row.until = row.count, 0, now + every
+            count, row.count, row.until = row.count, 0, now + interval
             return count
 
     def succeeded(self, forgotten: str, undone: Sequence[str]) -> None:

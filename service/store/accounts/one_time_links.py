@@ -85,12 +85,12 @@ def use_up(session: Session, digest: str, now: datetime) -> LinkRow | None:
     return None if number is None else session.get(LinkRow, number)
 
 
-def revoke(session: Session, now: datetime, which: ColumnElement[bool]) -> bool:
-    """Withdraw the valid links that meet ``which``; whether there were any."""
-    done = session.execute(
-        update(LinkRow).where(which, *_open(now)).values(revoked=now).returning(LinkRow.id)
+def revoke(session: Session, now: datetime, condition: ColumnElement[bool]) -> bool:
+    """Withdraw the valid links that meet ``condition``; whether there were any."""
+    result = session.execute(
+        update(LinkRow).where(condition, *_open(now)).values(revoked=now).returning(LinkRow.id)
     )
-    return bool(done.all())
+    return bool(result.all())
 
 
 def _open(now: datetime) -> tuple[ColumnElement[bool], ...]:

@@ -81,8 +81,8 @@ class Accounts:
             first = link.kind == OneTimeLinkKind.FIRST.value
             if first and session.scalar(select(UserRow.id).limit(1)) is not None:
                 return None
-            by = link.created_by or "first start"
-            return _add(session, name, UserRole(link.role), password, by, now)
+            created_by = link.created_by or "first start"
+            return _add(session, name, UserRole(link.role), password, created_by, now)
 
     def new_password_by_link(self, digest: str, password: str, now: datetime) -> User | None:
         """Set a password (a hash) by a one-time link; ends all sessions of the user."""

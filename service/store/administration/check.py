@@ -162,8 +162,8 @@ def _partitions(connection: Connection, layout: SampleLayout, now: datetime) -> 
         days = partitions.days_there(connection)
         today = partitions.day_of(now)
         names = [days[day] for day in sorted(days)]
-        said = f", {names[0]} to {names[-1]}" if names else ""
-        yield f"samples: {len(names)} partitions by day{said}"
+        day_range = f", {names[0]} to {names[-1]}" if names else ""
+        yield f"samples: {len(names)} partitions by day{day_range}"
         if stray := count_rows(connection, partitions.DEFAULT):
             yield f"samples: {stray} rows lie in {partitions.DEFAULT}, outside the days"
         if names and not {today, today + 1} <= set(days):

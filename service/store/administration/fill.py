@@ -103,10 +103,10 @@ def _table_digest(digest: Digest) -> TableDigest:
     return TableDigest(rows=digest.rows, digest=digest.hexdigest())
 
 
-def _compare(name: str, where: str, expected: TableDigest | None, digest: TableDigest) -> None:
+def _compare(name: str, location: str, expected: TableDigest | None, digest: TableDigest) -> None:
     if expected is not None and expected != digest:
         raise StoreError(
-            f"{name}: {digest.rows} rows with digest {digest.digest[:12]} {where}, expected "
+            f"{name}: {digest.rows} rows with digest {digest.digest[:12]} {location}, expected "
             f"{expected.rows} with {expected.digest[:12]}; nothing was changed"
         )
 

@@ -99,8 +99,8 @@ def _rules(ages: RetentionDays, now: datetime) -> dict[str, ColumnElement[bool]]
     if ages.alerts_days is not None:
         before = now - timedelta(days=ages.alerts_days)
         rules["alerts"] = and_(AlertRow.closed.is_not(None), AlertRow.closed < before)
-        over = or_(DeliveryRow.sent.is_not(None), DeliveryRow.given_up)
-        rules["messages"] = and_(over, DeliveryRow.created < before)
+        settled = or_(DeliveryRow.sent.is_not(None), DeliveryRow.given_up)
+        rules["messages"] = and_(settled, DeliveryRow.created < before)
     return rules
 
 
@@ -113,10 +113,10 @@ def _empty_runs(before: datetime) -> ColumnElement[bool]:
     """Runs that are over and have no screenings, or only ones that this pruning removes."""
     screening = aliased(ScreeningRow)
     newest = latest_screening_id(screening.valve)
-    kept = select(screening.id).where(
+    kept_screenings = select(screening.id).where(
         screening.run_id == RunRow.id, or_(screening.at >= before, screening.id == newest)
     )
-    return and_(RunRow.finished.is_not(None), RunRow.finished < before, ~kept.exists())
+    return and_(RunRow.finished.is_not(None), RunRow.finished < before, ~kept_screenings.exists())
 
 
 def _samples_before_us(ages: RetentionDays, now: datetime) -> int | None:

@@ -39,10 +39,10 @@ class Digest:
 
     def hexdigest(self) -> str:
         """The digest of all rows so far."""
-        whole = hashlib.sha256()
+        total_hash = hashlib.sha256()
         for name, part in sorted(self._streams):
-            whole.update(f"{name}.{part}\0".encode() + self._streams[name, part].digest())
-        return whole.hexdigest()
+            total_hash.update(f"{name}.{part}\0".encode() + self._streams[name, part].digest())
+        return total_hash.hexdigest()
 
 
 def read_batches(connection: Connection, table: TableSchema) -> Iterator[pa.RecordBatch]:
@@ -105,16 +105,16 @@ def _ordered(
 
 def _bytes_of(column: pa.Array) -> tuple[bytes, bytes, bytes]:
     """A column as bytes: which values are there, how long they are, the values."""
-    there = column.is_valid().to_numpy(zero_copy_only=False).tobytes()
+    not_null = column.is_valid().to_numpy(zero_copy_only=False).tobytes()
     kind = column.type
     if pa.types.is_string(kind) or pa.types.is_binary(kind):
         texts = column.cast(pa.binary()).fill_null(b"").to_pylist()
         lengths = np.fromiter(map(len, texts), "<i8", len(texts))
-        return there, lengths.tobytes(), b"".join(texts)
+        return not_null, lengths.tobytes(), b"".join(texts)
     if pa.types.is_timestamp(kind):
         column = column.cast(pa.int64())
     if pa.types.is_floating(kind):
         values = column.fill_null(0.0).to_numpy(zero_copy_only=False) + 0.0
-        return there, b"", values.astype("<f8").tobytes()
+        return not_null, b"", values.astype("<f8").tobytes()
     filled = column.fill_null(False if pa.types.is_boolean(kind) else 0)
-    return there, b"", filled.to_numpy(zero_copy_only=False).astype("<i8").tobytes()
+    return not_null, b"", filled.to_numpy(zero_copy_only=False).astype("<i8").tobytes()

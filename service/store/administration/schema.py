@@ -118,8 +118,8 @@ class DatabaseSchema:
 def schema_of(connection: Connection) -> DatabaseSchema:
     """The tables of the store in this database; tables of other programs are ignored."""
     inspector = inspect(connection)
-    there = set(inspector.get_table_names()) & set(metadata.tables)
-    in_order = [table.name for table in metadata.sorted_tables if table.name in there]
+    present_tables = set(inspector.get_table_names()) & set(metadata.tables)
+    in_order = [table.name for table in metadata.sorted_tables if table.name in present_tables]
     return DatabaseSchema(
         revision=current_revision(connection),
         tables=tuple(_table(inspector, name) for name in in_order),

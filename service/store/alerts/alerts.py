@@ -107,7 +107,7 @@ class Alerts:
         with self._transactions.writing("raising alerts") as session:
             return [number for alert in alerts if (number := _raise(session, alert)) is not None]
 
-    def clear(self, causes: Sequence[str], why: str) -> list[StoredAlert]:
+    def clear(self, causes: Sequence[str], reason: str) -> list[StoredAlert]:
         """Close the open alerts with these causes and return them."""
         if not causes:
             return []
@@ -116,7 +116,7 @@ class Alerts:
                 select(AlertRow).where(AlertRow.closed.is_(None), AlertRow.cause.in_(causes))
             ).all()
             for row in rows:
-                row.closed, row.closed_why = datetime.now(UTC), why
+                row.closed, row.closed_why = datetime.now(UTC), reason
             return [stored_alert(row) for row in rows]
 
     def acknowledge(self, alert: int, who: str, comment: str = "") -> StoredAlert:
@@ -162,9 +162,9 @@ class Alerts:
 
     def count_open(self, now: datetime) -> int:
         """How many alerts are in the state "open"."""
-        counted = select(func.count()).select_from(AlertRow).where(*_in_state("open", now))
+        count_query = select(func.count()).select_from(AlertRow).where(*_in_state("open", now))
         with self._transactions.reading() as session:
-            return session.scalar(counted) or 0
+            return session.scalar(count_query) or 0
 
     def open_by_valve(self, now: datetime) -> dict[str, int]:
         """How many alerts in the state "open" each valve has; valves without one are left out."""
@@ -198,17 +198,27 @@ def _row(session: Session, alert: int) -> AlertRow:
 
 
 def _raise(session: Session, alert: RaisedAlert) -> int | None:
-    """Open the alert and return its number; ``None`` where one with this cause is open."""
+    """Open the alert and return its number; ``None`` where one with this cause is open, which then
+    says that the stem sticks where it said less."""
     now = datetime.now(UTC)
     if alert.valve is not None:
         ensure_valve(session, alert.valve)
-    again = session.execute(
+    reopened = session.execute(
         update(AlertRow)
         .where(AlertRow.cause == alert.cause, AlertRow.closed.is_(None))
         .values(seen=now)
-        .returning(AlertRow.id)
+        .returning(AlertRow.id, AlertRow.kind)
     ).first()
-    if again is not None:
+    if reopened is not None:
+        if alert.kind is AlertKind.STICKY and reopened.kind != alert.kind.value:
+            says_more = {
+                "kind": alert.kind.value,
+                "severity": alert.severity.value,
+                "text": alert.text,
+                "run_id": alert.run_id,
+                "evidence": dict(alert.evidence),
+            }
+            session.execute(update(AlertRow).where(AlertRow.id == reopened.id).values(says_more))
         return None
     empty = ("closed_why", "acknowledged_by", "comment", "snoozed_by")
     values = {
@@ -231,7 +241,7 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
         [values],
         ("cause",),
         update=False,
-        where=AlertRow.closed.is_(None),
+        condition=AlertRow.closed.is_(None),
         returning=AlertRow.id,
     )
     return session.execute(statement).scalar_one_or_none()

@@ -63,13 +63,13 @@ class Deliveries:
         """Queue each notifier's message about ``alerts``; false where another process did."""
         now = datetime.now(UTC)
         with self._transactions.writing("queueing a message") as session:
-            told = session.execute(
+            alerts_in_message = session.execute(
                 update(AlertRow)
                 .where(AlertRow.id.in_(alerts), AlertRow.told.is_(None))
                 .values(told=now)
                 .returning(AlertRow.id)
             ).all()
-            if len(told) != len(alerts):
+            if len(alerts_in_message) != len(alerts):
                 session.rollback()  # another process has queued some of them
                 return False
             for notifier, message in messages.items():
@@ -88,10 +88,10 @@ class Deliveries:
                 )
         return True
 
-    def claim(self, *, without: Collection[str] = ()) -> StoredDelivery | None:
+    def claim(self, *, except_notifiers: Collection[str] = ()) -> StoredDelivery | None:
         """Reserve the next due message for a few minutes; ``None`` where none is due but those of
-        the notifiers ``without``. One whose time lies further ahead than any wait is due: the clock
-        was set back since."""
+        the notifiers ``except_notifiers``. One whose time lies further ahead than any wait is due:
+        the clock was set back since."""
         with self._transactions.writing("taking a message") as session:
             now = database_now(session)
             next_try, claimed = DeliveryRow.next_try, DeliveryRow.claimed_until
@@ -100,7 +100,7 @@ class Deliveries:
                 .where(
                     DeliveryRow.sent.is_(None),
                     DeliveryRow.given_up.is_(False),
-                    DeliveryRow.notifier.not_in(without),
+                    DeliveryRow.notifier.not_in(except_notifiers),
                     or_(next_try <= now, next_try > now + LONGEST_WAIT + CLAIM),
                     or_(claimed.is_(None), claimed < now, claimed > now + 2 * CLAIM),
                 )

@@ -80,17 +80,17 @@ def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     try:
         yield
     except SQLAlchemyError as error:
-        said = f"{doing} failed: {plainly(error, address)}"
-        raise StoreError(f"{address}: {said}{_if_damaged(error, said, address)}") from None
+        message = f"{doing} failed: {plainly(error, address)}"
+        raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
     except (UnicodeDecodeError, JSONDecodeError) as error:  # what a row holds is not what was saved
-        said = f"{doing} failed: {error}"
-        raise StoreError(f"{address}: {said}{_if_damaged(error, said, address)}") from None
+        message = f"{doing} failed: {error}"
+        raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
 
 
-def _if_damaged(error: Exception, said: str, address: DatabaseUrl) -> str:
+def _if_damaged(error: Exception, message: str, address: DatabaseUrl) -> str:
     """What to do, where a file of SQLite is damaged; empty where it is not that."""
     cause = getattr(error, "orig", None) or error
-    broken = isinstance(cause, ValueError) or any(words in said for words in _DAMAGED)
+    broken = isinstance(cause, ValueError) or any(words in message for words in _DAMAGED)
     if not broken or not address.reveal().startswith("sqlite"):
         return ""
     return (

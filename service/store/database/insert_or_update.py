@@ -21,23 +21,23 @@ def upsert(
     key: Sequence[str],
     *,
     update: bool = True,
-    where: Any = None,
+    condition: Any = None,
     returning: Any = None,
 ) -> Executable:
     """The statement that inserts ``values`` into ``table``. An existing row with the same ``key``
     is updated, or left as it is with ``update=False``.
 
-    ``where`` is the condition of the unique index over ``key``, if it is a partial index.
+    ``condition`` is the condition of the unique index over ``key``, if it is a partial index.
     """
     # SQLAlchemy compiles a statement of several rows each time, one of a single row only once.
     insert = _insert_into(session, table).values(values[0] if len(values) == 1 else values)
     changed = {name: insert.excluded[name] for name in values[0] if name not in key}
     if update and changed:
         statement = insert.on_conflict_do_update(
-            index_elements=key, index_where=where, set_=changed
+            index_elements=key, index_where=condition, set_=changed
         )
     else:
-        statement = insert.on_conflict_do_nothing(index_elements=key, index_where=where)
+        statement = insert.on_conflict_do_nothing(index_elements=key, index_where=condition)
     return statement if returning is None else statement.returning(returning)
 
 

@@ -10,6 +10,7 @@ from sqlalchemy import Engine, text
 from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
+from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.store.database.engine import for_writing, plainly, store_errors
 from stemwatch.service.store.database_url import DatabaseUrl
 
@@ -20,8 +21,8 @@ _SEEK = text("SET LOCAL enable_hashjoin = off; SET LOCAL enable_mergejoin = off"
 
 
 class Transactions:
-    """Sessions of one database; each ``with`` block is one transaction. Database errors are raised
-    as ``StoreError``."""
+    """Sessions of one database; each ``with`` block is one transaction, which Ctrl-C and SIGTERM
+    do not cut in two. Database errors are raised as ``StoreError``."""
 
     def __init__(self, engine: Engine, address: DatabaseUrl) -> None:
         self.readers = engine
@@ -43,7 +44,11 @@ class Transactions:
     @contextmanager
     def reading(self, doing: str = "reading") -> Iterator[Session]:
         """A session for reading; ``doing`` is the activity that an error names."""
-        with store_errors(self.address, doing), Session(self.readers) as session:
+        with (
+            interrupts_held(),
+            store_errors(self.address, doing),
+            Session(self.readers) as session,
+        ):
             if not self.is_sqlite:
                 session.execute(_SEEK)
             yield session
@@ -52,6 +57,7 @@ class Transactions:
     def writing(self, doing: str) -> Iterator[Session]:
         """A session that is committed at the end of the block, or rolled back after an error."""
         with (
+            interrupts_held(),
             store_errors(self.address, doing),
             self._noting_faults(),
             Session(self.writers, expire_on_commit=False) as session,

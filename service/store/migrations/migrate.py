@@ -43,12 +43,14 @@ def downgrade(engine: Engine, revision: str) -> None:
 def take_back(engine: Engine, address: DatabaseUrl, revision: str) -> None:
     """``downgrade`` after a check: raises ``StoreError`` for an unknown schema, or one that is not
     older than the present one."""
-    known = [
+    later_revisions = [
         walk_revision.revision
         for walk_revision in ScriptDirectory.from_config(_config()).walk_revisions()
     ]
-    if revision not in known:
-        raise StoreError(f"{address}: there is no schema {revision}; {', '.join(reversed(known))}")
+    if revision not in later_revisions:
+        raise StoreError(
+            f"{address}: there is no schema {revision}; {', '.join(reversed(later_revisions))}"
+        )
     with store_errors(address, "reading the schema"), engine.connect() as connection:
         present = current_revision(connection)
     if present is None or revision > present:
@@ -94,14 +96,14 @@ def wait_for_others(connection: Connection) -> None:
         connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
 
 
-def refuse_newer(revision: str, where: str) -> None:
+def refuse_newer(revision: str, database: str) -> None:
     """Raise ``StoreError`` for a schema that this version of the program does not know."""
     script = ScriptDirectory.from_config(_config())
     try:
         script.get_revision(revision)
     except CommandError:
         raise StoreError(
-            f"{where}: written by a newer stemwatch (schema {revision}; this version knows "
+            f"{database}: written by a newer stemwatch (schema {revision}; this version knows "
             f"schemas up to {script.get_current_head()}). Install the newer version."
         ) from None
 

@@ -54,17 +54,17 @@ class BrowserSettings:
 
     def set_limits(self, values: Mapping[str, float | None], who: str, now: datetime) -> None:
         """Set limits; ``None`` takes one back, so that the plant file's or the default holds."""
-        gone = [_LIMIT + name for name, value in values.items() if value is None]
-        kept = [
+        removed = [_LIMIT + name for name, value in values.items() if value is None]
+        remaining = [
             {"name": _LIMIT + name, "value": {_VALUE: value}, "changed": now, "who": who}
             for name, value in values.items()
             if value is not None
         ]
         with self._transactions.writing("setting limits") as session:
-            if gone:
-                session.execute(delete(SettingRow).where(SettingRow.name.in_(gone)))
-            if kept:
-                session.execute(upsert(session, SettingRow, kept, ("name",)))
+            if removed:
+                session.execute(delete(SettingRow).where(SettingRow.name.in_(removed)))
+            if remaining:
+                session.execute(upsert(session, SettingRow, remaining, ("name",)))
 
     def schedules(self) -> dict[str, SetBy]:
         """Who set each schedule that was made on the pages."""

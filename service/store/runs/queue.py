@@ -188,10 +188,10 @@ class RunQueue:
                 session.execute(
                     upsert(session, RunValveRow, part, ("run_id", "valve"), update=False)
                 )
-            left = select(RunValveRow.valve).where(
+            valves_left = select(RunValveRow.valve).where(
                 RunValveRow.run_id == run_id, RunValveRow.state == ValveState.PENDING.value
             )
-            return list(session.scalars(left.order_by(RunValveRow.valve)))
+            return list(session.scalars(valves_left.order_by(RunValveRow.valve)))
 
     def mark(self, run_id: int, valve: str, state: ValveState, reason: str = "") -> None:
         """Record the state of one valve; has no effect once it is no longer pending."""
@@ -267,10 +267,10 @@ def end_lost(session: Session, now: datetime) -> None:
     Such runs have no heartbeat. Whether a process on another machine still runs is unknown; after
     a day its run counts as lost, and if it finishes after all, it records that itself.
     """
-    alone = (RunRow.state == RunState.RUNNING.value, RunRow.heartbeat.is_(None))
+    without_heartbeat = (RunRow.state == RunState.RUNNING.value, RunRow.heartbeat.is_(None))
     old = RunRow.started < now - LOST_AFTER
     for row in session.scalars(
-        select(RunRow).where(*alone, or_(old, RunRow.owner.in_(_ended(session))))
+        select(RunRow).where(*without_heartbeat, or_(old, RunRow.owner.in_(_ended(session))))
     ):
         row.state, row.finished = RunState.FAILED.value, now
         row.reason = "its process ended before the run was over; what it had saved is kept"

@@ -62,10 +62,10 @@ class Schedules:
     def remove(self, name: str) -> bool:
         """Remove a schedule of the pages; false where there is none of this name."""
         with self._transactions.writing(f"removing the schedule {name}") as session:
-            own = (ScheduleRow.name == name, ScheduleRow.origin == FROM_BROWSER)
-            found = session.scalar(select(ScheduleRow.name).where(*own)) is not None
-            session.execute(delete(ScheduleRow).where(*own))
-            return found
+            conditions = (ScheduleRow.name == name, ScheduleRow.origin == FROM_BROWSER)
+            exists = session.scalar(select(ScheduleRow.name).where(*conditions)) is not None
+            session.execute(delete(ScheduleRow).where(*conditions))
+            return exists
 
     def all(self) -> list[StoredSchedule]:
         """Every schedule, by name."""

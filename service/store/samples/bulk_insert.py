@@ -88,9 +88,11 @@ def insert_samples(
     if connection.dialect.name == "sqlite":
         connection.exec_driver_sql(_SQLITE, _rows(columns))
         if replacing:
-            there = np.flatnonzero(columns.reason == replacing)
-            found = (columns.quality, columns.reason, columns.tag, columns.at_us)
-            rows = list(zip(*(column[there].tolist() for column in found), strict=True))
+            to_replace = np.flatnonzero(columns.reason == replacing)
+            sample_columns = (columns.quality, columns.reason, columns.tag, columns.at_us)
+            rows = list(
+                zip(*(column[to_replace].tolist() for column in sample_columns), strict=True)
+            )
             connection.exec_driver_sql(_SQLITE_REPLACE, rows)
         return
     driver = connection.connection.driver_connection

@@ -58,9 +58,9 @@ class StoredSamples:
         """
         if Role.OP not in valve.tags:
             raise MappingNeeded(f"{self._where}: {valve.valve}: no tag is given for OP")
-        known = {tag.name: tag for tag in self._samples.tags(self.source)}
+        stored_tags = {tag.name: tag for tag in self._samples.tags(self.source)}
         columns = sharing_times(
-            {role: self._column(tag.tag, known, window) for role, tag in valve.tags.items()}
+            {role: self._column(tag.tag, stored_tags, window) for role, tag in valve.tags.items()}
         )
         grid = self._grid(columns[Role.OP], window)
         notes = [f"The samples come from the store, where {self.source} was collected."]
@@ -79,13 +79,14 @@ class StoredSamples:
 
     def _column(self, tag: str, tags_by_name: dict[str, StoredTag], window: Window) -> Column:
         if tag not in tags_by_name:
-            near = (
+            close_names = (
                 difflib.get_close_matches(tag, tags_by_name, n=3, cutoff=0.4)
                 or sorted(tags_by_name)[:5]
             )
             raise UnknownTag(
                 f"{self._where}: there is no sample of {tag!r} among {len(tags_by_name)} tags; the "
-                f"nearest are {', '.join(map(repr, near)) or 'none: nothing was collected yet'}"
+                "nearest are "
+                f"{', '.join(map(repr, close_names)) or 'none: nothing was collected yet'}"
             )
         samples = self._samples.read(self.source, tag, window.start, window.stop)
         ns = samples.at_us * 1000
@@ -101,27 +102,31 @@ class StoredSamples:
 
     def _grid(self, op: Column, window: Window) -> Grid:
         if not np.isfinite(op.values).any():
-            raise ConnectorError(self._nothing(op, window))
+            raise ConnectorError(self._why_no_samples(op, window))
         return make_grid(op.times, op.tag, self._where, bounds_of(window))
 
-    def _nothing(self, op: Column, window: Window) -> str:
+    def _why_no_samples(self, op: Column, window: Window) -> str:
         bounds = self._samples.bounds(self.source, op.tag)
-        held = "there is none" if bounds is None else f"the store has {bounds[0]} to {bounds[1]}"
-        why = self._samples.reasons(self.source, op.tag, window.start, window.stop)
-        bad = "; ".join(f"{words} ({count} times)" for words, count in list(why.items())[:3])
+        stored_span = (
+            "there is none" if bounds is None else f"the store has {bounds[0]} to {bounds[1]}"
+        )
+        reason_counts = self._samples.reasons(self.source, op.tag, window.start, window.stop)
+        bad = "; ".join(
+            f"{words} ({count} times)" for words, count in list(reason_counts.items())[:3]
+        )
         return (
             f"{self._where}: {op.tag}: no good sample of the controller output from "
-            f"{window.start} to {window.stop}; {held}{f'. Bad: {bad}' if bad else ''}"
+            f"{window.start} to {window.stop}; {stored_span}{f'. Bad: {bad}' if bad else ''}"
         )
 
 
 def _signal(
     column: Column, mapping: TagMapping, grid: Grid, role: Role, notes: list[str]
 ) -> Signal:
-    laid = lay_column(column, grid, is_clock=role is Role.OP)
-    if laid.decision:
-        notes.append(laid.decision)
-    values, unit = laid.values, mapping.unit or column.unit
+    on_grid = lay_column(column, grid, is_clock=role is Role.OP)
+    if on_grid.decision:
+        notes.append(on_grid.decision)
+    values, unit = on_grid.values, mapping.unit or column.unit
     if role is not Role.MODE and mapping.low is not None and mapping.high is not None:
         values = 100.0 * (values - mapping.low) / (mapping.high - mapping.low)
         unit = PERCENT
@@ -130,7 +135,7 @@ def _signal(
         unit = PERCENT
     return Signal(
         values=values,
-        quality=laid.quality,
+        quality=on_grid.quality,
         tag=column.tag,
         unit=unit,
         range=mapping.process_range(column.unit),

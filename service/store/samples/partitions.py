@@ -87,8 +87,8 @@ def wanted_days(days: Iterable[int], now: datetime) -> set[int]:
     The limit keeps a device with a wrong clock from creating thousands of tables.
     """
     today = day_of(now)
-    near = {day for day in days if today - MOST_DAYS_BACK <= day <= today + DAYS_AHEAD}
-    return near | set(range(today, today + DAYS_AHEAD + 1))
+    near_days = {day for day in days if today - MOST_DAYS_BACK <= day <= today + DAYS_AHEAD}
+    return near_days | set(range(today, today + DAYS_AHEAD + 1))
 
 
 def make_days(connection: Connection, days: Iterable[int]) -> int:
@@ -114,11 +114,11 @@ def drop_days(connection: Connection, before: int) -> int:
     """Drop the partitions of all days before day ``before``; return how many samples they held."""
     connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
     old = [name for day, name in sorted(days_there(connection).items()) if day < before]
-    gone = sum(_rows_of(connection, name) for name in old)
+    rows_removed = sum(_rows_of(connection, name) for name in old)
     if old:
         connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_WAIT}'"))
         connection.execute(text(f"DROP TABLE {', '.join(old)}"))
-    return gone
+    return rows_removed
 
 
 def drop_chunks(before_us: int) -> str:

@@ -77,8 +77,8 @@ def with_holes(at_s: Floats, values: Floats, usual_s: float | None = None) -> Pl
     if at_s.size < 2:
         return PlotPoints(at_s=at_s, values=values)
     steps = np.diff(at_s)
-    usual = float(np.median(steps)) if usual_s is None else usual_s
-    holes = np.flatnonzero(steps > HOLE_STEPS * usual)
+    usual_step_s = float(np.median(steps)) if usual_s is None else usual_s
+    holes = np.flatnonzero(steps > HOLE_STEPS * usual_step_s)
     middles = (at_s[holes] + at_s[holes + 1]) / 2
     return PlotPoints(
         at_s=np.insert(at_s, holes + 1, middles),

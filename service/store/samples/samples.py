@@ -128,9 +128,9 @@ class SampleStore:
         )
         with self._transactions.reading() as session:
             rows = session.execute(statement.order_by(SampleRow.at_us)).all()
-        at, values, quality = zip(*rows, strict=True) if rows else ((), (), ())
+        times, values, quality = zip(*rows, strict=True) if rows else ((), (), ())
         return TagSamples(
-            at_us=np.array(at, dtype=np.int64),
+            at_us=np.array(times, dtype=np.int64),
             values=np.array(values, dtype=np.float64),  # None becomes NaN
             quality=np.array(quality, dtype=np.uint8),
         )
@@ -191,11 +191,11 @@ class SampleStore:
 
     def prepare_days(self, now: datetime | None = None, days: frozenset[int] = frozenset()) -> int:
         """Create PostgreSQL's partitions of the coming days and of ``days``; return how many."""
-        wanted = partitions.wanted_days(days, now or datetime.now(UTC))
+        days_wanted = partitions.wanted_days(days, now or datetime.now(UTC))
         with self._transactions.writing("making partitions of samples") as session:
             if partitions.layout_of(session.connection()) is not SampleLayout.PARTITIONS:
                 return 0
-            return partitions.make_days(session.connection(), wanted)
+            return partitions.make_days(session.connection(), days_wanted)
 
     def remove_before(self, instant: datetime, *, whole_days: bool = False) -> int:
         """Remove samples older than ``instant`` and return their number.
@@ -210,8 +210,8 @@ class SampleStore:
             return self._remove_by_tag(before_us)
         with self._transactions.writing("removing old samples") as session:
             days = _remove_days(session.connection(), before_us)
-            rest = session.execute(delete(SampleRow).where(SampleRow.at_us < before_us))
-            single_rows: int = rest.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+            removed = session.execute(delete(SampleRow).where(SampleRow.at_us < before_us))
+            single_rows: int = removed.rowcount  # type: ignore[attr-defined]  # a DELETE has one
         self._days.clear()
         self.prepare_days()
         return days + single_rows
@@ -243,12 +243,12 @@ class SampleStore:
 
     def _numbers_of_tags(self, session: Session, batch: SampleBatch) -> dict[str, int]:
         names = dict.fromkeys(batch.tags)
-        known = {
+        number_of_tag = {
             name: self._tags[batch.source, name]
             for name in names
             if (batch.source, name) in self._tags
         }
-        new = [name for name in names if name not in known]
+        new = [name for name in names if name not in number_of_tag]
         for first in range(0, len(new), _IN_ONE_STATEMENT):
             part = new[first : first + _IN_ONE_STATEMENT]
             by_stored = {clean_text(name): name for name in part}
@@ -257,22 +257,22 @@ class SampleStore:
             rows = select(TagRow.name, TagRow.id).where(
                 TagRow.source == batch.source, TagRow.name.in_(list(by_stored))
             )
-            known |= {by_stored[name]: number for name, number in session.execute(rows)}
-        return known
+            number_of_tag |= {by_stored[name]: number for name, number in session.execute(rows)}
+        return number_of_tag
 
     def _numbers_of_reasons(self, session: Session, batch: SampleBatch) -> dict[str, int]:
-        known: dict[str, int] = {}
+        number_of_reason: dict[str, int] = {}
         for words in dict.fromkeys(batch.reasons):
             if not words:
                 continue
             if words in self._reasons:
-                known[words] = self._reasons[words]
+                number_of_reason[words] = self._reasons[words]
                 continue
             value = {"words": words}
             session.execute(upsert(session, SampleReasonRow, [value], ("words",), update=False))
             row = select(SampleReasonRow.id).where(SampleReasonRow.words == words)
-            known[words] = session.execute(row).scalar_one()
-        return known
+            number_of_reason[words] = session.execute(row).scalar_one()
+        return number_of_reason
 
 
 def _columns(batch: SampleBatch, tags: dict[str, int], reasons: dict[str, int]) -> SampleColumns:
@@ -295,14 +295,14 @@ def _remove_days(connection: Connection, before_us: int) -> int:
         return 0
     whole_us = before_us - before_us % DAY_US
     rows = select(func.count()).select_from(SampleRow).where(SampleRow.at_us < whole_us)
-    gone = connection.execute(rows).scalar_one()
+    rows_removed = connection.execute(rows).scalar_one()
     connection.execute(text(partitions.drop_chunks(whole_us)))
-    return gone
+    return rows_removed
 
 
 def _tag_number(session: Session, source: str, tag: str) -> int | None:
-    wanted = (TagRow.source == source, TagRow.name == clean_text(tag))
-    return session.scalar(select(TagRow.id).where(*wanted))
+    conditions = (TagRow.source == source, TagRow.name == clean_text(tag))
+    return session.scalar(select(TagRow.id).where(*conditions))
 
 
 def _window(

@@ -72,12 +72,16 @@ def read_dead_tags(
     without a sample of the last minute are left out: theirs may still be waiting in the spool; so
     are those that are bad because the clock was set back, which says nothing of the tag."""
     since = SampleRow.at_us > microseconds(now - limit)
-    twice = select(SampleReasonRow.id).where(SampleReasonRow.words == CAME_TWICE)
-    known = func.coalesce(SampleRow.reason_id, 0) != func.coalesce(twice.scalar_subquery(), -1)
-    of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == TagRow.id, since, known)
-    of_tag = of_tag.order_by(SampleRow.at_us.desc()).limit(1).correlate(TagRow)
-    newest = of_tag.scalar_subquery()
-    good = of_tag.where(SampleRow.quality == 0).scalar_subquery()
+    came_twice = select(SampleReasonRow.id).where(SampleReasonRow.words == CAME_TWICE)
+    not_repeated = func.coalesce(SampleRow.reason_id, 0) != func.coalesce(
+        came_twice.scalar_subquery(), -1
+    )
+    last_good_of_tag = select(SampleRow.at_us).where(
+        SampleRow.tag_id == TagRow.id, since, not_repeated
+    )
+    last_good_of_tag = last_good_of_tag.order_by(SampleRow.at_us.desc()).limit(1).correlate(TagRow)
+    newest = last_good_of_tag.scalar_subquery()
+    good = last_good_of_tag.where(SampleRow.quality == 0).scalar_subquery()
     rows = select(TagRow.name, TagRow.id).where(
         TagRow.source == source, newest > microseconds(now - FRESH), good.is_(None)
     )
@@ -86,9 +90,9 @@ def read_dead_tags(
 
 def read_last_good(session: Session, number: int, since: datetime) -> LastGood:
     """The last good sample of a tag after ``since``, and the reason of its newest bad one."""
-    of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == number)
+    times_of_tag = select(SampleRow.at_us).where(SampleRow.tag_id == number)
     newest_first = SampleRow.at_us.desc()
-    good = of_tag.where(SampleRow.quality == 0, SampleRow.at_us > microseconds(since))
+    good = times_of_tag.where(SampleRow.quality == 0, SampleRow.at_us > microseconds(since))
     last = session.scalar(good.order_by(newest_first).limit(1))
     words = session.scalar(
         select(SampleReasonRow.words)

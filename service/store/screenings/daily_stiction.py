@@ -35,24 +35,30 @@ def read_trends(session: Session, valves: Sequence[str], limit: float) -> dict[s
 
 def _daily(session: Session, valves: Sequence[str]) -> Mapping[str, Mapping[date, float]]:
     """The mean of S in percent of OP span of each day that counts, UTC."""
-    known = (ScreeningRow.valve.in_(valves), ScreeningRow.s_percent.is_not(None))
-    newest = select(ScreeningRow.valve, func.max(ScreeningRow.at)).where(*known)
-    latest = {valve: at for valve, at in session.execute(newest.group_by(ScreeningRow.valve))}
+    conditions = (ScreeningRow.valve.in_(valves), ScreeningRow.s_percent.is_not(None))
+    newest = select(ScreeningRow.valve, func.max(ScreeningRow.at)).where(*conditions)
+    latest = {
+        valve: window_end
+        for valve, window_end in session.execute(newest.group_by(ScreeningRow.valve))
+    }
     if not latest:
         return {}
     reach = timedelta(weeks=WEEKS)
     worked = select(MaintenanceRow.valve, func.max(MaintenanceRow.at))
     worked = worked.where(MaintenanceRow.valve.in_(valves)).group_by(MaintenanceRow.valve)
-    work = {valve: at for valve, at in session.execute(worked)}
-    begins = {valve: max(at - reach, work.get(valve, at - reach)) for valve, at in latest.items()}
+    work = {valve: work_time for valve, work_time in session.execute(worked)}
+    begins = {
+        valve: max(window_end - reach, work.get(valve, window_end - reach))
+        for valve, window_end in latest.items()
+    }
     day = func.date(ScreeningRow.at)
     statement = select(ScreeningRow.valve, day, func.avg(ScreeningRow.s_percent)).where(
-        *known, ScreeningRow.at >= min(begins.values())
+        *conditions, ScreeningRow.at >= min(begins.values())
     )
-    found: dict[str, dict[date, float]] = defaultdict(dict)
+    lowest_by_day: dict[str, dict[date, float]] = defaultdict(dict)
     for valve, text, mean in session.execute(statement.group_by(ScreeningRow.valve, day)):
         when = text if isinstance(text, date) else date.fromisoformat(str(text))
         # The day of the work has screenings of the valve before it as well.
         if when >= begins[valve].date() and (valve not in work or when > work[valve].date()):
-            found[valve][when] = float(mean)
-    return found
+            lowest_by_day[valve][when] = float(mean)
+    return lowest_by_day

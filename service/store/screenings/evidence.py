@@ -26,10 +26,10 @@ def read_evidence(session: Session, valves: Sequence[str]) -> dict[str, list[Win
     Windows before the last work on the valve, and one in which it lies, do not count. A window that
     an older version stored says what it named, and nothing of what it did not name.
     """
-    found: dict[str, list[WindowEvidence]] = {}
+    evidence_of_valve: dict[str, list[WindowEvidence]] = {}
     for first in range(0, len(valves), _AT_ONCE):
-        found |= _of_part(session, list(valves[first : first + _AT_ONCE]))
-    return found
+        evidence_of_valve |= _of_part(session, list(valves[first : first + _AT_ONCE]))
+    return evidence_of_valve
 
 
 def _of_part(session: Session, valves: Sequence[str]) -> dict[str, list[WindowEvidence]]:
@@ -42,8 +42,10 @@ def _of_part(session: Session, valves: Sequence[str]) -> dict[str, list[WindowEv
         table.at >= min(begins.values()),
         table.mismatch_finding.in_(_NAMED),
     )
-    wanted = {valve for valve, at in session.execute(named) if at >= begins[valve]}
-    if not wanted:
+    valves_named = {
+        valve for valve, named_at in session.execute(named) if named_at >= begins[valve]
+    }
+    if not valves_named:
         return {}
     statement = select(
         table.valve,
@@ -52,11 +54,11 @@ def _of_part(session: Session, valves: Sequence[str]) -> dict[str, list[WindowEv
         table.evidence,
         table.mismatch_slugs,
     ).where(
-        table.valve.in_(sorted(wanted)),
-        table.at >= min(begins[valve] for valve in wanted),
+        table.valve.in_(sorted(valves_named)),
+        table.at >= min(begins[valve] for valve in valves_named),
         table.mismatch_finding.is_not(None),
     )
-    work = _last_work(session, sorted(wanted))
+    work = _last_work(session, sorted(valves_named))
     windows: dict[str, list[WindowEvidence]] = defaultdict(list)
     for row in session.execute(statement.order_by(table.valve, table.at, table.id)):
         counts = row.at >= begins[row.valve]
@@ -74,10 +76,10 @@ def _begins(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
         ScreeningRow.valve.in_(valves)
     )
     rows = session.execute(latest.group_by(ScreeningRow.valve))
-    return {valve: at - timedelta(weeks=WEEKS) for valve, at in rows}
+    return {valve: window_end - timedelta(weeks=WEEKS) for valve, window_end in rows}
 
 
 def _last_work(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
     work = select(MaintenanceRow.valve, func.max(MaintenanceRow.at))
     work = work.where(MaintenanceRow.valve.in_(valves)).group_by(MaintenanceRow.valve)
-    return {valve: at for valve, at in session.execute(work)}
+    return {valve: work_time for valve, work_time in session.execute(work)}

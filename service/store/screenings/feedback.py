@@ -99,17 +99,17 @@ def count_feedback(session: Session) -> Mapping[tuple[Verdict, Judgement], int]:
     """How often each verdict was said to be right or wrong."""
     columns = (FeedbackRow.verdict, FeedbackRow.judgement)
     rows = session.execute(select(*columns, func.count()).group_by(*columns))
-    return {(Verdict(verdict), Judgement(said)): many for verdict, said, many in rows}
+    return {(Verdict(verdict), Judgement(judgement)): count for verdict, judgement, count in rows}
 
 
 def count_effects(labels: Sequence[Feedback]) -> Mapping[str, Mapping[Judgement, int]]:
     """How often each effect that stood was said to be right or wrong."""
-    found: dict[str, dict[Judgement, int]] = {}
+    counts_of_effect: dict[str, dict[Judgement, int]] = {}
     for label in labels:
         for slug in label.effects:
-            counted = found.setdefault(slug, dict.fromkeys(Judgement, 0))
-            counted[label.judgement] += 1
-    return dict(sorted(found.items()))
+            counts = counts_of_effect.setdefault(slug, dict.fromkeys(Judgement, 0))
+            counts[label.judgement] += 1
+    return dict(sorted(counts_of_effect.items()))
 
 
 def _feedback(row: FeedbackRow) -> Feedback:

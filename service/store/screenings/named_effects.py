@@ -24,23 +24,26 @@ def defects_key(mismatch: Mismatch) -> dict[str, str]:
     return {KEY: " ".join(effect.slug for effect in mismatch.defects)}
 
 
-def named_column(of: Any = ScreeningRow) -> ColumnElement[bool]:
-    """Whether a screening names any effect; never NULL. ``of`` is the table or an alias of it."""
+def named_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
+    """Whether a screening names any effect; never NULL. ``source`` is the table or an alias of
+    it."""
     words = [Finding.NAMED.value, Finding.CANDIDATES.value]
-    return func.coalesce(of.mismatch_finding.in_(words), False)
+    return func.coalesce(source.mismatch_finding.in_(words), False)
 
 
-def defects_column(of: Any = ScreeningRow) -> ColumnElement[str | None]:
+def defects_column(source: Any = ScreeningRow) -> ColumnElement[str | None]:
     """What ``defects_key`` stored, as an SQL column; NULL where nothing was named or an older
     version stored it. Read only where effects are named, since the JSON is long."""
-    kept = type_coerce(of.mismatch, JSON)[KEY].as_string()
-    return case((named_column(of), kept), else_=None).label(KEY)
+    stored_kinds = type_coerce(source.mismatch, JSON)[KEY].as_string()
+    return case((named_column(source), stored_kinds), else_=None).label(KEY)
 
 
-def defective_column(of: Any = ScreeningRow) -> ColumnElement[bool]:
+def defective_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
     """Whether a defect is named that stands among all valves of its run; never NULL."""
-    stands = not_(func.coalesce(remark_column(of), "") != "")
-    return and_(named_column(of), stands, func.coalesce(defects_column(of), "all") != "")
+    is_held_back = not_(func.coalesce(remark_column(source), "") != "")
+    return and_(
+        named_column(source), is_held_back, func.coalesce(defects_column(source), "all") != ""
+    )
 
 
 def defects_of(slugs: Sequence[str] | None, stored: str | None) -> tuple[str, ...]:

@@ -3,10 +3,11 @@ valve."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime
 
-from sqlalchemy import ColumnElement, delete, select
+from sqlalchemy import ColumnElement, and_, delete, select, true
 from sqlalchemy.orm import Session
 
 from stemwatch.service.store.screenings.records import Remark
@@ -48,17 +49,33 @@ def read_pictures(session: Session, screening: int) -> bytes:
     return session.scalar(packed) or b""
 
 
-def read_around_work(session: Session, valve: str) -> AroundWork | None:
-    """The last work on ``valve`` between two windows; ``None`` where there is none."""
-    remarks = select(MaintenanceRow).where(MaintenanceRow.valve == valve)
-    remarks = remarks.order_by(MaintenanceRow.at.desc(), MaintenanceRow.id.desc())
-    for work in session.scalars(remarks.limit(MOST_WORK)):
-        after = _latest(session, valve, ScreeningRow.window_start >= work.at)
-        before = after and _latest(session, valve, ScreeningRow.window_end <= work.at)
+def read_around_work(
+    session: Session, valve: str, until_run: int | None = None
+) -> AroundWork | None:
+    """The last work on ``valve`` between two windows, none of them of a run after ``until_run``;
+    ``None`` where there is none."""
+    until_then = true() if until_run is None else ScreeningRow.run_id <= until_run
+    work_query = select(MaintenanceRow).where(MaintenanceRow.valve == valve)
+    work_query = work_query.order_by(MaintenanceRow.at.desc(), MaintenanceRow.id.desc())
+    for work in session.scalars(work_query.limit(MOST_WORK)):
+        after = _latest(session, valve, and_(ScreeningRow.window_start >= work.at, until_then))
+        ended = and_(ScreeningRow.window_end <= work.at, until_then)
+        before = after and _latest(session, valve, ended)
         if before and after:
-            done = Remark(valve=valve, at=work.at, note=work.note, who=work.who)
-            return AroundWork(work=done, before=before, after=after)
+            work_done = Remark(valve=valve, at=work.at, note=work.note, who=work.who)
+            return AroundWork(work=work_done, before=before, after=after)
     return None
+
+
+def read_work_compared(
+    session: Session, valves: Collection[str], until_run: int | None = None
+) -> list[AroundWork]:
+    """``read_around_work`` of each of ``valves`` that has it."""
+    worked = session.scalars(select(MaintenanceRow.valve).distinct())
+    known = (
+        read_around_work(session, valve, until_run) for valve in sorted(set(worked) & set(valves))
+    )
+    return [around for around in known if around is not None]
 
 
 def _latest(session: Session, valve: str, when: ColumnElement[bool]) -> PicturedWindow | None:

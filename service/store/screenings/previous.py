@@ -33,8 +33,8 @@ def read_previous(
     key = window_key(screening)
     before = screening.window[1] or now
     if before is None:
-        own = select(table.at).where(table.valve == screening.valve, table.window_key == key)
-        before = session.scalar(own)
+        conditions = select(table.at).where(table.valve == screening.valve, table.window_key == key)
+        before = session.scalar(conditions)
     statement = select(*_columns(table)).where(
         table.valve == screening.valve, table.window_key != key
     )

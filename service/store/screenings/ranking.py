@@ -262,9 +262,9 @@ def read_ranking(session: Session, ranking_filter: RankingFilter) -> RankingPage
         if not ranking_filter.verdicts or word in ranking_filter.verdicts:
             chosen.append((row.id, row.screening_id, severity))
     first = (ranking_filter.page - 1) * ranking_filter.size
-    shown = chosen[first : first + ranking_filter.size]
+    page = chosen[first : first + ranking_filter.size]
     return RankingPage(
-        lines=_lines(session, shown, first + 1),
+        lines=_lines(session, page, first + 1),
         counts=counts,
         states=states,
         total=len(chosen),
@@ -309,8 +309,8 @@ def read_areas(session: Session) -> tuple[str, ...]:
 
 def read_valves_in(session: Session, area: str) -> list[str]:
     """The valves of one area, by id."""
-    wanted = select(ValveRow.id).where(ValveRow.area == area).order_by(ValveRow.id)
-    return list(session.scalars(wanted))
+    query = select(ValveRow.id).where(ValveRow.area == area).order_by(ValveRow.id)
+    return list(session.scalars(query))
 
 
 def _line(row: Any, rank: int, severity: float, previous: PreviousFinding | None) -> RankingLine:

@@ -57,14 +57,14 @@ def read_recent(
     since one statement names them all."""
     judged = _last(session, valves, depth)
     at_baseline = _at_baseline(session, valves)
-    numbers = [screening.id for many in judged.values() for screening in many]
+    numbers = [screening.id for screenings in judged.values() for screening in screenings]
     values = read_indicator(session, indicator, numbers)
     worked_at = _worked_at(session, valves)
     return {
         valve: RecentOfValve(
-            screenings=(many := judged.get(valve, [])),
+            screenings=(of_valve := judged.get(valve, [])),
             at_baseline=at_baseline.get(valve),
-            indicator={judged.id: values[judged.id] for judged in many if judged.id in values},
+            indicator={judged.id: values[judged.id] for judged in of_valve if judged.id in values},
             worked_at=worked_at.get(valve, ()),
         )
         for valve in valves
@@ -75,20 +75,24 @@ def read_work_without_note(session: Session, valves: Sequence[str], writer: str)
     """Those of ``valves`` whose last maintenance has no note by ``writer`` at its instant."""
     work = select(MaintenanceRow.valve, MaintenanceRow.at).order_by(MaintenanceRow.at)
     rows = session.execute(work.where(MaintenanceRow.valve.in_(valves)))
-    last = {valve: at for valve, at in rows}  # rows are in order of time: the last one remains
+    last = {
+        valve: worked_at for valve, worked_at in rows
+    }  # rows are in order of time: the last one remains
     notes = select(NoteRow.valve, NoteRow.at).where(
         NoteRow.who == writer, NoteRow.valve.in_(list(last))
     )
-    noted = {(valve, at) for valve, at in session.execute(notes)} if last else set()
-    return [valve for valve in valves if valve in last and (valve, last[valve]) not in noted]
+    with_note = (
+        {(valve, worked_at) for valve, worked_at in session.execute(notes)} if last else set()
+    )
+    return [valve for valve in valves if valve in last and (valve, last[valve]) not in with_note]
 
 
 def _worked_at(session: Session, valves: Sequence[str]) -> dict[str, list[datetime]]:
     """The instants of maintenance of each of ``valves`` that has any."""
     worked: dict[str, list[datetime]] = {}
     work = select(MaintenanceRow.valve, MaintenanceRow.at).where(MaintenanceRow.valve.in_(valves))
-    for valve, at in session.execute(work):
-        worked.setdefault(valve, []).append(at)
+    for valve, worked_at in session.execute(work):
+        worked.setdefault(valve, []).append(worked_at)
     return worked
 
 
@@ -104,13 +108,13 @@ def _last(session: Session, valves: Sequence[str], depth: int) -> dict[str, list
     numbers = [number for ids in order.values() for number in ids]
     rows = select(*_COLUMNS).where(ScreeningRow.id.in_(numbers))
     by_number = {row.id: row for row in session.execute(rows)}
-    many = {
+    counts = {
         valve: [by_number[number] for number in ids if number in by_number]
         for valve, ids in order.items()
     }
-    named = _named(session, [newest for rows in many.values() if (newest := _newest(rows))])
+    named = _named(session, [newest for rows in counts.values() if (newest := _newest(rows))])
     return {
-        valve: [_judged(row, named.get(row.id)) for row in rows] for valve, rows in many.items()
+        valve: [_judged(row, named.get(row.id)) for row in rows] for valve, rows in counts.items()
     }
 
 
@@ -158,7 +162,7 @@ def _percent(row: Any) -> Estimate:
 
 def _at_baseline(session: Session, valves: Sequence[str]) -> dict[str, Estimate]:
     """S in the window that each valve's baseline was fitted to."""
-    same = and_(
+    same_baseline = and_(
         ScreeningRow.valve == NetworkRow.valve,
         ScreeningRow.at == NetworkRow.window_end,  # has an index; it is the end of the window
         ScreeningRow.window_end == NetworkRow.window_end,
@@ -171,6 +175,6 @@ def _at_baseline(session: Session, valves: Sequence[str]) -> dict[str, Estimate]
         ScreeningRow.s_high_percent,
         ScreeningRow.s_reason,
     )
-    rows = select(*columns).select_from(NetworkRow).join(ScreeningRow, same)
+    rows = select(*columns).select_from(NetworkRow).join(ScreeningRow, same_baseline)
     rows = rows.where(NetworkRow.valve.in_(valves), NetworkRow.kind == BASELINE, NetworkRow.active)
     return {row.valve: _percent(row) for row in session.execute(rows)}

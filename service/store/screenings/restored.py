@@ -70,8 +70,8 @@ def read_latest_of_each(session: Session) -> list[Restored]:
     return _restored(session, ScreeningRow.id.in_(newest))
 
 
-def _restored(session: Session, which: ColumnElement[bool]) -> list[Restored]:
-    statement = select(ScreeningRow).options(defer(ScreeningRow.mismatch)).where(which)
+def _restored(session: Session, condition: ColumnElement[bool]) -> list[Restored]:
+    statement = select(ScreeningRow).options(defer(ScreeningRow.mismatch)).where(condition)
     rows = session.scalars(statement.order_by(ScreeningRow.valve, ScreeningRow.id))
     return [_of_row(row) for row in rows]
 

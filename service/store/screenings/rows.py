@@ -148,20 +148,20 @@ def _provenance(row: ScreeningRow) -> Provenance:
     )
 
 
-def _without_position_json(told: WithoutPosition | None) -> dict[str, Any] | None:
-    if told is None:
+def _without_position_json(suspicion: WithoutPosition | None) -> dict[str, Any] | None:
+    if suspicion is None:
         return None
-    S = told.apparent_S
+    S = suspicion.apparent_S
     return {
-        "verdict": told.verdict.value,
-        "reason": told.reason,
-        "advice": told.advice,
-        "score": finite(told.score),
+        "verdict": suspicion.verdict.value,
+        "reason": suspicion.reason,
+        "advice": suspicion.advice,
+        "score": finite(suspicion.score),
         "S": [finite(S.value), finite(S.low), finite(S.high)],
         "unit": S.unit,
         "S_reason": S.reason,
-        "shows_from": finite(told.shows_from),
-        "rivals": list(told.rivals),
+        "shows_from": finite(suspicion.shows_from),
+        "rivals": list(suspicion.rivals),
     }
 
 

@@ -167,10 +167,10 @@ def count_verdicts(session: Session, run_id: int) -> dict[str, int]:
     return count_overall(session, select(ScreeningRow).where(ScreeningRow.run_id == run_id))
 
 
-def count_overall(session: Session, of: Select[Any]) -> dict[str, int]:
-    """How many of the screenings ``of`` ended in each verdict on their valve."""
+def count_overall(session: Session, query: Select[Any]) -> dict[str, int]:
+    """How many of the screenings ``query`` ended in each verdict on their valve."""
     defective = defective_column()
-    statement = of.with_only_columns(ScreeningRow.verdict, defective, func.count())
+    statement = query.with_only_columns(ScreeningRow.verdict, defective, func.count())
     grouped = statement.group_by(ScreeningRow.verdict, defective)
     counts: dict[str, int] = {}
     for word, named, count in session.execute(grouped):

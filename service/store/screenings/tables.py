@@ -148,6 +148,32 @@ class PictureRow(TableBase):
     packed: Mapped[bytes]
 
 
+class OscillationRow(TableBase):
+    """Loops that oscillated together in the windows of one run, the likeliest source first.
+
+    ``at`` is the end of their common record, or the time of saving where the source has no dates;
+    ``follows`` the row of the same oscillation in the window before, where that is still kept.
+    """
+
+    __tablename__ = "oscillations"
+    __table_args__ = (Index("ix_oscillations_at", "at"), Index("ix_oscillations_run", "run_id"))
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    run_id: Mapped[int] = mapped_column(ForeignKey("runs.id", ondelete="CASCADE"))
+    follows: Mapped[int | None]
+    at: Mapped[datetime]
+    start: Mapped[datetime | None]
+    duration_s: Mapped[float]
+    period_s: Mapped[float]
+    regularity: Mapped[float]
+    outside: Mapped[float]
+    since: Mapped[datetime | None]
+    first_found: Mapped[datetime | None]
+    windows: Mapped[int]
+    members: Mapped[dict[str, Any]]
+    pictures: Mapped[dict[str, Any]] = mapped_column(deferred=True)
+
+
 class NetworkRow(TableBase):
     """A valve's NARX network. At most one of each kind is active; older baselines are kept."""
 

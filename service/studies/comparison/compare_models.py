@@ -79,15 +79,15 @@ def compare(
     fitted is a row with an outcome.
     """
     networks = NETWORKS if network else ()
-    of = len(models) + len(networks)
+    total = len(models) + len(networks)
     rows, element = [], None
-    for done, model in enumerate(models):
-        on_progress(model.name, done, of)
+    for finished, model in enumerate(models):
+        on_progress(model.name, finished, total)
         fit = fit_model(model, recording, train_until)
         element = fit if model is CANONICAL else element
         rows.append(_of_fit(fit, "data-driven" if model in DATA_DRIVEN else "force balance"))
-    for done, entry in enumerate(networks, start=len(models)):
-        on_progress(entry.name, done, of)
+    for finished, entry in enumerate(networks, start=len(models)):
+        on_progress(entry.name, finished, total)
         rows.append(_of_fit(fit_network(entry, recording, train_until, element), "network"))
     return Comparison(recording=recording, train_until=train_until, rows=tuple(rows))
 

@@ -58,8 +58,8 @@ def _data(comparison: Comparison) -> dict[str, Any]:
     if recording.mv is not None:
         mv = _points(recording.mv.values, grid)
         traces.append({"label": "MV", "values": mv, "shown": True})
-    drawn = [row for row in comparison.ranked() if row.simulated is not None]
-    traces += [_trace(row, grid, index < SHOWN_FIRST) for index, row in enumerate(drawn)]
+    simulated_rows = [row for row in comparison.ranked() if row.simulated is not None]
+    traces += [_trace(row, grid, index < SHOWN_FIRST) for index, row in enumerate(simulated_rows)]
     return {
         "first": grid.first * recording.interval_s,
         "step": grid.step * recording.interval_s,

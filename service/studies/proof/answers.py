@@ -151,19 +151,19 @@ def judge(
         _Chunk(str(folder), tuple(names[first : first + CHUNK]), tuple(arguments))
         for first in range(0, len(names), CHUNK)
     ]
-    said: list[BlindAnswer] = []
+    all_answers: list[BlindAnswer] = []
     for _, answers in map_items(executor, _explain, chunks):
-        said += answers
-        on_progress(len(said))
-    return sorted(said, key=lambda answer: answer.file)
+        all_answers += answers
+        on_progress(len(all_answers))
+    return sorted(all_answers, key=lambda answer: answer.file)
 
 
 def _explain(chunk: _Chunk) -> list[BlindAnswer]:
     with tempfile.TemporaryDirectory() as home:
         answer = Path(home) / "answer.json"
-        ours = ["--json", str(answer), "--workers", "1"]
-        command = ["explain", *chunk.files, *ours, *chunk.arguments]
-        done = subprocess.run(
+        options = ["--json", str(answer), "--workers", "1"]
+        command = ["explain", *chunk.files, *options, *chunk.arguments]
+        process = subprocess.run(
             [sys.executable, "-m", "stemwatch.service", *command],
             cwd=chunk.folder,
             env={**os.environ, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
@@ -173,19 +173,19 @@ def _explain(chunk: _Chunk) -> list[BlindAnswer]:
             check=False,
         )
         if not answer.is_file():
-            raise JudgeFailed(_failure(chunk, f"exit status {done.returncode}", done.stderr))
+            raise JudgeFailed(_failure(chunk, f"exit status {process.returncode}", process.stderr))
         answers = [read_answer(load) for load in json.loads(answer.read_text(encoding="utf-8"))]
     silent = sorted(set(chunk.files) - {answer.file for answer in answers})
     if silent or len(answers) != len(chunk.files):
         raise JudgeFailed(
-            _failure(chunk, f"no single answer for {silent or 'a file'}", done.stderr)
+            _failure(chunk, f"no single answer for {silent or 'a file'}", process.stderr)
         )
     return answers
 
 
-def _failure(chunk: _Chunk, what: str, words: str) -> str:
+def _failure(chunk: _Chunk, stage: str, words: str) -> str:
     first, last = chunk.files[0], chunk.files[-1]
     return (
-        f"the judging of {first} to {last} failed: {what}; run `stemwatch explain {first}` on the "
+        f"the judging of {first} to {last} failed: {stage}; run `stemwatch explain {first}` on the "
         f"kept files (--keep DIR). Its last words: {words[-_LAST_WORDS:].strip() or 'none'}"
     )

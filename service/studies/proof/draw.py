@@ -98,17 +98,17 @@ def draw_cases(count: int, seed: int, effect: str = "", concealment: str = "") -
     return _concealed(count, seed, under) if concealment else draw_hidden(count, seed)
 
 
-def _check(what: str, word: str, known: Sequence[str]) -> None:
-    if word and word not in known:
-        raise ValueError(f"no {what} {word!r} is ever drawn; there are {', '.join(known)}")
+def _check(noun: str, word: str, allowed: Sequence[str]) -> None:
+    if word and word not in allowed:
+        raise ValueError(f"no {noun} {word!r} is ever drawn; there are {', '.join(allowed)}")
 
 
 def _concealed(count: int, seed: int, concealment: str) -> list[HiddenCase]:
     nulls, outside = count // 5, count // 10
     slugs = tuple(EFFECTS)
     rounds = -(-(count - nulls - outside) // len(slugs))
-    drawn = [draw_effect(slug, rounds, seed, concealment) for slug in slugs]
-    singles = [case for turn in zip(*drawn, strict=True) for case in turn]
+    effects = [draw_effect(slug, rounds, seed, concealment) for slug in slugs]
+    singles = [case for turn in zip(*effects, strict=True) for case in turn]
     return [
         *draw_nulls(nulls, seed, concealment),
         *draw_unknown(outside, seed, concealment),
@@ -149,8 +149,8 @@ def _fill(order: _SimulationBatch) -> list[CaseTruth]:
     return [_write(case, Path(file)) for case, file in order.cases]
 
 
-def _write(drawn: HiddenCase, file: Path) -> CaseTruth:
-    case, simulated = simulate_hidden(drawn)
+def _write(hidden_case: HiddenCase, file: Path) -> CaseTruth:
+    case, simulated = simulate_hidden(hidden_case)
     write_case(file, simulated.recording)
     truth = simulated.truth
     return CaseTruth(
@@ -160,16 +160,16 @@ def _write(drawn: HiddenCase, file: Path) -> CaseTruth:
         record_effects=_of_record(*case.effects, *truth.effects),
         concealment=case.concealment,
         excited=case.excited,
-        excitation=_plain(case.excitation),
+        excitation=_as_floats(case.excitation),
         S=truth.S,
         J=truth.J,
         scatter=case.loop.valve.scatter,
         samples=len(simulated.recording),
-        sizes=_plain(case.sizes),
+        sizes=_as_floats(case.sizes),
     )
 
 
-def _plain(numbers: Mapping[str, float]) -> dict[str, float]:
+def _as_floats(numbers: Mapping[str, float]) -> dict[str, float]:
     return {name: float(number) for name, number in numbers.items()}
 
 

@@ -70,11 +70,11 @@ def heldout(marks: Sequence[CaseMark]) -> MedianFit | None:
     """
     rows = []
     for mark in _hidden(marks):
-        said = mark.answer
-        row = (said.fit_naive, said.fit_extended, said.rmse_naive, said.rmse_extended)
-        known = [value for value in row if value is not None]
-        if len(known) == len(row):
-            rows.append(known)
+        answer = mark.answer
+        row = (answer.fit_naive, answer.fit_extended, answer.rmse_naive, answer.rmse_extended)
+        known_values = [value for value in row if value is not None]
+        if len(known_values) == len(row):
+            rows.append(known_values)
     if not rows:
         return None
     medians = [float(value) for value in np.median(np.array(rows), axis=0)]

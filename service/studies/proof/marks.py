@@ -83,11 +83,11 @@ def _single(physics: Sequence[str], answer: BlindAnswer) -> CaseOutcome:
 def _pair(physics: Sequence[str], answer: BlindAnswer) -> CaseOutcome:
     if not answer.names:
         return CaseOutcome.MISS
-    named = _found(physics, answer.names)
+    named = _count_found(physics, answer.names)
     return (CaseOutcome.WRONG, CaseOutcome.ONE, CaseOutcome.BOTH)[min(named, 2)]
 
 
-def _found(physics: Sequence[str], names: Sequence[NamedEffect]) -> int:
+def _count_found(physics: Sequence[str], names: Sequence[NamedEffect]) -> int:
     """The largest number of truths that are named, each name counting for one truth."""
     wide = [*names, *[None] * len(physics)]
     return max(

@@ -101,13 +101,15 @@ def calibrate(
     A term that a recording cannot test scores (0, 0) there. ``on_progress`` hears how many are
     done.
     """
-    drawn = draw_nulls(cases, seed)
-    batches = [tuple(drawn[first : first + BATCH]) for first in range(0, len(drawn), BATCH)]
-    done: dict[int, list[Mapping[str, tuple[float, float]]]] = {}
-    for place, rows in map_items(executor, _scored, batches):
-        done[place] = rows
-        on_progress(sum(map(len, done.values())))
-    return _aligned([row for place in sorted(done) for row in done[place]])
+    null_cases = draw_nulls(cases, seed)
+    batches = [
+        tuple(null_cases[first : first + BATCH]) for first in range(0, len(null_cases), BATCH)
+    ]
+    rows_of_batch: dict[int, list[Mapping[str, tuple[float, float]]]] = {}
+    for index, rows in map_items(executor, _scored, batches):
+        rows_of_batch[index] = rows
+        on_progress(sum(map(len, rows_of_batch.values())))
+    return _aligned([row for index in sorted(rows_of_batch) for row in rows_of_batch[index]])
 
 
 def _aligned(rows: Sequence[Mapping[str, tuple[float, float]]]) -> Scores:

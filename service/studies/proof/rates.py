@@ -123,31 +123,37 @@ def _pairs(marks: Sequence[CaseMark]) -> list[Rate]:
     harder = [m for m in pairs if m.truth.concealment in hard]
     at_least_one = (CaseOutcome.BOTH, CaseOutcome.ONE)
     rates = []
-    for group, of, target in (
+    for group, members, target in (
         ("two effects, 1 h, moving", moving, 0.85),
         ("two effects, harder records", harder, None),
     ):
         rates += [
-            _rate(group, "both by class", of, lambda m: m.outcome is CaseOutcome.BOTH, target),
-            _rate(group, "at least one", of, lambda m: m.outcome in at_least_one),
-            _rate(group, "a wrong name", of, lambda m: bool(m.wrong_names)),
+            _rate(
+                group,
+                "both by class",
+                members,
+                lambda m: m.outcome is CaseOutcome.BOTH,
+                target,
+            ),
+            _rate(group, "at least one", members, lambda m: m.outcome in at_least_one),
+            _rate(group, "a wrong name", members, lambda m: bool(m.wrong_names)),
         ]
     return rates
 
 
 def _nulls(marks: Sequence[CaseMark]) -> list[Rate]:
     nulls = [m for m in marks if m.truth.kind is CaseKind.NULL]
-    usual = [m for m in nulls if m.truth.scatter < WIDE_SCATTER]
+    usual_scatter = [m for m in nulls if m.truth.scatter < WIDE_SCATTER]
     wide = [m for m in nulls if m.truth.scatter >= WIDE_SCATTER]
 
-    def alarms(group: str, of: Sequence[CaseMark], target: float) -> Rate:
+    def alarms(group: str, members: Sequence[CaseMark], target: float) -> Rate:
         return _rate(
-            group, "false alarm", of, lambda m: m.outcome is CaseOutcome.FALSE_ALARM, target,
+            group, "false alarm", members, lambda m: m.outcome is CaseOutcome.FALSE_ALARM, target,
             at_most=True,
         )  # fmt: skip
 
     return [
-        alarms("nothing hidden, scatter to 8 %", usual, 0.03),
+        alarms("nothing hidden, scatter to 8 %", usual_scatter, 0.03),
         alarms("nothing hidden, scatter over 8 %", wide, 0.05),
     ]
 
@@ -241,7 +247,7 @@ def _tallies(marks: Sequence[CaseMark], group_of: Callable[[CaseMark], str]) -> 
 def confusions(marks: Sequence[CaseMark]) -> list[tuple[str, str, int]]:
     """(truth, what was said, how often), by truth and then the most frequent answer first."""
     counts = Counter((m.truth.label, _answer(m)) for m in marks if m.truth.excited)
-    rows = [(truth, said, count) for (truth, said), count in counts.items()]
+    rows = [(truth, answer, count) for (truth, answer), count in counts.items()]
     return sorted(rows, key=lambda row: (row[0], -row[2], row[1]))
 
 
@@ -286,8 +292,8 @@ def as_json(marks: Sequence[CaseMark], seal: Seal, seed: int) -> dict[str, Any]:
         "by_effect": [_tally(tally) for tally in by_effect(marks)],
         "by_concealment": [_tally(tally) for tally in by_concealment(marks)],
         "confusions": [
-            {"truth": truth, "said": said, "count": count}
-            for truth, said, count in confusions(marks)
+            {"truth": truth, "said": answer, "count": count}
+            for truth, answer, count in confusions(marks)
         ],
         "heldout": None if fit is None else asdict(fit),
         "stiction": [

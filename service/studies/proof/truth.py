@@ -107,7 +107,7 @@ def digest_of(text: str) -> str:
 
 def _from_json(stored: Mapping[str, object]) -> CaseTruth:
     """One case as it was sealed; lists become tuples again."""
-    plain = {
+    fields_read = {
         name: tuple(value) if isinstance(value, list) else value for name, value in stored.items()
     }
-    return CaseTruth(**plain)  # type: ignore[arg-type]  # the very fields that asdict wrote
+    return CaseTruth(**fields_read)  # type: ignore[arg-type]  # the very fields that asdict wrote

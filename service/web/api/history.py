@@ -30,9 +30,13 @@ def read_marks(store: Store, valve: str) -> list[Mark]:
         Mark(kind="baseline" if mark.active else "former baseline", at=mark.at, text=mark.reason)
         for mark in store.baseline_marks(valve)
     ]
-    for kind, remarks in (("maintenance", store.maintenance(valve)), ("note", store.notes(valve))):
+    for kind, remarks_of_kind in (
+        ("maintenance", store.maintenance(valve)),
+        ("note", store.notes(valve)),
+    ):
         marks.extend(
-            Mark(kind=kind, at=remark.at, text=remark.note, who=remark.who) for remark in remarks
+            Mark(kind=kind, at=remark.at, text=remark.note, who=remark.who)
+            for remark in remarks_of_kind
         )
     return sorted(marks, key=lambda mark: mark.at)
 

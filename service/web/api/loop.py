@@ -47,9 +47,9 @@ def fitted_run(
         return None
     from stemwatch.models.stickslip.problem import make_problem  # compiled: loaded when asked for
 
-    known = {name: indicators.get(name, default) for name, default in _NEUTRAL.items()}
+    fitted_numbers = {name: indicators.get(name, default) for name, default in _NEUTRAL.items()}
     scale = 1.0 if curve is None else abs(curve.slope)
-    q = np.array([scale * S, scale * J, *known.values(), 1.0, 0.0])
+    q = np.array([scale * S, scale * J, *fitted_numbers.values(), 1.0, 0.0])
     return np.where(usable, make_problem(in_travel(recording, curve)).simulate(q), np.nan)
 
 
@@ -71,9 +71,9 @@ def loop_of(
     Without MV, PV stands in, and includes the process.
     """
     window = window.at_most(LONGEST_LOOP)
-    recording, says = read_recording(site, window)
+    recording, sentence = read_recording(site, window)
     if recording is None:
-        return _empty(window, says)
+        return _empty(window, sentence)
     pv = recording.get(Role.PV)
     vertical = recording.mv or (None if pv is None else pv.in_process_unit())
     if vertical is None:
@@ -83,44 +83,44 @@ def loop_of(
     shapes = LoopShapes()
     if screening is not None and recording.mv is not None and vertical.unit == recording.op.unit:
         shapes = loop_shapes(screening, recording.op.values, vertical.values)
-    part, why = _typical(recording, fitted)
-    drawn = [
+    part, reason = _typical(recording, fitted)
+    axis_values = [
         trace[part] for trace in (recording.op.values, vertical.values, fitted) if trace is not None
     ]
-    picked = telling_samples(drawn, LOOP_POINTS)
+    kept_samples = telling_samples(axis_values, LOOP_POINTS)
     start = (window.start if recording.start is None else recording.start).timestamp()
-    at_s = start + recording.time_s[part][picked]
+    at_s = start + recording.time_s[part][kept_samples]
     return LoopAnswer(
         valve=window.valve,
         start_s=start + part.start * recording.interval_s,
         stop_s=start + part.stop * recording.interval_s,
-        op=json_numbers(drawn[0][picked]),
+        op=json_numbers(axis_values[0][kept_samples]),
         at_s=np.round(at_s, 3).tolist(),
         y="PV" if recording.mv is None else "MV",
         y_unit=vertical.unit,
-        thinned=max(1, round((part.stop - part.start) / max(1, picked.size))),
+        thinned=max(1, round((part.stop - part.start) / max(1, kept_samples.size))),
         traces=[
-            LoopTrace(role=role, label=label, values=json_numbers(values[picked]))
-            for (role, label), values in zip(LABELS, drawn[1:], strict=False)
+            LoopTrace(role=role, label=label, values=json_numbers(values[kept_samples]))
+            for (role, label), values in zip(LABELS, axis_values[1:], strict=False)
         ],
         shapes=[LoopShape(**shape) for shape in shapes.drawn()],
         curve_says=shapes.says,
-        says=why,
+        says=reason,
     )
 
 
 def _typical(recording: Recording, fitted: Floats | None) -> tuple[slice, str]:
     """The samples that are drawn, and why these where they are not all."""
-    whole = slice(0, len(recording))
+    whole_record = slice(0, len(recording))
     if len(recording) <= LOOP_POINTS // 3:
-        return whole, ""
+        return whole_record, ""
     stretch = typical_stretch_of(recording, fitted, None)
     if stretch is None:
-        return whole, ""
+        return whole_record, ""
     return slice(stretch.first, stretch.last), stretch.why
 
 
-def _empty(window: SignalWindow, says: str) -> LoopAnswer:
+def _empty(window: SignalWindow, sentence: str) -> LoopAnswer:
     return LoopAnswer(
         valve=window.valve,
         start_s=window.start.timestamp(),
@@ -131,5 +131,5 @@ def _empty(window: SignalWindow, says: str) -> LoopAnswer:
         y_unit="%",
         thinned=1,
         traces=[],
-        says=says,
+        says=sentence,
     )

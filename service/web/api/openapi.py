@@ -26,12 +26,12 @@ _SENTENCE = {"application/json": {"schema": {"$ref": "#/components/schemas/Refus
 
 def describe_access(app: FastAPI) -> None:
     """Make ``app.openapi`` say for each operation who may call it, and how a refusal looks."""
-    plain = app.openapi
+    make_schema = app.openapi
 
     def openapi() -> dict[str, Any]:
-        known = app.openapi_schema is not None
-        document = plain()
-        if not known:
+        already_made = app.openapi_schema is not None
+        document = make_schema()
+        if not already_made:
             _describe(document)
         return document
 
@@ -90,5 +90,5 @@ def kind_of(schema: dict[str, Any]) -> str:
         return f"list of {kind_of(schema.get('items', {}))}"
     if schema.get("type") == "object" and isinstance(schema.get("additionalProperties"), dict):
         return f"object of {kind_of(schema['additionalProperties'])}"
-    said = str(schema.get("type", "anything"))
-    return f"{said} ({schema['format']})" if "format" in schema else said
+    type_name = str(schema.get("type", "anything"))
+    return f"{type_name} ({schema['format']})" if "format" in schema else type_name

@@ -99,6 +99,33 @@ def valve_history(
     return history.history_of(deps, deps.need_valve(valve), since)
 
 
+@router.get("/oscillations")
+def oscillations(deps: Deps) -> list[shapes.OscillationAnswer]:
+    """Loops that oscillated together within the last 30 days, the standing groups first."""
+    return [
+        shapes.OscillationAnswer(
+            period_s=kept.group.period_s,
+            source=kept.group.source or None,
+            outside_probability=kept.group.outside,
+            members=[
+                shapes.OscillationMember(
+                    loop=member.loop,
+                    share=member.share,
+                    probability=member.probability,
+                    evidence=list(member.evidence),
+                )
+                for member in kept.group.members
+            ],
+            since=kept.group.since,
+            first_found=kept.group.first_found or kept.group.start,
+            windows=kept.group.windows,
+            until=kept.at,
+            over=kept.over,
+        )
+        for kept in deps.store.oscillations(deps.now)
+    ]
+
+
 @router.get("/alerts")
 def alert_list(deps: Deps, state: State = "open") -> list[shapes.AlertLine]:
     """Alerts in a state, the newest first."""
@@ -236,8 +263,8 @@ def run_answer(run: StoredRun, deps: Dependencies) -> shapes.RunAnswer:
 
 def finite(value: object) -> float | None:
     """A number that JSON has, or ``None``."""
-    known = isinstance(value, int | float) and math.isfinite(value)
-    return float(value) if known and isinstance(value, int | float) else None
+    is_finite = isinstance(value, int | float) and math.isfinite(value)
+    return float(value) if is_finite and isinstance(value, int | float) else None
 
 
 def _estimated(estimate: Estimate) -> shapes.Estimated:

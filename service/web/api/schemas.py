@@ -67,6 +67,29 @@ class RankingAnswer(BaseModel):
     valves: list[ValveLine]
 
 
+class OscillationMember(BaseModel):
+    """A loop that oscillates with others."""
+
+    loop: str
+    share: float = Field(description="of the variance of its PV, 0 to 1")
+    probability: float = Field(description="that the oscillation begins here, 0 to 1")
+    evidence: list[str] = Field(description="what speaks for that")
+
+
+class OscillationAnswer(BaseModel):
+    """Loops that oscillate together, the likeliest source first."""
+
+    period_s: float
+    source: str | None = Field(description="the likeliest loop; null where a cause outside is")
+    outside_probability: float = Field(description="that none of these loops is the source")
+    members: list[OscillationMember]
+    since: datetime | None = Field(description="null where it always did or nobody knows")
+    first_found: datetime | None = Field(description="start of the first window that had it")
+    windows: int = Field(description="in how many windows running it was found")
+    until: datetime = Field(description="end of the newest of them")
+    over: bool = Field(description="a later run over the same loops did not find it again")
+
+
 class Trace(BaseModel):
     """Points of one signal; null breaks the line."""
 

@@ -74,12 +74,12 @@ def _stored(
 ) -> SignalsAnswer:
     traces, bucket_s = [], 0.0
     for role, tag in tags.items():
-        drawn = store.samples.plot_points(source, tag.tag, window.start, window.stop, POINTS)
-        if drawn is None:
+        plot_points = store.samples.plot_points(source, tag.tag, window.start, window.stop, POINTS)
+        if plot_points is None:
             continue
-        bucket_s = max(bucket_s, drawn.bucket_s)
-        values, unit = _in_percent(role, tag, drawn.values)
-        points = PlotPoints(at_s=drawn.at_s, values=values)
+        bucket_s = max(bucket_s, plot_points.bucket_s)
+        values, unit = _in_percent(role, tag, plot_points.values)
+        points = PlotPoints(at_s=plot_points.at_s, values=values)
         traces.append(_trace(role, tag.tag, unit, points))
     bounds = store.samples.bounds(source, tags[Role.OP].tag)
     empty = not any(trace.at_s for trace in traces)
@@ -93,19 +93,19 @@ def _in_percent(role: Role, tag: Tag, values: Floats) -> tuple[Floats, str]:
 
 
 def _from_source(site: Site, window: SignalWindow) -> SignalsAnswer:
-    recording, says = read_recording(site, window)
+    recording, sentence = read_recording(site, window)
     if recording is None or recording.start is None:
-        return _answer(window, [], None, 0.0, says or NOTHING)
+        return _answer(window, [], None, 0.0, sentence or NOTHING)
     grid = ThinningGrid.of(len(recording), POINTS)
     count = lowest_and_highest(recording.op.values, grid).size
     since_s = recording.interval_s * (grid.first + grid.step * np.arange(count, dtype=np.float64))
-    at = np.asarray(recording.start.timestamp() + since_s)
+    times = np.asarray(recording.start.timestamp() + since_s)
     traces = []
     for role in DRAWN_ROLES:
         signal = recording.get(role)
         if signal is not None:
             signal = signal if role in IN_PERCENT else signal.in_process_unit()
-            points = PlotPoints(at_s=at, values=lowest_and_highest(signal.values, grid))
+            points = PlotPoints(at_s=times, values=lowest_and_highest(signal.values, grid))
             traces.append(_trace(role, signal.tag, signal.unit, points))
     bucket_s = 0.0 if grid.bucket == 1 else grid.bucket * recording.interval_s
     return _answer(window, traces, None, bucket_s, "")
@@ -129,7 +129,7 @@ def _answer(
     traces: list[Trace],
     bounds: tuple[datetime, datetime] | None,
     bucket_s: float,
-    says: str,
+    sentence: str,
 ) -> SignalsAnswer:
     first, last = bounds or (None, None)
     return SignalsAnswer(
@@ -140,7 +140,7 @@ def _answer(
         last_s=None if last is None else last.timestamp(),
         bucket_s=bucket_s,
         traces=traces,
-        says=says,
+        says=sentence,
     )
 
 

@@ -81,9 +81,9 @@ def maintenance(
     deps: Deps, current_user: SignedIn, valve: Id, body: shapes.AskRemark
 ) -> shapes.Done:
     """Record work on a valve; the first window after it becomes its baseline."""
-    at = body.at or deps.now
+    work_time = body.at or deps.now
     deps.actions.maintenance(
-        deps.need_valve(valve), at, _text(body), current_user.signature(body.who)
+        deps.need_valve(valve), work_time, _text(body), current_user.signature(body.who)
     )
     return shapes.Done(done="recorded")
 

@@ -59,7 +59,7 @@ class Authentication:
             return None
         request, headers = Request(scope), Headers(scope=scope)
         try:
-            current_user = await run_in_threadpool(self._who, scope, headers)
+            current_user = await run_in_threadpool(self._user_of, scope, headers)
         except StoreError as error:
             log.warning("%s %s: %s", scope["method"], scope["path"], error)
             return self._answer(request, 503, AWAY)
@@ -105,13 +105,13 @@ class Authentication:
             how=current_user.signed_in_by,
             address=address_of(scope),
             action=state["operation"].value,
-            about=_about(scope),
+            about=_subject_of(scope),
             outcome=AuditOutcome.REFUSED if status == 403 else outcome,
             detail="" if status < 400 else f"answered {status}",
         )
         await run_in_threadpool(self._write, entry)
 
-    def _who(self, scope: Scope, headers: Headers) -> CurrentUser | None:
+    def _user_of(self, scope: Scope, headers: Headers) -> CurrentUser | None:
         now = self._site.clock()
         if "authorization" in headers:
             secret = _bearer(headers["authorization"])
@@ -135,8 +135,8 @@ class Authentication:
         if by_hand and wants_page and "authorization" not in headers:
             base = request.scope.get("root_path", "").rstrip("/")
             path = request.url.path.removeprefix(base) or "/"
-            wanted = f"{path}?{request.url.query}" if request.url.query else path
-            query = "" if wanted == "/" else f"?{urlencode({'next': wanted})}"
+            requested_address = f"{path}?{request.url.query}" if request.url.query else path
+            query = "" if requested_address == "/" else f"?{urlencode({'next': requested_address})}"
             return RedirectResponse(f"{base}/login{query}", 303)
         text = BAD_TOKEN if "authorization" in headers else NOBODY
         answer = self._answer(request, 401, text)
@@ -148,14 +148,14 @@ class Authentication:
         strangers cannot fill the log."""
         if "authorization" not in headers and scope["method"] in SAFE:
             return
-        how = "a bad token" if "authorization" in headers else ""
-        self._once_a_minute(scope, how, "answered 401; noted once a minute")
+        credentials = "a bad token" if "authorization" in headers else ""
+        self._once_a_minute(scope, credentials, "answered 401; noted once a minute")
 
-    def _note_stranger(self, scope: Scope, why: str) -> None:
+    def _note_stranger(self, scope: Scope, reason: str) -> None:
         """Whom a proxy named and who may not come in, once a minute."""
-        self._once_a_minute(scope, HOW, f"{why} Noted once a minute.")
+        self._once_a_minute(scope, HOW, f"{reason} Noted once a minute.")
 
-    def _once_a_minute(self, scope: Scope, how: str, detail: str) -> None:
+    def _once_a_minute(self, scope: Scope, credentials: str, detail: str) -> None:
         """Note a refusal, once a minute from an address."""
         now, address = self._site.clock(), address_of(scope)
         with self._lock:
@@ -168,7 +168,7 @@ class Authentication:
             AuditEntry(
                 at=now,
                 who="",
-                how=how,
+                how=credentials,
                 address=address,
                 action=state_of(scope)["operation"].value,
                 outcome=AuditOutcome.REFUSED,
@@ -193,8 +193,8 @@ def _proxy_of(site: Site) -> ProxySignIn | None:
 
 def _bearer(authorization: str) -> str:
     """The token in an ``Authorization`` header; empty where there is none."""
-    scheme, _, rest = authorization.partition(" ")
-    return rest.strip() if scheme.casefold() == "bearer" else ""
+    scheme, _, token = authorization.partition(" ")
+    return token.strip() if scheme.casefold() == "bearer" else ""
 
 
 def _lacking(current_user: CurrentUser, operation: Operation) -> str:
@@ -210,9 +210,9 @@ def _lacking(current_user: CurrentUser, operation: Operation) -> str:
     return f"To {operation} a token needs the scope {SCOPE_OF[right.least]}; this one lacks it."
 
 
-def _about(scope: Scope) -> str:
+def _subject_of(scope: Scope) -> str:
     """What a request is about: what its route said, and the ``id`` of its address."""
     query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
     numbers = [f"id {number}" for number in query.get("id", ())[:1]]
-    said = state_of(scope).get("about", "")
-    return "; ".join(part for part in (said, *numbers) if part)
+    subject = state_of(scope).get("about", "")
+    return "; ".join(part for part in (subject, *numbers) if part)

@@ -32,13 +32,13 @@ class Form:
     def __init__(self, fields: dict[str, list[str]]) -> None:
         self._fields = fields
 
-    def text(self, name: str, *, needed: str = "", most: int = MOST_TEXT) -> str:
+    def text(self, name: str, *, needed: str = "", longest: int = MOST_TEXT) -> str:
         """A field without blanks around it. ``needed`` is what an error says was expected."""
         text = (self._fields.get(name) or [""])[0].strip()
         if needed and not text:
             raise HTTPException(422, f"{needed} is needed")
-        if len(text) > most:
-            raise HTTPException(422, f"{name}: {len(text)} characters, at most {most} expected")
+        if len(text) > longest:
+            raise HTTPException(422, f"{name}: {len(text)} characters, at most {longest} expected")
         return text
 
     def secret(self, name: str) -> str:
@@ -71,12 +71,12 @@ class Form:
         if not text:
             return now
         try:
-            given = datetime.fromisoformat(text)
+            parsed = datetime.fromisoformat(text)
         except ValueError:
             raise HTTPException(
                 422, f"a time such as 2026-03-02 14:30 is needed, received {text!r}"
             ) from None
-        local = given if given.tzinfo else given.replace(tzinfo=zone)
+        local = parsed if parsed.tzinfo else parsed.replace(tzinfo=zone)
         try:
             return local.astimezone(UTC)
         except OverflowError:
@@ -110,15 +110,15 @@ async def _checked(request: Request, token: str) -> Form:
         fields = parse_qs(text, keep_blank_values=True, max_num_fields=MOST_FIELDS)
     except ValueError:
         raise HTTPException(422, "the form is not readable as UTF-8 text") from None
-    given = (fields.pop(FIELD, None) or [""])[0]
-    if not token or not hmac.compare_digest(given.encode(), token.encode()):
+    sent_token = (fields.pop(FIELD, None) or [""])[0]
+    if not token or not hmac.compare_digest(sent_token.encode(), token.encode()):
         raise HTTPException(403, TOO_OLD)
-    said = [
+    problems = [
         f"{name} {fields[name][0].strip()[:80]}"
         for name in NAMED_IN_AUDIT
         if any(fields.get(name, ()))
     ]
-    note_about(request, "; ".join(said))
+    note_about(request, "; ".join(problems))
     return Form(fields)
 
 

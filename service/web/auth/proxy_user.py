@@ -67,7 +67,7 @@ class ProxySignIn:
                 "The proxy names two users in one request: it must replace the header "
                 f"{self._header.decode()} that comes from outside, not add to it."
             )
-        user = self._known(store, _text(named[0]), peer_of(scope), now)
+        user = self._known_user(store, _text(named[0]), peer_of(scope), now)
         if user.last_login is None or now - user.last_login >= NOTED_EVERY:
             store.accounts.note_login(user.id, now)
         cookies = b"; ".join(value for key, value in scope["headers"] if key.lower() == b"cookie")
@@ -89,7 +89,7 @@ class ProxySignIn:
             address = address.ipv4_mapped
         return any(address in network for network in self._proxies)
 
-    def _known(self, store: Store, name: str, peer: str, now: datetime) -> User:
+    def _known_user(self, store: Store, name: str, peer: str, now: datetime) -> User:
         try:
             name = check_name(name)
         except BadName as error:

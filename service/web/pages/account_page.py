@@ -48,7 +48,7 @@ def change_password(
     try:
         if not confirm(deps.store, user, form.secret("present"), now=now, address=address):
             return _page(
-                request, deps, current_user, said="The present password is wrong.", status=422
+                request, deps, current_user, message="The present password is wrong.", status=422
             )
         check_password(new, user.name)
         if new != form.secret("again"):
@@ -56,10 +56,10 @@ def change_password(
         deps.store.accounts.set_password(user.id, hash_password(new), now)
     except (WeakPassword, TooMany, Busy) as error:
         status = 429 if isinstance(error, TooMany) else 422
-        return _page(request, deps, current_user, said=str(error), status=status)
+        return _page(request, deps, current_user, message=str(error), status=status)
     note_about(request, "password")
     agent = request.headers.get("user-agent", "")
-    answer = back(request, "/account", "password")
+    answer = to_page(request, "/account", "password")
     cookie = begin_session(deps.store, user.id, now=now, address=address, agent=agent)
     set_session(answer, cookie, request.scope)
     return answer
@@ -72,7 +72,7 @@ def end_sessions(
     """Sign out every other browser."""
     note_about(request, "other sessions")
     deps.store.web_sessions.end_others(current_user.user, current_user.session)
-    return back(request, "/account", "sessions")
+    return to_page(request, "/account", "sessions")
 
 
 @router.post("/account/tokens/make")
@@ -95,7 +95,7 @@ def make_token(
             days=days or None,
         )
     except tokens.BadToken as error:
-        return _page(request, deps, current_user, said=str(error), status=422)
+        return _page(request, deps, current_user, message=str(error), status=422)
     return _page(request, deps, current_user, secret=secret)
 
 
@@ -110,10 +110,10 @@ def revoke_token(
         raise HTTPException(404, f"You have no token {number}.")
     note_about(request, f"revoke {token.name}")
     deps.store.api_tokens.revoke(token.id, deps.now)
-    return back(request, "/account", "revoked")
+    return to_page(request, "/account", "revoked")
 
 
-def back(request: Request, place: str, done: str) -> RedirectResponse:
+def to_page(request: Request, place: str, done: str) -> RedirectResponse:
     """To a page that says what was done."""
     base = str(request.scope.get("root_path", "")).rstrip("/")
     return RedirectResponse(f"{base}{place}?{urlencode({'done': done})}", 303)
@@ -124,12 +124,12 @@ def _page(
     deps: Dependencies,
     current_user: CurrentUser,
     *,
-    said: str = "",
+    message: str = "",
     secret: str = "",
     status: int = 200,
 ) -> HTMLResponse:
     now = deps.now
-    own = deps.store.api_tokens.all(current_user.user)
+    own_tokens = deps.store.api_tokens.all(current_user.user)
     return deps.renderer.page(
         request,
         "account_page.html",
@@ -138,10 +138,10 @@ def _page(
         open_alerts=deps.open_alerts(),
         user=_user(deps, current_user),
         sessions=sessions_of(deps.store, current_user.user, now),
-        tokens=[token for token in own if token.is_open(now)],
+        tokens=[token for token in own_tokens if token.is_open(now)],
         scopes=scopes_of(current_user.role),
         lifetimes=LIFETIMES_DAYS,
-        said=said,
+        said=message,
         secret=secret,
         shortest=SHORTEST,
         longest=LONGEST,

@@ -47,21 +47,25 @@ def settle(
     where one is not there, none."""
     numbers = form.numbers("alert", "the number of an alert")
     who, text = current_user.signature(), form.text("text")
-    how = form.text("how", needed="what is to be done with the alert")
-    if how == "snooze":
+    action = form.text("how", needed="what is to be done with the alert")
+    if action == "snooze":
         hours = min(form.number("hours", "a number of hours"), LONGEST_SNOOZE_H)
         deps.actions.snooze_all(numbers, deps.now + timedelta(hours=hours), who)
-    elif how == "acknowledge":
+    elif action == "acknowledge":
         deps.actions.acknowledge_all(numbers, who, text)
-    elif how == "false":
+    elif action == "false":
         deps.actions.false_alarms(numbers, who, text)
     else:
-        raise HTTPException(422, f"acknowledge, snooze or false is expected, received {how!r}")
-    done = {"snooze": "snoozed", "acknowledge": "acknowledged", "false": "false"}[how]
+        raise HTTPException(422, f"acknowledge, snooze or false is expected, received {action!r}")
+    action_done = {"snooze": "snoozed", "acknowledge": "acknowledged", "false": "false"}[action]
     base, valve = request.scope.get("root_path", "").rstrip("/"), form.text("back")
-    place = f"{valve_link(valve)}&done={done}#alerts" if valve else f"/alerts?{_query(done)}"
-    return RedirectResponse(f"{base}{place}", 303)
+    address = (
+        f"{valve_link(valve)}&done={action_done}#alerts"
+        if valve
+        else f"/alerts?{_query(action_done)}"
+    )
+    return RedirectResponse(f"{base}{address}", 303)
 
 
-def _query(done: str) -> str:
-    return urlencode({"done": done})
+def _query(action_done: str) -> str:
+    return urlencode({"done": action_done})

@@ -29,10 +29,12 @@ api = APIRouter(prefix="/api/v1", tags=["read"], responses=shapes.REFUSALS)
 @router.get("/audit")
 def audit(request: Request, deps: Deps) -> HTMLResponse:
     """The newest entries that the address asks for."""
-    given = request.query_params
-    wanted = wanted_of(given, deps)
-    entries = deps.store.audit.read(wanted)
-    older = {**dict(given), "before": str(entries[-1].id)} if len(entries) == wanted.limit else {}
+    query = request.query_params
+    audit_filter = wanted_of(query, deps)
+    entries = deps.store.audit.read(audit_filter)
+    older = (
+        {**dict(query), "before": str(entries[-1].id)} if len(entries) == audit_filter.limit else {}
+    )
     return deps.renderer.page(
         request,
         "audit_page.html",
@@ -42,7 +44,7 @@ def audit(request: Request, deps: Deps) -> HTMLResponse:
         actions=deps.store.audit.actions(),
         outcomes=list(AuditOutcome),
         names=[user.name for user in deps.store.accounts.all()],
-        given=given,
+        given=query,
         older=urlencode(older),
     )
 
@@ -60,7 +62,7 @@ def audit_lines(
 ) -> list[AuditLine]:
     """Who wanted what, and what became of it, the newest first; ``before`` is the number of the
     last entry that was read."""
-    wanted = AuditFilter(
+    audit_filter = AuditFilter(
         who=who,
         action=action,
         outcome=outcome,
@@ -69,17 +71,17 @@ def audit_lines(
         before=before,
         limit=limit,
     )
-    return [line_of(entry) for entry in deps.store.audit.read(wanted)]
+    return [line_of(entry) for entry in deps.store.audit.read(audit_filter)]
 
 
-def wanted_of(given: QueryParams, deps: Dependencies) -> AuditFilter:
+def wanted_of(query: QueryParams, deps: Dependencies) -> AuditFilter:
     """What an address asks for; what it cannot mean is left out, never an error."""
-    outcome, before = given.get("outcome", ""), given.get("before", "")
+    outcome, before = query.get("outcome", ""), query.get("before", "")
     number = int(before) if before.isascii() and before.isdigit() and len(before) < 12 else 0
-    start, stop = _day(given.get("start", ""), deps), _day(given.get("stop", ""), deps)
+    start, stop = _day(query.get("start", ""), deps), _day(query.get("stop", ""), deps)
     return AuditFilter(
-        who=given.get("who", "")[:LONGEST_WORD],
-        action=given.get("action", "")[:LONGEST_WORD],
+        who=query.get("who", "")[:LONGEST_WORD],
+        action=query.get("action", "")[:LONGEST_WORD],
         outcome=AuditOutcome(outcome) if outcome in list(AuditOutcome) else None,
         start=start,
         stop=None if stop is None else stop + timedelta(days=1),

@@ -27,9 +27,9 @@ def feedback(request: Request, deps: Deps) -> HTMLResponse:
         total=len(labels),
         judgements=list(Judgement),
         verdicts=[
-            (verdict, [counts.get((verdict, said), 0) for said in Judgement])
+            (verdict, [counts.get((verdict, judgement), 0) for judgement in Judgement])
             for verdict in WORST_FIRST
-            if any((verdict, said) in counts for said in Judgement)
+            if any((verdict, judgement) in counts for judgement in Judgement)
         ],
         effects=count_effects(labels),
     )

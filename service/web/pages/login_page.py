@@ -31,14 +31,14 @@ router = APIRouter(include_in_schema=False)
 @router.get("/login")
 def login(request: Request, deps: Deps) -> HTMLResponse:
     """The form to sign in; ``next`` in the address is where it leads afterwards."""
-    wanted = safe_place(request.query_params.get("next", ""))
-    return _login_page(request, deps, wanted)
+    next_page = safe_place(request.query_params.get("next", ""))
+    return _login_page(request, deps, next_page)
 
 
 @router.post("/login")
 def log_in(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     """Sign in with name and password."""
-    wanted, name = safe_place(form.text("next")), form.text("name")
+    next_page, name = safe_place(form.text("next")), form.text("name")
     try:
         user, cookie = sign_in(
             deps.store,
@@ -50,14 +50,14 @@ def log_in(request: Request, deps: Deps, form: SentOpenForm) -> Response:
             browser=known_browser_of(request),
         )
     except TooMany as error:
-        page = _login_page(request, deps, wanted, name=name, said=str(error), status=429)
+        page = _login_page(request, deps, next_page, name=name, message=str(error), status=429)
         page.headers["retry-after"] = str(error.wait_s)
         return page
     except LoginRefused as error:
-        return _login_page(request, deps, wanted, name=name, said=str(error), status=403)
+        return _login_page(request, deps, next_page, name=name, message=str(error), status=403)
     except Busy as error:
-        return _login_page(request, deps, wanted, name=name, said=str(error), status=503)
-    return _enter(request, deps, user, cookie, wanted)
+        return _login_page(request, deps, next_page, name=name, message=str(error), status=503)
+    return _enter(request, deps, user, cookie, next_page)
 
 
 @router.post("/logout")
@@ -78,7 +78,7 @@ def welcome(request: Request, deps: Deps) -> HTMLResponse:
     try:
         link = find_link(deps.store, secret, deps.now)
     except LinkIsOver as error:
-        return _over(request, deps, error)
+        return _link_is_over_page(request, deps, error)
     return _welcome_page(request, deps, link, secret)
 
 
@@ -93,9 +93,9 @@ def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
             raise WeakPassword("the two passwords are not the same")
         user = use_link(deps.store, secret, name, password, deps.now)
     except LinkIsOver as error:
-        return _over(request, deps, error)
+        return _link_is_over_page(request, deps, error)
     except (BadName, WeakPassword, NameTaken, Busy) as error:
-        return _welcome_page(request, deps, link, secret, name=name, said=str(error), status=422)
+        return _welcome_page(request, deps, link, secret, name=name, message=str(error), status=422)
     address = address_of(request.scope)
     deps.store.audit.add(
         AuditEntry(
@@ -114,25 +114,25 @@ def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
     return _enter(request, deps, user, cookie, "/")
 
 
-def safe_place(wanted: str) -> str:
+def safe_place(address: str) -> str:
     """A page of this site, or the first one: nobody is led elsewhere by a link to the login."""
-    parts = urlsplit(wanted)
-    plain = wanted.isprintable() and "\\" not in wanted
-    own = wanted.startswith("/") and not wanted.startswith("//")
-    return wanted if plain and own and not parts.scheme and not parts.netloc else "/"
+    parts = urlsplit(address)
+    printable = address.isprintable() and "\\" not in address
+    on_this_site = address.startswith("/") and not address.startswith("//")
+    return address if printable and on_this_site and not parts.scheme and not parts.netloc else "/"
 
 
 def _enter(
-    request: Request, deps: Dependencies, user: User, cookie: str, wanted: str
+    request: Request, deps: Dependencies, user: User, cookie: str, next_page: str
 ) -> RedirectResponse:
     """In with the new session; the one that this browser had before has ended."""
-    answer = RedirectResponse(f"{_base(request)}{wanted}", 303)
+    answer = RedirectResponse(f"{_base(request)}{next_page}", 303)
     if old := request.cookies.get(cookie_name(request.scope), ""):
         end_session(deps.store, old)
     set_session(answer, cookie, request.scope)
-    known = deps.store.accounts.password_of(user.name)
-    if known is not None:
-        mark = remember_browser(known_browser_of(request), known[1], deps.now)
+    password = deps.store.accounts.password_of(user.name)
+    if password is not None:
+        mark = remember_browser(known_browser_of(request), password[1], deps.now)
         set_known_browser(answer, mark, request.scope)
     return answer
 
@@ -140,19 +140,19 @@ def _enter(
 def _login_page(
     request: Request,
     deps: Dependencies,
-    wanted: str,
+    next_page: str,
     *,
     name: str = "",
-    said: str = "",
+    message: str = "",
     status: int = 200,
 ) -> HTMLResponse:
     return deps.renderer.page(
         request,
         "login_page.html",
         status=status,
-        wanted=wanted,
+        wanted=next_page,
         name=name,
-        said=said,
+        said=message,
         nobody=deps.store.accounts.is_empty(),
     )
 
@@ -164,7 +164,7 @@ def _welcome_page(
     secret: str,
     *,
     name: str = "",
-    said: str = "",
+    message: str = "",
     status: int = 200,
 ) -> HTMLResponse:
     owner = deps.store.accounts.get(link.user_id) if link.user_id is not None else None
@@ -176,13 +176,13 @@ def _welcome_page(
         secret=secret,
         owner=owner,
         name=name,
-        said=said,
+        said=message,
         shortest=SHORTEST,
         longest=LONGEST,
     )
 
 
-def _over(request: Request, deps: Dependencies, error: LinkIsOver) -> HTMLResponse:
+def _link_is_over_page(request: Request, deps: Dependencies, error: LinkIsOver) -> HTMLResponse:
     return deps.renderer.page(request, "error_page.html", status=410, text=str(error), code=410)
 
 

@@ -66,27 +66,28 @@ _counts = _CountsOfWeeks()
 @router.get("/overview")
 def overview(request: Request, deps: Deps) -> HTMLResponse:
     """The plant on one page."""
-    found = deps.store.ranking(RankingFilter(size=WORST))
+    ranking = deps.store.ranking(RankingFilter(size=WORST))
     newest = deps.store.ranking(RankingFilter(sort="at", descending=True, size=1))
     runs = deps.store.queue.recent(RECENT_RUNS)
     schedules = deps.store.schedules.all()
     last = next((run for run in runs if not is_alive(run)), None)
     weeks = weeks_of(deps, 0 if last is None else last.id)
-    trends = deps.store.trends([line.valve for line in found.lines], deps.site.limits)
-    worst = [line for line in found.lines if line.verdict is not None]
+    trends = deps.store.trends([line.valve for line in ranking.lines], deps.site.limits)
+    worst = [line for line in ranking.lines if line.verdict is not None]
     return deps.renderer.page(
         request,
         "overview_page.html",
         here="overview",
         open_alerts=deps.open_alerts(),
-        work=WorkCounts.of_states(found.states),
-        not_screened=sum(found.counts.values()) - sum(found.states.values()),
+        work=WorkCounts.of_states(ranking.states),
+        not_screened=sum(ranking.counts.values()) - sum(ranking.states.values()),
         stale=_stale(deps, schedules, last, newest.lines[0].at if newest.lines else None),
         going=[run for run in runs if is_alive(run)],
         last=last,
         coming=_coming(schedules),
         weeks=weeks,
         picture=picture_of(weeks),
+        oscillations=[one.group for one in deps.store.oscillations(deps.now) if not one.over],
         worst=[
             (line, change_since_last_run(line, line.verdict, line.previous, trends.get(line.valve)))
             for line in worst
@@ -102,7 +103,7 @@ def weeks_of(deps: Dependencies, run: int) -> list[Week]:
     monday = local.replace(hour=0, minute=0, second=0, microsecond=0) - timedelta(
         days=local.weekday()
     )
-    ends = [monday - timedelta(weeks=back) for back in range(WEEKS - 2, -1, -1)]
+    ends = [monday - timedelta(weeks=weeks_back) for weeks_back in range(WEEKS - 2, -1, -1)]
     weeks = [Week(until=end, counts=_counts.of(deps, run, end)) for end in ends]
     weeks.append(Week(until=now, counts=deps.store.work_counts(now)))
     return [week for week in weeks if week.counts.valves]
@@ -166,5 +167,9 @@ def _stale(
 
 def _coming(schedules: list[StoredSchedule]) -> StoredSchedule | None:
     """The schedule that is due first."""
-    due = [one for one in schedules if one.schedule.enabled and one.next_due is not None]
-    return min(due, key=lambda one: (one.next_due, one.schedule.name), default=None)
+    due = [
+        schedule
+        for schedule in schedules
+        if schedule.schedule.enabled and schedule.next_due is not None
+    ]
+    return min(due, key=lambda schedule: (schedule.next_due, schedule.schedule.name), default=None)

@@ -48,8 +48,8 @@ router = APIRouter(include_in_schema=False)
 @router.get("/")
 def ranking(request: Request, deps: Deps) -> HTMLResponse:
     """The valves, worst first unless the address says otherwise."""
-    wanted = wanted_of(request.query_params)
-    page = deps.store.ranking(wanted)
+    ranking_filter = wanted_of(request.query_params)
+    page = deps.store.ranking(ranking_filter)
     weeks = deps.store.trends([line.valve for line in page.lines], deps.site.limits)
     alerted = deps.store.alerts.open_by_valve(deps.now)
     open_alerts = deps.open_alerts()
@@ -57,7 +57,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         request,
         "ranking_page.html",
         here="ranking",
-        wanted=wanted,
+        wanted=ranking_filter,
         found=page,
         work=WorkCounts.of_states(page.states),
         trends=[
@@ -70,53 +70,53 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         open_alerts=open_alerts,
         verdicts={word: Verdict(word) if word != NOT_SCREENED else None for word in _VERDICTS},
         columns=COLUMNS,
-        head=lambda sort: _head(wanted, sort),
-        link=lambda **changes: link(wanted, **changes),
-        pages=max(1, math.ceil(page.total / wanted.size)),
+        head=lambda sort: _head(ranking_filter, sort),
+        link=lambda **changes: link(ranking_filter, **changes),
+        pages=max(1, math.ceil(page.total / ranking_filter.size)),
         gauge_top=bar_top(page.largest_percent),
     )
 
 
-def wanted_of(given: QueryParams) -> RankingFilter:
+def wanted_of(query: QueryParams) -> RankingFilter:
     """What an address asks for; what it cannot mean is left at its default, never an error."""
-    sort = given.get("sort", "")
-    page = given.get("page", "")
-    levels = [text for text in given.getlist("criticality") if text in ("1", "2", "3")]
+    sort = query.get("sort", "")
+    page = query.get("page", "")
+    levels = [text for text in query.getlist("criticality") if text in ("1", "2", "3")]
     return RankingFilter(
-        text=given.get("q", "").strip()[:LONGEST_SEARCH],
-        areas=tuple(area for area in given.getlist("area") if area),
-        verdicts=tuple(word for word in given.getlist("verdict") if word in _VERDICTS),
+        text=query.get("q", "").strip()[:LONGEST_SEARCH],
+        areas=tuple(area for area in query.getlist("area") if area),
+        verdicts=tuple(word for word in query.getlist("verdict") if word in _VERDICTS),
         criticalities=tuple(int(level) for level in levels),
         sort=sort if sort in SORTS else "rank",
-        descending=given.get("order") == "desc",
+        descending=query.get("order") == "desc",
         page=min(int(page), MOST_PAGES) if page.isascii() and page.isdigit() and int(page) else 1,
     )
 
 
-def link(wanted: RankingFilter, **changes: Any) -> str:
+def link(ranking_filter: RankingFilter, **changes: Any) -> str:
     """The address of the ranking with ``changes`` to what is wanted, defaults left out."""
     fields: dict[str, Any] = {
-        "q": wanted.text,
-        "area": wanted.areas,
-        "verdict": wanted.verdicts,
-        "criticality": wanted.criticalities,
-        "sort": "" if wanted.sort == "rank" else wanted.sort,
-        "order": "desc" if wanted.descending else "",
-        "page": "" if wanted.page == 1 else wanted.page,
+        "q": ranking_filter.text,
+        "area": ranking_filter.areas,
+        "verdict": ranking_filter.verdicts,
+        "criticality": ranking_filter.criticalities,
+        "sort": "" if ranking_filter.sort == "rank" else ranking_filter.sort,
+        "order": "desc" if ranking_filter.descending else "",
+        "page": "" if ranking_filter.page == 1 else ranking_filter.page,
     } | changes
-    said = {name: value for name, value in fields.items() if value not in ("", (), None)}
-    return f"/?{urlencode(said, doseq=True)}" if said else "/"
+    filled = {name: value for name, value in fields.items() if value not in ("", (), None)}
+    return f"/?{urlencode(filled, doseq=True)}" if filled else "/"
 
 
-def _head(wanted: RankingFilter, sort: str) -> Mapping[str, str]:
+def _head(ranking_filter: RankingFilter, sort: str) -> Mapping[str, str]:
     """Where a column's heading leads, and how the column is sorted now."""
     first = sort in LARGEST_FIRST
-    chosen = wanted.sort == sort
-    descending = not wanted.descending if chosen else first
+    chosen = ranking_filter.sort == sort
+    descending = not ranking_filter.descending if chosen else first
     name = "" if sort == "rank" else sort
     return {
-        "link": link(wanted, sort=name, order="desc" if descending else "", page=""),
-        "sorted": ("descending" if wanted.descending else "ascending") if chosen else "",
+        "link": link(ranking_filter, sort=name, order="desc" if descending else "", page=""),
+        "sorted": ("descending" if ranking_filter.descending else "ascending") if chosen else "",
     }
 
 

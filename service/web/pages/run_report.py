@@ -35,14 +35,18 @@ router = APIRouter(include_in_schema=False)
 @router.get("/run/report")
 def report(request: Request, deps: Deps) -> Response:
     """One file of a run's report; ``id`` is the run, ``file`` one of ``TYPES``."""
-    given = request.query_params.get("id", "")
-    number = int(given) if given.isascii() and given.isdigit() and len(given) < 12 else 0
+    run_text = request.query_params.get("id", "")
+    number = (
+        int(run_text) if run_text.isascii() and run_text.isdigit() and len(run_text) < 12 else 0
+    )
     name = request.query_params.get("file", PAGE)
     if name not in TYPES:
         raise HTTPException(404, f"A report has no file {name!r}.")
     folder = report_folder(deps, number)
     if folder is None or not (folder / name).is_file():
-        raise HTTPException(404, f"The report of run {given!r} is not kept, or was never written.")
+        raise HTTPException(
+            404, f"The report of run {run_text!r} is not kept, or was never written."
+        )
     if name in PAGES:
         headers = {"content-security-policy": POLICY}
         page = _led_here((folder / name).read_bytes(), number)
@@ -53,8 +57,8 @@ def report(request: Request, deps: Deps) -> Response:
 def _led_here(page: bytes, number: int) -> bytes:
     """A page whose links to the files beside it, which are right on a disk, lead to this route."""
     for name in TYPES:
-        here = f'href="report?id={number}&amp;file={name}"'
-        page = page.replace(f'href="{name}"'.encode(), here.encode())
+        href = f'href="report?id={number}&amp;file={name}"'
+        page = page.replace(f'href="{name}"'.encode(), href.encode())
     return page
 
 

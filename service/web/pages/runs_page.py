@@ -44,11 +44,13 @@ def run_list(request: Request, deps: Deps) -> HTMLResponse:
 @router.get("/run")
 def one_run(request: Request, deps: Deps) -> HTMLResponse:
     """One run with the valves that were set aside."""
-    given = request.query_params.get("id", "")
-    number = int(given) if given.isascii() and given.isdigit() and len(given) < 12 else 0
+    run_text = request.query_params.get("id", "")
+    number = (
+        int(run_text) if run_text.isascii() and run_text.isdigit() and len(run_text) < 12 else 0
+    )
     run = deps.store.queue.find(number) if 0 < number <= LARGEST_NUMBER else None
     if run is None:
-        raise HTTPException(404, f"There is no run {given!r}.")
+        raise HTTPException(404, f"There is no run {run_text!r}.")
     return deps.renderer.page(
         request,
         "run_page.html",
@@ -77,7 +79,7 @@ def begin(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) 
         if not valves:
             raise HTTPException(422, f"no valve is known in the area {area!r}")
     deps.actions.run_now(valves, current_user.signature())
-    return _back(request, "run")
+    return _to_runs_page(request, "run")
 
 
 @router.post("/runs/cancel")
@@ -86,9 +88,9 @@ def cancel(
 ) -> RedirectResponse:
     """Ask that a run ends early."""
     deps.actions.cancel(form.number("run", "the number of a run"), current_user.signature())
-    return _back(request, "cancel")
+    return _to_runs_page(request, "cancel")
 
 
-def _back(request: Request, done: str) -> RedirectResponse:
+def _to_runs_page(request: Request, done: str) -> RedirectResponse:
     base = request.scope.get("root_path", "").rstrip("/")
     return RedirectResponse(f"{base}/runs?{urlencode({'done': done})}", 303)

@@ -30,7 +30,7 @@ from stemwatch.service.store.runs.schedules import FROM_BROWSER
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.account_page import back
+from stemwatch.service.web.pages.account_page import to_page
 
 # Keys of a schedule that are typed in another unit than seconds: the key, the field, its seconds.
 TIMES = (
@@ -68,56 +68,60 @@ def settings(request: Request, deps: Deps) -> HTMLResponse:
 def export(deps: Deps) -> PlainTextResponse:
     """What was set here as text for the plant file."""
     named = frozenset() if deps.site.plant is None else deps.site.plant.named_limits
-    given = deps.store.browser_settings.limits()
-    own = [one.schedule for one in deps.store.schedules.all() if one.origin == FROM_BROWSER]
-    text = as_plant_toml({name: one for name, one in given.items() if name not in named}, own)
+    limits_set = deps.store.browser_settings.limits()
+    own_schedules = [
+        stored.schedule for stored in deps.store.schedules.all() if stored.origin == FROM_BROWSER
+    ]
+    text = as_plant_toml(
+        {name: limit for name, limit in limits_set.items() if name not in named}, own_schedules
+    )
     return PlainTextResponse(text or "# Nothing was set on the pages.\n")
 
 
 @router.post("/settings/limits")
 def set_limits(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> Response:
     """Set limits that the plant file leaves open; an empty field takes one back."""
-    given, now = deps.store.browser_settings.limits(), deps.site.limits
+    limits_before, now = deps.store.browser_settings.limits(), deps.site.limits
     typed = {
-        field.name: form.text(field.name, most=40)
+        field.name: form.text(field.name, longest=40)
         for field in fields(Limits)
         if form.all(field.name)
     }
     changes = {
         name: text
         for name, text in typed.items()
-        if text != (f"{given[name].value:g}" if name in given else "")
+        if text != (f"{limits_before[name].value:g}" if name in limits_before else "")
     }
     try:
-        read = checked_limits(deps.site.plant, given, changes)
+        read = checked_limits(deps.site.plant, limits_before, changes)
     except BadSetting as error:
-        return _page(request, deps, said=f"{error}. Nothing is changed.", status=422)
+        return _page(request, deps, message=f"{error}. Nothing is changed.", status=422)
     deps.store.browser_settings.set_limits(read, current_user.signature(), deps.now)
     for name, value in read.items():
-        to = "as in the plant file" if value is None else f"{value:g}"
-        note_about(request, f"{name} {getattr(now, name):g} -> {to}")
-    return back(request, "/settings", "limits")
+        new_text = "as in the plant file" if value is None else f"{value:g}"
+        note_about(request, f"{name} {getattr(now, name):g} -> {new_text}")
+    return to_page(request, "/settings", "limits")
 
 
 @router.post("/settings/schedule")
 def set_schedule(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> Response:
     """Make a schedule, or change one that was made here."""
     table: dict[str, Any] = {
-        "name": form.text("name", most=100),
-        "cron": form.text("cron", most=100) or None,
+        "name": form.text("name", longest=100),
+        "cron": form.text("cron", longest=100) or None,
         "areas": [area for area in form.all("area") if area],
         "valves": form.text("valves").replace(",", " ").split(),
         "enabled": form.text("off") == "",
     }
     try:
         for key, field, unit_s in TIMES:
-            table |= _seconds(form.text(field, most=20), key, field, unit_s)
-        known = [valve.id for valve in deps.store.valves()]
-        schedule = checked_schedule(table, deps.store.areas(), known)
+            table |= _seconds(form.text(field, longest=20), key, field, unit_s)
+        known_valves = [valve.id for valve in deps.store.valves()]
+        schedule = checked_schedule(table, deps.store.areas(), known_valves)
     except BadSetting as error:
-        return _page(request, deps, said=f"{error}. Nothing is changed.", status=422)
+        return _page(request, deps, message=f"{error}. Nothing is changed.", status=422)
     deps.actions.set_schedule(schedule, current_user.signature(), deps.now)
-    return back(request, "/settings", "schedule")
+    return to_page(request, "/settings", "schedule")
 
 
 @router.post("/settings/schedule/remove")
@@ -126,7 +130,7 @@ def remove_schedule(
 ) -> Response:
     """Remove a schedule that was made here."""
     deps.actions.remove_schedule(form.text("name", needed="the name of a schedule"))
-    return back(request, "/settings", "unscheduled")
+    return to_page(request, "/settings", "unscheduled")
 
 
 def _seconds(text: str, key: str, field: str, unit_s: float) -> dict[str, float]:
@@ -144,7 +148,7 @@ def _seconds(text: str, key: str, field: str, unit_s: float) -> dict[str, float]
 
 
 def _page(
-    request: Request, deps: Dependencies, *, said: str = "", status: int = 200
+    request: Request, deps: Dependencies, *, message: str = "", status: int = 200
 ) -> HTMLResponse:
     plant = deps.site.plant
     return deps.renderer.page(
@@ -153,10 +157,10 @@ def _page(
         status=status,
         here="settings",
         open_alerts=deps.open_alerts(),
-        said=said,
+        said=message,
         plant=plant,
         limits=_limits(deps),
-        rules=shown(plant.alerts.model_dump()) if plant else [],
+        rules=shown_keys(plant.alerts.model_dump()) if plant else [],
         schedules=deps.store.schedules.all(),
         authors=deps.store.browser_settings.schedules(),
         areas=deps.store.areas(),
@@ -169,14 +173,14 @@ def _page(
 
 def _limits(deps: Dependencies) -> list[ShownLimit]:
     named = frozenset() if deps.site.plant is None else deps.site.plant.named_limits
-    given, now = deps.store.browser_settings.limits(), deps.site.limits
+    limits_set, now = deps.store.browser_settings.limits(), deps.site.limits
     return [
         ShownLimit(
             name=limit.name,
             value=getattr(now, limit.name),
             default=getattr(Limits(), limit.name),
             named=limit.name in named,
-            given=given.get(limit.name),
+            given=limits_set.get(limit.name),
         )
         for limit in fields(Limits)
     ]
@@ -187,37 +191,37 @@ def _sources(plant: Plant | None) -> list[dict[str, Any]]:
     if plant is None:
         return []
     counts = Counter(valve.source for valve in plant.valves.values())
-    given = {name: source.model_dump() for name, source in plant.sources.items()}
-    given |= {name: archive.model_dump() for name, archive in plant.archives.items()}
-    given |= {name: _keys_of(device) for name, device in plant.devices.items()}
+    tables = {name: source.model_dump() for name, source in plant.sources.items()}
+    tables |= {name: archive.model_dump() for name, archive in plant.archives.items()}
+    tables |= {name: _keys_of(device) for name, device in plant.devices.items()}
     return [
-        {"name": name, "valves": counts[name], "given": shown(fields)}
-        for name, fields in given.items()
+        {"name": name, "valves": counts[name], "given": shown_keys(fields)}
+        for name, fields in tables.items()
     ]
 
 
 def _keys_of(device: Device) -> dict[str, Any]:
     """A device's keys as they stand in the plant file, without those of links of another type."""
-    given = asdict(device)
-    del given["link"]
-    return keys_of(device.link) | given
+    keys = asdict(device)
+    del keys["link"]
+    return keys_of(device.link) | keys
 
 
 def _notifiers(plant: Plant | None) -> list[tuple[str, Given]]:
     if plant is None:
         return []
-    return [(name, shown(notifier.model_dump())) for name, notifier in plant.notifiers.items()]
+    return [(name, shown_keys(notifier.model_dump())) for name, notifier in plant.notifiers.items()]
 
 
-def shown(given: Mapping[str, Any], before: str = "") -> Given:
+def shown_keys(keys: Mapping[str, Any], before: str = "") -> Given:
     """Keys and values as text; what could hold a secret is masked, long lists are counted."""
     lines: Given = []
-    for key, value in given.items():
+    for key, value in keys.items():
         name = f"{before}{key}"
         if value is None or value == [] or key == "name":
             continue
         if isinstance(value, Mapping):
-            lines += shown(value, f"{name}.")
+            lines += shown_keys(value, f"{name}.")
         elif any(word in key.lower() for word in SECRET_WORDS):
             lines.append((name, _masked(str(value))))
         elif isinstance(value, list | tuple) and len(value) > MOST_SHOWN:

@@ -37,7 +37,7 @@ def source_list(request: Request, deps: Deps) -> HTMLResponse:
     """Every source of the plant file, with what was heard of it last."""
     heard = deps.store.sources.states()
     plant = deps.site.plant
-    known = {state.source for state in heard}
+    known_sources = {state.source for state in heard}
     named = (*plant.sources, *plant.archives, *plant.devices) if plant else ()
     return deps.renderer.page(
         request,
@@ -48,6 +48,6 @@ def source_list(request: Request, deps: Deps) -> HTMLResponse:
         word_of=lambda source: source_word(source, deps.now),
         count=count_or_figure,
         ago=lambda when: max(0.0, (deps.now - when).total_seconds()),
-        quiet=[name for name in named if name not in known],
+        quiet=[name for name in named if name not in known_sources],
         files=deps.store.sources.files(limit=MOST_FILES),
     )

@@ -27,13 +27,13 @@ router = APIRouter(include_in_schema=False)
 @router.get("/valve/test-plan")
 def test_plan(request: Request, deps: Deps) -> HTMLResponse:
     """The plan of the valve ``id``; the limits stand in the query."""
-    from stemwatch.service.field_test.sheet_files import shown
+    from stemwatch.service.field_test.sheet_files import page_values
 
     name = deps.need_valve(request.query_params.get("id", ""))
-    given = {field: request.query_params.get(field, "")[:20] for field in FIELDS}
+    texts = {field: request.query_params.get(field, "")[:20] for field in FIELDS}
     sheet, refused = None, ""
     try:
-        sheet = _sheet(deps, name, given)
+        sheet = _sheet(deps, name, texts)
     except ValueError as error:
         refused = str(error)
     return deps.renderer.page(
@@ -43,10 +43,10 @@ def test_plan(request: Request, deps: Deps) -> HTMLResponse:
         here="ranking",
         open_alerts=deps.open_alerts(),
         valve=name,
-        given=given,
+        given=texts,
         refused=refused,
-        fields=urlencode({field: text for field, text in given.items() if text}),
-        **({"sheet": None} if sheet is None else shown(sheet)),
+        fields=urlencode({field: text for field, text in texts.items() if text}),
+        **({"sheet": None} if sheet is None else page_values(sheet)),
     )
 
 
@@ -56,9 +56,9 @@ def sheet_to_print(request: Request, deps: Deps) -> Response:
     from stemwatch.service.field_test.sheet_files import PDF, pdf_of
 
     name = deps.need_valve(request.query_params.get("id", ""))
-    given = {field: request.query_params.get(field, "")[:20] for field in FIELDS}
+    texts = {field: request.query_params.get(field, "")[:20] for field in FIELDS}
     try:
-        sheet = _sheet(deps, name, given)
+        sheet = _sheet(deps, name, texts)
     except ValueError as error:
         raise HTTPException(422, str(error)) from error
     if sheet is None:
@@ -70,43 +70,43 @@ def sheet_to_print(request: Request, deps: Deps) -> Response:
     return Response(pdf_of(sheet, context), media_type=PAPER, headers=headers)
 
 
-def _sheet(deps: Dependencies, valve: str, given: dict[str, str]) -> TestSheet | None:
+def _sheet(deps: Dependencies, valve: str, texts: dict[str, str]) -> TestSheet | None:
     """The sheet within the limits that were given; ``None`` where the valve was not screened.
 
     Raises ``ValueError`` for a limit without sense.
     """
     from stemwatch.service.field_test.sheet import sheet_of
 
-    op_now = _number(given, "op_now")
-    plan = _kept().plan(deps.store, valve, _limits(given), op_now)
+    op_now = _number(texts, "op_now")
+    plan = _plan_cache().plan(deps.store, valve, _limits(texts), op_now)
     return None if plan is None else sheet_of(plan, valve)
 
 
 @cache
-def _kept() -> PlanCache:
+def _plan_cache() -> PlanCache:
     """The plans that were made before, by database and screening."""
     from stemwatch.service.field_test.planned import PlanCache
 
     return PlanCache()
 
 
-def _limits(given: dict[str, str]) -> TestLimits:
+def _limits(texts: dict[str, str]) -> TestLimits:
     from stemwatch.models.field_test.programme import TestLimits
 
-    known = {
-        "amplitude": _number(given, "amplitude"),
-        "pv_upset": _number(given, "pv_upset"),
-        "op_low": _number(given, "op_low"),
-        "op_high": _number(given, "op_high"),
+    limits_given = {
+        "amplitude": _number(texts, "amplitude"),
+        "pv_upset": _number(texts, "pv_upset"),
+        "op_low": _number(texts, "op_low"),
+        "op_high": _number(texts, "op_high"),
     }
-    minutes = _number(given, "minutes")
-    known["duration_s"] = None if minutes is None else 60.0 * minutes
-    return TestLimits(**{name: value for name, value in known.items() if value is not None})
+    minutes = _number(texts, "minutes")
+    limits_given["duration_s"] = None if minutes is None else 60.0 * minutes
+    return TestLimits(**{name: value for name, value in limits_given.items() if value is not None})
 
 
-def _number(given: dict[str, str], name: str) -> float | None:
+def _number(texts: dict[str, str], name: str) -> float | None:
     """A number, with a decimal comma or point; ``None`` where nothing was given."""
-    text = given[name].strip().replace(",", ".")
+    text = texts[name].strip().replace(",", ".")
     if not text:
         return None
     try:

@@ -10,7 +10,7 @@ from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.auth.current_user import note_about
 from stemwatch.service.web.auth.forms import SentForm
 from stemwatch.service.web.dependencies import Deps
-from stemwatch.service.web.pages.account_page import back
+from stemwatch.service.web.pages.account_page import to_page
 
 router = APIRouter(include_in_schema=False)
 
@@ -39,4 +39,4 @@ def revoke(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
         raise HTTPException(404, f"There is no token {number}.")
     note_about(request, f"revoke {token.name} of {token.user.name}")
     deps.store.api_tokens.revoke(token.id, deps.now)
-    return back(request, "/tokens", "revoked")
+    return to_page(request, "/tokens", "revoked")

@@ -14,7 +14,7 @@ from stemwatch.service.web.actions import LARGEST_NUMBER, Refused
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
 from stemwatch.service.web.auth.forms import Form, SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.account_page import back
+from stemwatch.service.web.pages.account_page import to_page
 
 router = APIRouter(include_in_schema=False)
 
@@ -28,13 +28,13 @@ def user_list(request: Request, deps: Deps) -> HTMLResponse:
 @router.post("/users/invite")
 def invite(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> HTMLResponse:
     """A one-time link for a new user; it is shown on this one page and never again."""
-    note = form.text("note", most=200)
+    note = form.text("note", longest=200)
     role, now = _role(form), deps.now
     note_about(request, f"invite {note}" if note else "invite")
     secret, link = make_link(
         deps.store, OneTimeLinkKind.INVITATION, role, made_by=current_user.name, now=now, note=note
     )
-    return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
+    return _page(request, deps, new_link=link, address=address_of(secret, _base_url(request)))
 
 
 @router.post("/users/password")
@@ -54,7 +54,7 @@ def new_password(
         user=user.id,
         note=user.name,
     )
-    return _page(request, deps, made=link, address=address_of(secret, _base_url(request)))
+    return _page(request, deps, new_link=link, address=address_of(secret, _base_url(request)))
 
 
 @router.post("/users/role")
@@ -63,7 +63,7 @@ def set_role(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     user, role = _user(request, deps, form), _role(form)
     note_about(request, f"before {user.role}")
     _unless_last(lambda: deps.store.accounts.set_role(user.id, role))
-    return back(request, "/users", "role")
+    return to_page(request, "/users", "role")
 
 
 @router.post("/users/disable")
@@ -72,7 +72,7 @@ def disable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     user = _user(request, deps, form)
     note_about(request, "disable")
     _unless_last(lambda: deps.store.accounts.disable(user.id, deps.now))
-    return back(request, "/users", "disabled")
+    return to_page(request, "/users", "disabled")
 
 
 @router.post("/users/enable")
@@ -81,7 +81,7 @@ def enable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     user = _user(request, deps, form)
     note_about(request, "enable")
     deps.store.accounts.enable(user.id)
-    return back(request, "/users", "enabled")
+    return to_page(request, "/users", "enabled")
 
 
 @router.post("/users/links/withdraw")
@@ -91,11 +91,11 @@ def withdraw(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
     note_about(request, f"withdraw link {number}")
     if number > LARGEST_NUMBER or not deps.store.access_links.revoke(number, deps.now):
         raise HTTPException(404, f"There is no link {number} that still lets somebody in.")
-    return back(request, "/users", "withdrawn")
+    return to_page(request, "/users", "withdrawn")
 
 
 def _page(
-    request: Request, deps: Dependencies, *, made: OneTimeLink | None = None, address: str = ""
+    request: Request, deps: Dependencies, *, new_link: OneTimeLink | None = None, address: str = ""
 ) -> HTMLResponse:
     open_links = deps.store.access_links.open(deps.now)
     return deps.renderer.page(
@@ -106,7 +106,7 @@ def _page(
         users=deps.store.accounts.all(),
         links=[link for link in open_links if link.kind is not OneTimeLinkKind.FIRST],
         roles=list(UserRole),
-        made=made,
+        made=new_link,
         address=address,
     )
 
@@ -121,10 +121,10 @@ def _user(request: Request, deps: Dependencies, form: Form) -> User:
 
 
 def _role(form: Form) -> UserRole:
-    given = form.text("role", needed="a role")
-    if given not in list(UserRole):
-        raise HTTPException(422, f"{', '.join(UserRole)} is expected, received {given!r}")
-    return UserRole(given)
+    role_text = form.text("role", needed="a role")
+    if role_text not in list(UserRole):
+        raise HTTPException(422, f"{', '.join(UserRole)} is expected, received {role_text!r}")
+    return UserRole(role_text)
 
 
 def _unless_last(change: Callable[[], object]) -> None:

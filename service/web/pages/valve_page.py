@@ -17,18 +17,18 @@ from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.maintenance_html import page_anchor
+from stemwatch.service.maintenance.work_compared import compare
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.oscillation_words import of_loops
 from stemwatch.service.presenter.physics_words import left_to_tell
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
-from stemwatch.service.report.charts.small_plot import SmallPlot
-from stemwatch.service.report.charts.window_pictures import before_and_after, unpack_pictures
+from stemwatch.service.report.charts.window_pictures import unpack_pictures
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.store.alerts.alerts import state_of
 from stemwatch.service.store.samples.tag_quality import BadSamples
 from stemwatch.service.store.screenings.feedback import Judgement
-from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.records import StoredScreening, StoredValve, TrendPoint
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import Store
@@ -66,20 +66,25 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     name = deps.need_valve(request.query_params.get("id", ""))
     store = deps.store
     stored = store.valve(name) or _from_plant(deps, name)
-    shown = _shown(store, name, deps.site.limits)
+    shown_screening = _shown_screening(store, name, deps.site.limits)
     points = store.s_and_j(name)
     marks = read_marks(store, name)
     raised = store.alerts.in_state("all", deps.now, valve=name)
-    opens, ends = _opening(deps, name, shown)
+    opens, ends = _opening(deps, name, shown_screening)
     quality = _quality(deps, name, (opens, ends))
-    numbers = [shown.screening.S.value or 0.0, shown.screening.J.value or 0.0] if shown else [0.0]
+    around = store.around_work(name)
+    numbers = (
+        [shown_screening.screening.S.value or 0.0, shown_screening.screening.J.value or 0.0]
+        if shown_screening
+        else [0.0]
+    )
     return deps.renderer.page(
         request,
         "valve_page.html",
         here="ranking",
         open_alerts=deps.open_alerts(),
         one=stored,
-        shown=shown,
+        shown=shown_screening,
         by_window=store.evidence([name]).get(name),
         gauge_top=bar_top(max(numbers)),
         models=MODEL_NAMES,
@@ -94,11 +99,12 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         spans=SPANS,
         roles=_roles(deps, name),
         quality=quality,
-        sheet=None if shown is None else _sheet(deps, shown),
+        sheet=None if shown_screening is None else _sheet(deps, shown_screening),
         labels=store.feedback(name),
         judgements=list(Judgement),
-        plan_link=_plan_link(request, shown),
-        work=_work_compared(store, name),
+        plan_link=_plan_link(request, shown_screening),
+        work=None if around is None else compare(around),
+        oscillates=of_loops(store.oscillations_of(name, deps.now), name, deps.site.tz),
     )
 
 
@@ -106,10 +112,10 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
 def note(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> RedirectResponse:
     """Keep a remark about a valve."""
     name = deps.need_valve(form.text("valve", needed="a valve"))
-    at = form.instant("at", deps.site.tz, deps.now)
+    remark_time = form.instant("at", deps.site.tz, deps.now)
     text = form.text("text", needed="what was seen")
-    deps.actions.note(name, at, text, current_user.signature())
-    return _back(request, name, "note", "log")
+    deps.actions.note(name, remark_time, text, current_user.signature())
+    return _to_valve_page(request, name, "note", "log")
 
 
 @router.post("/valve/maintenance")
@@ -118,10 +124,10 @@ def maintenance(
 ) -> RedirectResponse:
     """Record work on a valve."""
     name = deps.need_valve(form.text("valve", needed="a valve"))
-    at = form.instant("at", deps.site.tz, deps.now)
+    remark_time = form.instant("at", deps.site.tz, deps.now)
     text = form.text("text", needed="what was done")
-    deps.actions.maintenance(name, at, text, current_user.signature())
-    return _back(request, name, "maintenance", "log")
+    deps.actions.maintenance(name, remark_time, text, current_user.signature())
+    return _to_valve_page(request, name, "maintenance", "log")
 
 
 @router.post("/valve/feedback")
@@ -132,9 +138,11 @@ def feedback(
     name = deps.need_valve(form.text("valve", needed="a valve"))
     number = form.number("screening", "the number of a screening")
     judgement = form.text("judgement", needed="right, wrong or partly right")
-    at = form.instant("at", deps.site.tz, deps.now)
-    deps.actions.feedback(number, at, judgement, form.text("text"), current_user.signature())
-    return _back(request, name, "feedback", "log")
+    remark_time = form.instant("at", deps.site.tz, deps.now)
+    deps.actions.feedback(
+        number, remark_time, judgement, form.text("text"), current_user.signature()
+    )
+    return _to_valve_page(request, name, "feedback", "log")
 
 
 @router.post("/valve/baseline")
@@ -144,10 +152,10 @@ def baseline(
     """Make the network fitted last the valve's baseline."""
     name = deps.need_valve(form.text("valve", needed="a valve"))
     deps.actions.baseline(name, form.text("text"), current_user.signature())
-    return _back(request, name, "baseline", "log")
+    return _to_valve_page(request, name, "baseline", "log")
 
 
-def _back(request: Request, valve: str, done: str, place: str) -> RedirectResponse:
+def _to_valve_page(request: Request, valve: str, done: str, place: str) -> RedirectResponse:
     base = request.scope.get("root_path", "").rstrip("/")
     address = f"{base}/valve?{urlencode({'id': valve, 'done': done})}#{place}"
     return RedirectResponse(address, 303)
@@ -155,15 +163,18 @@ def _back(request: Request, valve: str, done: str, place: str) -> RedirectRespon
 
 def _from_plant(deps: Dependencies, name: str) -> StoredValve:
     """A valve of the plant file that no run has met yet."""
-    known: Any = deps.site.plant.valves[name] if deps.site.plant else None
-    if known is None:
+    settings: Any = deps.site.plant.valves[name] if deps.site.plant else None
+    if settings is None:
         return StoredValve(id=name)
     return StoredValve(
-        id=name, description=known.description, area=known.area, criticality=known.criticality
+        id=name,
+        description=settings.description,
+        area=settings.area,
+        criticality=settings.criticality,
     )
 
 
-def _shown(store: Store, name: str, limits: Limits) -> ShownScreening | None:
+def _shown_screening(store: Store, name: str, limits: Limits) -> ShownScreening | None:
     latest = store.screenings(name, 1)
     if not latest:
         return None
@@ -173,15 +184,15 @@ def _shown(store: Store, name: str, limits: Limits) -> ShownScreening | None:
     screening = screening_of(stored, indicators)
     mismatch = screening.mismatch
     stands = not stored.held_back if mismatch is not None and mismatch.effects else None
-    said = present(screening, stands=stands)
+    presented = present(screening, stands=stands)
     weeks = store.trends([name], limits).get(name)
     return ShownScreening(
         screening=screening,
-        finding=said,
+        finding=presented,
         stored=stored,
         weeks=weeks,
         trend=change_since_last_run(
-            screening, said.decision.verdict, store.previous_finding(screening), weeks
+            screening, presented.decision.verdict, store.previous_finding(screening), weeks
         ),
         mismatch=None
         if mismatch is None
@@ -197,68 +208,49 @@ def _shown(store: Store, name: str, limits: Limits) -> ShownScreening | None:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class WorkCompared:
-    """The last work on the valve, S and J in the windows before and after it, and both loops on the
-    same axes, where both windows have one."""
-
-    around: AroundWork
-    plot: SmallPlot | None
-
-
-def _work_compared(store: Store, name: str) -> WorkCompared | None:
-    around = store.around_work(name)
-    if around is None:
-        return None
-    before = unpack_pictures(around.before.packed).loop
-    after = unpack_pictures(around.after.packed).loop
-    plot = None if before is None or after is None else before_and_after(before, after)
-    return WorkCompared(around=around, plot=plot)
-
-
 def indicator_of(name: str, point: TrendPoint) -> Indicator:
     """A stored number with what it means; NaN where the store has none."""
-    says, worse = meaning_of(name)
+    meaning, worse = meaning_of(name)
     return Indicator(
         name=name,
         value=math.nan if point.value is None else point.value,
         unit=point.unit,
-        meaning=says,
+        meaning=meaning,
         worse=worse,
         low=point.low,
         high=point.high,
     )
 
 
-def _plan_link(request: Request, shown: ShownScreening | None) -> str:
+def _plan_link(request: Request, shown_screening: ShownScreening | None) -> str:
     """Where the test that would tell is planned; empty where none would be of use."""
-    if shown is None:
+    if shown_screening is None:
         return ""
-    mismatch = shown.screening.mismatch
-    left = bool(mismatch is not None and left_to_tell(mismatch))
-    if not left and shown.screening.verdict is not Verdict.UNDETERMINED:
+    mismatch = shown_screening.screening.mismatch
+    effects_left = bool(mismatch is not None and left_to_tell(mismatch))
+    if not effects_left and shown_screening.screening.verdict is not Verdict.UNDETERMINED:
         return ""
     base = request.scope.get("root_path", "").rstrip("/")
-    return f"{base}/valve/test-plan?{urlencode({'id': shown.screening.valve})}"
+    return f"{base}/valve/test-plan?{urlencode({'id': shown_screening.screening.valve})}"
 
 
-def _sheet(deps: Dependencies, shown: ShownScreening) -> str | None:
+def _sheet(deps: Dependencies, shown_screening: ShownScreening) -> str | None:
     """Where the valve's page for maintenance is; ``None`` where it has none, or none is kept."""
-    if not shown.finding.decision.has_page:
+    if not shown_screening.finding.decision.has_page:
         return None
-    run = shown.stored.run_id
+    run = shown_screening.stored.run_id
     folder = report_folder(deps, run)
     if folder is None or not (folder / MAINTENANCE).is_file():
         return None
-    anchor = page_anchor(shown.screening.valve)
+    anchor = page_anchor(shown_screening.screening.valve)
     return f"/run/report?{urlencode({'id': run, 'file': MAINTENANCE})}#{anchor}"
 
 
 def _opening(
-    deps: Dependencies, name: str, shown: ShownScreening | None
+    deps: Dependencies, name: str, shown_screening: ShownScreening | None
 ) -> tuple[datetime, datetime]:
     """What the plots open on: the last two hours of the screened window, else of the samples."""
-    start, end = shown.stored.window if shown else (None, None)
+    start, end = shown_screening.stored.window if shown_screening else (None, None)
     if start is not None and end is not None:
         return max(start, end - OPENING), end
     bounds = _op_bounds(deps, name)

@@ -57,12 +57,12 @@ def wide(kind: Kind, form: str, header: Sequence[Sequence[str]]) -> list[list[st
 def samples(kind: Kind, form: str) -> list[tuple[str, str, str, str]]:
     """Tag, time, value and whether it is good."""
     stamps, texts = times(kind.rows, form), values(kind)
-    found = [
+    matching = [
         (tag, stamps[i], texts[i][n], "bad" if (i + n) % 41 == 0 else "good")
         for i in range(kind.rows)
         for n, tag in enumerate(TAGS)
     ]
-    return sorted(found, key=lambda one: TAGS.index(one[0])) if kind.by_tag else found
+    return sorted(matching, key=lambda one: TAGS.index(one[0])) if kind.by_tag else matching
 
 
 ISO, PLAIN = "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S"

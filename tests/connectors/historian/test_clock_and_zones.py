@@ -306,12 +306,12 @@ def test_rows_that_stand_twice_in_a_file_are_no_cut_stamps(open_text) -> None:
 def test_an_interval_that_is_given_is_used_or_said_not_to_be(open_text) -> None:
     """A column that only counts rows gives way to it; dates do not, and that is said."""
     counted = [str(row) for row in range(50)]
-    given = ReadOptions(interval_s=20.0, zone="UTC")
-    recording = open_text(wide(counted), options=given).read(OP)
+    read_options = ReadOptions(interval_s=20.0, zone="UTC")
+    recording = open_text(wide(counted), options=read_options).read(OP)
     assert recording.interval_s == 20.0
     assert "20 s apart, as given; column 'Time' only counts them" in said(recording)
     dated = [f"2026-03-02 06:{minute:02d}" for minute in range(50)]
-    recording = open_text(wide(dated), options=given).read(OP)
+    recording = open_text(wide(dated), options=read_options).read(OP)
     assert recording.interval_s == 60.0
     assert "interval_s = 20 is not used: column 'Time' dates each row" in said(recording)
 

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from stemwatch.connectors.connector import ConnectorError, TagMapping, ValveTags
 from stemwatch.connectors.historian import HistorianFile, ReadOptions, propose_valves
 from stemwatch.connectors.historian.opened_file import OpenedFile, open_file
+from stemwatch.connectors.historian.proposed_plant import ProposedSource, plant_toml
 from stemwatch.connectors.historian.values.numbers import parse_number
 from stemwatch.models.recording import Role
 
@@ -32,7 +33,8 @@ def look(path: Path, options: ReadOptions | None = None) -> OpenedFile | None:
     """Everything a user can ask of a file; only ``ConnectorError`` may come out."""
     try:
         source = HistorianFile(path, options or ReadOptions())
-        source.inspect().plant_toml()
+        seen = source.inspect()
+        plant_toml([ProposedSource("historian", seen.source, (seen,))])
         for valve in propose_valves(source):
             try:
                 source.read(valve)

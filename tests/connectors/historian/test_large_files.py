@@ -254,7 +254,7 @@ def test_one_valve_of_a_large_export_needs_little_memory(
     written in other ways, 500 MB in less than 1 GB."""
     rows = write_hours(tmp_path / "export.csv", kind, megabytes)
     command = [sys.executable, "-c", READ_ONE, str(tmp_path / "export.csv")]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    text = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     (tmp_path / "export.csv").unlink()
-    assert int(said[0]) == rows
-    assert int(said[1]) < most_mb
+    assert int(text[0]) == rows
+    assert int(text[1]) < most_mb

@@ -352,8 +352,8 @@ def test_no_time_column_needs_an_interval(open_text) -> None:
     body = "1.5,2.5\n1.6,2.6\n1.7,2.7\n"
     with_ts = '"uEst","yEst","Ts",\n1.5,2.5,4,\n1.6,2.6,,\n1.7,2.7,,\n'
     assert open_text(with_ts).read(mapped("uEst")).interval_s == 4.0
-    given = open_text("u,y\n" + body, "b.csv", ReadOptions(interval_s=2.0))
-    assert given.read(mapped("u")).interval_s == 2.0
+    result = open_text("u,y\n" + body, "b.csv", ReadOptions(interval_s=2.0))
+    assert result.read(mapped("u")).interval_s == 2.0
     with pytest.raises(UnreadableSource, match="no time column and nothing tells the interval"):
         open_text("u,y\n" + body, "c.csv").tags()
 

@@ -23,13 +23,13 @@ def only(path: Path) -> Recording:
 
 def test_lists_and_notes_are_told_from_recordings(recordings: Path) -> None:
     """Labels and readme are skipped with a reason; everything else is taken."""
-    found = find_sources([recordings])
-    assert {path.name for path, _ in found.skipped} == {
+    sources = find_sources([recordings])
+    assert {path.name for path, _ in sources.skipped} == {
         "labels.csv",
         "README.txt",
         "conditions.csv",
     }
-    assert all(HistorianFile(path).inspect().tags for path in found.paths)
+    assert all(HistorianFile(path).inspect().tags for path in sources.paths)
 
 
 def test_refinery_output_is_mv_by_description(recordings: Path) -> None:

@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 
 from stemwatch.connectors.historian import HistorianFile, propose_valves
+from stemwatch.connectors.historian.proposed_plant import ProposedSource, plant_toml
 from stemwatch.connectors.historian.tags.roles import propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.models.recording import Role
 
 
 def roles_of(*tags: tuple[str, str, str]) -> dict[str, Role | None]:
-    found = propose_roles(
+    result = propose_roles(
         [(tag, unit, text, None) for tag, unit, text in tags], stem="file", mv_is_output=False
     )
-    return {one.tag: one.role for one in found}
+    return {item.tag: item.role for item in result}
 
 
 @pytest.mark.parametrize(
@@ -77,16 +78,19 @@ def test_cv_needs_percent_and_a_neighbour() -> None:
 
 def test_two_outputs_of_one_loop_are_not_chosen_between() -> None:
     """Two equal candidates are both left open."""
-    found = roles_of(("A.OP", "%", ""), ("A.OUT", "%", ""))
-    assert found == {"A.OP": None, "A.OUT": None}
+    result = roles_of(("A.OP", "%", ""), ("A.OUT", "%", ""))
+    assert result == {"A.OP": None, "A.OUT": None}
 
 
 def test_position_transmitter_is_paired_by_number() -> None:
     """ZT-101 belongs to FIC-101 when no other loop has the number."""
-    found = propose_roles(
+    result = propose_roles(
         [("FIC-101.OP", "%", "", None), ("ZT-101", "%", "", None)], stem="f", mv_is_output=False
     )
-    assert [(one.role, one.valve) for one in found] == [(Role.OP, "FIC-101"), (Role.MV, "FIC-101")]
+    assert [(item.role, item.valve) for item in result] == [
+        (Role.OP, "FIC-101"),
+        (Role.MV, "FIC-101"),
+    ]
 
 
 def export() -> str:
@@ -135,15 +139,16 @@ def test_inspection_sees_lines_instead_of_samples(open_text) -> None:
 
 def test_inspection_is_plain_data(source: HistorianFile) -> None:
     """The inspection serialises to JSON."""
-    plain = json.loads(json.dumps(source.inspect().to_dict()))
-    assert plain["tags"][0]["role"] == "op"
-    assert plain["start"] == "2026-01-05T06:00:00+00:00"
+    loaded = json.loads(json.dumps(source.inspect().to_dict()))
+    assert loaded["tags"][0]["role"] == "op"
+    assert loaded["start"] == "2026-01-05T06:00:00+00:00"
 
 
 def test_plant_toml_is_valid_and_asks_for_what_is_open(open_text) -> None:
     """The proposal parses, maps what is certain and asks for the position in a comment."""
     text = export().replace("FIC1.ZT", "FIC1.MV")
-    proposal = open_text(text, "plant.csv").inspect().plant_toml("boiler")
+    seen = open_text(text, "plant.csv").inspect()
+    proposal = plant_toml([ProposedSource("boiler", seen.source, (seen,))])
     plant = tomllib.loads(proposal)
     assert plant["sources"][0]["name"] == "boiler"
     (valve,) = plant["valves"]
@@ -156,7 +161,9 @@ def test_plant_toml_is_valid_and_asks_for_what_is_open(open_text) -> None:
 
 def test_plant_toml_maps_a_certain_position(source: HistorianFile) -> None:
     """A position that leaves no doubt is mapped."""
-    (valve,) = tomllib.loads(source.inspect().plant_toml())["valves"]
+    seen = source.inspect()
+    proposal = plant_toml([ProposedSource("historian", seen.source, (seen,))])
+    (valve,) = tomllib.loads(proposal)["valves"]
     assert valve["tags"]["mv"]["tag"] == "FIC1.ZT"
 
 

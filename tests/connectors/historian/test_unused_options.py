@@ -57,12 +57,12 @@ def test_what_the_layout_fixes_is_said(tmp_path: Path) -> None:
     rows = "".join(f"2026-03-02 06:{m:02d}:00\t{m}.5\t{m}.25\n" for m in range(40))
     file = tmp_path / "export.txt"
     file.write_text(head + rows)
-    given = ReadOptions(separator=";", time_column="Stamp", zone="Europe/Berlin")
-    source = HistorianFile(file, given)
-    said = " ".join(unused_sentences(tuple(source.inspect().decisions)))
-    assert "separator = ';' is not used: the file was read as PROCESSDATA export" in said
-    assert "time_column = 'Stamp' is not used" in said
-    assert "zone" not in said
+    read_options = ReadOptions(separator=";", time_column="Stamp", zone="Europe/Berlin")
+    source = HistorianFile(file, read_options)
+    text = " ".join(unused_sentences(tuple(source.inspect().decisions)))
+    assert "separator = ';' is not used: the file was read as PROCESSDATA export" in text
+    assert "time_column = 'Stamp' is not used" in text
+    assert "zone" not in text
 
 
 def test_an_archive_says_it_too(tmp_path: Path) -> None:
@@ -72,8 +72,8 @@ def test_an_archive_says_it_too(tmp_path: Path) -> None:
     times = pd.to_datetime([time for time, _ in ROWS], utc=True)
     frame = pd.DataFrame({"time": times, "A.OP": [value for _, value in ROWS]})
     frame.to_parquet(tmp_path / "a.parquet")
-    given = ReadOptions(separator=";", interval_s=5.0, zone="Europe/Berlin")
-    recording = ParquetArchive(str(tmp_path / "a.parquet"), given).read(OP)
+    read_options = ReadOptions(separator=";", interval_s=5.0, zone="Europe/Berlin")
+    recording = ParquetArchive(str(tmp_path / "a.parquet"), read_options).read(OP)
     assert [s.split(" = ")[0] for s in unused_sentences(recording.provenance.decisions)] == [
         "zone",
         "separator",

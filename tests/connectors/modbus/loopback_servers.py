@@ -47,10 +47,10 @@ class Behaviour:
         if self.exception is not None:
             return self.exception
         memory = self.holding if function == 3 else self.inputs
-        for place in range(address, address + count):
-            if place in self.refuses:
-                return self.refuses[place]
-            registers[place - start] = memory.get(place, 0)
+        for index in range(address, address + count):
+            if index in self.refuses:
+                return self.refuses[index]
+            registers[index - start] = memory.get(index, 0)
         return None
 
 

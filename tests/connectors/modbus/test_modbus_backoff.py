@@ -14,8 +14,8 @@ from stemwatch.connectors.modbus.backoff import Backoff
 def test_waits_grow_up_to_a_limit(first_s, longest_s, seed, failures) -> None:
     """Each between half and the whole of the doubled one, never above the longest."""
     backoff = Backoff(first_s, longest_s, random.Random(seed))
-    for place in range(failures):
-        whole_s = min(longest_s, first_s * 2.0 ** min(place, 60))
+    for index in range(failures):
+        whole_s = min(longest_s, first_s * 2.0 ** min(index, 60))
         assert whole_s / 2 <= backoff.failed() <= whole_s
     assert backoff.failures == failures
     backoff.succeeded()

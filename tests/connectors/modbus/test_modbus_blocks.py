@@ -116,12 +116,12 @@ def test_a_block_is_read_as_its_registers_are(registers, memory) -> None:
     """Arrays and the definition agree on value, quality and reason, bit for bit."""
     (block,) = plan_blocks(registers, max_gap=50)
     place_of = {polled.tag: index for index, polled in enumerate(registers)}
-    found = Columns(len(registers))
-    BlockReader(block, place_of).read(memory[block.first : block.first + block.count], found)
+    columns = Columns(len(registers))
+    BlockReader(block, place_of).read(memory[block.first : block.first + block.count], columns)
     for index, polled in enumerate(registers):
         expected = polled.read(memory[polled.first : polled.stop])
-        assert (found.quality[index], found.reasons[index]) == expected[1:]
-        np.testing.assert_array_equal(found.values[index], expected.value)
+        assert (columns.quality[index], columns.reasons[index]) == expected[1:]
+        np.testing.assert_array_equal(columns.values[index], expected.value)
 
 
 @pytest.mark.parametrize(
@@ -139,4 +139,4 @@ def test_a_block_is_divided_so_that_no_piece_has_a_length_to_avoid(avoided, coun
     (block,) = plan_blocks([register(f"T{i}", i) for i in range(4)])
     pieces = block.avoiding(avoided)
     assert [piece.count for piece in pieces] == counts
-    assert [one.tag for piece in pieces for one in piece.registers] == ["T0", "T1", "T2", "T3"]
+    assert [item.tag for piece in pieces for item in piece.registers] == ["T0", "T1", "T2", "T3"]

@@ -29,13 +29,16 @@ from tests.connectors.modbus.loopback_servers import (
 
 def test_every_type_and_order_is_shown_and_the_right_one_looks_likely() -> None:
     """-37.625 word-swapped: of the four orders of FLOAT32 one is likely."""
-    found = list(meanings([0x8000, 0xC216, 0, 0]))
-    floats = {m.order: m for m in found if m.kind is DataType.FLOAT32}
+    as_list = list(meanings([0x8000, 0xC216, 0, 0]))
+    floats = {m.order: m for m in as_list if m.kind is DataType.FLOAT32}
     assert floats[ByteOrder.CDAB].value == -37.625
     assert [order for order, m in floats.items() if m.likely] == [ByteOrder.CDAB]
-    kinds = {m.kind for m in found}
+    kinds = {m.kind for m in as_list}
     assert kinds == set(DataType)
-    assert {m.order for m in found if m.kind is DataType.INT16} == {ByteOrder.ABCD, ByteOrder.BADC}
+    assert {m.order for m in as_list if m.kind is DataType.INT16} == {
+        ByteOrder.ABCD,
+        ByteOrder.BADC,
+    }
 
 
 def test_what_does_not_fit_is_left_out() -> None:

@@ -70,9 +70,9 @@ def one_register(**changed: Any) -> DeviceMap:
 
 def test_a_map_is_understood() -> None:
     """Two devices, three tables, both ways of scaling, names in any case."""
-    found = read(PLANT)
-    assert found.problems == ()
-    plc, bus = found.devices
+    recording = read(PLANT)
+    assert recording.problems == ()
+    plc, bus = recording.devices
     assert (plc.every_s, plc.link.target, plc.link.port) == (0.5, "192.168.1.20", 502)
     op, position = plc.registers
     assert (op.address, op.kind, op.order) == (
@@ -139,9 +139,9 @@ def link_made_from(keys: Mapping[str, Any]) -> Link:
 )
 def test_a_mistake_in_a_register_is_explained(changed: dict[str, Any], said: str) -> None:
     """Found and expected, with the key; the only register is gone, and so is the device."""
-    found = one_register(**changed)
-    assert found.devices == ()
-    first, last = found.problems
+    result = one_register(**changed)
+    assert result.devices == ()
+    first, last = result.problems
     assert said in str(first)
     name = changed.get("tag") or ("T" if "tag" not in changed else "1")
     assert str(first).startswith(f"plant.toml: devices[plc].registers[{name}].")
@@ -169,16 +169,16 @@ def test_a_mistake_in_a_device_is_explained(changed: dict[str, Any], said: str) 
     row = {"tag": "T", "address": "40001", "type": "UINT16"}
     table = {"name": "plc", "host": "h", "registers": [row]} | changed
     table = {key: value for key, value in table.items() if value is not None}
-    found = read_devices([table])
-    assert found.devices == ()
-    assert said in str(found.problems[0])
+    devices = read_devices([table])
+    assert devices.devices == ()
+    assert said in str(devices.problems[0])
 
 
 def test_a_mistake_costs_its_own_register_only_and_names_its_line() -> None:
     """The others are read; the line is that of the key."""
-    found = read(PLANT.replace('address = "30004"', "address = 30004"))
-    assert [device.tags for device in found.devices] == [("FIC-101.OP",), ("LIC-200.ZT",)]
-    (problem,) = found.problems
+    recording = read(PLANT.replace('address = "30004"', "address = 30004"))
+    assert [device.tags for device in recording.devices] == [("FIC-101.OP",), ("LIC-200.ZT",)]
+    (problem,) = recording.problems
     assert problem.line == PLANT[: PLANT.index('address = "30004"')].count("\n") + 1
     assert problem.key == "devices[plc-1].registers[FIC-101.ZT].address"
 
@@ -187,11 +187,11 @@ def test_what_is_there_twice_is_said() -> None:
     """Neither a tag of one device nor a device's name may be there twice; the first one counts."""
     row = {"tag": "T", "address": "40001", "type": "UINT16"}
     table = {"name": "plc", "host": "h", "registers": [row, row]}
-    found = read_devices([table, table | {"registers": [row]}])
-    assert [device.tags for device in found.devices] == [("T",)]
-    said = [str(problem) for problem in found.problems]
-    assert "an earlier register of this device" in said[0]
-    assert "an earlier device has already" in said[1]
+    devices = read_devices([table, table | {"registers": [row]}])
+    assert [device.tags for device in devices.devices] == [("T",)]
+    sentences = [str(problem) for problem in devices.problems]
+    assert "an earlier register of this device" in sentences[0]
+    assert "an earlier device has already" in sentences[1]
 
 
 def test_a_serial_line_that_cannot_keep_pace_is_refused_with_the_number() -> None:
@@ -210,5 +210,5 @@ def test_nobody_answers_a_broadcast_on_rtu() -> None:
     """Unit 0 is common on TCP and never answered on a serial line."""
     row = {"tag": "T", "address": "40001", "type": "UINT16", "unit_id": 0}
     assert len(read_devices([{"name": "a", "host": "h", "registers": [row]}]).devices) == 1
-    found = read_devices([{"name": "a", "type": "rtuovertcp", "host": "h", "registers": [row]}])
-    assert "broadcast" in str(found.problems[0])
+    devices = read_devices([{"name": "a", "type": "rtuovertcp", "host": "h", "registers": [row]}])
+    assert "broadcast" in str(devices.problems[0])

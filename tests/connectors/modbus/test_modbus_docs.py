@@ -36,13 +36,13 @@ def test_the_defaults_that_are_stated_are_the_ones_in_force() -> None:
 def test_the_map_that_is_shown_is_understood() -> None:
     """The example has no mistake."""
     (block,) = re.findall(r"^```toml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
-    found = read_devices(tomllib.loads(block)["devices"])
-    assert found.problems == ()
-    assert [register.first for register in found.devices[0].registers] == [0, 11]
+    devices = read_devices(tomllib.loads(block)["devices"])
+    assert devices.problems == ()
+    assert [register.first for register in devices.devices[0].registers] == [0, 11]
 
 
 @pytest.mark.parametrize("order", ByteOrder)
 def test_the_orders_that_are_shown_are_right(order: ByteOrder) -> None:
     """-37.625 in the four orders."""
-    shown = " ".join(f"{word:04X}" for word in encode(-37.625, DataType.FLOAT32, order))
-    assert f"| `{order.value}` | `{shown}` |" in PAGE
+    text = " ".join(f"{word:04X}" for word in encode(-37.625, DataType.FLOAT32, order))
+    assert f"| `{order.value}` | `{text}` |" in PAGE

@@ -191,15 +191,15 @@ def test_when_every_answer_is_late_no_read_gives_words(line: Any) -> None:
         words: list[int] = []
         reasons: list[str] = []
         async with line(units) as link:
-            asked = Connection(replace(link, timeout_s=0.5))
-            await asked.open()
+            connection = Connection(replace(link, timeout_s=0.5))
+            await connection.open()
             for turn in range(12):
                 try:
-                    words += await asked.read(1, Table.HOLDING, 100 * (turn % 3), 4)
+                    words += await connection.read(1, Table.HOLDING, 100 * (turn % 3), 4)
                 except ReadFault as fault:
                     reasons.append(fault.reason)
-                    await asked.reopen()
-            asked.close()
+                    await connection.reopen()
+            connection.close()
         return words, reasons
 
     words, reasons = asyncio.run(run())

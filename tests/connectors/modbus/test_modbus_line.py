@@ -59,9 +59,9 @@ def test_words_arrive_from_both_tables(framer: FramerType, kind: LinkKind) -> No
             line = Connection(tcp(served.port, kind=kind))
             await line.open()
             asked = [(1, Table.HOLDING, 2), (1, Table.INPUT, 2), (9, Table.HOLDING, 1)]
-            found = [await line.read(unit, table, 5, count) for unit, table, count in asked]
+            matching = [await line.read(unit, table, 5, count) for unit, table, count in asked]
             line.close()
-            return found
+            return matching
 
     assert asyncio.run(run()) == [[11, 12], [21, 22], [91]]
 
@@ -193,11 +193,11 @@ def test_a_peer_that_no_longer_hears_is_called_again() -> None:
         async with answering(lambda request: b"") as port:
             line = Connection(tcp(port, timeout_s=0.5))
             await line.open()
-            found = []
+            matching = []
             for _ in range(3):
                 await fault_of(line)
-                found.append(line.connected)
-            return found
+                matching.append(line.connected)
+            return matching
 
     assert asyncio.run(run()) == [True, True, False]
 

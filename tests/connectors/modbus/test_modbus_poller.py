@@ -309,10 +309,10 @@ def test_one_device_that_hangs_costs_the_others_nothing() -> None:
                 for _ in range(10):
                     await polled.until(all_good)
 
-            found = await polling(quick, story)
+            result = await polling(quick, story)
             task.cancel()
             await asyncio.wait([task])
-            return found, stuck
+            return result, stuck
 
     found, stuck = asyncio.run(run())
     assert all(all_good(batch) for batch in found.polled)

@@ -48,7 +48,7 @@ def test_the_list_of_requests_holds_those_that_write() -> None:
 @pytest.mark.parametrize("folder", ["connectors", "service", "models"])
 def test_no_code_names_a_request_that_is_not_a_read(folder: str) -> None:
     """No attribute, name or text in the packages is a request of pymodbus but the two reads."""
-    found = []
+    result = []
     for path in sorted((REPOSITORY / folder).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             names = {
@@ -57,8 +57,8 @@ def test_no_code_names_a_request_that_is_not_a_read(folder: str) -> None:
                 node.value if isinstance(node, ast.Constant) else None,
             }
             names = {name for name in names if isinstance(name, str)}
-            found += [f"{path.name}: {name}" for name in names & (REQUESTS - ALLOWED)]
-    assert found == []
+            result += [f"{path.name}: {name}" for name in names & (REQUESTS - ALLOWED)]
+    assert result == []
 
 
 def test_only_one_file_of_the_connector_knows_the_library() -> None:

@@ -74,15 +74,15 @@ def test_waiting_returns_at_the_slot_never_before() -> None:
 
     async def three() -> list[tuple[int, int]]:
         schedule = PollSchedule(0.1)
-        found = []
+        matching = []
         for _ in range(3):
             slot = await schedule.next()
-            found.append((slot.at_us, time.time_ns() // 1000))
-        return found
+            matching.append((slot.at_us, time.time_ns() // 1000))
+        return matching
 
-    found = asyncio.run(three())
-    assert all(now_us >= at_us for at_us, now_us in found)
-    assert found[2][0] > found[0][0]
+    process = asyncio.run(three())
+    assert all(now_us >= at_us for at_us, now_us in process)
+    assert process[2][0] > process[0][0]
 
 
 @pytest.mark.parametrize("back_s", [30, 3600])

@@ -45,9 +45,9 @@ def read(folder: Path, text: str | bytes, plant: str = PLANT) -> DeviceMap:
 
 def test_rows_are_registers(tmp_path: Path) -> None:
     """Every way of writing that the tables know, in columns."""
-    found = read(tmp_path, GOOD)
-    assert found.problems == ()
-    op, zt, pv = found.devices[0].registers
+    recording = read(tmp_path, GOOD)
+    assert recording.problems == ()
+    op, zt, pv = recording.devices[0].registers
     assert (op.tag, op.kind, op.order) == ("FIC-101.OP", DataType.FLOAT32, ByteOrder.CDAB)
     assert op.address == RegisterAddress(Table.HOLDING, 0)
     assert (op.lowest, op.highest, op.unit, op.description) == (-5.0, 105.0, "%", "Feed")
@@ -89,9 +89,9 @@ def test_names_and_marks_of_others_are_understood(tmp_path: Path) -> None:
         text.encode("utf-16"),
         text.replace("\n", "\r\n").encode(),
     ):
-        found = read(tmp_path, content)
-        assert found.problems == ()
-        (register,) = found.devices[0].registers
+        recording = read(tmp_path, content)
+        assert recording.problems == ()
+        (register,) = recording.devices[0].registers
         assert (register.tag, register.unit_id, register.scale) == ("A", 3, 0.1)
         assert (register.lowest, register.unit) == (-5.5, "%")
 
@@ -122,9 +122,9 @@ def test_a_bad_row_is_said_with_its_line_and_the_rest_goes_on(
         "tag,register,address,type,byte_order,scale,invalid\n"
         f'A,holding,0,INT16,,,"1|2"\n\n{row}\nC,holding,9,INT16,,,\n'
     )
-    found = read(tmp_path, text)
-    assert [register.tag for register in found.devices[0].registers] == ["A", "C"]
-    (problem,) = found.problems
+    recording = read(tmp_path, text)
+    assert [register.tag for register in recording.devices[0].registers] == ["A", "C"]
+    (problem,) = recording.problems
     assert str(problem).startswith("registers.csv, line 4: ")
     assert said in str(problem)
 
@@ -132,10 +132,10 @@ def test_a_bad_row_is_said_with_its_line_and_the_rest_goes_on(
 def test_half_a_range_names_the_column_that_is_missing(tmp_path: Path) -> None:
     """A range has four columns; one alone is no range."""
     text = "tag,register,address,type,raw_low,raw_high\nA,holding,0,INT16,0,\nB,holding,1,INT16,,\n"
-    found = read(tmp_path, text)
-    (problem,) = found.problems
+    recording = read(tmp_path, text)
+    (problem,) = recording.problems
     assert "line 2: row: found raw_high: raw_low without raw_high" in str(problem)
-    assert len(found.devices[0].registers) == 1
+    assert len(recording.devices[0].registers) == 1
 
 
 @pytest.mark.parametrize(
@@ -158,17 +158,17 @@ def test_what_spoils_the_whole_list_leaves_its_device_out(
     """A misread heading would be wrong for every register; other devices run."""
     other = '\n[[devices]]\nname = "b"\nhost = "h"\n[[devices.registers]]\n'
     other += 'tag = "X"\naddress = "40001"\ntype = "INT16"\n'
-    found = read(tmp_path, text, PLANT + other)
-    assert [device.name for device in found.devices] == ["b"]
-    assert said in "\n".join(str(problem) for problem in found.problems)
+    recording = read(tmp_path, text, PLANT + other)
+    assert [device.name for device in recording.devices] == ["b"]
+    assert said in "\n".join(str(problem) for problem in recording.problems)
 
 
 def test_a_list_that_is_not_there_is_said_where_it_is_named(tmp_path: Path) -> None:
     """The line is that of the plant file."""
     plant = PLANT.replace("registers.csv", "gone.csv")
-    found = read_devices(tomllib.loads(plant)["devices"], TomlLines(plant).of, folder=tmp_path)
-    assert found.devices == ()
-    (problem,) = found.problems
+    devices = read_devices(tomllib.loads(plant)["devices"], TomlLines(plant).of, folder=tmp_path)
+    assert devices.devices == ()
+    (problem,) = devices.problems
     assert str(problem).startswith("plant.toml, line 5: devices[plc-1].registers: found 'gone.csv'")
     assert "No such file" in str(problem)
 
@@ -184,20 +184,20 @@ def test_whatever_the_bytes_are_something_is_said_or_read(tmp_path_factory, cont
     path.write_bytes(b"tag,address,type\n" + content)
     said, keys = "", set[str]()
     try:
-        found = read_register_list(path)
-        keys = {key for row in found.rows for key in row.table}
+        register_list = read_register_list(path)
+        keys = {key for row in register_list.rows for key in row.table}
     except ListUnusable as mistake:
         said = mistake.expected
     assert keys <= {"tag", "address", "type"}
     seen = "".join(set(content.decode(errors="replace")) - set(BLANK))
-    assert said or not seen or found.rows or found.faulty
+    assert said or not seen or register_list.rows or register_list.faulty
 
 
 def test_a_row_of_control_codes_is_said_to_be_damaged(tmp_path: Path) -> None:
     """It is not passed over as an empty row: something was there."""
-    found = read(tmp_path, GOOD.encode() + b"\x1c\n")
-    assert len(found.devices[0].registers) == 3
-    (problem,) = found.problems
+    recording = read(tmp_path, GOOD.encode() + b"\x1c\n")
+    assert len(recording.devices[0].registers) == 3
+    (problem,) = recording.problems
     assert str(problem).startswith("registers.csv, line 5: row: found 1 cells; expected ")
 
 

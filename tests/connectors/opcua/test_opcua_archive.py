@@ -101,8 +101,8 @@ def test_which_statuses_are_good() -> None:
         0x80000000: True,  # Bad
         BAD: True,
     }
-    found = is_bad(np.array(list(codes), dtype=np.int64))
-    assert found.tolist() == list(codes.values())
+    result = is_bad(np.array(list(codes), dtype=np.int64))
+    assert result.tolist() == list(codes.values())
 
 
 def test_tags_are_the_nodes_with_a_history(served: tuple[str, Conforming]) -> None:
@@ -170,7 +170,7 @@ def test_no_code_names_a_call_that_writes() -> None:
     """No attribute, name or text of the connector is a call of the library that changes
     anything."""
     assert {"write_value", "write_values", "call_method", "history_update"} <= WRITING
-    found = []
+    result = []
     for path in sorted(PACKAGE.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             names = {
@@ -178,12 +178,12 @@ def test_no_code_names_a_call_that_writes() -> None:
                 getattr(node, "id", None),
                 node.value if isinstance(node, ast.Constant) else None,
             }
-            found += [
+            result += [
                 f"{path.name}: {name}"
                 for name in names
                 if isinstance(name, str) and name in WRITING
             ]
-    assert found == []
+    assert result == []
 
 
 def test_only_one_file_knows_the_library() -> None:

@@ -96,13 +96,13 @@ def test_any_order_and_repeated_rows(
     """Rows in any order, some of them there twice, are the same recording."""
     folder = tmp_path_factory.mktemp("shuffled")
     table = made.wide_table()
-    plain = ParquetArchive(made.write(table, folder / "plain.parquet")).read(made.valve())
+    recording = ParquetArchive(made.write(table, folder / "plain.parquet")).read(made.valve())
     mixed = made.write(table.take([*order, *twice]), folder / "mixed.parquet", row_group_size=100)
     again = ParquetArchive(mixed).read(made.valve())
-    for role, signal in plain.signals.items():
+    for role, signal in recording.signals.items():
         assert signal.values.tobytes() == again.signals[role].values.tobytes()
         assert signal.quality.tobytes() == again.signals[role].quality.tobytes()
-    assert (plain.start, plain.interval_s) == (again.start, again.interval_s)
+    assert (recording.start, recording.interval_s) == (again.start, again.interval_s)
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
@@ -189,8 +189,8 @@ def test_modes_in_words(tmp_path: Path) -> None:
     mode = pa.array(["AUTO" if i < 200 else "MAN" for i in range(300)])
     path = made.write(pa.table({"time": times, "A.OP": op, "A.MODE": mode}), tmp_path / "m.parquet")
     tags = {Role.OP: TagMapping(tag="A.OP"), Role.MODE: TagMapping(tag="A.MODE")}
-    found = ParquetArchive(path).read(ValveTags(valve="A", tags=tags)).signals[Role.MODE]
-    assert found.values[[0, 199, 200]].tolist() == [1.0, 1.0, 0.0]
+    signal = ParquetArchive(path).read(ValveTags(valve="A", tags=tags)).signals[Role.MODE]
+    assert signal.values[[0, 199, 200]].tolist() == [1.0, 1.0, 0.0]
 
 
 def test_columns_by_the_names_that_were_given(tmp_path: Path, from_csv: Recording) -> None:

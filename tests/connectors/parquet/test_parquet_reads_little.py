@@ -35,8 +35,8 @@ def spoil(path: Path, keep: Callable[[int, str], bool]) -> int:
     content = bytearray(path.read_bytes())
     spoilt = 0
     for group in range(metadata.num_row_groups):
-        for place in range(metadata.num_columns):
-            chunk = metadata.row_group(group).column(place)
+        for index in range(metadata.num_columns):
+            chunk = metadata.row_group(group).column(index)
             if keep(group, chunk.path_in_schema):
                 continue
             first = chunk.dictionary_page_offset or chunk.data_page_offset
@@ -141,9 +141,9 @@ def test_values_before_the_window_are_held_into_it(tmp_path: Path) -> None:
     window = Window(start=made.START + timedelta(seconds=630))
     valve = ValveTags(valve="A", tags=both)
     without = ParquetArchive(path).read(valve, window).signals[Role.SP]
-    held = ParquetArchive(path, before_s=120.0).read(valve, window)
+    recording = ParquetArchive(path, before_s=120.0).read(valve, window)
     assert np.isnan(without.values[0])
-    assert (held.start, held.signals[Role.SP].values[0]) == (window.start, 20.0)
+    assert (recording.start, recording.signals[Role.SP].values[0]) == (window.start, 20.0)
 
 
 def test_a_file_that_is_written_anew_is_read_anew(tmp_path: Path, monkeypatch) -> None:

@@ -108,7 +108,7 @@ class Handler(BaseHTTPRequestHandler):
             case ["streams", one, "recorded"]:
                 return {"Links": {}, **self._recorded(self._tag(one), asked)}
             case ["streamsets", "recorded"]:
-                tags = [self._tag(one) for one in asked["webId"]]
+                tags = [self._tag(item) for item in asked["webId"]]
                 streams = [
                     {"WebId": web_id(tag), "Name": tag, **self._recorded(tag, asked)}
                     for tag in tags
@@ -162,10 +162,10 @@ class Handler(BaseHTTPRequestHandler):
         start, end = asked["startTime"][0], asked["endTime"][0]
         start = "" if self.served.same_page else start
         inside = [
-            one
-            for one in self.served.points[tag]
-            if _key(one["Timestamp"]) >= _key(start)
-            and (end == "*" or _key(one["Timestamp"]) <= _key(end))
+            point
+            for point in self.served.points[tag]
+            if _key(point["Timestamp"]) >= _key(start)
+            and (end == "*" or _key(point["Timestamp"]) <= _key(end))
         ]
         return {"Items": inside[:most]}
 

@@ -188,9 +188,9 @@ def test_a_refused_sign_in_says_what_to_check_and_shows_no_secret(
         archive(served, tmp_path, **table).read(VALVE)
     assert "wrong one" not in str(refused.value)
     (tmp_path / "secret").write_text("right one\n")
-    found = archive(served, tmp_path, **table)
-    assert len(found.read(VALVE)) == 600
-    assert "right one" not in repr(found.address)
+    result = archive(served, tmp_path, **table)
+    assert len(result.read(VALVE)) == 600
+    assert "right one" not in repr(result.address)
 
 
 def test_a_token_from_the_environment(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -161,10 +161,10 @@ def test_texts_are_compared_as_they_are_written(tmp_path: Path) -> None:
 def test_a_password_is_shown_nowhere(tmp_path: Path, monkeypatch) -> None:
     """Not in the address as it is logged, and not where the database cannot be reached."""
     url = "postgresql://reader:geheim@127.0.0.1:1/plant"
-    given = address(url)
-    assert "geheim" not in repr(given) + str(given)
+    result = address(url)
+    assert "geheim" not in repr(result) + str(result)
     with pytest.raises(ConnectorError) as failed:
-        given.open().read(made.valve())
+        result.open().read(made.valve())
     assert "did not answer" in str(failed.value)
     assert "geheim" not in str(failed.value)
     monkeypatch.delenv("HISTORY_URL", raising=False)

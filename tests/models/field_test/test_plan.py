@@ -23,8 +23,8 @@ def model(slug: str, S: float = 2.0, J: float = 0.6, **terms: tuple[float, ...])
 
 def question(*models: RivalModel, **known: object) -> OpenQuestion:
     """What an hour at 1 s left open, OP at 47 %."""
-    plain = OpenQuestion(models=models, duration=3600.0, sigma=0.05, scatter=0.1, op=47.0)
-    return replace(plain, **known)
+    open_question = OpenQuestion(models=models, duration=3600.0, sigma=0.05, scatter=0.1, op=47.0)
+    return replace(open_question, **known)
 
 
 LAG = model("actuator_lag", actuator_lag=(4.0,))

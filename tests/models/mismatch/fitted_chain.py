@@ -10,8 +10,8 @@ import numpy as np
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet, make_evaluator
-from stemwatch.models.mismatch.explain import look_of, problem_of
 from stemwatch.models.mismatch.kernel import Record, Scoring, follow
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.mismatch.terms import catalogue
@@ -56,20 +56,20 @@ def hypothesis(*slugs: str) -> TermSet:
 def evaluator_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
     """The evaluator of a recording before any fit."""
     problem = problem_of(recording, settle(recording))
-    look = look_of(problem)
-    bounds = base_bounds(problem, look)
-    return make_evaluator(problem, look, bounds, delta, CANONICAL, first_scatter(look))
+    summary = summary_of(problem)
+    bounds = base_bounds(problem, summary)
+    return make_evaluator(problem, summary, bounds, delta, CANONICAL, first_scatter(summary))
 
 
 def candidate(layout: CoordinateLayout, S=4.0, J=1.2, base=None, **terms) -> Floats:
     """Coordinates of S and J in percent, other coordinates of the base, and those of terms."""
-    made = np.zeros(layout.size)
-    made[base_coordinate.S_PERCENT], made[base_coordinate.RATIO] = S, J / S
+    result = np.zeros(layout.size)
+    result[base_coordinate.S_PERCENT], result[base_coordinate.RATIO] = S, J / S
     for place, value in (base or {}).items():
-        made[place] = value
+        result[place] = value
     for slug, values in terms.items():
-        made[layout.places[slug]] = values
-    return made
+        result[layout.places[slug]] = values
+    return result
 
 
 def simulated_by_chain(

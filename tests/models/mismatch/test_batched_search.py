@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.batched_search import conclude, together
+from stemwatch.models.mismatch.batched_search import conclude, run_together
 from stemwatch.models.mismatch.crossfit import CAREFUL, folds, search
 from stemwatch.models.mismatch.evaluator import RunRequest, batches
 from stemwatch.models.mismatch.forces import Forces
@@ -59,8 +59,8 @@ def searches(seed):
 @settings(max_examples=5, deadline=None)
 def test_a_search_finds_in_company_what_it_finds_alone(seed):
     """To the last bit: the same candidates, the same losses, in the order of the searches."""
-    alone = [conclude(evaluator(), one) for one in searches(seed)]
-    in_step = conclude(evaluator(), together(searches(seed)))
+    alone = [conclude(evaluator(), item) for item in searches(seed)]
+    in_step = conclude(evaluator(), run_together(searches(seed)))
     assert len(alone) == len(in_step) == len(KINDS) + 1
     for one, other in zip(alone, in_step, strict=True):
         np.testing.assert_array_equal(one.candidate, other.candidate)
@@ -74,8 +74,8 @@ def test_what_asks_for_nothing_is_done_at_once():
         return value
         yield
 
-    assert conclude(evaluator(), together([])) == []
-    assert conclude(evaluator(), together([known(1), known(2)])) == [1, 2]
+    assert conclude(evaluator(), run_together([])) == []
+    assert conclude(evaluator(), run_together([known(1), known(2)])) == [1, 2]
 
 
 def test_a_search_that_fails_is_not_taken_for_done():
@@ -86,16 +86,18 @@ def test_a_search_that_fails_is_not_taken_for_done():
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        conclude(evaluator(), together([*searches(1), wrong()]))
+        conclude(evaluator(), run_together([*searches(1), wrong()]))
 
 
 @given(st.lists(st.integers(1, 3 * LANES), min_size=1, max_size=12))
 def test_every_candidate_runs_once_in_as_few_batches_as_can_be(counts):
     """Batches keep the order, are no larger than the lanes, and differ by one at most."""
-    made = list(batches(counts))
-    ran = [(lot, i) for batch in made for lot, part in batch for i in range(*part.indices(10**6))]
+    as_list = list(batches(counts))
+    ran = [
+        (lot, i) for batch in as_list for lot, part in batch for i in range(*part.indices(10**6))
+    ]
     assert ran == [(lot, i) for lot, count in enumerate(counts) for i in range(count)]
-    sizes = [sum(part.stop - part.start for _, part in batch) for batch in made]
+    sizes = [sum(part.stop - part.start for _, part in batch) for batch in as_list]
     assert len(sizes) == -(-sum(counts) // LANES)
     assert max(sizes) <= LANES
     assert max(sizes) - min(sizes) <= 1

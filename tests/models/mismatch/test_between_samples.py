@@ -61,9 +61,9 @@ def kept(recording: Recording, every: int, *, mean: bool = False) -> Recording:
 
 def reported(values: Floats, deviation: float) -> Floats:
     held, last = values.copy(), values[0]
-    for place, value in enumerate(values):
+    for index, value in enumerate(values):
         last = value if abs(value - last) > deviation else last
-        held[place] = last
+        held[index] = last
     return held
 
 
@@ -83,10 +83,10 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     assert archive is not None
     assert archive.kind is (ArchiveKind.AVERAGES if mean else ArchiveKind.SNAPSHOTS)
     assert archive.levels is not None
-    found = screened(slow)
-    assert found.S.value == pytest.approx(archive.levels.S)
-    assert found.J.value == pytest.approx(archive.levels.J)
-    assert abs(found.S.value - S) < 0.05 * S
+    result = screened(slow)
+    assert result.S.value == pytest.approx(archive.levels.S)
+    assert result.J.value == pytest.approx(archive.levels.J)
+    assert abs(result.S.value - S) < 0.05 * S
     without = replace(archive, levels=None)
     missed = without.missed_by(plain.evaluator.problem, plain.evaluator.simulate(plain.candidate))
     fitted = [Estimate(value=v, low=v, high=v, unit=PERCENT) for v in (plain.S, plain.J)]
@@ -94,10 +94,10 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     assert restored[0].value == pytest.approx(plain.S + missed)
     assert restored[1].value == pytest.approx(plain.J + missed)
     assert abs(plain.S + missed - S) < 0.12 * S
-    assert found.S.low is not None
-    assert found.S.high is not None
-    assert found.S.low <= S <= found.S.high
-    assert any("are read from" in told for told in found.provenance.decisions)
+    assert result.S.low is not None
+    assert result.S.high is not None
+    assert result.S.low <= S <= result.S.high
+    assert any("are read from" in decision for decision in result.provenance.decisions)
     assert "are restored by" in without.sentence(missed)
 
 
@@ -133,9 +133,9 @@ def test_reports_by_exception_hide_what_is_smaller() -> None:
     op = op - np.linspace(0.0, op[-1] - op[0], op.size)
     mv = op + 0.02 * rng.standard_normal(op.size)
     assert screened(recorded(op, mv, 1.0)).verdict is Verdict.HEALTHY
-    found = screened(recorded(reported(op, 1.0), reported(mv, 1.0), 1.0))
-    assert found.verdict is Verdict.UNDETERMINED
-    assert "reports by exception to 1 %" in found.reason
+    result = screened(recorded(reported(op, 1.0), reported(mv, 1.0), 1.0))
+    assert result.verdict is Verdict.UNDETERMINED
+    assert "reports by exception to 1 %" in result.reason
 
 
 def test_reports_by_exception_widen_what_they_leave_open() -> None:
@@ -147,8 +147,8 @@ def test_reports_by_exception_widen_what_they_leave_open() -> None:
     assert archive is not None
     assert archive.kind is ArchiveKind.REPORTS
     assert archive.deviation == pytest.approx(0.5, abs=0.05)
-    found = screened(held)
-    for estimate, truth in ((found.S, S), (found.J, J)):
+    result = screened(held)
+    for estimate, truth in ((result.S, S), (result.J, J)):
         assert estimate.low is not None
         assert estimate.high is not None
         assert estimate.low <= truth <= estimate.high

@@ -12,7 +12,8 @@ from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
 from stemwatch.models.mismatch.compression import NARROWEST_DOOR, WIDEST_DOOR, door
 from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.explain import explain, look_of, problem_of, scores
+from stemwatch.models.mismatch.explain import explain, scores
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
@@ -35,10 +36,10 @@ def bench_with_slack(recording):
     """The evaluator of a compressed recording as ``explain`` makes it."""
     settled = settle(recording)
     problem = problem_of(recording, settled)
-    look = look_of(problem)
-    scatter = first_scatter(look)
-    bounds = base_bounds(problem, look)
-    return make_evaluator(problem, look, bounds, 0.15, CANONICAL, scatter, settled.slack)
+    summary = summary_of(problem)
+    scatter = first_scatter(summary)
+    bounds = base_bounds(problem, summary)
+    return make_evaluator(problem, summary, bounds, 0.15, CANONICAL, scatter, settled.slack)
 
 
 @given(
@@ -51,10 +52,10 @@ def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
     """The slack is as wide as the archive's door where that can be told, and never absurd."""
     true = simulated_by_chain(noise=noise, seed=seed)
     recording, stored = archived(true, deviation)
-    found = door(recording.mv.values, stored)
-    assert NARROWEST_DOOR <= found <= WIDEST_DOOR
+    result = door(recording.mv.values, stored)
+    assert NARROWEST_DOOR <= result <= WIDEST_DOOR
     error = np.abs(recording.mv.values - true.mv.values)
-    assert np.mean(error > found) < 0.02
+    assert np.mean(error > result) < 0.02
 
 
 def test_slack_stands_at_drawn_values_only():
@@ -108,9 +109,9 @@ def test_a_resting_stem_is_put_where_it_was_measured():
 
 def test_a_lag_is_named_through_a_door():
     """Where one sample in ten is stored, three seconds of lag are still seen, and as long."""
-    found = explain(archived(simulated_by_chain(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
-    assert any("actuator_lag" in one.members for one in found.effects)
-    assert found.restated.S.value == pytest.approx(4.0, abs=0.6)
+    explanation = explain(archived(simulated_by_chain(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
+    assert any("actuator_lag" in effect.members for effect in explanation.effects)
+    assert explanation.restated.S.value == pytest.approx(4.0, abs=0.6)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -16,11 +16,11 @@ from stemwatch.models.mismatch.crossfit import (
     LOOK,
     POLISH,
     Beginning,
-    again,
     better,
     crossfit,
     folds,
     gain,
+    refit,
     scored,
     widened,
 )
@@ -79,7 +79,8 @@ def test_the_fit_that_judges_a_block_has_not_seen_it(fold):
     evaluator, layout = prepared()
     spoiled = elsewhere(evaluator, folds(evaluator)[fold])
     ours, theirs = (
-        conclude(one, crossfit(one, layout, starts(layout), LOOK)) for one in (evaluator, spoiled)
+        conclude(item, crossfit(item, layout, starts(layout), LOOK))
+        for item in (evaluator, spoiled)
     )
     np.testing.assert_array_equal(ours.candidates[1 - fold], theirs.candidates[1 - fold])
     assert not np.array_equal(ours.candidates[fold], theirs.candidates[fold])
@@ -102,10 +103,10 @@ def test_the_folds_part_the_record():
 def test_both_folds_find_the_valve():
     """Each half of the record alone tells S, J and the dead time."""
     evaluator, layout = prepared()
-    found = conclude(evaluator, crossfit(evaluator, layout, starts(layout), LOOK))
-    np.testing.assert_allclose(found.values("dead_time")[:, 0], 2.6, atol=0.1)
-    np.testing.assert_allclose(found.candidates[:, base_coordinate.S_PERCENT], 4.0, atol=0.3)
-    assert ("dead_time",) == found.slugs
+    conclusion = conclude(evaluator, crossfit(evaluator, layout, starts(layout), LOOK))
+    np.testing.assert_allclose(conclusion.values("dead_time")[:, 0], 2.6, atol=0.1)
+    np.testing.assert_allclose(conclusion.candidates[:, base_coordinate.S_PERCENT], 4.0, atol=0.3)
+    assert ("dead_time",) == conclusion.slugs
 
 
 @given(st.integers(0, 2**20))
@@ -115,7 +116,7 @@ def test_going_on_never_loses_on_a_folds_own_blocks(seed):
     evaluator, layout = prepared()
     begun = at_random(evaluator, layout, seed)
     more = at_random(evaluator, layout, seed + 1).candidates
-    went_on = conclude(evaluator, again(evaluator, begun, POLISH, more))
+    went_on = conclude(evaluator, refit(evaluator, begun, POLISH, more))
     assert (own_losses(evaluator, went_on) <= own_losses(evaluator, begun)).all()
 
 
@@ -161,7 +162,7 @@ def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
     rich = hypothesis("sensor_drift").plus(term)
     layout, begun = evaluator.layout(rich), beginnings(term, 4.0, 1.0)
     rows = widened(evaluator, rich, simple, term, begun)
-    grid = term.starts(evaluator.look)
+    grid = term.starts(evaluator.summary)
     assert (len(begun) * grid.shape[0], layout.size) == rows.shape
     np.testing.assert_array_equal(layout.bounds.clip(rows), rows)
     place = layout.places[slug]

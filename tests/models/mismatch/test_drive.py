@@ -28,31 +28,31 @@ def named(found):
 )
 def test_the_same_drive_has_the_same_names_at_every_gain(S, lag_s, load):
     """Friction, lag and pull shrink as one over the gain, the names stay."""
-    found = explained(S, lag_s, load)
-    assert found.finding is Finding.NAMED
-    assert named(found) == {"motor_drive", "load_by_position"}
-    assert found.restated.S.value == pytest.approx(S, rel=0.15)
-    assert found.restated.S.low <= S <= found.restated.S.high
-    assert found.heldout.rmse_extended < 0.5 * found.heldout.rmse_naive
+    result = explained(S, lag_s, load)
+    assert result.finding is Finding.NAMED
+    assert named(result) == {"motor_drive", "load_by_position"}
+    assert result.restated.S.value == pytest.approx(S, rel=0.15)
+    assert result.restated.S.low <= S <= result.restated.S.high
+    assert result.heldout.rmse_extended < 0.5 * result.heldout.rmse_naive
 
 
 def test_a_load_that_pulls_by_little_is_not_named():
     """Nor is a span error in its place."""
-    found = explained(0.3, 0.08, 0.2)
-    assert named(found) == {"motor_drive"}
-    assert found.restated.S.value == pytest.approx(0.3, abs=0.05)
+    result = explained(0.3, 0.08, 0.2)
+    assert named(result) == {"motor_drive"}
+    assert result.restated.S.value == pytest.approx(0.3, abs=0.05)
 
 
 def test_the_naive_fit_takes_the_lag_for_a_wide_dead_band():
     """It is what others report, and is shown beside."""
-    found = explained(1.2, 0.3, 4.0)
-    assert found.naive.S.value > 5.0
+    result = explained(1.2, 0.3, 4.0)
+    assert result.naive.S.value > 5.0
 
 
 def test_the_pull_is_said_with_its_size_and_direction():
     """The weight pulls back from either side: more towards falling above."""
-    found = explained(1.2, 0.3, 4.0)
-    load = next(effect for effect in found.effects if effect.slug == "load_by_position")
+    result = explained(1.2, 0.3, 4.0)
+    load = next(effect for effect in result.effects if effect.slug == "load_by_position")
     assert load.parameters["rise"].value == pytest.approx(8.0, rel=0.2)
     assert "more towards falling at 75 % of travel than at 25 %" in load.sentence
 
@@ -66,7 +66,7 @@ def test_names_and_s_do_not_know_how_long_a_second_is(factor):
     assert named(other) == named(plain)
     assert other.restated.S.value == pytest.approx(plain.restated.S.value)
     taus = [
-        next(e for e in found.effects if e.slug == "motor_drive").parameters["tau"].value
-        for found in (plain, other)
+        next(e for e in item.effects if e.slug == "motor_drive").parameters["tau"].value
+        for item in (plain, other)
     ]
     assert taus[1] == pytest.approx(factor * taus[0], rel=1e-6)

@@ -10,7 +10,7 @@ import pytest
 
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import scored
-from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, begun, dwelling
+from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, dwelling, refit_with_rise
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.term_selection import neutral
@@ -90,8 +90,10 @@ def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     )
     seen = dwelling(evaluator, found)
     assert seen is not None
-    plain = conclude(evaluator, neutral(evaluator, found, hypothesis().plus(catalogue()[DWELL])))
-    fitted = begun(evaluator, plain, seen)
+    conclusion = conclude(
+        evaluator, neutral(evaluator, found, hypothesis().plus(catalogue()[DWELL]))
+    )
+    fitted = refit_with_rise(evaluator, conclusion, seen)
     values = fitted.values(DWELL)
     assert np.all(np.abs(values - seen.rise) <= 2.0 * seen.error + 1e-9)
     assert np.all(fitted.candidates[:, 0] < 4.8)
@@ -101,24 +103,24 @@ def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
 def test_hidden_dwell_is_named_with_its_events(place):
     """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer."""
     recording, S, J, rise = simulated(place)
-    found = explain(recording)
-    (one,) = found.effects
+    explanation = explain(recording)
+    (one,) = explanation.effects
     assert DWELL == one.slug
     assert one.evidence.events_z >= LEAST_Z
     assert "breakaways together" in one.evidence.note
     assert one.parameters["b"].low <= one.parameters["b"].value <= one.parameters["b"].high
     assert one.parameters["b"].value == pytest.approx(rise, rel=0.6)
-    restated = abs(found.restated.S.value - S) + abs(found.restated.J.value - J)
+    restated = abs(explanation.restated.S.value - S) + abs(explanation.restated.J.value - J)
     assert restated < 0.12 * (S + J)
 
 
 def test_dwell_that_predicts_unseen_samples_worse_is_said_and_not_named():
     """The breakaways show it, the free run gets no better for it: the disagreement is told."""
-    found = explain(simulated(0)[0])
-    assert Finding.UNKNOWN is found.finding
-    assert () == found.effects
-    assert "Dwell dependent breakaway would explain" in found.sentence
-    assert found.restated == found.naive
+    explanation = explain(simulated(0)[0])
+    assert Finding.UNKNOWN is explanation.finding
+    assert () == explanation.effects
+    assert "Dwell dependent breakaway would explain" in explanation.sentence
+    assert explanation.restated == explanation.naive
 
 
 @pytest.mark.parametrize("place", [1, pytest.param(7, marks=pytest.mark.long)])

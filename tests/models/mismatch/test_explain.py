@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch.explain import explain, scores
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
-from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
@@ -58,18 +58,18 @@ def sound(found: Mismatch, samples: int) -> None:
     as_json(found)
     assert found.sentence.strip()
     assert found.seconds >= 0.0
-    named = [one.slug for one in found.effects]
-    refused = {one.slug: one.reason for one in found.not_testable}
+    named = [effect.slug for effect in found.effects]
+    refused = {item.slug: item.reason for item in found.not_testable}
     assert (found.finding in (Finding.NAMED, Finding.CANDIDATES)) == bool(named)
     assert not set(named) & set(refused)
     assert all(reason.strip() for reason in refused.values())
-    gains = [one.evidence.mean for one in found.effects]
+    gains = [effect.evidence.mean for effect in found.effects]
     assert sorted(gains, reverse=True) == gains
-    for one in found.effects:
-        assert one.members[0] == one.slug
-        assert set(one.members) <= set(catalogue())
-        assert "{" not in one.sentence + one.where + one.check
-        assert one.parameters
+    for effect in found.effects:
+        assert effect.members[0] == effect.slug
+        assert set(effect.members) <= set(catalogue())
+        assert "{" not in effect.sentence + effect.where + effect.check
+        assert effect.parameters
     for said in (found.naive, found.restated):
         for number in (said.S, said.J):
             if number.value is None:
@@ -106,13 +106,13 @@ def test_what_is_hidden_is_named_with_its_size(slug, seed, name, size, within):
     found, (recording, _, sizes) = explained(slug, seed), simulated(slug, seed)
     sound(found, len(recording))
     assert slug in found.effects[0].members
-    told = next(one for one in found.effects if slug in one.members)
-    if told.slug == slug:
-        value = told.parameters[name].value
-        value = value / 100.0 if told.parameters[name].unit == "%" and size == "growth" else value
+    result = next(effect for effect in found.effects if slug in effect.members)
+    if result.slug == slug:
+        value = result.parameters[name].value
+        value = value / 100.0 if result.parameters[name].unit == "%" and size == "growth" else value
         assert value == pytest.approx(sizes[size], abs=within)
-    assert told.evidence.mean > 0.0
-    assert told.evidence.t > 1.0
+    assert result.evidence.mean > 0.0
+    assert result.evidence.t > 1.0
 
 
 @hidden
@@ -127,34 +127,34 @@ def test_s_and_j_are_restated_closer_to_the_valve(slug, seed, name, size, within
 @hidden
 def test_the_fit_to_unseen_data_goes_up(slug, seed, name, size, within):
     """On the part that was not fitted, with its interval, against noise."""
-    told = explained(slug, seed).heldout
-    assert told.rmse_extended < told.rmse_naive
-    assert told.fit_extended > told.fit_naive
-    assert told.gain_low <= told.fit_extended - told.fit_naive <= told.gain_high
-    assert 0.0 < told.noise_floor < told.rmse_extended
+    heldout = explained(slug, seed).heldout
+    assert heldout.rmse_extended < heldout.rmse_naive
+    assert heldout.fit_extended > heldout.fit_naive
+    assert heldout.gain_low <= heldout.fit_extended - heldout.fit_naive <= heldout.gain_high
+    assert 0.0 < heldout.noise_floor < heldout.rmse_extended
 
 
 @hidden
 def test_what_was_tried_is_kept_with_its_scores(slug, seed, name, size, within):
     """Every effect stands once; what is named gains most, and all together no less than each."""
-    found = explained(slug, seed)
-    by_slug = {one.slug: one for one in found.tried}
-    assert len(by_slug) == len(found.tried)
-    assert not set(by_slug) & {one.slug for one in found.not_testable}
-    named = {one.slug for one in found.tried if one.outcome is TriedOutcome.NAMED}
-    assert named == {effect.slug for effect in found.effects} & set(by_slug)
-    for effect in found.effects:
+    result = explained(slug, seed)
+    by_slug = {item.slug: item for item in result.tried}
+    assert len(by_slug) == len(result.tried)
+    assert not set(by_slug) & {item.slug for item in result.not_testable}
+    named = {item.slug for item in result.tried if item.outcome is TriedOutcome.NAMED}
+    assert named == {effect.slug for effect in result.effects} & set(by_slug)
+    for effect in result.effects:
         for other in set(effect.members[1:]) - named:
             assert by_slug[other].outcome is TriedOutcome.AS_GOOD
-    if {effect.slug for effect in found.effects} - named:  # an error of the reading
-        assert found.together is None
+    if {effect.slug for effect in result.effects} - named:  # an error of the reading
+        assert result.together is None
         return
-    assert found.together is not None
-    assert found.together.mean >= max(by_slug[slug].alone.mean for slug in named) - 0.05
-    for one in found.tried:
-        if one.outcome is TriedOutcome.ADDS_NOTHING:
-            assert one.beside is not None
-            assert one.beside.mean < one.alone.mean
+    assert result.together is not None
+    assert result.together.mean >= max(by_slug[slug].alone.mean for slug in named) - 0.05
+    for item in result.tried:
+        if item.outcome is TriedOutcome.ADDS_NOTHING:
+            assert item.beside is not None
+            assert item.beside.mean < item.alone.mean
 
 
 @hidden
@@ -209,22 +209,24 @@ def test_an_impossible_sample_costs_itself_only(value):
     part = simulated("null", 4001)[0].part(0, 900)
     op, mv = (part.signals[role].values.copy() for role in (Role.OP, Role.MV))
     op[[0, 200]], mv[500] = value, value
-    found = explain(recorded(op, mv))
+    explanation = explain(recorded(op, mv))
     op[[0, 200]], mv[500] = np.nan, np.nan
     without = explain(recorded(op, mv))
-    assert replace(found, runs=None, seconds=0.0) == replace(without, runs=None, seconds=0.0)
+    assert replace(explanation, runs=None, seconds=0.0) == replace(without, runs=None, seconds=0.0)
 
 
 def test_without_a_position_the_stem_is_not_named():
     """OP, PV and SP alone: not testable, every physical effect with the same reason."""
     recording = simulated("dead_time", 4000)[0]
     signals = {role: one for role, one in recording.signals.items() if role is not Role.MV}
-    found = explain(replace(recording, signals=signals))
-    sound(found, len(recording))
-    assert Finding.NOT_TESTABLE is found.finding
-    assert NO_POSITION in found.sentence
-    assert set(PHYSICS) <= {one.slug for one in found.not_testable if one.reason == NO_POSITION}
-    assert found.restated.S.reason == NO_POSITION
+    explanation = explain(replace(recording, signals=signals))
+    sound(explanation, len(recording))
+    assert Finding.NOT_TESTABLE is explanation.finding
+    assert NO_POSITION in explanation.sentence
+    assert set(PHYSICS) <= {
+        item.slug for item in explanation.not_testable if item.reason == NO_POSITION
+    }
+    assert explanation.restated.S.reason == NO_POSITION
 
 
 @pytest.mark.parametrize(
@@ -236,18 +238,18 @@ def test_a_frozen_reading_is_no_stiction(freezes):
     mv = recording.mv.values.copy()
     for first in freezes:
         mv[first : first + 420] = mv[first]
-    found = explain(rescaled(recording, mv))
-    sound(found, mv.size)
-    assert "frozen_signal" in [one.slug for one in found.record_effects]
-    assert Finding.NONE is found.finding
-    assert off(found.restated, valve) < 0.1 * (valve.S + valve.J)
+    explanation = explain(rescaled(recording, mv))
+    sound(explanation, mv.size)
+    assert "frozen_signal" in [record_effect.slug for record_effect in explanation.record_effects]
+    assert Finding.NONE is explanation.finding
+    assert off(explanation.restated, valve) < 0.1 * (valve.S + valve.J)
 
 
 def test_a_reading_that_never_changes_is_not_testable():
     """A transmitter that is stuck all through tells nothing of the stem."""
-    found = explain(recorded(command(), np.full(command().size, 47.0)))
-    assert Finding.NOT_TESTABLE is found.finding
-    assert found.restated.S.value is None
+    explanation = explain(recorded(command(), np.full(command().size, 47.0)))
+    assert Finding.NOT_TESTABLE is explanation.finding
+    assert explanation.restated.S.value is None
 
 
 def test_the_network_s_free_run_is_the_ceiling():
@@ -262,11 +264,11 @@ def test_the_network_s_free_run_is_the_ceiling():
 
 def test_scores_are_those_of_all_terms_that_could_have_shown():
     """Calibration sees mean and t of each admissible term, none of the reading's, all finite."""
-    found = scores(simulated("null", 4001)[0])
-    refused = {one.slug for one in explained("null", 4001).not_testable}
-    of_stem = {slug for slug, term in catalogue().items() if term.way is not Way.READING}
-    assert set(found) == of_stem - refused
-    assert all(np.isfinite(pair).all() for pair in found.values())
+    result = scores(simulated("null", 4001)[0])
+    refused = {item.slug for item in explained("null", 4001).not_testable}
+    of_stem = {slug for slug, term in catalogue().items() if term.acts_on is not ActsOn.READING}
+    assert set(result) == of_stem - refused
+    assert all(np.isfinite(pair).all() for pair in result.values())
     assert {} == scores(recorded(command(), None))
 
 
@@ -315,10 +317,10 @@ def test_whatever_a_recording_holds_something_sound_is_said(
     mv = ODD_POSITIONS[of_mv](
         simulated_by_chain().mv.values[:samples], np.nan_to_num(op, nan=50.0), rng
     )
-    found = explain(recorded(op, mv, interval_s=interval_s))
-    sound(found, samples)
+    explanation = explain(recorded(op, mv, interval_s=interval_s))
+    sound(explanation, samples)
     if samples < 50 or "constant" in (of_op, of_mv) or of_mv == "none good":
-        assert Finding.NOT_TESTABLE is found.finding
+        assert Finding.NOT_TESTABLE is explanation.finding
 
 
 def test_a_reversed_position_is_not_called_a_sticking_valve():

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from stemwatch.models.mismatch.explain import problem_of
 from stemwatch.models.mismatch.force_balance import force_balance, parabolas
+from stemwatch.models.mismatch.prepared_recording import problem_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Role

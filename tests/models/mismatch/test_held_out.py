@@ -10,8 +10,8 @@ import pytest
 
 from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.explain import look_of, problem_of
 from stemwatch.models.mismatch.held_out import show
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import hypothesis, simulated_by_chain
@@ -21,7 +21,7 @@ from tests.models.mismatch.fitted_chain import hypothesis, simulated_by_chain
 def prepared(*slugs):
     """The scaled evaluator of a valve whose command comes 3 s late, and the terms in question."""
     problem = problem_of(recording := simulated_by_chain(dead_time=[3.0]), settle(recording))
-    evaluator = fit_base(problem, look_of(problem)).evaluator
+    evaluator = fit_base(problem, summary_of(problem)).evaluator
     return evaluator, evaluator.layout(hypothesis(*slugs)), [catalogue()[slug] for slug in slugs]
 
 
@@ -34,15 +34,15 @@ def shown(*slugs):
 def with_position(evaluator, mv):
     """The same terms and scales over another position, its breakaways found anew."""
     problem = replace(evaluator.problem, mv=mv)
-    made = make_evaluator(
+    result = make_evaluator(
         problem,
-        evaluator.look,
+        evaluator.summary,
         evaluator.base_bounds,
         evaluator.delta,
         evaluator.restick,
         evaluator.scatter,
     )
-    return replace(made, window=evaluator.window)
+    return replace(result, window=evaluator.window)
 
 
 def errors(evaluator, runs):
@@ -80,15 +80,15 @@ def test_another_position_in_the_first_part_changes_the_runs():
 def test_errors_and_fits_are_those_of_the_runs():
     """RMSE and fit follow from the two runs and the position after ``heldout_from``."""
     evaluator, _, _ = prepared("dead_time")
-    found = shown("dead_time")
-    naive, extended, spread = errors(evaluator, found.runs)
-    told = found.heldout
-    assert (naive, extended) == pytest.approx((told.rmse_naive, told.rmse_extended))
-    assert told.fit_naive == pytest.approx(100.0 * (1.0 - naive / spread))
-    assert told.fit_extended == pytest.approx(100.0 * (1.0 - extended / spread))
-    assert told.gain_low <= told.fit_extended - told.fit_naive <= told.gain_high
-    assert told.noise_floor == min(evaluator.problem.sigma, told.rmse_extended)
-    assert None is told.rmse_ceiling
+    result = shown("dead_time")
+    naive, extended, spread = errors(evaluator, result.runs)
+    heldout = result.heldout
+    assert (naive, extended) == pytest.approx((heldout.rmse_naive, heldout.rmse_extended))
+    assert heldout.fit_naive == pytest.approx(100.0 * (1.0 - naive / spread))
+    assert heldout.fit_extended == pytest.approx(100.0 * (1.0 - extended / spread))
+    assert heldout.gain_low <= heldout.fit_extended - heldout.fit_naive <= heldout.gain_high
+    assert heldout.noise_floor == min(evaluator.problem.sigma, heldout.rmse_extended)
+    assert None is heldout.rmse_ceiling
 
 
 def test_the_physics_that_was_left_out_improves_the_unseen_part():
@@ -119,6 +119,11 @@ def test_where_the_unseen_part_stands_still_no_fit_is_claimed():
     evaluator, layout, terms = prepared("dead_time")
     mv = evaluator.problem.mv.copy()
     mv[shown("dead_time").runs.heldout_from :] = 50.0
-    told = show(with_position(evaluator, mv), layout, terms, None).heldout
-    assert told.noise_floor == evaluator.problem.sigma
-    assert {None} == {told.rmse_naive, told.rmse_extended, told.fit_naive, told.fit_extended}
+    heldout = show(with_position(evaluator, mv), layout, terms, None).heldout
+    assert heldout.noise_floor == evaluator.problem.sigma
+    assert {None} == {
+        heldout.rmse_naive,
+        heldout.rmse_extended,
+        heldout.fit_naive,
+        heldout.fit_extended,
+    }

@@ -48,22 +48,22 @@ def test_it_is_never_worse_than_its_start(seed, rounds):
     rng = np.random.default_rng(seed)
     start = rng.uniform(layout.bounds.low, layout.bounds.high)
     blocks = rng.random(evaluator.problem.n_blocks) < 0.5
-    found = conclude(evaluator, descend(evaluator, layout, blocks, start, rounds))
+    conclusion = conclude(evaluator, descend(evaluator, layout, blocks, start, rounds))
     loss = evaluator.loss(layout, blocks)
-    assert found.loss <= loss(start[None])[0]
-    assert loss(found.candidate[None])[0] == pytest.approx(found.loss, rel=1e-12)
-    np.testing.assert_array_equal(layout.bounds.clip(found.candidate), found.candidate)
+    assert conclusion.loss <= loss(start[None])[0]
+    assert loss(conclusion.candidate[None])[0] == pytest.approx(conclusion.loss, rel=1e-12)
+    np.testing.assert_array_equal(layout.bounds.clip(conclusion.candidate), conclusion.candidate)
     # Sticking has no slope, and a dead time leaves no delay within a sample.
-    assert found.candidate[base_coordinate.RESTICK] == start[base_coordinate.RESTICK]
-    assert 0.0 == found.candidate[base_coordinate.DELAY]
+    assert conclusion.candidate[base_coordinate.RESTICK] == start[base_coordinate.RESTICK]
+    assert 0.0 == conclusion.candidate[base_coordinate.DELAY]
 
 
 def test_without_a_round_it_stays_where_it_is():
     """No rounds, no steps."""
     evaluator, layout = dead_time()
     start = candidate(layout, S=3.0, J=2.0, dead_time=[1.0])
-    found = conclude(evaluator, descend(evaluator, layout, everything(evaluator), start, 0))
-    np.testing.assert_array_equal(found.candidate, start)
+    conclusion = conclude(evaluator, descend(evaluator, layout, everything(evaluator), start, 0))
+    np.testing.assert_array_equal(conclusion.candidate, start)
 
 
 @pytest.mark.parametrize(
@@ -91,8 +91,8 @@ def test_what_made_a_noise_free_recording_is_left_alone():
     """At the truth nothing is left to gain."""
     evaluator, layout = clean()
     truth = candidate(layout, dead_time=[2.6])
-    found = conclude(evaluator, descend(evaluator, layout, everything(evaluator), truth, 5))
-    np.testing.assert_allclose(found.candidate, truth, atol=0.02)
+    conclusion = conclude(evaluator, descend(evaluator, layout, everything(evaluator), truth, 5))
+    np.testing.assert_allclose(conclusion.candidate, truth, atol=0.02)
 
 
 def test_blocks_that_are_not_chosen_do_not_count():
@@ -107,7 +107,7 @@ def test_blocks_that_are_not_chosen_do_not_count():
     wrong = replace(evaluator, problem=replace(evaluator.problem, mv=mv))
     start = candidate(layout, S=3.0, J=0.6, dead_time=[1.6])
     ours, theirs = (
-        conclude(one, descend(one, layout, blocks, start, 6)) for one in (evaluator, wrong)
+        conclude(item, descend(item, layout, blocks, start, 6)) for item in (evaluator, wrong)
     )
     np.testing.assert_array_equal(ours.candidate, theirs.candidate)
     assert ours.loss == theirs.loss

@@ -98,9 +98,9 @@ def test_a_late_step_lives_in_the_last_part():
 
 def test_a_stop_lives_at_the_end_of_travel():
     """A stem that is held at 49 % is found in the bands above, below the model."""
-    said = sentences(np.minimum(run(), 49.0))
-    assert "At a travel of" in said
-    assert "below the model" in said
+    text = sentences(np.minimum(run(), 49.0))
+    assert "At a travel of" in text
+    assert "below the model" in text
 
 
 def test_hot_places_do_not_repeat_each_other():
@@ -113,20 +113,20 @@ def test_hot_places_do_not_repeat_each_other():
 
 def test_cells_account_for_the_whole_residual():
     """Phase, direction, travel, speed and time cut the record without loss or overlap."""
-    found = located(run(DEAD_TIME_S=1.0) + noise())
-    assert {cell.facet for cell in found.cells} <= FACETS
+    result = located(run(DEAD_TIME_S=1.0) + noise())
+    assert {cell.facet for cell in result.cells} <= FACETS
     for facet in FACETS - {"rest"}:
-        of_facet = [cell for cell in found.cells if cell.facet == facet]
+        of_facet = [cell for cell in result.cells if cell.facet == facet]
         assert sum(cell.weight for cell in of_facet) == pytest.approx(1.0)
         assert sum(cell.share for cell in of_facet) == pytest.approx(1.0)
 
 
 def test_the_grid_is_travel_by_phase():
     """One row for each band of travel and one column for each phase; empty places are None."""
-    found = located(run() + noise())
-    assert len(found.grid) == len(found.travel_edges) - 1
-    assert {len(found.columns)} == {len(row) for row in found.grid}
-    values = [value for row in found.grid for value in row if value is not None]
+    result = located(run() + noise())
+    assert len(result.grid) == len(result.travel_edges) - 1
+    assert {len(result.columns)} == {len(row) for row in result.grid}
+    values = [value for row in result.grid for value in row if value is not None]
     assert np.median(values) == pytest.approx(SIGMA, rel=0.3)
 
 
@@ -134,23 +134,23 @@ def test_gaps_in_the_position_do_not_spread():
     """Samples without a position are left out, and the rest is still located."""
     mv = run(DEAD_TIME_S=2.0) + noise()
     mv[1000:1200] = np.nan
-    found = located(mv)
-    assert "slip" in {hot.label for hot in found.hot}
-    assert all(np.isfinite(cell.rms) for cell in found.cells)
+    result = located(mv)
+    assert "slip" in {hot.label for hot in result.hot}
+    assert all(np.isfinite(cell.rms) for cell in result.cells)
 
 
 def test_next_to_nothing_gives_an_empty_map():
     """With fewer than a hundred samples to score there is no map, and no error."""
     p = problem()
     scored = np.arange(p.op.size) < 50
-    found = locate(p.op, p.mv, run(), scored, p.block, 1.0, SIGMA)
-    assert ((), (), ()) == (found.cells, found.hot, found.grid)
+    located_in = locate(p.op, p.mv, run(), scored, p.block, 1.0, SIGMA)
+    assert ((), (), ()) == (located_in.cells, located_in.hot, located_in.grid)
 
 
 def test_a_valve_that_never_moves_is_no_error():
     """A resting model and a resting stem give a map without hot places."""
     p = problem()
     still = np.full(p.op.size, 50.0)
-    found = locate(still, still + noise(), still, p.scored, p.block, 1.0, SIGMA)
-    assert () == found.hot
-    assert found.cells
+    located_in = locate(still, still + noise(), still, p.scored, p.block, 1.0, SIGMA)
+    assert () == located_in.hot
+    assert located_in.cells

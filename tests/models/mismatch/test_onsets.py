@@ -49,11 +49,11 @@ def steps_from_rest(parts):
 def test_a_step_from_rest_is_found_at_its_first_sample(parts, seed):
     """Under noise every departure is found where it begins, with its side and place; no other."""
     place, at, sides, levels = steps_from_rest(parts)
-    found = seen(noisy(place, seed))
-    assert at == found.at.tolist()
-    assert sides == found.side.tolist()
-    np.testing.assert_allclose(found.place, levels, atol=4.0 * SIGMA)
-    assert (found.rested <= [rest + 1 for rest, *_ in parts]).all()
+    result = seen(noisy(place, seed))
+    assert at == result.at.tolist()
+    assert sides == result.side.tolist()
+    np.testing.assert_allclose(result.place, levels, atol=4.0 * SIGMA)
+    assert (result.rested <= [rest + 1 for rest, *_ in parts]).all()
 
 
 @given(rests, st.integers(0, 2**20))
@@ -77,15 +77,15 @@ def test_a_slow_departure_is_found_when_it_leaves_the_noise():
 @pytest.mark.parametrize("sigma", [0.005, 0.05, 0.5])
 def test_noise_alone_moves_no_stem(sigma):
     """In a hundred thousand samples of noise at most one onset is seen."""
-    found = seen(noisy(np.full(100_000, 50.0), 1, sigma), sigma=sigma)
-    assert found.at.size <= 1
+    result = seen(noisy(np.full(100_000, 50.0), 1, sigma), sigma=sigma)
+    assert result.at.size <= 1
 
 
 @pytest.mark.parametrize(("creep", "most"), [(0.01, 0), (-0.01, 0), (0.02, 10), (-0.02, 10)])
 def test_a_creeping_stem_rests(creep, most):
     """At a hundredth of a percent a second no onset is seen in hours; at two, hardly any."""
     mv = [noisy(50.0 + creep * np.arange(2000.0), seed) for seed in range(5)]
-    assert sum(seen(one).at.size for one in mv) <= most
+    assert sum(seen(item).at.size for item in mv) <= most
 
 
 def test_a_moving_stem_has_no_onsets():
@@ -130,12 +130,12 @@ def test_a_pause_is_no_rest():
 
 @given(st.lists(st.integers(0, 59), unique=True), st.integers(0, 2**20))
 @settings(max_examples=40, deadline=None)
-def test_upcoming_is_the_next_onset_of_a_side(at, seed):
+def test_upcoming_is_the_next_onset_of_a_side(array, seed):
     """At each sample, the first onset at or after it, or n where none is left."""
-    at = np.array(sorted(at), dtype=np.int64)
-    side = np.random.default_rng(seed).choice([-1.0, 1.0], at.size)
-    found = Onsets(at, side, np.zeros(at.size, np.int64), np.zeros(at.size))
-    for wanted, upcoming in zip((1.0, -1.0), found.upcoming(60), strict=True):
-        mine = at[side == wanted]
+    array = np.array(sorted(array), dtype=np.int64)
+    side = np.random.default_rng(seed).choice([-1.0, 1.0], array.size)
+    result = Onsets(array, side, np.zeros(array.size, np.int64), np.zeros(array.size))
+    for wanted, upcoming in zip((1.0, -1.0), result.upcoming(60), strict=True):
+        mine = array[side == wanted]
         expected = [min((int(o) for o in mine if o >= k), default=60) for k in range(60)]
         assert expected == upcoming.tolist()

@@ -8,14 +8,14 @@ import pytest
 import stemwatch
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.mismatch.term import Look
+from stemwatch.models.mismatch.term import RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls, simulate_hidden
 from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain
 
-LOOK = Look(
+LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=1200.0,
     op_low=30.0,
@@ -40,13 +40,13 @@ def test_no_term_is_published_that_predicts_unseen_data_worse(slug):
     free run over the part that was not fitted is at least as near as with S and J alone."""
     starts = catalogue()[slug].starts(LOOK)
     recording = simulated_by_chain(samples=1200, **{slug: starts[starts.shape[0] // 2]})
-    found = explain(noisy(recording, 0.2, 5))
-    if found.effects:
-        assert found.heldout.fit_extended >= found.heldout.fit_naive
-    assert found.heldout.improves
-    if found.finding is Finding.UNKNOWN:
-        assert found.restated == found.naive
-        np.testing.assert_array_equal(found.runs.extended, found.runs.naive)
+    explanation = explain(noisy(recording, 0.2, 5))
+    if explanation.effects:
+        assert explanation.heldout.fit_extended >= explanation.heldout.fit_naive
+    assert explanation.heldout.improves
+    if explanation.finding is Finding.UNKNOWN:
+        assert explanation.restated == explanation.naive
+        np.testing.assert_array_equal(explanation.runs.extended, explanation.runs.naive)
 
 
 @pytest.mark.parametrize(
@@ -56,9 +56,9 @@ def test_a_position_that_has_nothing_to_do_with_op_is_never_nothing_left_out(see
     """A wandering position: either no verdict or unknown, S and J not restated."""
     recording = simulated_by_chain(samples=900)
     steps = np.random.default_rng(seed).standard_normal(900)
-    found = explain(rescaled(recording, 50.0 + 0.5 * np.cumsum(steps)))
-    assert found.finding in (Finding.UNKNOWN, Finding.NOT_TESTABLE)
-    assert found.restated == found.naive
+    explanation = explain(rescaled(recording, 50.0 + 0.5 * np.cumsum(steps)))
+    assert explanation.finding in (Finding.UNKNOWN, Finding.NOT_TESTABLE)
+    assert explanation.restated == explanation.naive
 
 
 def test_slips_beyond_the_command_are_no_stretched_reading():
@@ -66,15 +66,15 @@ def test_slips_beyond_the_command_are_no_stretched_reading():
     loop = next(loop for loop in demo_plant(1) if loop.story == "sticky, overshoot")
     recording = simulate_loop(loop, 6).recording
     assert Role.MV in recording.signals
-    found = explain(recording.part(0, 3600))
-    assert "span_error" not in [effect.slug for effect in found.effects]
+    explanation = explain(recording.part(0, 3600))
+    assert "span_error" not in [effect.slug for effect in explanation.effects]
 
 
 def test_a_ring_between_a_few_samples_is_no_ringing_positioner():
     """Nothing is hidden but the lag of the air; a ring at the edge of what is told fits it too."""
-    found = explain(stemwatch.simulate(S=5.0, J=2.0, minutes=30, seed=3))
-    assert "underdamped_positioner" not in [effect.slug for effect in found.effects]
-    assert found.restated.S.value == pytest.approx(5.0, abs=0.3)
+    explanation = explain(stemwatch.simulate(S=5.0, J=2.0, minutes=30, seed=3))
+    assert "underdamped_positioner" not in [effect.slug for effect in explanation.effects]
+    assert explanation.restated.S.value == pytest.approx(5.0, abs=0.3)
 
 
 @pytest.mark.parametrize("place", [1, 9])
@@ -83,24 +83,24 @@ def test_steps_and_ramps_by_hand_do_not_mislead_s(place):
     third, and are not taken."""
     case, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
     assert case.concealment == "rich"
-    found = explain(run.recording)
-    assert found.finding is Finding.NONE
-    assert found.restated.S.value == pytest.approx(run.truth.S, rel=0.1)
+    explanation = explain(run.recording)
+    assert explanation.finding is Finding.NONE
+    assert explanation.restated.S.value == pytest.approx(run.truth.S, rel=0.1)
 
 
 @pytest.mark.parametrize("place", [13, 22])
 def test_a_free_run_that_misses_slips_leaves_nothing_unknown(place):
     """Quiet or short, with nothing hidden: what one missed slip costs a free run is no effect."""
     _, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
-    found = explain(run.recording)
-    assert found.finding is Finding.NONE
-    assert found.heldout.fit_extended < 50.0
+    explanation = explain(run.recording)
+    assert explanation.finding is Finding.NONE
+    assert explanation.heldout.fit_extended < 50.0
 
 
 def test_a_lag_under_a_stem_that_hardly_jumps_is_found_and_is_no_dwell():
     """A stem that sticks at a turn alone creeps on with a command that only comes near its end."""
     _, run = simulate_hidden(draw_hidden(2, 8383)[1])
-    found = explain(run.recording)
-    assert [effect.slug for effect in found.effects] == ["actuator_lag"]
-    assert found.effects[0].parameters["tau"].value == pytest.approx(2.7, abs=0.3)
-    assert found.restated.S.value == pytest.approx(run.truth.S, rel=0.03)
+    explanation = explain(run.recording)
+    assert [effect.slug for effect in explanation.effects] == ["actuator_lag"]
+    assert explanation.effects[0].parameters["tau"].value == pytest.approx(2.7, abs=0.3)
+    assert explanation.restated.S.value == pytest.approx(run.truth.S, rel=0.03)

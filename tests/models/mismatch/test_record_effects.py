@@ -239,9 +239,9 @@ def test_a_controller_that_scans_slowly_is_no_record_effect():
 def test_the_scan_of_either_tag_is_said_where_they_differ(op_s, position_s, said):
     """In seconds of the plant, whatever the recording's own clock."""
     base, times = plant(), {Role.OP: op_s, Role.MV: position_s}
-    place = np.arange(len(base))
+    samples = np.arange(len(base))
     signals = {
-        role: Signal.good(base.signals[role].values[place // scan_s * scan_s], role.value)
+        role: Signal.good(base.signals[role].values[samples // scan_s * scan_s], role.value)
         for role, scan_s in times.items()
     }
     scanned = replace(base, signals={**base.signals, **signals})
@@ -256,8 +256,8 @@ def test_a_scan_with_a_few_changes_off_it_is_still_measured(period, stray, seed)
     """One change in fifty may fall elsewhere, next to another or not."""
     rng = np.random.default_rng(seed)
     values = rng.standard_normal(7200)[np.arange(7200) // period]
-    for place in rng.choice(np.arange(1, 7199), stray, replace=False):
-        values[place] += 1.0
+    for index in rng.choice(np.arange(1, 7199), stray, replace=False):
+        values[index] += 1.0
     assert period == refresh_period(values)[0]
 
 

@@ -35,7 +35,7 @@ def screened(slug, seed, options=QUICK):
 
 def numbers(said):
     """S, J and their intervals."""
-    return [(one.value, one.low, one.high) for one in (said.S, said.J)]
+    return [(item.value, item.low, item.high) for item in (said.S, said.J)]
 
 
 @pytest.mark.parametrize(("slug", "seed"), [("dead_time", 4012), ("travel_stop", 4001)])
@@ -59,7 +59,7 @@ def test_the_restated_numbers_drive_the_verdict(S, J, terms):
     """A valve with little friction is not to be watched for what the hidden physics does."""
     recording = simulated_by_chain(S, J, samples=1200, **terms)
     (found,), (blind,) = (screen([Case(recording=recording)], how) for how in (QUICK, BLIND))
-    assert [*terms] == [one.slug for one in found.mismatch.effects]
+    assert [*terms] == [effect.slug for effect in found.mismatch.effects]
     assert Verdict.WATCH is blind.verdict
     assert Verdict.HEALTHY is found.verdict
     assert found.S.value == pytest.approx(S, abs=0.1)
@@ -83,10 +83,10 @@ def test_switched_off_there_is_no_mismatch():
 
 def test_the_reason_tells_what_was_hidden_and_what_it_would_have_been_read_as():
     """The verdict's sentence names the physics in words, and the naive S where it misleads."""
-    found = screened("travel_stop", 4001)
-    told = found.reason + found.advice
-    assert found.mismatch.effects[0].sentence in told
-    naive = found.mismatch.naive.S.value
+    result = screened("travel_stop", 4001)
+    told = result.reason + result.advice
+    assert result.mismatch.effects[0].sentence in told
+    naive = result.mismatch.naive.S.value
     assert f"S and J alone would have read S as {naive:.1f} %" in told
 
 
@@ -107,8 +107,8 @@ def test_what_cannot_be_fitted_has_no_mismatch_and_a_reason():
         signals={role: one for role, one in recording.signals.items() if role is not Role.MV},
     )
     stuck = rescaled(recording, np.full(900, 47.0))
-    for one in screen([Case(recording=blind), Case(recording=stuck)], QUICK):
-        assert Verdict.UNDETERMINED is one.verdict
-        assert None is one.mismatch
-        assert one.reason
-        assert one.S.reason
+    for item in screen([Case(recording=blind), Case(recording=stuck)], QUICK):
+        assert Verdict.UNDETERMINED is item.verdict
+        assert None is item.mismatch
+        assert item.reason
+        assert item.S.reason

@@ -46,7 +46,7 @@ def run(p, *, mv=None, marks=None, stem=None, window=0.0, up=None, down=None, dt
         marks = np.zeros(p.size, dtype=np.uint8)
         marks[0] = kernel.START
     mv = p if mv is None else np.asarray(mv, dtype=float)
-    seen = [np.asarray(upcoming(p.size, one)) for one in (up, down)]
+    seen = [np.asarray(upcoming(p.size, item)) for item in (up, down)]
     out, early_late, _ = followed(stem, p, mv, marks, seen, window)
     return out, early_late
 
@@ -380,12 +380,12 @@ def test_compiled_is_interpreted(seed):
     rng = np.random.default_rng(100 + seed)
     p, stems, record, scoring = drawn_runs(rng, 3, 90)
     rows = np.arange(3)
-    found = []
+    matching = []
     for function in (follow, follow.py_func):
         losses, out, late = np.empty((3, 4)), np.zeros((90, 3)), np.zeros((3, 90))
         function(p, rows, *stems.first(3), record, scoring, losses, out, late)
-        found.append((losses, out, late))
-    for compiled, plain in zip(*found, strict=True):
+        matching.append((losses, out, late))
+    for compiled, plain in zip(*matching, strict=True):
         np.testing.assert_allclose(compiled, plain, rtol=1e-9, atol=1e-12)
 
 

@@ -27,12 +27,12 @@ def test_a_limited_stem_does_not_move_faster_however_far_it_is():
     """Every point of a valve limited to 4 %/s lies on the fitted law, flat from 4 % on."""
     op, mv = command(), np.empty(N)
     limited(op, np.zeros(N, dtype=np.int8), 1.0, 0.25, mv)
-    found = telltale("rate_limit", moves(op, mv, rate=4.0))
-    assert found is not None
-    (law,) = found.laws
-    assert np.abs(found.y - np.interp(found.x, law.x, law.y)).max() < 1e-9
+    result = telltale("rate_limit", moves(op, mv, rate=4.0))
+    assert result is not None
+    (law,) = result.laws
+    assert np.abs(result.y - np.interp(result.x, law.x, law.y)).max() < 1e-9
     assert law.y.max() == pytest.approx(4.0)
-    assert np.abs(found.x).max() > 10.0
+    assert np.abs(result.x).max() > 10.0
 
 
 def test_a_lag_is_a_slope_of_its_time_constant():
@@ -41,21 +41,21 @@ def test_a_lag_is_a_slope_of_its_time_constant():
     mv[0] = op[0]
     for k in range(1, N):
         mv[k] = mv[k - 1] + (1.0 - np.exp(-1.0 / 4.0)) * (op[k] - mv[k - 1])
-    found = telltale("actuator_lag", moves(op, mv, tau=4.0))
-    assert found is not None
-    (law,) = found.laws
-    inside = (found.x > law.x[0]) & (found.x < law.x[-1])
-    assert np.abs(found.y - np.interp(found.x, law.x, law.y))[inside].max() < 1e-9
+    result = telltale("actuator_lag", moves(op, mv, tau=4.0))
+    assert result is not None
+    (law,) = result.laws
+    inside = (result.x > law.x[0]) & (result.x < law.x[-1])
+    assert np.abs(result.y - np.interp(result.x, law.x, law.y))[inside].max() < 1e-9
     assert np.all(np.diff(law.y) > 0.0)
 
 
 def test_the_moves_are_most_alike_at_the_dead_time():
     """The peak of the likeness is where the delay is."""
     op = np.cumsum(np.random.default_rng(5).normal(0.0, 1.0, N)) + 50.0
-    found = telltale("dead_time", moves(op, later(op, 3.0, 1.0), theta=3.0))
-    assert found is not None
-    assert found.joined
-    assert found.x[np.argmax(found.y)] == pytest.approx(3.0, abs=0.2)
+    result = telltale("dead_time", moves(op, later(op, 3.0, 1.0), theta=3.0))
+    assert result is not None
+    assert result.joined
+    assert result.x[np.argmax(result.y)] == pytest.approx(3.0, abs=0.2)
 
 
 def test_taking_later_holds_gaps_and_begins_unknown():
@@ -70,14 +70,14 @@ def test_every_effect_of_the_catalogue_shows_itself_somehow(slug):
     """No effect is without its plot, and none breaks on a stem that slips now and then."""
     op = command()
     mv = np.repeat(op[::40], 40)[:N] + np.random.default_rng(1).normal(0.0, 0.05, N)
-    found = telltale(slug, moves(op, mv))
-    if found is None:  # nothing but slips, of which there were too few
+    result = telltale(slug, moves(op, mv))
+    if result is None:  # nothing but slips, of which there were too few
         assert slug in {"asymmetric_slip", "lost_motion", "dwell_dependent_breakaway"}
         return
-    assert found.x.shape == found.y.shape == found.rising.shape
-    assert np.isfinite(found.x).all()
-    assert found.x_label
-    assert found.says.endswith(".")
+    assert result.x.shape == result.y.shape == result.rising.shape
+    assert np.isfinite(result.x).all()
+    assert result.x_label
+    assert result.says.endswith(".")
 
 
 def test_an_effect_of_another_version_shows_nothing():

@@ -13,11 +13,11 @@ from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch import term_selection
 from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, again, gain, scored
+from stemwatch.models.mismatch.crossfit import CAREFUL, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import TermSet
-from stemwatch.models.mismatch.explain import look_of, problem_of
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
-from stemwatch.models.mismatch.term import Way
+from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
     MOST_TERMS,
@@ -40,14 +40,14 @@ from tests.models.mismatch.fitted_chain import (
     simulated_by_chain,
 )
 
-NAMES = [slug for slug, term in catalogue().items() if term.way is not Way.READING]
+NAMES = [slug for slug, term in catalogue().items() if term.acts_on is not ActsOn.READING]
 
 
 def begun(recording: Recording):
     """The base of a recording, and every term that does not belong to the reading."""
     problem = problem_of(recording, settle(recording))
     terms = [catalogue()[slug] for slug in NAMES]
-    return fit_base(problem, look_of(problem)), terms
+    return fit_base(problem, summary_of(problem)), terms
 
 
 @cache
@@ -73,36 +73,36 @@ def named(**terms):
 )
 def test_what_the_chain_was_made_with_is_recovered(slug, value, within):
     """The term is named alone, with its own coordinates, S and J on both folds."""
-    found = named(**{slug: value})
-    assert [slug] == [one.term.slug for one in found.needed]
-    assert (slug,) == found.fitted.slugs
-    off = np.abs(found.fitted.values(slug) - np.atleast_1d(value))
-    assert (off <= np.atleast_1d(within)).all(), found.fitted.values(slug)
-    S, ratio = found.fitted.candidates[:, [base_coordinate.S_PERCENT, base_coordinate.RATIO]].T
+    selection = named(**{slug: value})
+    assert [slug] == [item.term.slug for item in selection.needed]
+    assert (slug,) == selection.fitted.slugs
+    off = np.abs(selection.fitted.values(slug) - np.atleast_1d(value))
+    assert (off <= np.atleast_1d(within)).all(), selection.fitted.values(slug)
+    S, ratio = selection.fitted.candidates[:, [base_coordinate.S_PERCENT, base_coordinate.RATIO]].T
     np.testing.assert_allclose(S, 4.0, atol=0.2)
     np.testing.assert_allclose(S * ratio, 1.2, atol=0.2)
     # What is needed is what stands at the end, against the best fit that lacks it.
-    (need,) = found.needed
-    again_gained = gain(found.evaluator, need.without, found.fitted)
+    (need,) = selection.needed
+    again_gained = gain(selection.evaluator, need.without, selection.fitted)
     assert (need.advantage.mean, need.advantage.t) == (again_gained.mean, again_gained.t)
     assert slug not in need.without.slugs
 
 
 def test_where_nothing_is_hidden_nothing_is_named():
     """S, J and noise: no term is accepted, and the hypothesis stays the base."""
-    found = named()
-    assert () == found.needed
-    assert () == found.fitted.slugs
-    assert 1 == len(found.stages)
-    assert not found.stages[0].accepted
+    selection = named()
+    assert () == selection.needed
+    assert () == selection.fitted.slugs
+    assert 1 == len(selection.stages)
+    assert not selection.stages[0].accepted
 
 
 def test_the_scores_of_a_round_are_of_all_terms_best_first():
     """Every term that the recording could show has a score, in falling order."""
-    found = named()
-    means = [one.advantage.mean for one in found.stages[0].scores]
+    selection = named()
+    means = [score.advantage.mean for score in selection.stages[0].scores]
     assert sorted(means, reverse=True) == means
-    assert {one.slug for one in found.stages[0].scores} <= set(NAMES)
+    assert {score.slug for score in selection.stages[0].scores} <= set(NAMES)
     assert len(means) >= 14
 
 
@@ -115,43 +115,47 @@ def test_the_scores_of_a_round_are_of_all_terms_best_first():
 )
 def test_two_effects_are_both_found(terms):
     """Both are needed at the end, each against the best fit that lacks it alone, and no third."""
-    found = named(**terms)
-    assert set(terms) == {one.term.slug for one in found.needed} == set(found.fitted.slugs)
-    for one in found.needed:
-        assert {one.term.slug} == set(terms) - set(one.without.slugs)
+    selection = named(**terms)
+    assert (
+        set(terms) == {item.term.slug for item in selection.needed} == set(selection.fitted.slugs)
+    )
+    for item in selection.needed:
+        assert {item.term.slug} == set(terms) - set(item.without.slugs)
     for slug, value in terms.items():
-        first = float(found.fitted.values(slug)[:, 0].mean())
+        first = float(selection.fitted.values(slug)[:, 0].mean())
         assert first == pytest.approx(np.atleast_1d(value)[0], rel=0.12)
 
 
 def test_there_are_no_more_rounds_than_terms_that_may_be_named():
     """A round without a name is the last."""
-    for found in (named(), named(dead_time=3.0), named(dead_time=3.0, lost_motion=0.8)):
-        assert len(found.stages) <= MOST_TERMS
-        assert all(stage.accepted for stage in found.stages[:-1])
+    for item in (named(), named(dead_time=3.0), named(dead_time=3.0, lost_motion=0.8)):
+        assert len(item.stages) <= MOST_TERMS
+        assert all(stage.accepted for stage in item.stages[:-1])
 
 
 def went_on(evaluator, simple, rich):
     """``simple`` searched further in the coordinates of ``rich``."""
     begun = conclude(evaluator, neutral(evaluator, simple, rich))
-    return conclude(evaluator, again(evaluator, begun, CAREFUL))
+    return conclude(evaluator, refit(evaluator, begun, CAREFUL))
 
 
 def test_a_first_term_that_the_second_makes_needless_is_dropped():
     """A lag that stood in for the dead time goes once the dead time is there."""
-    found = named(dead_time=3.0)
-    evaluator, both = found.evaluator, hypothesis("actuator_lag", "dead_time")
-    of_lag = went_on(evaluator, found.base, hypothesis("actuator_lag"))
-    fitted = went_on(evaluator, found.fitted, both)
+    selection = named(dead_time=3.0)
+    evaluator, both = selection.evaluator, hypothesis("actuator_lag", "dead_time")
+    of_lag = went_on(evaluator, selection.base, hypothesis("actuator_lag"))
+    fitted = went_on(evaluator, selection.fitted, both)
     lag, late = (catalogue()[slug] for slug in ("actuator_lag", "dead_time"))
     stages = [
         SelectionStage(
-            found.base, (), (TermScore(lag, of_lag, gain(evaluator, found.base, of_lag)),)
+            selection.base,
+            (),
+            (TermScore(lag, of_lag, gain(evaluator, selection.base, of_lag)),),
         ),
         SelectionStage(of_lag, (), (TermScore(late, fitted, gain(evaluator, of_lag, fitted)),)),
     ]
     left, needed = pruned(evaluator, fitted, stages)
-    assert ["dead_time"] == [one.term.slug for one in needed]
+    assert ["dead_time"] == [item.term.slug for item in needed]
     assert ("dead_time",) == left.slugs
     np.testing.assert_allclose(left.values("dead_time"), 3.0, atol=0.1)
 
@@ -199,10 +203,10 @@ def test_what_is_too_small_to_matter_is_not_named_however_certain():
 
 def test_the_simpler_of_two_that_are_as_good_comes_first():
     """An asymmetric limit that predicts no better than one limit gives way to it."""
-    found = named(rate_limit=1 / 1.5)
-    evaluator = found.evaluator
-    simple = score_of("rate_limit", found, 1.0, 9.0, 1 / 1.5)
-    both = score_of("asymmetric_rate_limit", found, 1.1, 9.0, (1 / 1.5, 1 / 1.5))
+    selection = named(rate_limit=1 / 1.5)
+    evaluator = selection.evaluator
+    simple = score_of("rate_limit", selection, 1.0, 9.0, 1 / 1.5)
+    both = score_of("asymmetric_rate_limit", selection, 1.1, 9.0, (1 / 1.5, 1 / 1.5))
     simple, both = matched(evaluator, simple), matched(evaluator, both)
     taken = accepted(evaluator, [both, simple], 0)
     assert "rate_limit" == taken[0].slug
@@ -221,10 +225,10 @@ def matched(evaluator, score):
 
 def test_what_predicts_as_well_is_a_member_of_the_class():
     """A rival is kept beside the best where blocks it did not see do not tell them apart."""
-    found = named(dead_time=3.0)
-    evaluator = found.evaluator
-    late = matched(evaluator, score_of("dead_time", found, 1.5, 9.0, 3.0))
-    lag = matched(evaluator, score_of("actuator_lag", found, 1.4, 9.0, 3.0))
+    selection = named(dead_time=3.0)
+    evaluator = selection.evaluator
+    late = matched(evaluator, score_of("dead_time", selection, 1.5, 9.0, 3.0))
+    lag = matched(evaluator, score_of("actuator_lag", selection, 1.4, 9.0, 3.0))
     assert gain(evaluator, lag.fitted, late.fitted).t > AS_GOOD
     assert [late] == accepted(evaluator, [late, lag], 0)
     same = replace(lag, fitted=replace(lag.fitted, losses=late.fitted.losses))
@@ -247,4 +251,4 @@ def test_another_term_goes_before_a_second_one_of_the_same_kind(monkeypatch):
     monkeypatch.setattr(term_selection, "_as_good", lambda *_: True)
     monkeypatch.setattr(term_selection, "_nearly", lambda *_: True)
     taken = term_selection.accepted(None, scores, 1)
-    assert [one.slug for one in taken] == ["dead_time", "asymmetric_lag"]
+    assert [item.slug for item in taken] == ["dead_time", "asymmetric_lag"]

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 
 CATALOGUE = catalogue()
 everywhere = pytest.mark.parametrize("slug", sorted(CATALOGUE))
-LOOK = Look(
+LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=3600.0,
     op_low=25.0,
@@ -120,7 +120,7 @@ def test_the_catalogue_holds_all_physics_of_the_valve():
 
 def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
     """Dead time, lag, positioner, speed limit, air supply."""
-    order = {slug: term.order for slug, term in CATALOGUE.items() if term.way is Way.COMMAND}
+    order = {slug: term.order for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.COMMAND}
     assert order == {
         "dead_time": 10,
         "actuator_lag": 20,
@@ -134,7 +134,7 @@ def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
 
 def test_zero_gain_and_re_sticking_are_the_base_s_own_numbers():
     """They are free in every hypothesis."""
-    reading = {slug for slug, term in CATALOGUE.items() if term.way is Way.READING}
+    reading = {slug for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.READING}
     assert reading == {"zero_shift", "span_error", "low_speed_restick"}
 
 
@@ -162,9 +162,9 @@ def test_a_richer_term_names_the_simpler_ones_that_it_contains():
 @pytest.mark.parametrize("name", LOOKS)
 def test_starts_are_few_and_lie_within_the_ranges(slug, name):
     """Whatever the sampling and the swing."""
-    term, look = CATALOGUE[slug], LOOKS[name]
-    limits = term.coordinates(look)
-    starts = term.starts(look)
+    term, summary = CATALOGUE[slug], LOOKS[name]
+    limits = term.coordinates(summary)
+    starts = term.starts(summary)
     assert starts.shape[1] == len(limits)
     assert 3 <= starts.shape[0] <= 16
     assert np.unique(starts, axis=0).shape[0] >= 2
@@ -204,9 +204,9 @@ def test_the_names_and_units_of_parameters_are_a_contract(slug):
     """They stand in the JSON."""
     term = CATALOGUE[slug]
     for start in term.starts(LOOK):
-        found = term.parameters(start)
-        assert {name: unit for name, (_, unit) in found.items()} == PARAMETERS[slug]
-        assert all(np.isfinite(value) for value, _ in found.values())
+        result = term.parameters(start)
+        assert {name: unit for name, (_, unit) in result.items()} == PARAMETERS[slug]
+        assert all(np.isfinite(value) for value, _ in result.values())
 
 
 @everywhere
@@ -307,11 +307,11 @@ _SECONDS = {"ms": 1e-3, "s": 1.0, "rad/s": 1.0, "min": 60.0, "h": 3600.0, "d": 8
 
 def times_said(sentence: str) -> list[float]:
     """Times in seconds, speeds and frequencies by the second, in the order in which they stand."""
-    found = []
+    result = []
     for value, low, high, speed, unit in _SAID.findall(sentence):
         factor = 1.0 / _SECONDS[unit] if speed else _SECONDS[unit]
-        found += [factor * float(one) for one in (value, low, high) if one]
-    return found
+        result += [factor * float(item) for item in (value, low, high) if item]
+    return result
 
 
 @pytest.mark.parametrize("unit_s", [0.001, 0.01, 5.0, 60.0])
@@ -326,10 +326,10 @@ def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
             else Estimate(value=value, low=1.1 * value, high=0.9 * value, unit=unit)
             for name, (value, unit) in term.parameters(values).items()
         }
-        for one in own.values():
-            power = {"s": 1, "%/s": -1, "rad/s": -1}.get(one.unit, 0)
-            assert estimate_in_seconds(one, unit_s).value == pytest.approx(
-                one.value * unit_s**power
+        for item in own.values():
+            power = {"s": 1, "%/s": -1, "rad/s": -1}.get(item.unit, 0)
+            assert estimate_in_seconds(item, unit_s).value == pytest.approx(
+                item.value * unit_s**power
             )
         plain, other = (
             term.sentence(
@@ -341,9 +341,9 @@ def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
         said = times_said(plain), times_said(other)
         assert len(said[0]) == len(said[1])
         if not any(faster):
-            assert said[1] == pytest.approx([unit_s * one for one in said[0]], rel=0.02)
+            assert said[1] == pytest.approx([unit_s * item for item in said[0]], rel=0.02)
         elif faster[0]:
-            assert said[1] == pytest.approx([one / unit_s for one in said[0]], rel=0.02)
+            assert said[1] == pytest.approx([item / unit_s for item in said[0]], rel=0.02)
 
 
 @everywhere

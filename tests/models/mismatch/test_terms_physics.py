@@ -12,15 +12,15 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem, Stems
-from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats
 from tests.models.mismatch.fitted_chain import followed
 
 CATALOGUE = catalogue()
-COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.way is Way.COMMAND)
+COMMAND = sorted(slug for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.COMMAND)
 S, J = 4.0123, 1.2071  # no step of the signals divides them
-LOOK = Look(
+LOOK = RecordingSummary(
     interval_s=1.0,
     duration_s=3600.0,
     op_low=25.0,
@@ -53,7 +53,7 @@ def simulated(
     stem.numbers[stem_number.S], stem.numbers[stem_number.J] = levels
     p = op
     for slug, values in terms.items():
-        if CATALOGUE[slug].way is Way.COMMAND:
+        if CATALOGUE[slug].acts_on is ActsOn.COMMAND:
             p = shaped(slug, p, values, dt)
         else:
             CATALOGUE[slug].fill(stem, np.array(values))
@@ -270,11 +270,11 @@ def test_terms_that_share_a_table_add_to_it_and_clear_empties_it():
     """Two laws of friction or force can be found together."""
     stems = Stems.neutral(1, 100, 1.0)
     (stem,) = stems.each
-    for place in (40.0, 60.0):
-        CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, place, 3.0]))
+    for index in (40.0, 60.0):
+        CATALOGUE["position_dependent_friction"].fill(stem, np.array([1.5, index, 3.0]))
     CATALOGUE["flow_force"].fill(stem, np.array([2.0]))
     CATALOGUE["dwell_dependent_breakaway"].fill(stem, np.array([0.5]))
-    at_40, at_60 = (int(place - stem_number.PLACE_LOW) for place in (40.0, 60.0))
+    at_40, at_60 = (int(index - stem_number.PLACE_LOW) for index in (40.0, 60.0))
     assert stem.friction[at_40] == pytest.approx(1.5)
     assert stem.friction[at_60] == pytest.approx(1.5)
     assert stem.force[int(100.0 - stem_number.PLACE_LOW)] == pytest.approx(-2.0)

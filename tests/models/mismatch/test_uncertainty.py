@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, search
-from stemwatch.models.mismatch.reading import pinned
+from stemwatch.models.mismatch.reading_errors import pinned
 from stemwatch.models.mismatch.stiction import MODEL_ERROR
 from stemwatch.models.mismatch.uncertainty import REPLICATES, draws, estimate
 from stemwatch.models.recording import PERCENT
@@ -38,8 +38,8 @@ def drawn(noise=0.05, samples=1800, seed=1):
     best = conclude(
         evaluator, search(evaluator, layout, everything, start[None], CAREFUL)
     ).candidate
-    found = draws(evaluator, layout, best)
-    return evaluator, layout, best, found
+    drawn_values = draws(evaluator, layout, best)
+    return evaluator, layout, best, drawn_values
 
 
 def numbers(row, layout):
@@ -71,9 +71,9 @@ def test_a_held_coordinate_is_not_drawn():
     """A gain that is held at 1 is 1 in every draw."""
     evaluator, layout, best, _ = drawn()
     held = pinned(layout, base_coordinate.GAIN, 0.0)
-    found = draws(evaluator, held, held.bounds.clip(best))
-    assert not found[:, base_coordinate.GAIN].any()
-    assert np.ptp(found[:, base_coordinate.S_PERCENT]) > 0.0
+    drawn_values = draws(evaluator, held, held.bounds.clip(best))
+    assert not drawn_values[:, base_coordinate.GAIN].any()
+    assert np.ptp(drawn_values[:, base_coordinate.S_PERCENT]) > 0.0
 
 
 def test_the_same_recording_gives_the_same_draws():

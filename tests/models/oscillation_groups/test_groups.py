@@ -80,9 +80,9 @@ def test_a_loop_may_belong_to_two_groups() -> None:
         values[loop] += first * wave(300.0) + second * wave(910.0, seed=9)
     groups = found(values)
     assert sorted(group.members for group in groups) == [(0, 1, 2), (2, 3, 4)]
-    told = labels(groups, 7)
-    assert told[0] == told[1] == told[2] != told[3] == told[4]
-    assert told[5:] == [-1, -1]
+    result = labels(groups, 7)
+    assert result[0] == result[1] == result[2] != result[3] == result[4]
+    assert result[5:] == [-1, -1]
 
 
 def test_harmonics_belong_to_their_group() -> None:

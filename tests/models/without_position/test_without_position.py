@@ -18,8 +18,12 @@ from stemwatch.models.studies.loops.draws import STORIES, draw_loop
 from stemwatch.models.studies.loops.examples import example
 from stemwatch.models.studies.loops.training import train
 from stemwatch.models.without_position import trained_weights
-from stemwatch.models.without_position.common_phase import common_phase_surrogate
-from stemwatch.models.without_position.features import NAMES, dominant_period, evidence
+from stemwatch.models.without_position.features import (
+    NAMES,
+    common_phase_surrogate,
+    dominant_period,
+    evidence,
+)
 from stemwatch.models.without_position.hammerstein import element, held_out
 from stemwatch.models.without_position.network import KERNELS, LoopNetwork, packed, unpacked
 from stemwatch.models.without_position.suspicion import (
@@ -28,7 +32,7 @@ from stemwatch.models.without_position.suspicion import (
     Suspicion,
     SuspicionLimits,
     WithoutPosition,
-    look,
+    look_at_loop,
     trained_judge,
 )
 from stemwatch.models.without_position.suspicion import suspect as suspect_by
@@ -38,10 +42,10 @@ from stemwatch.models.without_position.windows import LENGTH, windows
 @cache
 def few_trained() -> Judge:
     """Networks of a few loops: good for little, but they answer. Trained once, when first asked."""
-    shown = [example(5151, place) for place in range(40)]
+    shown = [example(5151, index) for index in range(40)]
     limits = SuspicionLimits(suspected_from=0.8, no_sign_below=0.3, shows_from=0.5)
     network: LoopNetwork = train(
-        [one for one in shown if one is not None], seed=1, epochs=10, window_epochs=3
+        [item for item in shown if item is not None], seed=1, epochs=10, window_epochs=3
     )
     return Judge(network=network, limits=limits)
 
@@ -118,9 +122,9 @@ def test_a_sticking_element_in_the_loop_is_found_with_its_S() -> None:
     stem = np.empty(op.size)
     element(op, 3.0, 1.5, stem)
     pv = lfilter([0.0, 0.2], [1.0, -0.8], stem - 50.0) + 0.02 * rng.standard_normal(op.size)
-    told = held_out(op, pv, 3, np.geomspace(0.75, 12.0, 13))
-    assert told.gain_of_both > 0.5
-    assert 2.3 <= told.S <= 3.9
+    result = held_out(op, pv, 3, np.geomspace(0.75, 12.0, 13))
+    assert result.gain_of_both > 0.5
+    assert 2.3 <= result.S <= 3.9
     sound = lfilter([0.0, 0.2], [1.0, -0.8], op - 50.0) + 0.02 * rng.standard_normal(op.size)
     assert held_out(op, sound, 3, np.geomspace(0.5, 10.0, 12)).gain_of_both < 0.1
 
@@ -129,25 +133,27 @@ def test_units_and_direction_of_the_loop_change_nothing() -> None:
     """PV in another unit, or a valve that acts the other way round: the same score and S."""
     plain = drawn(0, "load")
     op, pv = plain.op.values, plain.get(Role.PV).values
-    said = suspect(plain)
+    suspicion = suspect(plain)
     for other in (loop_of(op, 40.0 + 0.01 * pv), loop_of(op, 100.0 - pv)):
-        assert suspect(other).score == pytest.approx(said.score, abs=1e-6)
-        assert suspect(other).verdict is said.verdict
+        assert suspect(other).score == pytest.approx(suspicion.score, abs=1e-6)
+        assert suspect(other).verdict is suspicion.verdict
     faster = Recording(valve="FIC-1", signals=plain.signals, interval_s=0.01)
-    assert suspect(faster).score == said.score
+    assert suspect(faster).score == suspicion.score
 
 
 @pytest.mark.parametrize("story", STORIES)
 def test_every_story_is_drawn_and_answered(story) -> None:
     """Sticking and sound; numbers are finite, and what is said fits the verdict."""
-    for place in (2, 3):
-        said = suspect(drawn(place, story))
-        assert said.score is None or 0.0 <= said.score <= 1.0
-        assert (said.verdict is Suspicion.SUSPECTED) == (said.apparent_S.value is not None)
-        assert (said.verdict is Suspicion.NO_SIGN) == (said.shows_from is not None)
-        assert (said.verdict is Suspicion.SUSPECTED) == bool(said.rivals)
-        assert said.reason.endswith(".")
-        assert said.advice
+    for index in (2, 3):
+        suspicion = suspect(drawn(index, story))
+        assert suspicion.score is None or 0.0 <= suspicion.score <= 1.0
+        assert (suspicion.verdict is Suspicion.SUSPECTED) == (
+            suspicion.apparent_S.value is not None
+        )
+        assert (suspicion.verdict is Suspicion.NO_SIGN) == (suspicion.shows_from is not None)
+        assert (suspicion.verdict is Suspicion.SUSPECTED) == bool(suspicion.rivals)
+        assert suspicion.reason.endswith(".")
+        assert suspicion.advice
 
 
 def test_what_cannot_be_judged_says_why() -> None:
@@ -199,8 +205,8 @@ def test_numpy_and_torch_give_the_same_logits() -> None:
     arrays = network.arrays
     cut = np.random.default_rng(2).standard_normal((3, 3, LENGTH))
     signal = torch.tensor(cut)
-    for place, (_, stride) in enumerate(KERNELS, start=1):
-        weights, bias = (torch.tensor(arrays[f"{name}{place}"]) for name in ("conv", "conv_bias"))
+    for index, (_, stride) in enumerate(KERNELS, start=1):
+        weights, bias = (torch.tensor(arrays[f"{name}{index}"]) for name in ("conv", "conv_bias"))
         signal = torch.relu(torch.nn.functional.conv1d(signal, weights, bias, stride=stride))
     pooled = torch.cat([signal.mean(dim=2), signal.amax(dim=2)], dim=1)
     expected = pooled @ torch.tensor(arrays["conv_out"]) + torch.tensor(arrays["conv_out_bias"])
@@ -236,8 +242,8 @@ def test_evidence_has_a_name_for_every_number() -> None:
 
 def test_what_is_shipped_is_what_was_trained() -> None:
     """The digest is that of the numbers, and the limits are in order."""
-    told = sha256("".join(trained_weights.PACKED.split()).encode()).hexdigest()
-    assert told == trained_weights.DIGEST
+    result = sha256("".join(trained_weights.PACKED.split()).encode()).hexdigest()
+    assert result == trained_weights.DIGEST
     limits = trained_judge().limits
     assert 0.0 < limits.no_sign_below <= limits.suspected_from < 1.0
     assert trained_judge().network.arrays["mean"].shape == (len(NAMES),)
@@ -254,8 +260,8 @@ def test_numbers_come_back_from_text_in_single_precision() -> None:
 
 def limit_cycle() -> Recording:
     """A loop that plainly limits by a sticking stem, as the training draws them."""
-    for place in range(0, 200, 2):
-        loop = draw_loop(78, place, "quiet")
+    for index in range(0, 200, 2):
+        loop = draw_loop(78, index, "quiet")
         recording = loop_of(loop.op, loop.pv)
         if suspect_by(recording, trained_judge()).verdict is Suspicion.SUSPECTED:
             return recording
@@ -265,24 +271,29 @@ def limit_cycle() -> Recording:
 def test_a_suspicion_has_a_picture_and_a_sound_filter_has_none() -> None:
     """The stem stays within OP's range and lags it; both models follow PV."""
     recording = limit_cycle()
-    said = suspect_by(recording, trained_judge())
-    assert said.traces is not None
-    assert said.apparent_S.value is not None
+    suspicion = suspect_by(recording, trained_judge())
+    assert suspicion.traces is not None
+    assert suspicion.apparent_S.value is not None
     op, pv = recording.op.values, recording.get(Role.PV).values
-    assert said.traces.stem.shape == op.shape
-    assert op.min() - 1e-9 <= said.traces.stem.min() <= said.traces.stem.max() <= op.max() + 1e-9
-    for model in (said.traces.linear, said.traces.sticking):
+    assert suspicion.traces.stem.shape == op.shape
+    assert (
+        op.min() - 1e-9
+        <= suspicion.traces.stem.min()
+        <= suspicion.traces.stem.max()
+        <= op.max() + 1e-9
+    )
+    for model in (suspicion.traces.linear, suspicion.traces.sticking):
         known = np.isfinite(model)
         assert known.mean() > 0.8
         assert np.corrcoef(model[known], pv[known])[0, 1] > 0.5
-    short = said.traces.part(10, 30)
-    assert np.array_equal(short.stem, said.traces.stem[10:30])
+    short = suspicion.traces.part(10, 30)
+    assert np.array_equal(short.stem, suspicion.traces.stem[10:30])
 
 
 def test_a_long_record_is_judged_by_its_end() -> None:
     """In the time of a short one, with its S in the same unit."""
     recording = limit_cycle()
     op, pv = (np.tile(recording.get(role).values, 12) for role in (Role.OP, Role.PV))
-    seen = look(loop_of(op, pv))
+    seen = look_at_loop(loop_of(op, pv))
     assert seen.samples <= MOST_SAMPLES
     assert suspect_by(loop_of(op, pv), trained_judge()).score is not None

@@ -91,7 +91,7 @@ def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
     secret, link = make_link(
         store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
     )
-    assert [one.id for one in store.access_links.open(NOW)] == [link.id]
+    assert [access_link.id for access_link in store.access_links.open(NOW)] == [link.id]
     assert store.access_links.revoke(link.id, NOW)
     assert not store.access_links.revoke(link.id, NOW)
     with pytest.raises(LinkIsOver):

@@ -43,12 +43,12 @@ def test_every_refusal_says_the_same(store: Store, ann: User) -> None:
     """A wrong password, a name that nobody has, a user who is disabled: one sentence."""
     store.accounts.add("Off", UserRole.VIEWER, "no hash", added_by="test", now=NOW)
     store.accounts.disable(store.accounts.find("Off").id, NOW)
-    said = set()
+    distinct = set()
     for name, password in (("Ann Berg", "x"), ("nobody", PASSWORD), ("Off", "x"), ("", "")):
         with pytest.raises(LoginRefused) as refused:
             sign_in(store, name, password, now=NOW, address=HERE)
-        said.add(str(refused.value))
-    assert said == {WRONG}
+        distinct.add(str(refused.value))
+    assert distinct == {WRONG}
 
 
 def test_who_is_disabled_is_refused_with_the_right_password_too(store: Store, ann: User) -> None:
@@ -141,8 +141,10 @@ def test_good_and_bad_logins_are_in_the_audit_log(store: Store, ann: User) -> No
     """With name, address and outcome."""
     fail(store, ann.name, 1)
     sign_in(store, ann.name, PASSWORD, now=NOW, address="198.51.100.9")
-    found = [(one.who, one.address, one.outcome.value) for one in store.audit.read(AuditFilter())]
-    assert found == [("Ann Berg", "198.51.100.9", "done"), ("Ann Berg", HERE, "refused")]
+    matching = [
+        (item.who, item.address, item.outcome.value) for item in store.audit.read(AuditFilter())
+    ]
+    assert matching == [("Ann Berg", "198.51.100.9", "done"), ("Ann Berg", HERE, "refused")]
 
 
 def test_a_dated_hash_is_renewed_by_a_login(store: Store, real_passwords: None) -> None:
@@ -205,6 +207,9 @@ def test_refused_guesses_are_one_entry_a_minute(store: Store, ann: User) -> None
     """With how many there were, so that a thousand guesses are seen and do not fill the log."""
     fail(store, ann.name, 45)
     fail(store, ann.name, 2, at=NOW + timedelta(seconds=62))
-    entries = [one for one in store.audit.read(AuditFilter()) if "not tried" in one.detail]
-    assert [one.detail.split(" not tried")[0] for one in entries] == ["40 attempts", "1 attempt"]
-    assert {(one.who, one.outcome.value) for one in entries} == {(ann.name, "refused")}
+    entries = [item for item in store.audit.read(AuditFilter()) if "not tried" in item.detail]
+    assert [entry.detail.split(" not tried")[0] for entry in entries] == [
+        "40 attempts",
+        "1 attempt",
+    ]
+    assert {(entry.who, entry.outcome.value) for entry in entries} == {(ann.name, "refused")}

@@ -36,8 +36,8 @@ def test_every_operation_has_its_right() -> None:
     """And the table is the one that was agreed on."""
     assert set(PERMISSIONS) == set(Operation)
     for role, operations in MAY.items():
-        assert {one for one in Operation if PERMISSIONS[one].least is role} == operations
-    assert [one for one in Operation if PERMISSIONS[one].least is None] == [Operation.OPEN]
+        assert {item for item in Operation if PERMISSIONS[item].least is role} == operations
+    assert [item for item in Operation if PERMISSIONS[item].least is None] == [Operation.OPEN]
 
 
 @given(ROLES, ROLES, OPERATIONS)
@@ -105,7 +105,7 @@ def test_the_log_is_read_by_who_what_when_and_outcome(store: Store) -> None:
     assert len(store.audit.read(AuditFilter(outcome=AuditOutcome.REFUSED))) == 1
     assert store.audit.read(AuditFilter(action="sign in")) == []
     start, stop = NOW + timedelta(minutes=3), NOW + timedelta(minutes=6)
-    assert [one.at.minute for one in store.audit.read(AuditFilter(start=start, stop=stop))] == [
+    assert [item.at.minute for item in store.audit.read(AuditFilter(start=start, stop=stop))] == [
         5,
         4,
         3,
@@ -113,7 +113,7 @@ def test_the_log_is_read_by_who_what_when_and_outcome(store: Store) -> None:
     first = store.audit.read(AuditFilter(limit=4))
     store.audit.add(entry(11))
     second = store.audit.read(AuditFilter(limit=4, before=first[-1].id))
-    assert [one.at.minute for one in first + second] == [10, 9, 8, 7, 6, 5, 4, 3]
+    assert [item.at.minute for item in first + second] == [10, 9, 8, 7, 6, 5, 4, 3]
     assert store.audit.actions() == ["add a note"]
 
 

@@ -83,7 +83,7 @@ def test_a_dead_position_is_an_alert_of_its_valve(either_store: Store, plant: Pl
     assert alert.text.startswith(
         f"V3 (Feed 3): no good sample of MV V3.ZT since 2026-03-02 11:54 UTC ({WHY})."
     )
-    assert [one.id for one in look(store, plant, NOW)] == [alert.id]
+    assert [item.id for item in look(store, plant, NOW)] == [alert.id]
     later = NOW + timedelta(minutes=1)
     poll(store, plant, later, 1)
     assert look(store, plant, later) == []

@@ -18,7 +18,7 @@ from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
 from stemwatch.service.config import Plant, load_plant
-from stemwatch.service.store.alerts.alerts import AlertKind
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import ValveState
@@ -76,7 +76,7 @@ def store(plant: Plant) -> Iterator[Store]:
 def screened(valve: str, hour: int, verdict: Verdict, ratio: float | None) -> Screening:
     op = Signal.good(np.zeros(60), "OP")
     estimate = Estimate(value=2.0, low=1.8, high=2.2, unit="%")
-    found = (
+    results = (
         {}
         if ratio is None
         else {"baseline_ratio": Indicator(name="", value=ratio, unit="", meaning="")}
@@ -85,7 +85,7 @@ def screened(valve: str, hour: int, verdict: Verdict, ratio: float | None) -> Sc
     return Screening(
         valve=valve, verdict=verdict, reason="", advice="Check.", shape=None, severity=50.0,
         confidence=0.9, S=estimate, J=Estimate.unknown("few"), residuals={},
-        quality=DataQuality(grade="A"), indicators=found,
+        quality=DataQuality(grade="A"), indicators=results,
         recording=Recording(valve=valve, signals={Role.OP: op}, interval_s=1.0, start=start),
     )  # fmt: skip
 
@@ -235,6 +235,25 @@ def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
         numbers += run(store, plant, hour, sticky=["V3"], left=["V3"])
     (alert,) = open_alerts(store)
     assert numbers == [alert.id]
-    assert [one["kind"] for one in alert.evidence["findings"]] == ["baseline"]
+    assert [finding["kind"] for finding in alert.evidence["findings"]] == ["baseline"]
     assert "Also seen: The valve moves otherwise than it did" in alert.text
     assert alert.text.count("V3") == 1
+
+
+def test_an_alert_of_friction_becomes_that_of_a_sticking_stem(store: Store) -> None:
+    """The same alert says that the stem sticks once it does, with what a person did to it; it
+    never says less again, and nothing new is opened."""
+    stick = RaisedAlert(
+        cause="sticky:V1", kind=AlertKind.STICKY, severity=AlertSeverity.HIGH,
+        text="V1: the stem sticks", valve="V1", run_id=None, evidence={"S": 2.0},
+    )  # fmt: skip
+    restick = replace(
+        stick, kind=AlertKind.MISMATCH, severity=AlertSeverity.LOW, text="V1: small steps"
+    )
+    (number,) = store.alerts.raise_all([restick])
+    store.alerts.acknowledge(number, "K. Berg", "on the list")
+    assert store.alerts.raise_all([stick]) == []
+    assert store.alerts.raise_all([restick]) == []
+    alert = store.alerts.get(number)
+    assert (alert.kind, alert.severity) == (AlertKind.STICKY, AlertSeverity.HIGH)
+    assert (alert.text, alert.comment) == ("V1: the stem sticks", "on the list")

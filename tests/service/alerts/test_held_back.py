@@ -77,16 +77,22 @@ def test_what_chance_may_have_named_is_marked(either_store: Store, plant: Plant)
     """Benjamini-Hochberg over all that was tested: 0.001 stands among twenty, 0.04 does not, nor
     what has no p value; the mark says so in words and outlives a second look."""
     store = either_store
-    found = {"V01": named(0.001), "V02": named(0.04), "V03": named(None), "V04": BLIND, "V05": None}
-    number = run(store, plant, 0, found)
+    results = {
+        "V01": named(0.001),
+        "V02": named(0.04),
+        "V03": named(None),
+        "V04": BLIND,
+        "V05": None,
+    }
+    number = run(store, plant, 0, results)
     tested = hold_back(store, number)
     assert len(tested) == 18
     assert hold_back(store, number) == tested
     remarks = {valve: store.screenings(valve)[0].held_back for valve in plant.valves}
     assert {valve for valve, said in remarks.items() if said} == {"V02", "V03"}
     assert "across 18 valves chance alone may have named this" in remarks["V02"]
-    kept = store.screenings("V02")[0].mismatch
-    assert (kept.finding, kept.p_value) == (Finding.NAMED, 0.04)
+    mismatch = store.screenings("V02")[0].mismatch
+    assert (mismatch.finding, mismatch.p_value) == (Finding.NAMED, 0.04)
     assert p_elsewhere(tested, [f"V{n:02}" for n in range(2, 20)]) == (None, 0.001)
 
 
@@ -103,10 +109,10 @@ def test_no_alert_comes_of_what_is_held_back(either_store: Store, plant: Plant) 
     explain among all valves is an alert, and what it explains is none."""
     store = either_store
     for hour in range(4):
-        found = {"V01": named(0.001), "V02": named(0.3)}
+        results = {"V01": named(0.001), "V02": named(0.3)}
         if hour == 2:
-            found["V03"] = named(1e-6)
-        number = run(store, plant, hour, found)
+            results["V03"] = named(1e-6)
+        number = run(store, plant, hour, results)
         hold_back(store, number)
         evaluate(store, plant, number)
         if hour == 0:

@@ -70,10 +70,10 @@ class Server:
                 self.mails.append(receivers)
                 receivers, verb, line = [], "taken", "taken"
             known = "221 bye" if verb == "quit" else "250 fine"
-            said = self._say(link, line if verb == "rcpt" else verb, known)
-            if not said or verb == "quit":
+            text = self._say(link, line if verb == "rcpt" else verb, known)
+            if not text or verb == "quit":
                 return
-            if verb == "rcpt" and said.startswith("250"):
+            if verb == "rcpt" and text.startswith("250"):
                 receivers.append(line.partition("<")[2].rstrip(">"))
 
     def _say(self, link: socket.socket, to: str, usual: str) -> str:
@@ -93,11 +93,11 @@ class Server:
 
 @contextmanager
 def serving(answer: Answer) -> Iterator[Server]:
-    made = Server(answer)
+    server = Server(answer)
     try:
-        yield made
+        yield server
     finally:
-        made.end()
+        server.end()
 
 
 def at(step: str, said: str | None) -> Answer:
@@ -207,7 +207,7 @@ def test_a_server_that_hangs_keeps_back_no_message_to_others(
             store.deliveries.put({"hung": MESSAGE}, f"k{number}", [])
         store.deliveries.put({"box": MESSAGE}, "k", [])
         assert sender.send_due() == 1
-        tried = [one for one in store.deliveries.recent() if one.attempts]
-        assert sorted(one.notifier for one in tried) == ["box", "hung"]
+        tried = [delivery for delivery in store.deliveries.recent() if delivery.attempts]
+        assert sorted(item.notifier for item in tried) == ["box", "hung"]
         sender.send_due()
-        assert sum(one.attempts for one in store.deliveries.recent()) == 3
+        assert sum(delivery.attempts for delivery in store.deliveries.recent()) == 3

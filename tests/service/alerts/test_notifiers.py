@@ -129,13 +129,13 @@ def test_a_mail_arrives_as_text(make: Make, mailbox) -> None:
     """Subject and text arrive whole; a line break in a tag makes no header; the id is the key's."""
     receiver, port = mailbox
     make(mail(port)).send("alerts-1-3", HOSTILE)
-    found = message_from_bytes(receiver.got[0][1], policy=default)
-    assert found["Subject"] == "V1: sticks Bcc: everybody@example.org"
-    assert found["Bcc"] is None
-    assert found["To"] == "shift@plant.example, ann@plant.example"
-    assert found["Message-ID"] == "<alerts-1-3@plant.example>"
-    assert "<script>" in found.get_content()
-    assert "end" in found.get_content()
+    message = message_from_bytes(receiver.got[0][1], policy=default)
+    assert message["Subject"] == "V1: sticks Bcc: everybody@example.org"
+    assert message["Bcc"] is None
+    assert message["To"] == "shift@plant.example, ann@plant.example"
+    assert message["Message-ID"] == "<alerts-1-3@plant.example>"
+    assert "<script>" in message.get_content()
+    assert "end" in message.get_content()
 
 
 def test_a_webhook_is_signed(make: Make, hook, monkeypatch) -> None:

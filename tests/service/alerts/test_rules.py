@@ -65,7 +65,7 @@ def kinds(*newest_first: Verdict | JudgedScreening, **seen) -> tuple[list, list]
         for index, one in enumerate(newest_first)
     ]
     raised, closed = apply_rules(ValveRecord(valve=VALVE, screenings=screenings, **seen), RULES)
-    return [one.kind for one in raised], [cause.split(":")[0] for cause in closed]
+    return [item.kind for item in raised], [cause.split(":")[0] for cause in closed]
 
 
 STICKY, WELL, DUMB = Verdict.STICKY, Verdict.HEALTHY, Verdict.UNDETERMINED
@@ -99,11 +99,11 @@ def test_two_of_three_raise_and_three_without_close(verdicts, raised: bool, clos
 def test_nothing_is_raised_and_closed_at_once(present, n: int, more: int, k: int) -> None:
     """Whatever the rules are, what raises contains the finding now and what closes does not."""
     rules = AlertRules(raise_after_runs=n, of_runs=n + more, clear_after_runs=k)
-    found = alert_decision(present, rules)
-    if found is AlertDecision.RAISE:
+    result = alert_decision(present, rules)
+    if result is AlertDecision.RAISE:
         assert present[0]
         assert sum(present[: n + more]) >= n
-    if found is AlertDecision.CLEAR:
+    if result is AlertDecision.CLEAR:
         assert not any(present[:k])
 
 
@@ -142,7 +142,7 @@ def test_leaving_the_baseline() -> None:
     many = [screening(n) for n in (3, 2, 1)]
     seen = ValveRecord(valve=VALVE, screenings=many, ratios={3: 4.0, 1: 5.0}, ratio_limit=3.0)
     raised, _ = apply_rules(seen, RULES)
-    assert [one.kind for one in raised] == [AlertKind.BASELINE]
+    assert [item.kind for item in raised] == [AlertKind.BASELINE]
     assert "4.0 times worse" in raised[0].text
 
 
@@ -162,7 +162,7 @@ def test_a_run_that_was_not_compared_tells_nothing(ratios, raised: bool, closed:
     found, over = apply_rules(
         ValveRecord(valve=VALVE, screenings=many, ratios=ratios, ratio_limit=3.0), RULES
     )
-    assert (AlertKind.BASELINE in [one.kind for one in found]) is raised
+    assert (AlertKind.BASELINE in [item.kind for item in found]) is raised
     assert ("baseline:FIC-1" in over) is closed
 
 
@@ -174,14 +174,14 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
         evidence=EffectEvidence(mean=0.2, t=5.0, share=0.4),
     )  # fmt: skip
     both = Stiction(S=percent(1.0), J=J)
-    found = Mismatch(
+    mismatch = Mismatch(
         finding=Finding.NAMED, sentence="", naive=both, restated=both, effects=(effect,)
     )
-    held_back = [screening(n, mismatch=found, named=False) for n in (3, 2, 1)]
+    held_back = [screening(n, mismatch=mismatch, named=False) for n in (3, 2, 1)]
     raised, closed = kinds(*held_back)
     assert raised == []
     assert "mismatch" in closed
-    many = [screening(n, mismatch=found, named=True) for n in (2, 1)]
+    many = [screening(n, mismatch=mismatch, named=True) for n in (2, 1)]
     confirmed = evidence(True, True, True)
     assert apply_rules(ValveRecord(valve=VALVE, screenings=many), RULES)[0] == []
     by_chance = ValveRecord(valve=VALVE, screenings=many, by_window=confirmed, stands=False)
@@ -209,7 +209,7 @@ def test_an_effect_that_one_window_named_raises_and_closes_nothing() -> None:
     well = [screening(n) for n in (4, 3, 2, 1)]
     seen = ValveRecord(valve=VALVE, screenings=well, by_window=evidence(True, False), stands=True)
     raised, closed = apply_rules(seen, RULES)
-    assert AlertKind.MISMATCH not in {one.kind for one in raised}
+    assert AlertKind.MISMATCH not in {item.kind for item in raised}
     assert "mismatch:FIC-1" not in closed
 
 
@@ -221,10 +221,28 @@ def test_friction_that_shows_twice_is_one_alert(slug: str, alone: bool) -> None:
     of_weeks = evidence_of_weeks(windows)
     seen = ValveRecord(valve=VALVE, screenings=many, by_window=of_weeks, stands=True)
     raised, joined = one_per_cause(apply_rules(seen, RULES)[0], ())
-    assert (AlertKind.MISMATCH in {one.kind for one in raised}) is alone
+    assert (AlertKind.MISMATCH in {item.kind for item in raised}) is alone
     assert ("mismatch:FIC-1" in joined) is not alone
-    sticky = next(one for one in raised if one.kind is AlertKind.STICKY)
+    sticky = next(item for item in raised if item.kind is AlertKind.STICKY)
     assert ("Also seen" in sticky.text) is not alone
+
+
+def test_an_effect_of_friction_has_the_cause_of_a_sticking_stem() -> None:
+    """Before S passes its limit and after: one cause, which is not over while either is there."""
+    windows = [
+        WindowEvidence(at=NOW + timedelta(days=day), named=(("low_speed_restick",),))
+        for day in range(3)
+    ]
+    of_weeks = evidence_of_weeks(windows)
+    well = [screening(n) for n in (4, 3, 2, 1)]
+    seen = ValveRecord(valve=VALVE, screenings=well, by_window=of_weeks, stands=True)
+    raised, closed = apply_rules(seen, RULES)
+    assert [(item.kind, item.cause) for item in raised] == [(AlertKind.MISMATCH, "sticky:FIC-1")]
+    assert "sticky:FIC-1" not in closed
+    play = ValveRecord(valve=VALVE, screenings=well, by_window=evidence(*[True] * 4), stands=True)
+    raised, closed = apply_rules(play, RULES)
+    assert [item.cause for item in raised] == ["mismatch:FIC-1"]
+    assert "sticky:FIC-1" in closed
 
 
 def test_an_effect_that_is_gone_closes_its_alert() -> None:

@@ -11,7 +11,7 @@ import pytest
 import time_machine
 
 from stemwatch.service.alerts.notifiers import NotSent
-from stemwatch.service.alerts.sender import FEWEST_ATTEMPTS, GIVE_UP_AFTER, Sender, wait
+from stemwatch.service.alerts.sender import FEWEST_ATTEMPTS, GIVE_UP_AFTER, Sender, wait_after
 from stemwatch.service.store.alerts.deliveries import LONGEST_WAIT
 from stemwatch.service.store.store import Store, open_store
 
@@ -64,7 +64,7 @@ def test_the_wait_grows_and_the_message_arrives(store: Store, clock) -> None:
         clock.shift(timedelta(minutes=minutes))
         sender.send_due()
     assert away.keys == ["k1"]
-    assert [one.attempts for one in store.deliveries.recent()] == [4, 1]
+    assert [delivery.attempts for delivery in store.deliveries.recent()] == [4, 1]
 
 
 def test_an_error_is_kept_without_secrets(store: Store) -> None:
@@ -80,7 +80,7 @@ def test_what_can_never_arrive_is_given_up(store: Store, clock) -> None:
     attempts: a clock that leaps does not make one failure the last."""
     never = Mailbox(failures=9, error=NotSent("private", final=True))
     Sender(store, {"b": never}).send_due()
-    assert [one.given_up for one in store.deliveries.recent()] == [True, True]
+    assert [delivery.given_up for delivery in store.deliveries.recent()] == [True, True]
     store.deliveries.put({"a": {"subject": "s"}}, "k2", [])
     clock.shift(GIVE_UP_AFTER + timedelta(seconds=1))
     away = Sender(store, {"a": Mailbox(failures=FEWEST_ATTEMPTS)})
@@ -104,7 +104,7 @@ def test_a_sender_that_died_holds_no_message_for_ever(store: Store, clock) -> No
 
 def test_the_wait_is_bounded() -> None:
     """Doubled each time, never longer than an hour."""
-    waits = [wait(n) for n in range(1, 40)]
+    waits = [wait_after(n) for n in range(1, 40)]
     assert waits[:3] == [timedelta(minutes=n) for n in (1, 2, 4)]
     assert waits == sorted(waits)
     assert waits[-1] == LONGEST_WAIT

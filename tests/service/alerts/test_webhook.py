@@ -96,8 +96,8 @@ def named(monkeypatch, *answers: list[str]) -> list[str]:
         if host != "hook.example":
             return real(host, port, *rest, **more)
         asked.append(host)
-        found = left.pop(0) if len(left) > 1 else left[0]
-        return [one for address in found for one in real(address, port, *rest, **more)]
+        results = left.pop(0) if len(left) > 1 else left[0]
+        return [item for address in results for item in real(address, port, *rest, **more)]
 
     monkeypatch.setattr(socket, "getaddrinfo", look_up)
     return asked
@@ -142,10 +142,10 @@ def test_the_connection_goes_to_what_was_looked_at(monkeypatch) -> None:
     """A name that is public when it is checked and private when it is used is asked for once: the
     connection goes to the address of the first answer, here one that this test calls public."""
     with receiver(lambda link: link.sendall(TAKEN)) as (port, got):
-        asked = named(monkeypatch, ["127.0.0.1"], ["10.255.255.1"])
+        selection = named(monkeypatch, ["127.0.0.1"], ["10.255.255.1"])
         monkeypatch.setattr(outside, "is_public", lambda address: address == "127.0.0.1")
         to(f"http://hook.example:{port}/").send("k", MESSAGE)
-    assert asked == ["hook.example"]
+    assert selection == ["hook.example"]
     assert f"Host: hook.example:{port}".encode() in got[0]
 
 
@@ -243,11 +243,11 @@ def test_it_is_tried_again_and_no_log_has_a_secret(tmp_path: Path, caplog) -> No
         make_due(store, waiting.id)
         assert sender.send_due() == 1
         assert sender.send_due() == 0
-        said = caplog.text + waiting.error + store.deliveries.recent()[0].error
+        text = caplog.text + waiting.error + store.deliveries.recent()[0].error
     assert len(got) == 2
-    assert all(b"Idempotency-Key: alerts-1" in one for one in got)
+    assert all(b"Idempotency-Key: alerts-1" in item for item in got)
     for secret in (SECRET, "in-the-user", "in-the-path", "in-the-query"):
-        assert secret not in said
+        assert secret not in text
 
 
 def make_due(store: Store, delivery: int) -> None:

@@ -55,14 +55,14 @@ asyncio.run(a_day(Path(sys.argv[1])))
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc")
 def test_memory_is_flat_over_a_day(tmp_path: Path) -> None:
     """Within 5 % from the fourth hour to the last, with an hour without the store between."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", A_DAY, str(tmp_path)],
         cwd=ROOT,
         check=False,
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 0, done.stderr
-    first, *later = map(int, done.stdout.split())
+    assert process.returncode == 0, process.stderr
+    first, *later = map(int, process.stdout.split())
     assert len(later) == 5
-    assert max(later) <= 1.05 * first, done.stdout
+    assert max(later) <= 1.05 * first, process.stdout

@@ -34,7 +34,7 @@ def batch(at_us: int, count: int = 3, source: str = "plc") -> SampleBatch:
 
 def times(spool: Spool) -> list[int]:
     """The instants of the batches that wait."""
-    return [int(one.batch.at_us[0]) for one in spool.waiting()]
+    return [int(item.batch.at_us[0]) for item in spool.waiting()]
 
 
 @given(
@@ -67,16 +67,16 @@ def test_damage_costs_its_own_record_only(hit: int, data) -> None:
     broken = bytearray(packed[hit])
     broken[place] ^= flip
     whole = b"".join([*packed[:hit], bytes(broken), *packed[hit + 1 :]])
-    found = [int(record.batch.at_us[0]) for record in records(whole)]
-    assert found == [i for i in range(3) if i != hit]
+    matching = [int(record.batch.at_us[0]) for record in records(whole)]
+    assert matching == [i for i in range(3) if i != hit]
 
 
 @given(st.integers(0, 400))
 def test_a_torn_end_hides_nothing_before_it(cut: int) -> None:
     """A record that was being written when the power went."""
     one, two = pack(batch(1)), pack(batch(2))
-    found = list(records((one + two)[: len(one) + min(cut, len(two) - 1)]))
-    assert [int(each.batch.at_us[0]) for each in found] == [1]
+    as_list = list(records((one + two)[: len(one) + min(cut, len(two) - 1)]))
+    assert [int(each.batch.at_us[0]) for each in as_list] == [1]
 
 
 def test_batches_come_out_in_order_until_they_are_acknowledged(tmp_path: Path) -> None:
@@ -85,8 +85,8 @@ def test_batches_come_out_in_order_until_they_are_acknowledged(tmp_path: Path) -
     for i in range(12):
         spool.append(batch(i))
     waiting = list(spool.waiting())
-    assert [int(one.batch.at_us[0]) for one in waiting] == list(range(12))
-    assert len({one.next.segment for one in waiting}) > 1
+    assert [int(item.batch.at_us[0]) for item in waiting] == list(range(12))
+    assert len({item.next.segment for item in waiting}) > 1
     spool.acknowledge(waiting[4].next)
     assert times(spool) == list(range(5, 12))
     spool.close()
@@ -249,11 +249,11 @@ def test_what_was_appended_survives_a_kill(tmp_path: Path) -> None:
         reported.append(len(lines))
         time.sleep(0.01)
     spool = Spool(tmp_path, segment_bytes=4000, limit_bytes=100_000_000)
-    found = times(spool)
-    runs = [i for i, number in enumerate(found) if number == 0]
+    result = times(spool)
+    runs = [i for i, number in enumerate(result) if number == 0]
     assert len(runs) == 3
-    for start, stop, count in zip(runs, [*runs[1:], len(found)], reported, strict=True):
-        assert found[start:stop] == list(range(stop - start))
+    for start, stop, count in zip(runs, [*runs[1:], len(result)], reported, strict=True):
+        assert result[start:stop] == list(range(stop - start))
         assert stop - start >= count
     assert spool._read_cursor() == (Position(), 0)
     spool.close()

@@ -157,6 +157,6 @@ def test_a_faulty_device_leaves_its_valves_out(tmp_path: Path) -> None:
     """One sentence says so; the other valves are watched."""
     plant = load(tmp_path, VALVES + DEVICE.replace('host = "192.0.2.1"', 'hots = "x"'))
     assert set(plant.valves) == {"FIC-1"}
-    said = "\n".join(map(str, plant.problems))
-    assert "hots: found an unknown key" in said
-    assert "its 1 valves are left out (FIC-2)" in said
+    text = "\n".join(map(str, plant.problems))
+    assert "hots: found an unknown key" in text
+    assert "its 1 valves are left out (FIC-2)" in text

@@ -38,13 +38,13 @@ def test_sheet_says_what_is_told_apart_how_surely_and_that_a_person_sets_op():
     )
     assert sheet.remarks[-1] == LAST_WORD
     assert any(
-        re.search(r"PV is expected to change by at most .* t/h", one) for one in sheet.remarks
+        re.search(r"PV is expected to change by at most .* t/h", remark) for remark in sheet.remarks
     )
     assert "OP was last at 47.0 %." in " ".join(sheet.remarks)
     assert sheet.stop[-1] == "To stop: OP back to 47.0 %, and the controller to automatic."
     assert sheet.stop[0] == "PV has changed by more than 20 t/h from where it was."
-    assert [one.name for one in sheet.outcomes] == ["actuator lag", "dead time"]
-    assert all(one.means and one.then for one in sheet.outcomes)
+    assert [outcome.name for outcome in sheet.outcomes] == ["actuator lag", "dead time"]
+    assert all(outcome.means and outcome.then for outcome in sheet.outcomes)
 
 
 @pytest.mark.parametrize("plan", [plan_that_tells, plan_of_a_bump])
@@ -82,21 +82,21 @@ def test_bump_test_of_an_unknown_op_is_given_in_changes():
     """Where neither OP nor PV is known the sheet says so."""
     sheet = sheet_of(plan_of_a_bump(), "LIC-2")
     assert sheet.title == "LIC-2: the bump test that would give a verdict"
-    said = " ".join(sheet.remarks)
-    assert "take the changes from where OP is" in said
-    assert "How PV answers OP is not known" in said
+    text = " ".join(sheet.remarks)
+    assert "take the changes from where OP is" in text
+    assert "How PV answers OP is not known" in text
 
 
 @pytest.mark.parametrize("plan", PLANS)
 def test_json_has_no_number_that_json_lacks_and_the_limits_hold(plan):
     """Every value of OP in the JSON lies within the limits beside it."""
-    told = to_object(sheet_of(plan(), "FIC-1"))
-    json.loads(json.dumps(told, allow_nan=False))
-    limits = told["limits"]
-    for value in told["values"]:
+    as_object = to_object(sheet_of(plan(), "FIC-1"))
+    json.loads(json.dumps(as_object, allow_nan=False))
+    limits = as_object["limits"]
+    for value in as_object["values"]:
         assert abs(value["change"]) <= limits["amplitude_percent"]
         assert limits["op_low_percent"] <= value["op_percent"] <= limits["op_high_percent"]
-    assert bool(told["values"]) == (told["probability"] is not None)
+    assert bool(as_object["values"]) == (as_object["probability"] is not None)
 
 
 @pytest.mark.parametrize("plan", PLANS)

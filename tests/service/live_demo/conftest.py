@@ -14,8 +14,8 @@ from tests.service.web.conftest import browser as browser
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[Started]:
     """The live demo at its fastest, in a process group of its own."""
-    made = Started(tmp_path / "demo")
+    result = Started(tmp_path / "demo")
     try:
-        yield made
+        yield result
     finally:
-        made.kill()
+        result.kill()

@@ -70,17 +70,17 @@ def test_the_shortest_window_carries_verdict_and_baseline() -> None:
     cases = []
     for loop in live_loops():
         length_s = pace.shortest_s * pace.speed
-        whole = simulate_loop(replace(loop, duration_s=length_s), 7).recording
+        recording = simulate_loop(replace(loop, duration_s=length_s), 7).recording
         step = round(pace.every_s * pace.speed / INTERVAL_S)
         signals = {
             role: replace(signal, values=signal.values[::step], quality=signal.quality[::step])
-            for role, signal in whole.signals.items()
+            for role, signal in recording.signals.items()
         }
-        cases.append(Case(recording=replace(whole, signals=signals, interval_s=pace.every_s)))
+        cases.append(Case(recording=replace(recording, signals=signals, interval_s=pace.every_s)))
     options = Options(limits=Limits(min_duration_s=pace.shortest_s - 1.0), mismatch=False)
-    for one in screen(cases, options):
-        assert one.verdict is Verdict.HEALTHY, one.reason
-        assert one.network is not None, one.residuals
+    for item in screen(cases, options):
+        assert item.verdict is Verdict.HEALTHY, item.reason
+        assert item.network is not None, item.residuals
 
 
 def test_a_demo_begins_anew_in_its_own_folder_only(tmp_path: Path) -> None:
@@ -132,10 +132,14 @@ def caught(folder: Path, send: Callable[[int], None]) -> MailCatcher:
 
 def mail(subject: str, text: str) -> EmailMessage:
     """A mail as the service sends it."""
-    made = EmailMessage()
-    made["Subject"], made["From"], made["To"] = subject, "a@demo.invalid", "b@demo.invalid"
-    made.set_content(text)
-    return made
+    email_message = EmailMessage()
+    email_message["Subject"], email_message["From"], email_message["To"] = (
+        subject,
+        "a@demo.invalid",
+        "b@demo.invalid",
+    )
+    email_message.set_content(text)
+    return email_message
 
 
 def test_mails_are_kept_as_files_and_listed_as_text(tmp_path: Path) -> None:
@@ -149,7 +153,7 @@ def test_mails_are_kept_as_files_and_listed_as_text(tmp_path: Path) -> None:
     catcher = caught(tmp_path / "mails", send)
     files = sorted(path.name for path in catcher.folder.glob("*.eml"))
     assert files == ["0001.eml", "0002.eml"]
-    assert [one.subject for one in catcher.caught] == [
+    assert [item.subject for item in catcher.caught] == [
         "FIC-101 sticks",
         "<script>alert(1)</script>",
     ]
@@ -194,8 +198,10 @@ def test_a_service_that_cannot_start_ends_the_demo_with_a_sentence(tmp_path: Pat
     import socket
 
     async def run(port: int) -> None:
-        made = LiveDemo(tmp_path / "demo", DemoTiming(speed=4.0), port, announce=lambda line: None)
-        await made.run(asyncio.Event())
+        live_demo = LiveDemo(
+            tmp_path / "demo", DemoTiming(speed=4.0), port, announce=lambda line: None
+        )
+        await live_demo.run(asyncio.Event())
 
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -35,7 +35,7 @@ def test_it_serves_what_its_plant_file_says_until_ctrl_c(tmp_path: Path) -> None
             assert (device.link.port, device.every_s) == (port, 0.1)
             read = asyncio.run(try_map(device))
             assert len(read) == 10
-            assert all(one.reading and one.reading.value is not None for one in read), read
+            assert all(item.reading and item.reading.value is not None for item in read), read
             valve = data["valves"][0]["id"]
             started.said(r"Valves that wear: none")
             store.record_maintenance(valve, datetime.now(UTC), "packing renewed", "Ann")

@@ -107,16 +107,16 @@ def until(there: Callable[[], Any], seconds: float, started: Started, what: str)
 @pytest.fixture
 def reader(browser: Any, started: Started) -> Any:
     """Somebody who looks at the demo."""
-    made = Reader(browser, started)
-    yield made
-    made.close()
+    result = Reader(browser, started)
+    yield result
+    result.close()
 
 
 def judged(reader: Reader, verdict: str) -> list[dict[str, Any]]:
     """The screenings of the wearing valve with this verdict, oldest first."""
     points: list[dict[str, Any]] = reader.ask(f"valve/history?id={WEARING}")["points"]
-    found = [point for point in points if point["verdict"] == verdict]
-    return sorted(found, key=lambda point: point["at"])
+    matching = [point for point in points if point["verdict"] == verdict]
+    return sorted(matching, key=lambda point: point["at"])
 
 
 def marks(reader: Reader, kind: str) -> list[dict[str, Any]]:
@@ -157,7 +157,7 @@ def the_alert_comes(started: Started, reader: Reader) -> None:
     """S grows from screening to screening until the rule of N of M runs raises the alert."""
 
     def sticky() -> list[dict[str, Any]]:
-        return [one for one in reader.ask("alerts") if one["kind"] == "sticky"]
+        return [item for item in reader.ask("alerts") if item["kind"] == "sticky"]
 
     (alert,) = until(sticky, 300, started, "the alert")
     assert alert["valve"] == WEARING
@@ -169,8 +169,8 @@ def the_alert_comes(started: Started, reader: Reader) -> None:
 
 def the_mail_is_there(started: Started, reader: Reader) -> None:
     """In the catcher's list, and as a file that a mail program reads."""
-    found = started.said(r"^A mail arrived \((\d+\.eml)\): .*" + WEARING, 120)
-    assert WEARING in (started.folder / "mails" / found[1]).read_text("utf-8")
+    result = started.said(r"^A mail arrived \((\d+\.eml)\): .*" + WEARING, 120)
+    assert WEARING in (started.folder / "mails" / result[1]).read_text("utf-8")
     until(
         lambda: _mails_with("The stem sticks", started), 120, started, "the mail about the stiction"
     )
@@ -194,7 +194,9 @@ def somebody_acknowledges(reader: Reader) -> None:
     fill_in(card, COMMENT)
     card.get_by_role("button", name="Acknowledge").click()
     reader.page.get_by_text("The alert is acknowledged.").wait_for()
-    (alert,) = [one for one in reader.ask("alerts?state=acknowledged") if one["kind"] == "sticky"]
+    (alert,) = [
+        item for item in reader.ask("alerts?state=acknowledged") if item["kind"] == "sticky"
+    ]
     assert alert["comment"] == COMMENT
 
 

@@ -27,8 +27,8 @@ def frozen(valve: str = "PIC-7") -> Screening:
 
 def with_effects(valve: str = "FIC-9", verdict: Verdict = Verdict.WATCH) -> Screening:
     """A valve with an effect beyond chance."""
-    found = screening(valve, verdict, S=2.0, J=0.5)
-    return replace(found, mismatch=replace(named(found.recording), p_value=1e-9))
+    result = screening(valve, verdict, S=2.0, J=0.5)
+    return replace(result, mismatch=replace(named(result.recording), p_value=1e-9))
 
 
 def mixed() -> list[Screening]:
@@ -38,11 +38,11 @@ def mixed() -> list[Screening]:
 
 def context(screenings: list[Screening], **changes: object) -> ReportContext:
     """The plant's context; every valve of criticality 3 with a stroke of 40 mm."""
-    made = context_of(screenings)
+    result = context_of(screenings)
     facts = {
-        valve: replace(one, criticality="3", stroke="40 mm") for valve, one in made.valves.items()
+        valve: replace(one, criticality="3", stroke="40 mm") for valve, one in result.valves.items()
     }
-    return replace(made, valves=facts, **changes)
+    return replace(result, valves=facts, **changes)
 
 
 def earlier(found: Screening) -> list[PreviousFinding]:
@@ -68,7 +68,7 @@ BACKGROUND = ValveHistory(earlier=earlier, work=work, run=41)
 def longest() -> tuple[list[Screening], ReportContext, ValveHistory]:
     """Pages that ask for more room than there is: every kind, every text far too long."""
     kinds = list(catalogue())
-    found = []
+    matching = []
     for first in range(0, len(kinds), 3):
         one = with_effects("W" * 60 + str(first), Verdict.STICKY)
         assert one.mismatch is not None
@@ -85,12 +85,14 @@ def longest() -> tuple[list[Screening], ReportContext, ValveHistory]:
         )
         quality = replace(one.quality, reasons=("remark " * 90,))
         mismatch = replace(one.mismatch, effects=effects)
-        found.append(replace(one, mismatch=mismatch, reason="long reason " * 150, quality=quality))
-    made = context(found)
-    facts = {valve: _long(one) for valve, one in made.valves.items()}
+        matching.append(
+            replace(one, mismatch=mismatch, reason="long reason " * 150, quality=quality)
+        )
+    report_context = context(matching)
+    facts = {valve: _long(one) for valve, one in report_context.valves.items()}
     note = [Remark(valve="", at=BEGAN, note="packing renewed " * 60, who="")]
     background = replace(BACKGROUND, work=lambda _: note)
-    return found, replace(made, valves=facts), background
+    return matching, replace(report_context, valves=facts), background
 
 
 def _long(facts: ValveFacts) -> ValveFacts:

@@ -39,8 +39,8 @@ def stroked(plant: Path) -> Path:
 def orders(path: Path) -> dict[str, dict[str, object]]:
     """The work orders of a workbook by their valve."""
     header, *rows = openpyxl.load_workbook(path)["Work orders"].values
-    found = [dict(zip(header, row, strict=True)) for row in rows]
-    return {str(row["functional_location"]): row for row in found}
+    matching = [dict(zip(header, row, strict=True)) for row in rows]
+    return {str(row["functional_location"]): row for row in matching}
 
 
 def test_screening_leaves_the_report_and_the_command_makes_it_again(stemwatch, stroked, tmp_path):
@@ -56,9 +56,9 @@ def test_screening_leaves_the_report_and_the_command_makes_it_again(stemwatch, s
     assert first[BLIND]["finding"] == "no_position"
     assert first[STICKY]["stroke"] == "40 mm"
     again = tmp_path / "again"
-    done = stemwatch("maintenance-report", "--plant", stroked, "--out", again)
-    assert done.status == 0
-    assert "1 of 3 valves needs work; 1 cannot be judged (1 with a work order" in done.out
+    process = stemwatch("maintenance-report", "--plant", stroked, "--out", again)
+    assert process.status == 0
+    assert "1 of 3 valves needs work; 1 cannot be judged (1 with a work order" in process.out
     assert orders(again / "work-orders.xlsx").keys() == first.keys()
     assert orders(again / "work-orders.xlsx")[STICKY]["reference"] == first[STICKY]["reference"]
 
@@ -70,9 +70,11 @@ def test_the_command_says_what_it_needs(stemwatch, stroked, tmp_path):
     assert early.status == 2
     assert "there is no database at" in early.said
     open_store(load_plant(stroked, environment={}).storage).close()
-    done = stemwatch("maintenance-report", "--plant", stroked, "--run", 7, "--out", tmp_path / "o")
-    assert done.status == 2
-    assert "there is no run 7" in done.said
+    process = stemwatch(
+        "maintenance-report", "--plant", stroked, "--run", 7, "--out", tmp_path / "o"
+    )
+    assert process.status == 2
+    assert "there is no run 7" in process.said
 
 
 def test_a_scheduled_run_writes_it_beside_its_report(stroked):

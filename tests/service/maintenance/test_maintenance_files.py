@@ -89,9 +89,9 @@ def test_the_pdf_has_a_page_for_each_valve_after_the_list(whole):
     """And its outline leads to them."""
     pdf = book_pdf(whole, compress=False)
     assert pages(pdf) == 1 + len(whole.sheets)
-    said = text_of(pdf)
+    text = text_of(pdf)
     for part in ("FV-100", "Check in this order".upper(), "packing set", "2.8 mm", "Priority"):
-        assert part in said
+        assert part in text
     assert pdf.count(b"/Title") >= len(whole.sheets)
 
 
@@ -104,13 +104,15 @@ def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
     """Every kind of finding with every text far too long: nothing runs into the lines to sign, and
     the last word of each text is there."""
     screenings, made, background = longest()
-    found = work_list_of(screenings, made, background)
-    assert all(height_of(_sheet(TypeSize(SIZES[-1]), sheet, made)) > ROOM for sheet in found.sheets)
-    pdf = book_pdf(found, compress=False)
-    said = text_of(pdf)
-    assert said.count("Done, parts used") == 2 * len(screenings)
+    result = work_list_of(screenings, made, background)
+    assert all(
+        height_of(_sheet(TypeSize(SIZES[-1]), sheet, made)) > ROOM for sheet in result.sheets
+    )
+    pdf = book_pdf(result, compress=False)
+    text = text_of(pdf)
+    assert text.count("Done, parts used") == 2 * len(screenings)
     assert pages(pdf) > 2 * len(screenings)
-    assert len(re.findall(r"long\s+reason", said)) == 150 * len(screenings)
+    assert len(re.findall(r"long\s+reason", text)) == 150 * len(screenings)
 
 
 def test_a_page_is_set_in_the_largest_type_that_fits(whole):
@@ -125,12 +127,12 @@ def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
     """No row is lost at a page's end."""
     many = [frozen(f"PIC-{k}") for k in range(90)]
     many += [screening(f"H-{k}", Verdict.HEALTHY, S=0.2, J=0.1, samples=60) for k in range(90)]
-    found = book(many)
-    pdf = book_pdf(found, compress=False)
+    result = book(many)
+    pdf = book_pdf(result, compress=False)
     lists = pages(pdf) - 90
     assert lists >= 4
-    for one in many:
-        assert f"({one.valve})".encode() in pdf
+    for item in many:
+        assert f"({item.valve})".encode() in pdf
 
 
 def test_an_empty_run_is_a_report_that_says_so(tmp_path):
@@ -179,19 +181,19 @@ def test_the_page_says_what_a_planner_asks(whole):
 
 def test_travel_needs_a_stroke():
     """Without one the page says so rather than guess."""
-    found = [screening("FV-1")]
-    made = context(found)
-    facts = {"FV-1": replace(made.facts("FV-1"), stroke="")}
-    html = book_html(work_list_of(found, replace(made, valves=facts))).decode()
+    matching = [screening("FV-1")]
+    report_context = context(matching)
+    facts = {"FV-1": replace(report_context.facts("FV-1"), stroke="")}
+    html = book_html(work_list_of(matching, replace(report_context, valves=facts))).decode()
     assert "The plant file gives no stroke" in html
     assert " mm<" not in html
 
 
 def test_work_orders_have_the_fields_of_a_notification(whole):
     """The same rows in CSV and XLSX, with texts that fit."""
-    found = rows(whole)
-    assert [row["functional_location"] for row in found][-1]
-    for row in found:
+    result = rows(whole)
+    assert [row["functional_location"] for row in result][-1]
+    for row in result:
         assert 0 < len(row["short_text"]) <= SHORT_TEXT
         assert len(row["long_text"]) <= LONG_TEXT
         assert row["priority"] in "1234"
@@ -199,7 +201,7 @@ def test_work_orders_have_the_fields_of_a_notification(whole):
         assert row["work_centre"] == ""
         assert row["reported_by"].startswith("stemwatch ")
         assert datetime.fromisoformat(row["reported_at"]).tzinfo is not None
-    sticky = next(row for row in found if row["functional_location"] == "FV-100")
+    sticky = next(row for row in result if row["functional_location"] == "FV-100")
     assert sticky["damage_code"] == "FTR"
     assert sticky["cause_code"] == "1.6"
     assert sticky["object_part"] == "packing"
@@ -208,9 +210,9 @@ def test_work_orders_have_the_fields_of_a_notification(whole):
     sheet = openpyxl.load_workbook(io.BytesIO(orders_xlsx(whole)))["Work orders"]
     header, *values = sheet.values
     assert list(header) == [field.name for field in FIELDS]
-    assert len(values) == len(found)
+    assert len(values) == len(result)
     told = [dict(zip(header, value, strict=True))["short_text"] for value in values]
-    assert told == [row["short_text"] for row in found]
+    assert told == [row["short_text"] for row in result]
 
 
 def test_no_cell_is_a_formula(whole):
@@ -223,15 +225,15 @@ def test_no_cell_is_a_formula(whole):
 
 def test_a_reference_stays_while_the_finding_goes_on():
     """The next run gives the same one; a new beginning, another valve or kind gives another."""
-    found = screening("FV-1", samples=60)
-    first = rows(book([found]))[0]["reference"]
+    result = screening("FV-1", samples=60)
+    first = rows(book([result]))[0]["reference"]
     later = replace(
-        found, recording=replace(found.recording, start=datetime(2026, 3, 9, tzinfo=UTC))
+        result, recording=replace(result.recording, start=datetime(2026, 3, 9, tzinfo=UTC))
     )
     assert rows(book([later]))[0]["reference"] == first
-    others = [replace(found, valve="FV-2"), with_effects("FV-1")]
+    others = [replace(result, valve="FV-2"), with_effects("FV-1")]
     assert first not in {rows(book([other]))[0]["reference"] for other in others}
-    new = work_list_of([found], context([found]), replace(BACKGROUND, earlier=lambda _: []))
+    new = work_list_of([result], context([result]), replace(BACKGROUND, earlier=lambda _: []))
     assert rows(new)[0]["reference"] != first
 
 
@@ -260,9 +262,9 @@ def test_letters_that_no_font_has_become_a_box():
 )
 def test_any_text_is_laid_out(text):
     """A tag, a service and a finding of any length and spelling cost no other page."""
-    found = replace(screening(text or "FV-1", S=7.0), reason=text)
+    changed = replace(screening(text or "FV-1", S=7.0), reason=text)
     blind = replace(frozen(f"{text} 2"), reason=f"Cannot tell: {text}")
-    made = context([found, blind])
-    facts = {valve: replace(one, description=text) for valve, one in made.valves.items()}
-    book = work_list_of([found, blind], replace(made, valves=facts), BACKGROUND)
+    report_context = context([changed, blind])
+    facts = {valve: replace(one, description=text) for valve, one in report_context.valves.items()}
+    book = work_list_of([changed, blind], replace(report_context, valves=facts), BACKGROUND)
     assert pages(book_pdf(book, compress=False)) >= 2

@@ -89,12 +89,12 @@ def corners_of(found) -> tuple[tuple[float, float], ...]:
 
 def test_the_stick_band_has_the_width_of_s_and_the_step_of_j():
     """Twice the S is twice as wide on the same scale; J is the height of its steps."""
-    found = screening("FV-1", S=6.0, J=3.0)
-    (x0, y0), (x1, y1), (x2, y2), *_ = corners_of(found)
+    result = screening("FV-1", S=6.0, J=3.0)
+    (x0, y0), (x1, y1), (x2, y2), *_ = corners_of(result)
     assert y0 == pytest.approx(y1)
     assert x1 == pytest.approx(x2)
     # The slides rise one for one, so that the two ratios below are on the axes' own scales.
-    other = replace(found, J=Estimate(value=1.5, unit="%"))
+    other = replace(result, J=Estimate(value=1.5, unit="%"))
     (a0, _), (a1, b1), (_, b2), *_ = corners_of(other)
     assert (a0 - a1) == pytest.approx(x0 - x1, rel=0.02)
     assert (b2 - b1) == pytest.approx(0.5 * (y2 - y1), rel=0.1)
@@ -116,11 +116,11 @@ def test_without_a_position_op_and_pv_are_drawn():
 
 def test_why_there_is_no_picture_is_said():
     """No samples at all, or none of OP."""
-    found = screening("FV-1", samples=60)
-    assert picture_of(found, None, UTC) == (None, NO_SAMPLES)
+    result = screening("FV-1", samples=60)
+    assert picture_of(result, None, UTC) == (None, NO_SAMPLES)
     dead = Signal.good(np.full(60, np.nan), "OP")
     blank = replace(recording("FV-1", 3, 1, samples=60), signals={Role.OP: dead})
-    assert picture_of(found, blank, UTC) == (None, NOTHING_TO_DRAW)
+    assert picture_of(result, blank, UTC) == (None, NOTHING_TO_DRAW)
 
 
 def test_a_hole_is_a_hole():
@@ -135,11 +135,11 @@ def test_a_hole_is_a_hole():
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
 def test_ticks_lie_evenly_inside_their_axis(low, width):
     """At least one, at most eight, at equal steps."""
-    found = ticks(low, low + width)
-    assert 1 <= len(found) <= 8
-    steps = np.diff(found)
+    result = ticks(low, low + width)
+    assert 1 <= len(result) <= 8
+    steps = np.diff(result)
     assert np.allclose(steps, steps[0]) if len(steps) else True
-    assert all(low - 1e-6 * width <= one <= low + width * (1 + 1e-6) for one in found)
+    assert all(low - 1e-6 * width <= item <= low + width * (1 + 1e-6) for item in result)
 
 
 def test_a_flat_line_has_room_around_it():
@@ -174,10 +174,10 @@ def inside(points, x: float, y: float) -> bool:
 
 def test_hostile_words_are_text():
     """A unit may be called anything."""
-    found = screening("FV-1")
-    signals = dict(found.recording.signals)
+    result = screening("FV-1")
+    signals = dict(result.recording.signals)
     signals[Role.PV] = replace(signals[Role.PV], unit="</text><script>")
     signals.pop(Role.MV)
-    picture, _ = picture_of(found, replace(found.recording, signals=signals), UTC)
+    picture, _ = picture_of(result, replace(result.recording, signals=signals), UTC)
     assert "<script>" not in str(svg_of(picture))
     assert "&lt;script&gt;" in str(svg_of(picture))

@@ -69,13 +69,13 @@ def test_a_stem_that_may_be_stuck_fast_stands_beside_the_worst_sticky_ones():
     blind = replace(BASE, verdict=Verdict.UNDETERMINED, severity=15.0, shape=None, reason=why)
     decided = decide(blind, stands=None)
     assert decided.kinds == (k.FROZEN,)
-    assert [code(decided.severity, criticality=one) for one in "321"] == [1, 2, 3]
+    assert [code(decided.severity, criticality=item) for item in "321"] == [1, 2, 3]
 
 
 def test_the_reason_names_all_three_factors_and_what_the_plant_left_out():
     """A planner can disagree with a factor, not with a number."""
-    said = priority(80.0, "A", WORSE).reason
-    assert said == (
+    reason = priority(80.0, "A", WORSE).reason
+    assert reason == (
         "criticality 2 of 3 (plant says 'A'), severity 80 of 100, trend: worse, S +1.20"
     )
     assert "(none is given)" in priority(50.0, "", SAME).reason
@@ -84,9 +84,9 @@ def test_the_reason_names_all_three_factors_and_what_the_plant_left_out():
 def test_the_end_date_is_a_day_of_the_plant():
     """Shortly before midnight in UTC it is tomorrow in Berlin."""
     late = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
-    found = priority(90.0, "3", SAME)
-    assert found.due(late, ZoneInfo("Europe/Berlin")).isoformat() == "2026-03-09"
-    assert found.due(late, UTC).isoformat() == "2026-03-08"
+    result = priority(90.0, "3", SAME)
+    assert result.due(late, ZoneInfo("Europe/Berlin")).isoformat() == "2026-03-09"
+    assert result.due(late, UTC).isoformat() == "2026-03-08"
 
 
 def test_the_documentation_has_these_numbers():
@@ -114,8 +114,8 @@ def test_the_false_alarms_are_those_that_were_counted():
         ("false alarm", FALSE_EFFECT),
         ("the same with 12 % scatter", FALSE_EFFECT_SCATTERED),
     ):
-        shown = interval.removesuffix(" %")
-        assert re.search(rf"{row} \| {count} of {of}, .*\({shown}\)", proof)
+        result = interval.removesuffix(" %")
+        assert re.search(rf"{row} \| {count} of {of}, .*\({result}\)", proof)
 
 
 def past(*verdicts: Verdict, **of_each) -> list[PreviousFinding]:
@@ -144,10 +144,10 @@ S, W, H, U = Verdict.STICKY, Verdict.WATCH, Verdict.HEALTHY, Verdict.UNDETERMINE
 )
 def test_a_finding_goes_back_as_far_as_no_verdict_denies_it(earlier, count, first, before):
     """Screenings without a verdict neither confirm nor break it."""
-    found = first_seen("stiction_undershoot", past(*earlier))
-    assert found.count == count
-    assert (found.first and found.first.run) == first
-    assert (found.before and found.before.run) == before
+    result = first_seen("stiction_undershoot", past(*earlier))
+    assert result.count == count
+    assert (result.first and result.first.run) == first
+    assert (result.before and result.before.run) == before
 
 
 def test_an_effect_goes_back_by_its_name():
@@ -164,8 +164,8 @@ def test_a_dead_transmitter_goes_back_over_screenings_without_a_verdict():
 
 def test_the_sentence_says_when_how_often_and_what_was_before():
     """In the plant's own time."""
-    said = sentence(first_seen("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin"))
-    assert said == (
+    text = sentence(first_seen("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin"))
+    assert text == (
         "Seen since 2026-02-15 07:00 (run 48), in 3 screenings on end; the one before, of "
         "2026-02-08 07:00, said healthy and did not show it."
     )
@@ -190,8 +190,8 @@ def test_work_is_set_against_the_finding():
 @given(severity=st.floats(0, 100), criticality=st.sampled_from(["1", "2", "3"]))
 def test_a_reader_comes_to_the_printed_class(severity: float, criticality: str) -> None:
     """The documented rule, applied to the numbers that are printed, gives the class beside them."""
-    made = priority(severity, criticality, WORSE)
-    printed = re.search(r"criticality (\d) of 3, severity (\d+) of 100", made.reason)
+    result = priority(severity, criticality, WORSE)
+    printed = re.search(r"criticality (\d) of 3, severity (\d+) of 100", result.reason)
     assert printed is not None
     by_hand = int(printed[2]) * WEIGHT_OF_CRITICALITY[printed[1]] * WEIGHT_OF_TREND["worse"]
-    assert made.code == next(code for least, code in CLASSES if by_hand >= 100 * least - 1e-6)
+    assert result.code == next(code for least, code in CLASSES if by_hand >= 100 * least - 1e-6)

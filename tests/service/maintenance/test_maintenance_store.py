@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import replace
 from datetime import timedelta
 
@@ -10,10 +11,14 @@ import pytest
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.maintenance.drawing import DrawnLine
+from stemwatch.service.maintenance.pdf import book_pdf
 from stemwatch.service.maintenance.stored import (
     background_of,
     report_of_store,
 )
+from stemwatch.service.maintenance.work_compared import BEFORE_DASH
+from stemwatch.service.report.charts.window_pictures import pack_pictures, window_pictures
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import open_store
@@ -102,7 +107,7 @@ def test_what_stands_is_decided_over_all_valves_also_for_one(store, tmp_path):
     others = [short(f"H-{k}", Verdict.HEALTHY, S=0.2, mismatch=tested) for k in range(9)]
     looked(store, 0, valve, *others)
     assert report_of_store(store, tmp_path / "all").book.to_work_on == ()
-    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], everything=True)
+    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], all_valves=True)
     assert one.book.sheets[0].valve.stands is False
     assert "held back" in one.html.read_text("utf-8")
 
@@ -116,16 +121,16 @@ def test_work_on_a_valve_is_told(store, weeks, tmp_path):
 
 def test_a_stored_screening_is_whole_where_it_gets_a_page(store):
     """Of healthy valves with nothing named only the verdict of the mismatch is read."""
-    found = named()
-    nothing = replace(found, finding=Finding.NONE, effects=(), p_value=None)
+    selection = named()
+    nothing = replace(selection, finding=Finding.NONE, effects=(), p_value=None)
     number = looked(
         store,
         0,
-        replace(STICKY, mismatch=found),
+        replace(STICKY, mismatch=selection),
         replace(HEALTHY, mismatch=nothing),
     )
     sticky, healthy = store.screenings_of_run(number)
-    assert sticky.mismatch.effects == found.effects
+    assert sticky.mismatch.effects == selection.effects
     assert sticky.window == (START, START + timedelta(seconds=60))
     assert healthy.mismatch.finding is Finding.NONE
     assert store.latest_screenings() == [sticky, healthy]
@@ -139,3 +144,38 @@ def test_a_recording_without_dates_is_not_its_own_past(store):
     store.save(undated, number)
     (past,) = background_of(store).earlier(undated)
     assert past.at == START + timedelta(seconds=60)
+
+
+def test_loops_before_and_after_the_last_work_are_laid_over_each_other(store, weeks, tmp_path):
+    """In HTML and PDF, with what was done and S and J of both windows, for the run that saw the
+    valve after it; the run before knows nothing of it."""
+    del weeks
+    runs = []
+    for week, S in ((3, 6.25), (4, 0.31)):
+        found = screening("FV-3", Verdict.STICKY, S=S, J=0.4 * S)
+        moved = replace(found, recording=replace(found.recording, start=START + week * WEEK))
+        run = store.begin_run(software_version="1")
+        packed = pack_pictures(window_pictures(moved))
+        store.save(moved.without_samples(), run, packed_pictures=packed)
+        store.finish_run(run)
+        runs.append(run)
+    store.record_maintenance("FV-3", START + 4 * WEEK - timedelta(days=1), "packing renewed", "")
+    before = report_of_store(store, tmp_path / "before", run=runs[0])
+    assert before.book.done == ()
+    assert "Before and after the last work" not in before.html.read_text("utf-8")
+    after = report_of_store(store, tmp_path / "after", run=runs[1])
+    (one,) = after.book.done
+    assert one.sizes == ("6.25 → 0.31 %", "2.50 → 0.12 %")
+    assert one.drawing is not None
+    assert after.book.done_title == "Before and after the last work"
+    assert "12 newest of 30" in replace(after.book, done=(one,) * 12, worked=30).done_title
+    dashes = {mark.dash for mark in one.drawing.marks if isinstance(mark, DrawnLine)}
+    assert dashes == {(), BEFORE_DASH}  # told apart on a copy of a copy
+    text = after.html.read_text("utf-8")
+    part = text[text.index("Before and after the last work") :]
+    for result in ("FV-3", "packing renewed", "S 6.25 → 0.31 %", "the latest one, until", "<svg "):
+        assert result in part[: part.index("</section>")]
+    paper = book_pdf(after.book, compress=False)
+    result = b" ".join(re.findall(rb"\((.*?)(?<!\\)\) Tj", paper)).decode("latin-1")
+    for word in ("packing renewed", "before the work", "after it"):
+        assert word in result

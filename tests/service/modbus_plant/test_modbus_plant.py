@@ -63,9 +63,11 @@ def loops() -> list[PlantLoop]:
 def values(server: PlantServer, every_s: float = 1.0) -> dict[str, float]:
     """What a client with the server's own map reads now."""
     text = plant_toml(server.plant.loops, host=server.host, port=server.port, every_s=every_s)
-    found = read_devices(tomllib.loads(text)["devices"])
-    assert found.problems == ()
-    return {one.register.tag: one.reading.value for one in asyncio.run(try_map(found.devices[0]))}
+    devices = read_devices(tomllib.loads(text)["devices"])
+    assert devices.problems == ()
+    return {
+        item.register.tag: item.reading.value for item in asyncio.run(try_map(devices.devices[0]))
+    }
 
 
 @contextmanager
@@ -205,12 +207,12 @@ def test_wear_begins_when_it_is_told_to_and_ends_with_a_lasting_repair() -> None
     plant = LivePlant(loops()[:1], stretch_s=200.0)
     try:
         plant.begin_wear(name, Wear(S_percent=8.0, J_percent=2.0, over_s=50.0), 20.0)
-        one = plant._running[name]
-        worn_rows = one.coming.result().rows
+        result = plant._running[name]
+        worn_rows = result.coming.result().rows
         plant.rows(20.0)
-        assert one.ahead.stop_s == 70.0
+        assert result.ahead.stop_s == 70.0
         plant.repair(name, 60.0, lasting=True)
-        rows = one.coming.result().rows
+        rows = result.coming.result().rows
         assert len(rows) == 200
         assert np.ptp(rows[:50, 0] - rows[:50, 1]) < np.ptp(worn_rows[:, 0] - worn_rows[:, 1])
     finally:

@@ -20,7 +20,11 @@ from stemwatch.service.presenter.advice import (
     steps_for,
 )
 
-EFFECTS = [one.name for one in pkgutil.iter_modules(terms.__path__) if one.name[0] != "_"]
+EFFECTS = [
+    iter_module.name
+    for iter_module in pkgutil.iter_modules(terms.__path__)
+    if iter_module.name[0] != "_"
+]
 OWN = [
     *k.STICTION.values(),
     *[k.HEALTHY, k.RECORDING, k.WATCH, k.DEPARTED, k.UNKNOWN, k.UNEXPLAINED],
@@ -91,9 +95,9 @@ def test_isolation_covers_exactly_the_levels_that_the_steps_reach():
 
 def test_the_line_is_isolated_only_with_the_energies_named():
     """Bypass, block valves, air and spring, trapped medium, hazards."""
-    said = ISOLATION[IsolationLevel.LINE] + ISOLATION[IsolationLevel.AIR]
+    text = ISOLATION[IsolationLevel.LINE] + ISOLATION[IsolationLevel.AIR]
     for word in ("bypass", "block valves", "spring", "trapped", "hazardous", "locked", "vent"):
-        assert word in said
+        assert word in text
 
 
 def test_no_parts_are_said_only_where_none_are_needed():

@@ -66,7 +66,7 @@ class Outputs:
 @pytest.fixture(scope="module")
 def outputs(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
     """A run with valves of every kind, none of them with hostile letters."""
-    screenings = [one for one in mixed() if "<script>" not in one.valve]
+    screenings = [item for item in mixed() if "<script>" not in item.valve]
     return Outputs(screenings, context(screenings), tmp_path_factory.mktemp("out"))
 
 
@@ -114,7 +114,7 @@ def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> No
 
 def test_a_valve_without_a_verdict_has_no_state_of_ne107(outputs: Outputs) -> None:
     """Nor is anything but a healthy one normal."""
-    states = {one["verdict"]: one["ne107"] for one in outputs.objects.values()}
+    states = {item["verdict"]: item["ne107"] for item in outputs.objects.values()}
     assert states["undetermined"] is None
     assert states["sticky"] == states["defective"] == "out of specification"
     assert [verdict for verdict, state in states.items() if state == "normal"] in ([], ["healthy"])
@@ -122,8 +122,8 @@ def test_a_valve_without_a_verdict_has_no_state_of_ne107(outputs: Outputs) -> No
 
 def test_response_figures_are_on_the_page_and_in_json_with_S_and_J(outputs: Outputs) -> None:
     """Dead band is the published S, resolution the published J."""
-    for one in outputs.objects.values():
-        response, known = one["response"], one["stiction"]
+    for item in outputs.objects.values():
+        response, known = item["response"], item["stiction"]
         assert response["dead_band"] == known["S"]
         assert response["resolution"] == known["J"]
         assert bool(response["steps"]) == (known["S"]["value"] is not None)
@@ -144,11 +144,11 @@ def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) ->
 
 def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: Outputs) -> None:
     """What was found and each step of what to check."""
-    (valve,) = [one for one in outputs.ranking if one.screening.valve == "FIC-9"]
+    (valve,) = [item for item in outputs.ranking if item.screening.valve == "FIC-9"]
     effect = valve.finding.effects[0]
-    found = valve.screening.mismatch
+    mismatch = valve.screening.mismatch
     terminal = Console(width=200, file=io.StringIO(), record=True)
-    terminal.print(explanation(Explained(source="a.csv", valve="FIC-9", mismatch=found)))
+    terminal.print(explanation(Explained(source="a.csv", valve="FIC-9", mismatch=mismatch)))
     told = {
         "page": outputs.report,
         "terminal": bare(terminal.export_text()),
@@ -159,7 +159,7 @@ def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: 
     for where, text in told.items():
         assert bare(effect.sentence) in text, where
         assert bare(effect.check) in text, where
-    (sheet,) = [one for one in outputs.book.sheets if one.screening.valve == "FIC-9"]
+    (sheet,) = [sheet for sheet in outputs.book.sheets if sheet.screening.valve == "FIC-9"]
     assert bare(effect.sentence) in outputs.pdf
     for step in sheet.steps:
         assert bare(step.text) in outputs.pdf
@@ -185,7 +185,7 @@ def mail_about(screening: Screening) -> str:
         valve=StoredValve(id=screening.valve), screenings=judged, by_window=weeks, stands=True
     )
     raised = apply_rules(record, AlertRules())[0]
-    (about,) = [one for one in raised if one.kind is AlertKind.MISMATCH]
+    (about,) = [item for item in raised if item.kind is AlertKind.MISMATCH]
     stored = StoredAlert(
         id=1, cause=about.cause, kind=about.kind, severity=about.severity, text=about.text,
         valve=about.valve, source=None, run_id=2, opened=end, seen=end, evidence={},

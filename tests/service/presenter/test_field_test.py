@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.screening_result import Screening
+from stemwatch.models.stickslip.kernel import START, simulate
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.finding import field_test, present
 from stemwatch.service.presenter.physics_words import PARAMETERS, parameter_name
@@ -27,22 +30,65 @@ def of(S: float, J: float, verdict: Verdict = Verdict.STICKY) -> Screening:
 
 
 @pytest.mark.parametrize(
-    ("S", "J", "step", "expected", "jump"),
+    ("S", "J", "step", "expected", "moves"),
     [
-        (5.0, 2.5, "1 %", "about 5 (4 to 6)", "a jump of about 2.50 %"),
-        (6.2, 0.0, "1 %", "about 6 (6 to 7)", "no jump"),
-        (2.0, 2.0, "0.5 %", "about 4", "a jump of about 2.00 %"),
-        (1.0, 0.0, "0.2 %", "about 5 (4 to 6)", "no jump"),
+        (5.0, 2.5, 1.0, "5 (5 to 6)", "2.50 to 3.50 % of OP at once"),
+        (4.4, 4.4, 1.0, "5 (4 to 5)", "4.40 to 5.40 % of OP at once"),
+        (6.2, 0.0, 1.0, "7 (6 to 7)", "no more than a step, without a jump"),
+        (3.3, 5.0, 1.0, "4 (3 to 4)", "5.00 to 6.00 % of OP at once"),
+        (2.0, 2.0, 0.5, "4 (4 to 5)", "2.00 to 2.50 % of OP at once"),
+        (1.7, 0.3, 0.5, "4", "0.30 to 0.80 % of OP at once"),
+        (1.0, 0.0, 0.2, "5 (5 to 6)", "no more than a step, without a jump"),
     ],
 )
 def test_steps_are_counted_from_the_valves_own_numbers(
-    S: float, J: float, step: str, expected: str, jump: str
+    S: float, J: float, step: float, expected: str, moves: str
 ) -> None:
-    """About S divided by the step, within the interval."""
-    said = field_test(of(S, J))
-    assert f"step OP by {step} one way" in said
-    assert f"Expect {expected} before it moves back, with {jump}" in said
-    assert said in present(of(S, J), stands=None).next_step
+    """As many steps back as add up to S, by the interval of S; then J and what they are more."""
+    sentence = field_test(of(S, J))
+    assert f"step OP by {step:g} % one way" in sentence
+    assert f"Expect about {expected} until it moves, by {moves}." in sentence
+    assert sentence in present(of(S, J), stands=None).next_step
+
+
+@pytest.mark.parametrize("J", [0.0, 0.4, 2.0, 5.0])
+@pytest.mark.parametrize("S", [0.7, 1.3, 1.7, 2.6, 3.3, 4.4, 6.2, 9.1])
+def test_the_stick_slip_element_moves_at_the_step_that_is_told(S: float, J: float) -> None:
+    """The element that S and J belong to, stepped as the test says."""
+    sentence = field_test(of(S, J))
+    match = re.search(r"step OP by ([\d.]+) % .* Expect about (\d+)", sentence)
+    assert match is not None
+    step = float(match[1])
+    counted, moved = steps_back(S, J, step)
+    assert counted == int(match[2])
+    if "at once" in sentence:
+        assert J - 0.01 <= moved <= J + step + 0.01
+    else:
+        assert moved <= step + step / 2
+
+
+def steps_back(S: float, J: float, step: float) -> tuple[int, float]:
+    """Steps one way until the element moves, then back: after how many it moves, and how far."""
+    levels, out = [50.0], [50.0]
+    while out[-1] == out[0]:
+        levels.append(levels[-1] + step)
+        out = stepped(levels, S, J)
+    rests, back = out[-1], 0
+    while out[-1] == rests:
+        back += 1
+        levels.append(levels[-1] - step)
+        out = stepped(levels, S, J)
+    return back, rests - out[-1]
+
+
+def stepped(levels: list[float], S: float, J: float) -> list[float]:
+    """Where the element stands after each of ``levels``, percent, held for ten samples."""
+    op = np.repeat(levels, 10)
+    parameters = np.array([S, J, 0.0, 0.0, 0.0, np.inf, np.inf, 0.0, 1.0, 0.0])
+    start, out = np.zeros(op.size, np.uint8), np.empty(op.size)
+    start[0] = START
+    simulate(op, np.full(op.size, 50.0), start, 1.0, parameters, out)
+    return [float(x) for x in np.round(out[9::10], 9)]
 
 
 def test_nothing_is_tested_where_there_is_nothing_to_confirm() -> None:
@@ -56,17 +102,15 @@ def test_nothing_is_tested_where_there_is_nothing_to_confirm() -> None:
 @pytest.mark.parametrize("slug", sorted(catalogue()))
 def test_every_number_of_an_effect_has_words(slug: str) -> None:
     """A page says "dead time", not "theta"."""
-    import numpy as np
-
-    from stemwatch.models.mismatch.term import Look
+    from stemwatch.models.mismatch.term import RecordingSummary
 
     term = catalogue()[slug]
-    look = Look(
+    summary = RecordingSummary(
         interval_s=1.0, duration_s=3600.0, op_low=30.0, op_high=60.0, mv_low=30.0, mv_high=60.0,
         sigma=0.05, S=1.0, J=0.5,
     )  # fmt: skip
-    names = term.parameters(np.asarray(term.starts(look))[0])
+    names = term.parameters(np.asarray(term.starts(summary))[0])
     for name in names:
-        said = parameter_name(name, slug)
-        letters = said not in GREEK and len(said) > 3
-        assert name in PARAMETERS or f"{slug}.{name}" in PARAMETERS or letters, said
+        text = parameter_name(name, slug)
+        letters = text not in GREEK and len(text) > 3
+        assert name in PARAMETERS or f"{slug}.{name}" in PARAMETERS or letters, text

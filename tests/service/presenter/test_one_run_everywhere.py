@@ -54,23 +54,23 @@ BAD = "Cannot tell: 62 % of the samples are missing or marked bad."
 
 def blind(valve: str, reason: str) -> Screening:
     """A valve that cannot be judged."""
-    made = screening(valve, Verdict.UNDETERMINED, samples=60)
-    return replace(made, reason=reason, still_seen=(), severity=15.0)
+    result = screening(valve, Verdict.UNDETERMINED, samples=60)
+    return replace(result, reason=reason, still_seen=(), severity=15.0)
 
 
 def by_chance(valve: str) -> Screening:
     """A healthy valve on which chance alone may have named an effect."""
-    found = with_effects(valve, Verdict.HEALTHY)
-    assert found.mismatch is not None
-    return replace(found, mismatch=replace(found.mismatch, p_value=0.6))
+    result = with_effects(valve, Verdict.HEALTHY)
+    assert result.mismatch is not None
+    return replace(result, mismatch=replace(result.mismatch, p_value=0.6))
 
 
 def as_built(valve: str) -> Screening:
     """A healthy drive whose effects belong to such a machine."""
-    found = with_effects(valve, Verdict.HEALTHY)
-    assert found.mismatch is not None
-    effects = tuple(replace(effect, inherent=True) for effect in found.mismatch.effects)
-    return replace(found, mismatch=replace(found.mismatch, effects=effects))
+    result = with_effects(valve, Verdict.HEALTHY)
+    assert result.mismatch is not None
+    effects = tuple(replace(effect, inherent=True) for effect in result.mismatch.effects)
+    return replace(result, mismatch=replace(result.mismatch, effects=effects))
 
 
 def every_kind() -> list[Screening]:
@@ -100,8 +100,8 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Store, in
     folder = tmp_path_factory.mktemp("stored")
     with open_store(f"sqlite:///{folder / 'plant.db'}") as store:
         run = store.begin_run(software_version="1")
-        for one in every_kind():
-            store.save(one.without_samples(), run)
+        for item in every_kind():
+            store.save(item.without_samples(), run)
         hold_back(store, run)
         store.finish_run(run)
         yield store, run
@@ -163,7 +163,7 @@ def test_tables_report_and_pages_have_one_verdict_a_valve(
     with (files / "valves.csv").open(encoding="utf-8-sig", newline="") as table:
         assert {row["valve"]: row["verdict"] for row in csv.DictReader(table)} == verdicts
     objects = json.loads((files / "valves.json").read_text("utf-8"))
-    assert {one["valve"]: one["verdict"] for one in objects} == verdicts
+    assert {item["valve"]: item["verdict"] for item in objects} == verdicts
     report = (files / "report.html").read_text("utf-8")
     for valve, verdict in verdicts.items():
         title = re.search(rf'<h2 id="valve-{valve}-title">.*?</header>', report, re.DOTALL)
@@ -172,7 +172,7 @@ def test_tables_report_and_pages_have_one_verdict_a_valve(
         page = pages.get("/valve", params={"id": valve}).text
         head = page[page.index('id="valve-title"') : page.index("↑ All valves")]
         assert f"v-{verdict}" in head
-    assert {one["valve"]: one["verdict"] for one in _lines(pages)} == verdicts
+    assert {line["valve"]: line["verdict"] for line in _lines(pages)} == verdicts
 
 
 def _lines(pages: httpx.Client) -> list[dict[str, Any]]:
@@ -190,17 +190,17 @@ def test_order_severity_S_and_J_are_the_same(
     lines = _lines(pages)
     rows = _rows(files / "valves.csv")
     cells = _workbook(files / "valves.xlsx")
-    table = views.summary([in_brief(one) for one in every_kind()])
+    table = views.summary([in_brief(item) for item in every_kind()])
     for many in (objects, lines, rows, cells):
-        assert [one["valve"] for one in many] == order
+        assert [item["valve"] for item in many] == order
     assert list(table.columns[1].cells) == order
-    assert [int(one["rank"]) for one in rows] == list(range(1, len(order) + 1))
+    assert [int(row["rank"]) for row in rows] == list(range(1, len(order) + 1))
     report = (files / "report.html").read_text("utf-8")
     assert re.findall(r'<tr role="row" data-anchor="valve-([^"]+)"', report) == order
     page = pages.get("/").text
-    assert [one for one in re.findall(r'<a href="/valve\?id=([^"#]+)"', page)] == order
-    shown = zip(ranking, objects, lines, rows, cells, strict=True)
-    for place, (valve, one, line, row, cell) in enumerate(shown):
+    assert [item for item in re.findall(r'<a href="/valve\?id=([^"#]+)"', page)] == order
+    result = zip(ranking, objects, lines, rows, cells, strict=True)
+    for index, (valve, one, line, row, cell) in enumerate(result):
         for severity in (one, line):
             assert severity["severity"] == pytest.approx(valve.decision.severity)
         for severity in (row, cell):
@@ -213,7 +213,7 @@ def test_order_severity_S_and_J_are_the_same(
             for table_row in (row, cell):
                 text = table_row[f"{name} (%)"]
                 assert (float(text) if text not in ("", None) else "") == written
-            on_terminal = str(list(table.columns[column].cells)[place])
+            on_terminal = str(list(table.columns[column].cells)[index])
             assert on_terminal.startswith("-" if value is None else f"{value:.1f}")
 
 
@@ -233,13 +233,13 @@ def test_what_belongs_to_the_machine_is_a_defect_nowhere(
 ) -> None:
     """Named as such in JSON, and said in the same words in the tables, the report and on the page;
     no work order, no defect in the API, and nothing in the list for maintenance."""
-    (valve,) = [one for one in ranking if one.screening.valve == "FIC-9"]
+    (valve,) = [item for item in ranking if item.screening.valve == "FIC-9"]
     says = belong_to_machine(valve.decision.inherent)
     assert "no defects" in says
     assert says in valve.finding.reason
-    (one,) = [one for one in _objects(files) if one["valve"] == "FIC-9"]
-    assert [effect["inherent"] for effect in one["mismatch"]["effects"]] == [True, True]
-    assert says in one["reason"]
+    (item,) = [item for item in _objects(files) if item["valve"] == "FIC-9"]
+    assert [effect["inherent"] for effect in item["mismatch"]["effects"]] == [True, True]
+    assert says in item["reason"]
     for rows in (_rows(files / "valves.csv"), _workbook(files / "valves.xlsx")):
         (row,) = [row for row in rows if row["valve"] == "FIC-9"]
         assert says in row["reason"]
@@ -302,8 +302,10 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
         said = by_window.sentences(tz)
         assert "first seen on 2026-03-03" in said[0]  # in UTC it is the second
         facts = {valve: ValveFacts(by_window=by_window)}
-        made = ReportContext(started=example_plant.NOW, zone="Asia/Singapore", valves=facts)
-        files = write_report(windows[-1:], made, tmp_path / "report")
+        report_context = ReportContext(
+            started=example_plant.NOW, zone="Asia/Singapore", valves=facts
+        )
+        files = write_report(windows[-1:], report_context, tmp_path / "report")
         (one,) = json.loads(files.json.read_text("utf-8"))
         assert [effect["sentence"] for effect in one["over_weeks"]] == list(
             said[: len(one["over_weeks"])]
@@ -311,7 +313,9 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
         book = report_of_store(store, tmp_path / "book", plant=plant, run=run).book
         (record,) = gathered(store, plant, [valve], {valve: (by_window, True)})
         (alert,) = [
-            one for one in apply_rules(record, plant.alerts)[0] if "MISMATCH" in one.kind.name
+            apply_rule
+            for apply_rule in apply_rules(record, plant.alerts)[0]
+            if "MISMATCH" in apply_rule.kind.name
         ]
         site = Site(store=store, plant=plant, clock=lambda: example_plant.NOW)
         with example_plant.serving(site) as base:
@@ -328,10 +332,10 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
 
 def _late_on(day: int, valve: str) -> Screening:
     """A window that ends at half past four in the afternoon in UTC, past midnight in Singapore."""
-    found = with_effects(valve, Verdict.WATCH)
-    assert found.recording is not None
+    result = with_effects(valve, Verdict.WATCH)
+    assert result.recording is not None
     start = datetime(2026, 3, 2 + day, 15, 30, tzinfo=UTC)
-    return replace(found, recording=replace(found.recording, start=start))
+    return replace(result, recording=replace(result.recording, start=start))
 
 
 def test_headline_and_counts_are_the_same(
@@ -346,13 +350,13 @@ def test_headline_and_counts_are_the_same(
     assert headline in text_of(pages.get("/").text)
     assert headline in text_of(pages.get("/overview").text)
     overview = re.findall(r"<b>(\d+)</b>", pages.get("/overview").text)
-    assert [int(one) for one in overview[:4]] == [
+    assert [int(item) for item in overview[:4]] == [
         counts.needs_work,
         counts.watch,
         counts.not_judged,
         counts.no_work,
     ]
-    assert headline in str(views.summary([in_brief(one) for one in every_kind()]).title)
+    assert headline in str(views.summary([in_brief(item) for item in every_kind()]).title)
     book = report_of_store(store, tmp_path, run=run)
     assert headline in book.book.counts
     by_word = Counter(valve.verdict.value for valve in ranking)

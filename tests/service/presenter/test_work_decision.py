@@ -89,9 +89,9 @@ def test_a_sticking_stem_is_named_by_its_shape(shape):
 
 def test_an_effect_that_stands_comes_after_stiction_and_before_a_watch():
     """On a sticking valve the packing is the first suspect, on the others the effect is."""
-    found = named()
-    slugs = tuple(effect.slug for effect in found.effects)
-    stuck = sticky(mismatch=found)
+    selection = named()
+    slugs = tuple(effect.slug for effect in selection.effects)
+    stuck = sticky(mismatch=selection)
     assert kinds_of(stuck, stands=True) == ("stiction_undershoot", *slugs)
     watch = replace(stuck, verdict=Verdict.WATCH)
     assert kinds_of(watch, stands=True) == (*slugs, k.WATCH)
@@ -130,8 +130,8 @@ def test_what_belongs_to_the_machine_is_named_and_asks_for_no_work():
 
 def test_an_unknown_difference_gets_a_page_on_a_valve_to_watch_and_none_on_a_healthy_one():
     """Nobody is sent to a stem that follows because a model does not."""
-    found = replace(named(), finding=Finding.UNKNOWN, effects=())
-    watch = sticky(verdict=Verdict.WATCH, mismatch=found)
+    changed = replace(named(), finding=Finding.UNKNOWN, effects=())
+    watch = sticky(verdict=Verdict.WATCH, mismatch=changed)
     assert kinds_of(watch, stands=None) == (k.UNKNOWN, k.WATCH)
     assert k.decide(watch, stands=None).has_page
     assert not needs_work(watch, stands=None)
@@ -176,9 +176,9 @@ def test_valves_are_counted_as_valves_and_recordings_as_recordings():
     healthy = sticky(verdict=Verdict.HEALTHY)
     blind = sticky(verdict=Verdict.UNDETERMINED, reason="Cannot tell: the recording is too short.")
     made = [
-        *[("FV-1", one) for one in (sticky(), healthy, blind)],
-        *[("FV-2", one) for one in (blind, healthy)],
-        *[("FV-3", one) for one in (blind, blind)],
+        *[("FV-1", item) for item in (sticky(), healthy, blind)],
+        *[("FV-2", item) for item in (blind, healthy)],
+        *[("FV-3", item) for item in (blind, blind)],
         ("FV-4", sticky(verdict=Verdict.WATCH)),
     ]
     counts = k.count_valves((valve, k.decide(one, stands=None)) for valve, one in made)

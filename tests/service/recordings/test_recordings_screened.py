@@ -85,11 +85,11 @@ def test_a_speed_limit_is_not_taken_for_stiction(screened: Screened) -> None:
     assert valve["stem_verdict"] in ("healthy", "watch")
     S = valve["stiction"]["S"]
     assert 0.0 <= S["low"] <= S["value"] <= S["high"] < 2.0
-    found = {name: one["value"] for name, one in valve["indicators"].items()}
-    assert found["naive_S_percent"] > 5.0
-    assert 0.5 < found["dead_time_s"] < 1.5
-    assert 2.0 < found["speed_falling_percent_per_s"] < 4.5
-    assert "speed_rising_percent_per_s" not in found
+    results = {name: one["value"] for name, one in valve["indicators"].items()}
+    assert results["naive_S_percent"] > 5.0
+    assert 0.5 < results["dead_time_s"] < 1.5
+    assert 2.0 < results["speed_falling_percent_per_s"] < 4.5
+    assert "speed_rising_percent_per_s" not in results
     assert valve["residuals"]["stiction"]["fit"] > 60.0
 
 
@@ -182,14 +182,14 @@ def test_two_tanks_are_not_a_sticking_valve(screened: Screened) -> None:
 def test_the_faults_of_a_poor_archive_are_found(screened: Screened) -> None:
     """Gap, coarse OP, coarse PV and a saturated OP are all said."""
     _, (valve,) = screened("historian_faults")
-    said = " ".join([*valve["quality"]["reasons"], *valve["still_seen"]])
+    text = " ".join([*valve["quality"]["reasons"], *valve["still_seen"]])
     for fact in (
         "1 gaps, the longest 13.8 min",
         "OP is recorded in steps of 1 %",
         "PV is recorded in steps of 0.01",
         "OP is at its lower limit for 33 % of the time",
     ):
-        assert fact in said
+        assert fact in text
 
 
 @pytest.mark.parametrize("folder", FOLDERS)

@@ -108,7 +108,7 @@ STILL_SEEN = (
 
 
 def indicators(S: float) -> dict[str, Indicator]:
-    found = (
+    results = (
         Indicator(
             name="stickband_percent",
             value=S,
@@ -131,7 +131,7 @@ def indicators(S: float) -> dict[str, Indicator]:
             worse="down",
         ),
     )
-    return {one.name: one for one in found}
+    return {item.name: item for item in results}
 
 
 def screening(
@@ -211,12 +211,12 @@ def plant(valves: int) -> list[Screening]:
     """``valves`` screenings: about a sixth sticky, a sixth to watch, a ninth undetermined."""
     kinds = {0: Verdict.STICKY, 3: Verdict.WATCH, 7: Verdict.UNDETERMINED}
     sizes = {Verdict.STICKY: 4.0, Verdict.WATCH: 1.1, Verdict.HEALTHY: 0.2}
-    found = []
+    matching = []
     for k in range(valves):
         verdict = kinds.get(k % 9, Verdict.HEALTHY)
         S = sizes.get(verdict, 1.0) * (1 + 0.13 * (k % 7))
-        found.append(screening(f"FV-{100 + k}", verdict, S=S, J=0.45 * S, seed=k))
-    return found
+        matching.append(screening(f"FV-{100 + k}", verdict, S=S, J=0.45 * S, seed=k))
+    return matching
 
 
 SERVICES = ("Reactor feed", "Column reflux", "Steam to reboiler E-104", "Cooling water return")
@@ -240,7 +240,7 @@ def facts(screenings: list[Screening]) -> dict[str, ValveFacts]:
 
 
 def context_of(screenings: list[Screening], **changes: object) -> ReportContext:
-    plain = ReportContext(
+    report_context = ReportContext(
         started=datetime(2026, 3, 2, 12, 30, tzinfo=UTC),
         title="Control valve stiction",
         plant="Nordhafen, refinery 2",
@@ -252,7 +252,7 @@ def context_of(screenings: list[Screening], **changes: object) -> ReportContext:
             SourceNotRead(source="exports/notes.pdf", reason="It is not a table of numbers."),
         ),
     )
-    return replace(plain, **changes)  # type: ignore[arg-type]
+    return replace(report_context, **changes)  # type: ignore[arg-type]
 
 
 @pytest.fixture

@@ -30,8 +30,8 @@ def pictures(op: Floats, mv: Floats) -> list[Picture]:
     mismatch: Mismatch = named()
     runs = FreeRuns(naive=op, extended=mv, heldout_from=op.size // 2)
     effects = mismatch.effects[:1]
-    found = effect_pictures(recording, replace(mismatch, runs=runs, effects=effects))
-    return [one for one in found if one.title.startswith("Stroke")]
+    result = effect_pictures(recording, replace(mismatch, runs=runs, effects=effects))
+    return [item for item in result if item.title.startswith("Stroke")]
 
 
 def test_strokes_are_those_on_which_the_stem_stays_behind() -> None:
@@ -42,9 +42,9 @@ def test_strokes_are_those_on_which_the_stem_stays_behind() -> None:
         op[at:] = to
     op[100:160] = 60.0
     mv = limited(op)
-    found = pictures(op, mv)
-    assert [one.title for one in found] == ["Stroke 1", "Stroke 2", "Stroke 3"]
-    for picture, size in zip(found, (20.0, 15.0, 25.0), strict=True):
+    drawings = pictures(op, mv)
+    assert [item.title for item in drawings] == ["Stroke 1", "Stroke 2", "Stroke 3"]
+    for picture, size in zip(drawings, (20.0, 15.0, 25.0), strict=True):
         (law,) = [line for line in picture.plot.drawn if line.kind == "law"]
         (stem,) = [line for line in picture.plot.drawn if line.label.startswith("MV")]
         took = law.x[1] - law.x[0]
@@ -58,9 +58,9 @@ def test_strokes_are_those_on_which_the_stem_stays_behind() -> None:
 def test_a_stem_that_is_nowhere_behind_shows_the_largest_moves() -> None:
     """Strokes are shown all the same, and said to be the largest."""
     op = 50.0 + 8.0 * np.sin(np.arange(900) / 40.0)
-    found = pictures(op, op.copy())
-    assert len(found) == 3
-    assert all("largest moves" in one.says for one in found)
+    drawings = pictures(op, op.copy())
+    assert len(drawings) == 3
+    assert all("largest moves" in item.says for item in drawings)
 
 
 def test_a_gap_is_in_no_stroke() -> None:
@@ -70,8 +70,8 @@ def test_a_gap_is_in_no_stroke() -> None:
         op[at:] = to
     mv = limited(op)
     mv[702] = np.nan
-    found = pictures(op, mv)
-    assert len(found) == 1
-    drawn = found[0].plot.drawn[0]
-    assert re.match("The only stroke on which ", found[0].says)
+    drawings = pictures(op, mv)
+    assert len(drawings) == 1
+    drawn = drawings[0].plot.drawn[0]
+    assert re.match("The only stroke on which ", drawings[0].says)
     assert drawn.y.max() <= 60.0

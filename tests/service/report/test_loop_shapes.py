@@ -21,13 +21,13 @@ SLIDE = 0.5 * (5.2 - 2.1)
 
 def bent(curve: StrokeCurve = BENT):
     """A sticking valve behind ``curve``, with S and J restated in percent of OP."""
-    found = screening("FV-1")
-    op = found.recording.op.values
+    result = screening("FV-1")
+    op = result.recording.op.values
     mv = stick_slip(curve.command(op), 5.2, 2.1)
-    signals = {**found.recording.signals, Role.MV: Signal.good(mv, "FV-1.MV")}
+    signals = {**result.recording.signals, Role.MV: Signal.good(mv, "FV-1.MV")}
     return replace(
-        found,
-        recording=replace(found.recording, signals=signals),
+        result,
+        recording=replace(result.recording, signals=signals),
         S=curve.in_op(Estimate(value=5.2, unit="%")),
         J=curve.in_op(Estimate(value=2.1, unit="%")),
         stroke_curve=curve,
@@ -40,9 +40,9 @@ def shapes_of(found):
 
 def test_the_curve_runs_through_the_middle_of_the_loop():
     """Over the part of OP that the recording used, at the travel that the curve asks for."""
-    found = bent()
-    op, travel = shapes_of(found).curve.T
-    low, high = np.percentile(found.recording.op.values, [1.0, 99.0])
+    result = bent()
+    op, travel = shapes_of(result).curve.T
+    low, high = np.percentile(result.recording.op.values, [1.0, 99.0])
     assert (op[0], op[-1]) == (pytest.approx(low), pytest.approx(high))
     np.testing.assert_allclose(travel, BENT.command(op), atol=0.3)
 
@@ -87,11 +87,11 @@ def test_the_chart_of_the_report_has_both_and_the_sentence():
 
 def test_nothing_is_drawn_behind_pv():
     """PV is not travel, so neither curve nor band belongs there."""
-    found = bent()
-    signals = dict(found.recording.signals)
+    result = bent()
+    signals = dict(result.recording.signals)
     del signals[Role.MV]
     assert (
-        chart_of(replace(found, recording=replace(found.recording, signals=signals)))["loop"][
+        chart_of(replace(result, recording=replace(result.recording, signals=signals)))["loop"][
             "shapes"
         ]
         == []
@@ -100,11 +100,11 @@ def test_nothing_is_drawn_behind_pv():
 
 def test_the_band_lies_where_the_loops_turn_and_not_at_a_rare_large_move():
     """Two large moves in an hour; the loops between them turn much earlier."""
-    found = screening("FV-1", S=3.0, J=1.0)
-    seconds = found.recording.time_s
+    result = screening("FV-1", S=3.0, J=1.0)
+    seconds = result.recording.time_s
     amplitude = np.where(seconds < seconds[-1] / 12.0, 20.0, 4.0)
     op = 50.0 + amplitude * np.sin(2.0 * np.pi * seconds / 240.0)
-    corners = loop_shapes(found, op, stick_slip(op, 3.0, 1.0)).band
+    corners = loop_shapes(result, op, stick_slip(op, 3.0, 1.0)).band
     assert corners is not None
     assert corners[:, 0].max() == pytest.approx(54.0, abs=0.3)
     assert corners[:, 0].min() == pytest.approx(46.0, abs=0.3)

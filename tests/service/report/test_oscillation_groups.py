@@ -63,8 +63,8 @@ def test_pictures_escape_names_and_hold_many_loops() -> None:
     drawn = spectra_map(GROUP)
     assert "&lt;b&gt;LIC" in drawn
     assert drawn.count("<rect") == 7
-    many = replace(GROUP, members=GROUP.members * 40, spectra=GROUP.spectra * 40)
-    assert spectra_map(many).count('text-anchor="end"') == MOST_ROWS
+    changed = replace(GROUP, members=GROUP.members * 40, spectra=GROUP.spectra * 40)
+    assert spectra_map(changed).count('text-anchor="end"') == MOST_ROWS
     assert strength_bars(GROUP).count("<rect") == 2
 
 
@@ -81,8 +81,8 @@ def test_the_report_has_a_section_and_each_member_its_sentence(make_screening) -
 
 def test_the_contract_has_the_groups_of_a_loop(make_screening) -> None:
     """An additive field; empty for loops of no group."""
-    found = to_contract(make_screening(valve="TIC-2"), groups=[GROUP])["oscillates_with"]
-    assert json.loads(json.dumps(found)) == [
+    oscillates_with = to_contract(make_screening(valve="TIC-2"), groups=[GROUP])["oscillates_with"]
+    assert json.loads(json.dumps(oscillates_with)) == [
         {
             "period_s": 229.0,
             "loops": ["FIC-104", "TIC-2", "<b>LIC"],
@@ -91,6 +91,8 @@ def test_the_contract_has_the_groups_of_a_loop(make_screening) -> None:
             "source_probability": 0.6,
             "outside_probability": 0.1,
             "since": "2026-03-02T18:00:00+00:00",
+            "first_found": "2026-03-02T06:00:00+00:00",
+            "windows": 1,
         }
     ]
     assert to_contract(make_screening(valve="X"), groups=[GROUP])["oscillates_with"] == []

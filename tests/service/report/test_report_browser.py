@@ -48,12 +48,12 @@ def test_the_table_sorts_by_every_measure(open_page):
     head = page.locator("th.c-S[scope=col]")
     head.get_by_role("button").click()
     assert head.get_attribute("aria-sort") == "descending"
-    shown = page.locator("#ranking-table tbody td.c-S").evaluate_all(
+    result = page.locator("#ranking-table tbody td.c-S").evaluate_all(
         "cells => cells.map(cell => cell.dataset.sort)"
     )
-    known = [float(text) for text in shown if text]
+    known = [float(text) for text in result if text]
     assert known == sorted(known, reverse=True)
-    assert shown[len(known) :] == [""] * (len(shown) - len(known))
+    assert result[len(known) :] == [""] * (len(result) - len(known))
     assert page.locator("th[aria-sort]").count() == 1
     head.get_by_role("button").press("Enter")
     assert head.get_attribute("aria-sort") == "ascending"
@@ -85,12 +85,14 @@ def test_a_link_reaches_a_valve_that_a_filter_hides(open_page):
 
 def test_odd_recordings_are_drawn_too(browser, make_screening, make_context, tmp_path):
     """No date, a flat OP, a gap for an MV and tags of 300 letters: drawn, and no wider a page."""
-    plain = make_screening("V" * 300)
-    undated = replace(plain, recording=replace(plain.recording, start=None))
+    screening = make_screening("V" * 300)
+    undated = replace(screening, recording=replace(screening.recording, start=None))
     flat = Signal.good(np.full(3600, 41.0), "OP")
     gone = Signal.good(np.full(3600, np.nan), "MV")
     signals = {Role.OP: flat, Role.MV: gone}
-    still = replace(plain, valve="flat", recording=replace(plain.recording, signals=signals))
+    still = replace(
+        screening, valve="flat", recording=replace(screening.recording, signals=signals)
+    )
     valves = [undated, still]
     facts = {valve.valve: ValveFacts(area="A" * 300, criticality="C" * 300) for valve in valves}
     path = write_report(valves, make_context(valves, valves=facts), tmp_path).html
@@ -134,14 +136,14 @@ def test_zooming_one_plot_zooms_all_of_the_valve(open_page):
         read = "canvas => canvas.toDataURL()"
         return [plots.locator(f".plot-{name} canvas").evaluate(read) for name in names]
 
-    whole = pictures()
+    drawings = pictures()
     box = plots.locator(".plot-travel .u-over").bounding_box()
     page.mouse.move(box["x"] + 100, box["y"] + 60)
     page.mouse.down()
     page.mouse.move(box["x"] + 260, box["y"] + 60, steps=4)
     page.mouse.up()
     dragged = pictures()
-    assert [a == b for a, b in zip(whole, dragged, strict=True)] == [False] * 4
+    assert [a == b for a, b in zip(drawings, dragged, strict=True)] == [False] * 4
     plots.get_by_role("button", name="Zoom in").click()
     assert [a == b for a, b in zip(dragged, pictures(), strict=True)] == [False] * 4
 

@@ -61,12 +61,12 @@ def test_every_sample_of_the_stretch_reaches_the_plots(opened_plots):
 def test_the_whole_record_and_the_stretch_are_one_button_apart(opened_plots):
     """The pressed button is the view one has, and no button is pressed in between."""
     first = shown(opened_plots)
-    whole = opened_plots.get_by_role("button", name="Whole record")
+    by_role = opened_plots.get_by_role("button", name="Whole record")
     typical = opened_plots.get_by_role("button", name="Typical stretch")
     assert typical.get_attribute("aria-pressed") == "true"
-    whole.click()
+    by_role.click()
     assert shown(opened_plots) == "The whole record: 07:00:00 to 08:00:00"
-    assert whole.get_attribute("aria-pressed") == "true"
+    assert by_role.get_attribute("aria-pressed") == "true"
     assert not opened_plots.locator(".view span").is_visible()
     opened_plots.get_by_role("button", name="Zoom in").click()
     assert shown(opened_plots).startswith("Shown: 07:15:00 to 07:45:00")
@@ -120,7 +120,7 @@ def test_paper_shows_the_stretch_of_every_valve(open_page):
     page = open_page()
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     with_stretch = page.locator(".plots:has([data-zoom=typical]) .view b")
-    said = with_stretch.all_text_contents()
-    assert len(said) > 5
-    assert {one.split(":")[0] for one in said} == {"A typical stretch"}
+    text = with_stretch.all_text_contents()
+    assert len(text) > 5
+    assert {item.split(":")[0] for item in text} == {"A typical stretch"}
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")

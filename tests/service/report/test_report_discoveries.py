@@ -47,8 +47,8 @@ REMARK = (
 @pytest.fixture
 def valves(make_screening):
     """A run with one strong finding, one weak one, and valves that show nothing."""
-    plain = make_screening("FV", samples=200)
-    return [replace(plain, valve=f"FV-{k}", mismatch=one) for k, one in enumerate(MISMATCHES)]
+    screening = make_screening("FV", samples=200)
+    return [replace(screening, valve=f"FV-{k}", mismatch=one) for k, one in enumerate(MISMATCHES)]
 
 
 @pytest.fixture
@@ -64,9 +64,9 @@ def words_of(path):
 
 def test_strong_findings_stand_and_weak_ones_are_held_back():
     """Whether it stands, is held back, or was never named, in the order of the valves."""
-    found = discoveries(MISMATCHES)
-    assert found.standing == (True, False, *[None] * 12)
-    assert (found.tested, found.named, found.held_back) == (12, 1, 1)
+    discovered = discoveries(MISMATCHES)
+    assert discovered.standing == (True, False, *[None] * 12)
+    assert (discovered.tested, discovered.named, discovered.held_back) == (12, 1, 1)
 
 
 def test_what_could_not_be_tested_does_not_count():
@@ -79,16 +79,16 @@ def test_what_could_not_be_tested_does_not_count():
 
 def test_the_valves_of_the_run_that_are_not_shown_count_too():
     """A report of the worst few is held to the whole plant, whose other findings are counted."""
-    found = discoveries([with_p(0.02), NOTHING], elsewhere=[None] * 7 + [STRONG])
-    assert found.standing == (False, None)
-    assert (found.tested, found.named, found.held_back) == (10, 1, 1)
+    discovered = discoveries([with_p(0.02), NOTHING], elsewhere=[None] * 7 + [STRONG])
+    assert discovered.standing == (False, None)
+    assert (discovered.tested, discovered.named, discovered.held_back) == (10, 1, 1)
 
 
 def test_an_effect_without_a_p_value_is_held_back():
     """What an older version stored has no p value: nothing shows that it is not chance."""
-    found = discoveries([with_p(None)])
-    assert found.standing == (False,)
-    assert (found.named, found.held_back) == (0, 1)
+    discovered = discoveries([with_p(None)])
+    assert discovered.standing == (False,)
+    assert (discovered.named, discovered.held_back) == (0, 1)
 
 
 def test_candidates_are_findings_too():
@@ -155,20 +155,24 @@ def test_the_json_has_it_for_each_valve(written, valves):
     """p value and standing; the objects of a run without files are the same."""
     objects = json.loads(written.json.read_text("utf-8"))
     jsonschema.validate(objects, SCHEMA)
-    by_valve = {one["valve"]: one["mismatch"] for one in objects}
+    by_valve = {item["valve"]: item["mismatch"] for item in objects}
     assert (by_valve["FV-0"]["p_value"], by_valve["FV-0"]["stands"]) == (STRONG, True)
     assert (by_valve["FV-1"]["p_value"], by_valve["FV-1"]["stands"]) == (WEAK, False)
     assert (by_valve["FV-4"]["p_value"], by_valve["FV-4"]["stands"]) == (None, None)
     assert by_valve["FV-3"] is None
-    assert {one["valve"]: one["mismatch"] for one in to_contracts(valves)} == by_valve
+    assert {
+        to_contract["valve"]: to_contract["mismatch"] for to_contract in to_contracts(valves)
+    } == by_valve
 
 
 def test_the_schema_refuses_a_probability_above_one(valves):
     """The schema is not so wide that anything passes."""
-    one = to_contracts(valves)[0]
+    to_contract = to_contracts(valves)[0]
     for wrong in ({"p_value": 1.5}, {"stands": "yes"}):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate([one | {"mismatch": one["mismatch"] | wrong}], SCHEMA)
+            jsonschema.validate(
+                [to_contract | {"mismatch": to_contract["mismatch"] | wrong}], SCHEMA
+            )
 
 
 def test_the_strength_of_the_evidence_is_in_the_json():

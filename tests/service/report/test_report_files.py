@@ -83,10 +83,10 @@ def test_json_objects_follow_the_schema(written):
 
 def test_the_schema_refuses_a_number_without_a_value_or_a_reason(make_screening):
     """An estimate with neither a value nor a reason is not in the contract."""
-    one = to_contract(make_screening("FV-1"))
-    one["stiction"]["S"] |= {"value": None, "reason": None}
+    contract = to_contract(make_screening("FV-1"))
+    contract["stiction"]["S"] |= {"value": None, "reason": None}
     with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate([one], SCHEMA)
+        jsonschema.validate([contract], SCHEMA)
 
 
 def test_nan_and_infinity_become_null(make_screening):
@@ -96,17 +96,17 @@ def test_nan_and_infinity_become_null(make_screening):
         severity=float("nan"),
         S=Estimate(value=float("inf"), low=1.0, high=float("inf"), unit="%"),
     )
-    one = to_contract(odd)
-    assert one["severity"] is None
-    assert one["indicators"]["fit_percent"]["value"] is None
-    assert one["stiction"]["S"]["value"] is None
-    assert one["stiction"]["S"]["reason"] == "the fit gave no finite number"
-    jsonschema.validate([json.loads(json.dumps(one, allow_nan=False))], SCHEMA)
+    contract = to_contract(odd)
+    assert contract["severity"] is None
+    assert contract["indicators"]["fit_percent"]["value"] is None
+    assert contract["stiction"]["S"]["value"] is None
+    assert contract["stiction"]["S"]["reason"] == "the fit gave no finite number"
+    jsonschema.validate([json.loads(json.dumps(contract, allow_nan=False))], SCHEMA)
 
 
 def test_the_contract_names_its_fields(make_screening):
     """Version 2 has exactly these fields; a reader may rely on them."""
-    one = to_contract(make_screening("FV-1"))
+    contract = to_contract(make_screening("FV-1"))
     later = {
         "mismatch",
         "over_weeks",
@@ -115,14 +115,14 @@ def test_the_contract_names_its_fields(make_screening):
         "response",
         "without_position",
     }  # not in the first reports of this version
-    assert set(SCHEMA["$defs"]["screening"]["required"]) | later == set(one)
-    assert one["version"] == 2
-    assert one["recording"] == "exports/FV-1.csv"
-    assert one["window"]["start"] == "2026-03-02T06:00:00+00:00"
-    assert set(one["residuals"]["narx"]) == {"rmse", "normalised", "fit", "one_step"}
-    assert set(one["residuals"]["stiction"]) == {"rmse", "normalised", "fit"}
-    assert math.isclose(one["residuals"]["stiction"]["fit"], 97.9)
-    assert one["residuals"]["baseline"] is None
+    assert set(SCHEMA["$defs"]["screening"]["required"]) | later == set(contract)
+    assert contract["version"] == 2
+    assert contract["recording"] == "exports/FV-1.csv"
+    assert contract["window"]["start"] == "2026-03-02T06:00:00+00:00"
+    assert set(contract["residuals"]["narx"]) == {"rmse", "normalised", "fit", "one_step"}
+    assert set(contract["residuals"]["stiction"]) == {"rmse", "normalised", "fit"}
+    assert math.isclose(contract["residuals"]["stiction"]["fit"], 97.9)
+    assert contract["residuals"]["baseline"] is None
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -131,15 +131,15 @@ def test_hostile_tags_reach_every_file_as_text(name, make_screening, make_contex
     valves = [make_screening(name, samples=50)]
     context = make_context(valves, valves={name: ValveFacts(description=name, area=name)})
     files = write_report(valves, context, tmp_path)
-    shown = name.translate({0: "�", 7: "�"}).replace("\udce4", "�")
-    assert json.loads(files.json.read_text("utf-8"))[0]["valve"] == shown
-    assert csv_rows(files.csv)[0]["service"].removeprefix("'") == shown
+    changed = name.translate({0: "�", 7: "�"}).replace("\udce4", "�")
+    assert json.loads(files.json.read_text("utf-8"))[0]["valve"] == changed
+    assert csv_rows(files.csv)[0]["service"].removeprefix("'") == changed
     page = files.html.read_text("utf-8")
     assert "<img src=x" not in page
     assert "<script>alert" not in page
     cells = openpyxl.load_workbook(files.xlsx)["Ranking"]
     assert {cell.data_type for row in cells.iter_rows() for cell in row} <= {"s", "n", "d"}
-    assert sheet_rows(files.xlsx)[0]["valve"] == shown
+    assert sheet_rows(files.xlsx)[0]["valve"] == changed
 
 
 @pytest.mark.parametrize("start", ["=1+1", "+1", "-1", "@A1", "\t=1", "\r=1", "＝1"])

@@ -21,11 +21,11 @@ def with_indicators(make_screening):
     """A sticky valve, S 5.2 % at 1 s, with the given numbers among its indicators."""
 
     def make(**numbers):
-        found = {
+        results = {
             name: Indicator(name=name, value=value, unit="", meaning="")
             for name, value in numbers.items()
         }
-        return replace(make_screening("FV-1", samples=20), indicators=found)
+        return replace(make_screening("FV-1", samples=20), indicators=results)
 
     return make
 
@@ -81,8 +81,8 @@ def test_a_misleading_s_is_set_against_the_one_found(naive, sentence, with_indic
 def test_what_the_reason_already_says_is_not_said_again(with_indicators):
     """The misreading stands once on the page."""
     valve = with_indicators(naive_S_percent=9.9)
-    said = replace(valve, reason="It sticks; S and J alone would have read S as 9.9 %.")
-    assert without_them(said) == ""
+    changed = replace(valve, reason="It sticks; S and J alone would have read S as 9.9 %.")
+    assert without_them(changed) == ""
 
 
 def test_bars_share_one_scale_that_ends_at_a_constants_miss():
@@ -116,17 +116,17 @@ def test_a_residual_that_is_no_number_has_no_bar():
 
 def test_sentences_already_said_are_left_out():
     """Case and the full stop do not make a sentence new."""
-    said = "Cannot tell: the position was frozen for 82 % of the time."
-    found = not_yet_said(
-        ["The position was frozen for 82 % of the time.", "One gap of 40 s."], said
+    text = "Cannot tell: the position was frozen for 82 % of the time."
+    result = not_yet_said(
+        ["The position was frozen for 82 % of the time.", "One gap of 40 s."], text
     )
-    assert found == ["One gap of 40 s."]
+    assert result == ["One gap of 40 s."]
 
 
 def article(text: str, valve: str) -> str:
-    found = re.search(rf'<article[^>]* id="valve-{valve}".*?</article>', text, re.S)
-    assert found is not None
-    plain = re.sub(r"<script.*?</script>|<[^>]+>", " ", found.group(0), flags=re.S)
+    match = re.search(rf'<article[^>]* id="valve-{valve}".*?</article>', text, re.S)
+    assert match is not None
+    plain = re.sub(r"<script.*?</script>|<[^>]+>", " ", match.group(0), flags=re.S)
     return re.sub(r"\s+", " ", plain)
 
 
@@ -136,8 +136,8 @@ def test_an_undetermined_valve_leads_with_why_and_what_helps(make_screening, mak
     quality = DataQuality(grade="D", reasons=(valve.reason, "One gap of 40 s."))
     valve = replace(valve, quality=quality)
     context = make_context([valve])
-    shown = article(html_bytes(rank_valves([valve], context), context).decode(), "FV-1")
-    first, _ = shown.split("For the control engineer")
+    result = article(html_bytes(rank_valves([valve], context), context).decode(), "FV-1")
+    first, _ = result.split("For the control engineer")
     places = [
         first.index(said)
         for said in (
@@ -158,7 +158,7 @@ def test_the_line_beside_s_and_j_and_the_bars_stand_in_the_page(with_indicators,
     """Planners read both without opening the part for the control engineer."""
     valve = with_indicators(dead_time_s=1.0, naive_S_percent=9.9)
     context = make_context([valve])
-    shown = article(html_bytes(rank_valves([valve], context), context).decode(), "FV-1")
-    first, _ = shown.replace("\N{NO-BREAK SPACE}", " ").split("For the control engineer")
+    result = article(html_bytes(rank_valves([valve], context), context).decode(), "FV-1")
+    first, _ = result.replace("\N{NO-BREAK SPACE}", " ").split("For the control engineer")
     assert "command arrives 1.0 s late. S and J alone would have read S 9.90 %." in first
     assert "Stick-slip model 0.11 % fit 98 %" in first

@@ -35,12 +35,12 @@ HOSTILE = "</script><img src=x onerror=alert(1)>\x00=1+1"
 @pytest.fixture
 def explained_plant(make_screening):
     """One valve of every verdict, and one of which nothing was asked."""
-    plain = make_screening("FV-9", samples=900)
-    found = [
+    screening = make_screening("FV-9", samples=900)
+    matching = [
         replace(make_screening(f"FV-{k}", seed=k, samples=900), mismatch=one)
-        for k, one in enumerate(of_every_kind(plain.recording))
+        for k, one in enumerate(of_every_kind(screening.recording))
     ]
-    return [*found, plain]
+    return [*matching, screening]
 
 
 @pytest.fixture
@@ -106,12 +106,14 @@ def test_a_valve_with_nothing_left_out_gets_one_sentence(written):
 
 def test_hostile_words_are_text(make_screening, make_context, tmp_path):
     """Whatever an effect, a place or a phase is called, it is no markup and no formula."""
-    place = HotPlace(facet=HOSTILE, label=HOSTILE, share=0.5, z=5.0, sentence=HOSTILE)
-    bad_map = replace(residual_map(1.0, hot=True), columns=(HOSTILE,) * 5, hot=(place,), cells=())
+    hot_place = HotPlace(facet=HOSTILE, label=HOSTILE, share=0.5, z=5.0, sentence=HOSTILE)
+    bad_map = replace(
+        residual_map(1.0, hot=True), columns=(HOSTILE,) * 5, hot=(hot_place,), cells=()
+    )
     bad = replace(effect(), slug=HOSTILE, members=(HOSTILE,), sentence=HOSTILE, where=HOSTILE)
     valve = make_screening("FV-1", samples=300)
-    found = replace(named(valve.recording), sentence=HOSTILE, effects=(bad,), before=bad_map)
-    valves = [replace(valve, mismatch=found)]
+    changed = replace(named(valve.recording), sentence=HOSTILE, effects=(bad,), before=bad_map)
+    valves = [replace(valve, mismatch=changed)]
     paths = write_report(valves, make_context(valves), tmp_path)
     page = paths.html.read_text("utf-8")
     assert "<img" not in page
@@ -127,20 +129,24 @@ def test_the_map_shows_every_cell_on_a_common_scale():
     picture = heat_map(before, top, "before", alone=True)
     root = ElementTree.fromstring(str(picture))
     space = "{http://www.w3.org/2000/svg}"
-    kinds = [one.get("class") for one in root.iter(f"{space}rect")]
+    kinds = [item.get("class") for item in root.iter(f"{space}rect")]
     assert (kinds.count("heat"), kinds.count("none")) == (19, 1)
     dark = [
-        float(one.get("fill-opacity")) for one in root.iter(f"{space}rect") if len(one.keys()) > 6
+        float(item.get("fill-opacity"))
+        for item in root.iter(f"{space}rect")
+        if len(item.keys()) > 6
     ]
     assert max(dark) == 0.5
-    labels = [one.text for one in root.iter(f"{space}text") if one.get("text-anchor") == "end"]
+    labels = [item.text for item in root.iter(f"{space}text") if item.get("text-anchor") == "end"]
     assert labels[0] == "30–38 %"
     heights = [
-        float(one.get("y")) for one in root.iter(f"{space}text") if one.get("text-anchor") == "end"
+        float(item.get("y"))
+        for item in root.iter(f"{space}text")
+        if item.get("text-anchor") == "end"
     ]
     assert heights == sorted(heights, reverse=True)
     quiet = re.findall(r'fill-opacity="([\d.]+)"', str(heat_map(after, top, "after")))
-    assert max(float(one) for one in quiet) < 0.2
+    assert max(float(item) for item in quiet) < 0.2
 
 
 def test_a_map_without_cells_is_no_picture():
@@ -153,7 +159,7 @@ def test_bars_pair_each_place_before_and_after():
     """Lengths are of one scale, and a place that is hot is marked."""
     phase, direction = facet_bars(named())
     assert phase.title == "By phase of the motion"
-    longest = max(place.before_length for one in (phase, direction) for place in one.places)
+    longest = max(index.before_length for item in (phase, direction) for index in item.places)
     assert longest == 100.0
     falling = direction.places[0]
     assert falling.hot
@@ -165,7 +171,7 @@ def test_the_overlay_draws_recording_and_both_simulations(make_screening):
     """Two panels: the traces over one another, and what each leaves unexplained."""
     recording = make_screening("FV-1", samples=900).recording
     chart = overlay_of(recording, named(recording).runs)
-    roles = [[one["role"] for one in panel["series"]] for panel in chart["panels"]]
+    roles = [[item["role"] for item in panel["series"]] for panel in chart["panels"]]
     assert roles == [["op", "mv", "naive", "extended"], ["naive", "extended"]]
     assert chart["heldout"] == 540.0
 
@@ -175,7 +181,7 @@ def test_a_run_that_changed_nothing_is_drawn_once(make_screening):
     recording = make_screening("FV-1", samples=900).recording
     naive = named(recording).runs.naive
     chart = overlay_of(recording, FreeRuns(naive=naive, extended=naive.copy(), heldout_from=540))
-    assert [one["role"] for one in chart["panels"][1]["series"]] == ["naive"]
+    assert [item["role"] for item in chart["panels"][1]["series"]] == ["naive"]
 
 
 def test_a_run_of_another_length_is_refused(make_screening):
@@ -190,11 +196,11 @@ def test_a_run_of_another_length_is_refused(make_screening):
 def explained_page(make_screening, make_context, tmp_path):
     """The page of ``stemwatch explain`` for one valve of every verdict."""
     read = make_screening("FV-1", samples=900).recording
-    found = [
+    matching = [
         Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=one, recording=read)
         for k, one in enumerate(of_every_kind(read))
     ]
-    return write_pages(found, make_context([]), tmp_path / "explained").html
+    return write_pages(matching, make_context([]), tmp_path / "explained").html
 
 
 @pytest.mark.browser

@@ -102,9 +102,9 @@ def before(verdict: Verdict, S: float | None = None, severity: float = 0.0) -> P
 def test_the_trend_is_an_arrow_and_words(previous, direction, words_said, make_screening):
     """A change counts by verdict first, then by S beyond its interval, then by severity."""
     now = make_screening("FV-1", S=5.2, samples=20)
-    found = change_since_last_run(now, now.verdict, previous)
-    assert (found.direction, found.words) == (direction, words_said)
-    assert found.arrow
+    result = change_since_last_run(now, now.verdict, previous)
+    assert (result.direction, result.words) == (direction, words_said)
+    assert result.arrow
 
 
 def test_a_valve_that_recovered_is_better(make_screening):

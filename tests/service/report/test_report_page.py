@@ -159,7 +159,7 @@ def test_embedded_data_cannot_leave_its_script(make_screening, make_context):
 
 def test_a_valve_without_mv_is_drawn_with_what_there_is(mixed_plant):
     """PV stands in for MV in the loop, and there are no residuals to draw."""
-    chart = chart_of(next(one for one in mixed_plant if one.valve == "PV-310"))
+    chart = chart_of(next(item for item in mixed_plant if item.valve == "PV-310"))
     assert chart is not None
     assert [panel["id"] for panel in chart["panels"]] == ["travel", "process"]
     assert chart["loop"]["title"] == "PV against OP"
@@ -168,9 +168,9 @@ def test_a_valve_without_mv_is_drawn_with_what_there_is(mixed_plant):
 
 def unpacked(packed: dict) -> np.ndarray:
     """The values that the page's script makes of a packed trace."""
-    known = np.array([step is not None for step in packed["steps"]])
-    values = np.full(known.size, np.nan)
-    values[known] = np.cumsum([step for step in packed["steps"] if step is not None])
+    array = np.array([step is not None for step in packed["steps"]])
+    values = np.full(array.size, np.nan)
+    values[array] = np.cumsum([step for step in packed["steps"] if step is not None])
     return values / packed["per"]
 
 
@@ -232,14 +232,14 @@ def contrast(one: str, other: str) -> float:
 @pytest.mark.parametrize("theme", ["light", "dark"])
 def test_colours_reach_wcag_aa(theme):
     """Text has a contrast of 4.5 on each of its surfaces, plot lines 3 (WCAG 2.2)."""
-    found = themes()[theme]
+    result = themes()[theme]
     pairs = [(ink, ground) for ink in ("ink", "quiet") for ground in ("page", "surface", "raised")]
     pairs += [("accent", "surface"), ("accent", "page")]
     words = ("sticky", "watch", "healthy", "undetermined")
     pairs += [(word, f"{word}-tint") for word in words] + [(word, "surface") for word in words]
-    weak = {p: contrast(found[p[0]], found[p[1]]) for p in pairs}
+    weak = {p: contrast(result[p[0]], result[p[1]]) for p in pairs}
     assert {p: c for p, c in weak.items() if c < 4.5} == {}
-    lines = {name: contrast(found[name], found["surface"]) for name in found if "trace" in name}
+    lines = {name: contrast(result[name], result["surface"]) for name in result if "trace" in name}
     assert len(lines) == 10
     assert {name: c for name, c in lines.items() if c < 3} == {}
 

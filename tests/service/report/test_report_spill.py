@@ -27,8 +27,8 @@ from stemwatch.service.run.spill import ResultSpill
 def spilled(screenings, plotted: int = MOST_PLOTTED) -> ResultSpill:
     """A spill with every screening, packed, put there last first."""
     spill = ResultSpill(plotted)
-    for place in reversed(range(len(screenings))):
-        spill.add(place, *plots_instead_of_samples(screenings[place]))
+    for index in reversed(range(len(screenings))):
+        spill.add(index, *plots_instead_of_samples(screenings[index]))
     return spill
 
 
@@ -65,8 +65,8 @@ def test_plots_are_kept_of_the_worst(make_screening, severities, plotted) -> Non
     nothing = plots_of(model.without_samples())
     spill = ResultSpill(plotted)
     for index, severity in enumerate(severities):
-        one = replace(model.without_samples(), valve=f"FV-{index:02}", severity=float(severity))
-        spill.add(index, one, nothing)
+        changed = replace(model.without_samples(), valve=f"FV-{index:02}", severity=float(severity))
+        spill.add(index, changed, nothing)
     kept = {index for index in range(len(severities)) if spill.evidence(index) is not None}
     order = sorted(range(len(severities)), key=lambda index: (-severities[index], index))
     assert kept == set(order[:plotted])
@@ -74,15 +74,17 @@ def test_plots_are_kept_of_the_worst(make_screening, severities, plotted) -> Non
 
 def test_an_excerpt_is_the_samples_that_were_there(make_screening) -> None:
     """The excerpt of a long record holds its own samples and traces, and knows the whole."""
-    whole = make_screening("FV-1", Verdict.STICKY, S=5.0, J=1.0, samples=20_000)
-    short = whole.excerpt(500, 900)
+    screening = make_screening("FV-1", Verdict.STICKY, S=5.0, J=1.0, samples=20_000)
+    short = screening.excerpt(500, 900)
     assert len(short.recording) == 400
-    assert np.array_equal(short.recording.op.values, whole.recording.op.values[500:900])
-    if whole.traces.stiction is not None:
-        assert np.array_equal(short.traces.stiction, whole.traces.stiction[500:900], equal_nan=True)
+    assert np.array_equal(short.recording.op.values, screening.recording.op.values[500:900])
+    if screening.traces.stiction is not None:
+        assert np.array_equal(
+            short.traces.stiction, screening.traces.stiction[500:900], equal_nan=True
+        )
     assert short.seen.samples == 20_000
-    assert short.window == whole.window
-    assert short.without_samples().seen == whole.seen
+    assert short.window == screening.window
+    assert short.without_samples().seen == screening.seen
 
 
 @pytest.mark.long
@@ -93,9 +95,9 @@ def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, t
     )
     model = model.without_samples()
     spill = ResultSpill(MOST_PLOTTED)
-    for place in range(1000):
-        verdict = Verdict.STICKY if place % 5 == 0 else Verdict.HEALTHY
-        spill.add(place, replace(model, valve=f"FV-{place:04}", verdict=verdict), evidence)
+    for index in range(1000):
+        verdict = Verdict.STICKY if index % 5 == 0 else Verdict.HEALTHY
+        spill.add(index, replace(model, valve=f"FV-{index:04}", verdict=verdict), evidence)
     files = write_report(spill, make_context([model]), tmp_path, spill.evidence)
     text = files.html.read_text("utf-8")
     assert text.count('<tr role="row" data-anchor=') == 1000
@@ -132,7 +134,7 @@ def test_a_report_holds_few_valves_at_a_time(make_screening, make_context, tmp_p
         make_screening("FV", Verdict.STICKY, S=2.2, J=0.4, samples=100)
     )
     spill = Watched(MOST_PLOTTED)
-    for place in range(80):
-        spill.add(place, replace(model, valve=f"FV-{place:04}"), evidence)
+    for index in range(80):
+        spill.add(index, replace(model, valve=f"FV-{index:04}"), evidence)
     write_report(spill, make_context([model]), tmp_path, spill.evidence)
     assert 1 <= spill.most <= 5

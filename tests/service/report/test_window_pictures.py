@@ -31,13 +31,13 @@ from tests.service.report.conftest import recording, screening
 
 def test_what_is_packed_comes_back_as_it_was_drawn() -> None:
     """Title, words, every line and note of every picture, to a tenth of a pixel; in some KB."""
-    made = window_pictures(with_effects())
-    kept = pack_pictures(made)
+    result = window_pictures(with_effects())
+    kept = pack_pictures(result)
     assert 1_000 < len(kept) < 40_000
     back = unpack_pictures(kept)
-    assert [one.title for one in back.effects] == [one.title for one in made.effects]
+    assert [one.title for one in back.effects] == [one.title for one in result.effects]
     assert len(back.effects) >= 5
-    for one, other in zip(made.effects, back.effects, strict=True):
+    for one, other in zip(result.effects, back.effects, strict=True):
         assert (one.says, one.plot.spoken, one.plot.x_label) == (
             other.says,
             other.plot.spoken,
@@ -48,20 +48,23 @@ def test_what_is_packed_comes_back_as_it_was_drawn() -> None:
         for line, again in zip(one.plot.drawn, other.plot.drawn, strict=True):
             span = np.nanmax(line.y) - np.nanmin(line.y) if np.isfinite(line.y).any() else 1.0
             np.testing.assert_allclose(again.y, line.y, atol=1e-3 * max(span, 1e-9))
-    assert made.loop is not None
+    assert result.loop is not None
     assert back.loop is not None
-    np.testing.assert_allclose(back.loop.mv, made.loop.mv, atol=0.01)
+    np.testing.assert_allclose(back.loop.mv, result.loop.mv, atol=0.01)
 
 
 def test_the_report_has_the_pictures_that_explain_has() -> None:
     """Strokes, OP later by the dead time, both loops and what shows it, from the same samples;
     also where the samples were let go."""
-    found = with_effects(verdict=Verdict.STICKY)
-    assert found.mismatch is not None
-    titles = [one.title for one in effect_pictures(found.recording, found.mismatch)]
+    result = with_effects(verdict=Verdict.STICKY)
+    assert result.mismatch is not None
+    titles = [
+        effect_picture.title
+        for effect_picture in effect_pictures(result.recording, result.mismatch)
+    ]
     assert {"Stroke 1", "Stroke 3", "What shows it: asymmetric rate limit"} <= set(titles)
     assert sum("MV against OP" in title for title in titles) == 2
-    evidence, light = plots_of(found), found.without_samples()
+    evidence, light = plots_of(result), result.without_samples()
     ranked = rank_valves([light], context([light]), lambda _: evidence)
     page = html_bytes(ranked, context([light])).decode()
     assert page.count('class="small-plot"') == len(titles)
@@ -78,12 +81,12 @@ def test_nothing_kept_or_a_newer_form_is_no_picture(kept: bytes) -> None:
 
 def test_a_valve_without_a_position_has_no_loop() -> None:
     """Nor has one whose position is in another unit than OP: they cannot share axes."""
-    found = screening("FV-1")
-    assert found.recording is not None
-    signals = dict(found.recording.signals)
+    result = screening("FV-1")
+    assert result.recording is not None
+    signals = dict(result.recording.signals)
     other = replace(signals[Role.MV], unit="mm")
     for changed in ({**signals, Role.MV: other}, {Role.OP: signals[Role.OP]}):
-        part = replace(found, recording=replace(found.recording, signals=changed))
+        part = replace(result, recording=replace(result.recording, signals=changed))
         assert window_pictures(part).loop is None
 
 

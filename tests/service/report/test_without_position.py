@@ -104,16 +104,16 @@ def test_the_chart_shows_the_suspected_stem_between_op_and_pv(make_screening):
     signals = {role: s for role, s in recording.signals.items() if role.value != "mv"}
     recording = replace(recording, signals=signals)
     flat = np.full(len(recording), 50.0)
-    told = replace(
+    changed = replace(
         suspected(), traces=ElementTraces(stem=flat, linear=flat + 1.0, sticking=flat + 2.0)
     )
-    chart = chart_of(replace(valve, recording=recording, without_position=told))
+    chart = chart_of(replace(valve, recording=recording, without_position=changed))
     labels = [trace["label"] for panel in chart["panels"] for trace in panel["series"]]
     assert "suspected stem" in labels
     assert {"PV by a linear loop", "PV by a sticking valve"} <= set(labels)
     assert chart["loop"]["title"] == "The suspected stem against OP"
     assert "Nobody has measured" in chart["loop"]["says"]
-    short = replace(valve, recording=recording, without_position=told).excerpt(5, 25)
+    short = replace(valve, recording=recording, without_position=changed).excerpt(5, 25)
     assert short.without_position.traces.stem.size == 20
     assert short.without_samples().without_position.traces is None
 
@@ -121,11 +121,11 @@ def test_the_chart_shows_the_suspected_stem_between_op_and_pv(make_screening):
 def test_json_and_tables_say_it_too(make_screening, make_context):
     """As its own object, and as columns beside the finding."""
     valves = [without_mv(make_screening, "FV-1", suspected())]
-    told = to_contract(valves[0])["without_position"]
-    assert told["verdict"] == "suspected"
-    assert told["score"] == 0.9
-    assert told["apparent_S"]["value"] == 2.5
-    assert told["rivals"] == ["a PV sensor that sticks"]
+    without_position = to_contract(valves[0])["without_position"]
+    assert without_position["verdict"] == "suspected"
+    assert without_position["score"] == 0.9
+    assert without_position["apparent_S"]["value"] == 2.5
+    assert without_position["rivals"] == ["a PV sensor that sticks"]
     context = make_context(valves)
     columns, rows = header_and_rows(rank_valves(valves, context), context)
     row = dict(zip((column.header for column in columns), next(rows), strict=True))
@@ -145,6 +145,8 @@ def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening
     """One of three is chance; two of three are not."""
     told = {"A": (suspected(), no_sign(), no_sign()), "B": (suspected(), suspected(), no_sign())}
     valves = [
-        without_mv(make_screening, valve, one) for valve, several in told.items() for one in several
+        without_mv(make_screening, valve, item)
+        for valve, several in told.items()
+        for item in several
     ]
     assert list(rank_valves(valves, make_context(valves)).suspected) == ["B"]

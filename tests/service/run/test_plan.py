@@ -100,8 +100,8 @@ def test_a_plants_options_hold_for_a_file_named_by_hand(folder: Path) -> None:
     file = str(folder / "a.csv")
     (said,) = make_plan(Request(sources=(file,), plant=plant)).tasks
     assert (",", "Asia/Tokyo") == (said.read_options.separator, said.read_options.zone)
-    given = ReadOptions(zone="UTC")
-    (overruled,) = make_plan(Request(sources=(file,), plant=plant, read_options=given)).tasks
+    read_options = ReadOptions(zone="UTC")
+    (overruled,) = make_plan(Request(sources=(file,), plant=plant, read_options=read_options)).tasks
     assert (",", "UTC") == (overruled.read_options.separator, overruled.read_options.zone)
 
 

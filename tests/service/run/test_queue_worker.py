@@ -144,20 +144,20 @@ def test_killed_half_way_the_next_start_finishes(make_plant, plant_store: Store)
     finally:
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
-    before = {one.valve: one.id for one in map(_last(plant_store), plant.valves) if one}
-    done = plant_store.queue.valves_done(number)
+    before = {item.valve: item.id for item in map(_last(plant_store), plant.valves) if item}
+    result = plant_store.queue.valves_done(number)
     assert plant_store.run(number).state is RunState.RUNNING
     work(plant_store, plant)  # the dead process was of this machine: nothing to wait for
     run = plant_store.run(number)
     assert (run.state, run.done) == (RunState.DONE, 3)
-    assert {valve: _last(plant_store)(valve).id for valve in done} == {
-        valve: before[valve] for valve in done
+    assert {valve: _last(plant_store)(valve).id for valve in result} == {
+        valve: before[valve] for valve in result
     }
     with plant_store.transactions.reading() as session:
         rows = session.execute(text("SELECT valve, count(*) FROM screenings GROUP BY valve")).all()
     assert dict(rows) == dict.fromkeys(plant.valves, 1)
-    shown = json.loads((Path(run.report) / "valves.json").read_text(encoding="utf-8"))
-    assert all(valve in json.dumps(shown) for valve in plant.valves)
+    loaded = json.loads((Path(run.report) / "valves.json").read_text(encoding="utf-8"))
+    assert all(valve in json.dumps(loaded) for valve in plant.valves)
 
 
 def _last(store: Store):

@@ -58,18 +58,18 @@ def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             result = screen_now(Request(sources=(str(export),)), how, tell)
         assert [one.valve for one in result.brief] == [one.valve for one in result.screenings]
         assert isinstance(result.screenings, ResultSpill)
-        plots = [result.screenings.evidence(place) for place in range(len(result.screenings))]
-        return [(_without_timing(one), plots) for one in result.screenings], told
+        plots = [result.screenings.evidence(index) for index in range(len(result.screenings))]
+        return [(_without_timing(screening), plots) for screening in result.screenings], told
 
     return screen
 
 
 def _without_timing(screening: Screening) -> dict[str, Any]:
     """The result as JSON, without how long it took."""
-    found = {k: v for k, v in to_contract(screening).items() if k != "seconds"}
-    if found["mismatch"] is not None:
-        found["mismatch"] = {k: v for k, v in found["mismatch"].items() if k != "seconds"}
-    return found
+    results = {k: v for k, v in to_contract(screening).items() if k != "seconds"}
+    if results["mismatch"] is not None:
+        results["mismatch"] = {k: v for k, v in results["mismatch"].items() if k != "seconds"}
+    return results
 
 
 def test_every_executor_finds_the_same(found, cluster: Cluster) -> None:

@@ -70,9 +70,9 @@ def by_schedule(plant: Plant, store: Store) -> Path:
     number = store.queue.put(RunToQueue(schedule="hourly"), software_version=__version__)
     assert number is not None
     assert QueueWorker(store, plant).once(threading.Event())
-    done = store.run(number)
-    assert (done.state, done.done, done.set_aside) == (RunState.DONE, 3, 0), done.reason
-    return Path(done.report)
+    process = store.run(number)
+    assert (process.state, process.done, process.set_aside) == (RunState.DONE, 3, 0), process.reason
+    return Path(process.report)
 
 
 def by_command(executor: Executor) -> Ask:
@@ -81,8 +81,8 @@ def by_command(executor: Executor) -> Ask:
     def ask(plant: Plant, store: Store) -> Path:
         out = plant.beside("report")
         how = RunNow(store=store, executor=executor, out=out, limits=plant.limits)
-        found = screen_now(Request(plant=plant), how)
-        assert (found.not_read, found.not_saved) == ((), ())
+        result = screen_now(Request(plant=plant), how)
+        assert (result.not_read, result.not_saved) == ((), ())
         return out
 
     return ask
@@ -100,7 +100,7 @@ def _plain(found: Any) -> Any:
     if isinstance(found, dict):
         return {k: _plain(v) for k, v in found.items() if k not in NOT_COMPARED}
     if isinstance(found, list):
-        return [_plain(one) for one in found]
+        return [_plain(item) for item in found]
     if isinstance(found, str) and found.startswith(("{", "[")):
         return _plain(json.loads(found))
     return found
@@ -115,8 +115,8 @@ def test_every_way_keeps_the_same(kept, cluster: Cluster) -> None:
     assert near == kept("workers = 1", by_command(InProcess()))
     assert near == kept("workers = 1", by_command(LocalProcesses(2, isolated=True)))
     valves = ["FIC-104", "FIC-107", "FIC-113"]
-    assert [one["valve"] for one in near.rows["screenings"]] == valves
-    assert sorted(one["valve"] for one in near.valves) == valves
-    assert {one["valve"] for one in near.rows["indicators"]} == set(valves)
-    assert {one["valve"] for one in near.rows["networks"]} == {"FIC-104", "FIC-107"}
+    assert [screening["valve"] for screening in near.rows["screenings"]] == valves
+    assert sorted(valve["valve"] for valve in near.valves) == valves
+    assert {indicator["valve"] for indicator in near.rows["indicators"]} == set(valves)
+    assert {network["valve"] for network in near.rows["networks"]} == {"FIC-104", "FIC-107"}
     assert {"report.html", "valves.csv", "valves.xlsx"} <= set(near.files)

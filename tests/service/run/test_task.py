@@ -57,17 +57,17 @@ def test_there_is_a_screening_for_each_task_in_order(one_valve: Path, tmp_path: 
         task(tmp_path / "cut.csv"),
         task(tmp_path),
     )
-    found = screen_tasks(tasks, Limits())
-    assert [one.verdict for one in found] == [
+    result = screen_tasks(tasks, Limits())
+    assert [item.verdict for item in result] == [
         Verdict.UNDETERMINED, Verdict.STICKY, *[Verdict.UNDETERMINED] * 4,
     ]  # fmt: skip
-    reasons = [one.reason for one in found]
+    reasons = [item.reason for item in result]
     assert "gone.csv" in reasons[0]
     assert "there is no tag 'FIC-104.OUT'" in reasons[2]
     assert reasons[3] == "Cannot tell: the archive was away"
     assert "cut.csv" in reasons[4]
     assert str(tmp_path) in reasons[5]
-    assert [one.recording is None for one in found] == [True, False, True, True, True, True]
+    assert [item.recording is None for item in result] == [True, False, True, True, True, True]
 
 
 def test_an_unread_task_knows_its_source_and_what_to_do(tmp_path: Path) -> None:
@@ -81,8 +81,8 @@ def test_an_unread_task_knows_its_source_and_what_to_do(tmp_path: Path) -> None:
 
 def test_a_damaged_baseline_is_a_note(one_valve: Path) -> None:
     """Bytes that are no network cost the comparison only, and the note says to set a new one."""
-    kept = StoredBaseline(network=b"no network", note="Baseline: of last year.")
-    (found,) = screen_tasks([task(one_valve, baseline=kept)], Limits())
+    stored_baseline = StoredBaseline(network=b"no network", note="Baseline: of last year.")
+    (found,) = screen_tasks([task(one_valve, baseline=stored_baseline)], Limits())
     assert found.verdict is Verdict.STICKY
     assert found.baseline_note.startswith("Baseline: of last year. It cannot be read (")
     assert found.baseline_note.endswith("set a new one.")
@@ -114,8 +114,8 @@ def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
     asked = task(one_valve, earlier_curves=kept)
     assert known_curve(asked, recording) == KnownCurve(curve)
     assert case_of(asked).known_curve == KnownCurve(curve)
-    given = KnownCurve(None, given=True)
-    assert known_curve(replace(asked, given_curve=given), recording) == given
+    result = KnownCurve(None, given=True)
+    assert known_curve(replace(asked, given_curve=result), recording) == result
     assert known_curve(replace(asked, earlier_curves=kept[:2]), recording) is None
     assert known_curve(asked, replace(recording, start=None)) is None
 

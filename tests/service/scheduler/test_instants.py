@@ -68,19 +68,19 @@ def test_the_hours_that_clocks_leave_out_and_repeat() -> None:
     assert next_due(nightly, first, BERLIN) - first == timedelta(hours=25)
     quarter = ScreeningSchedule(name="s", cron="*/15 * * * *")
     for begin in (spring, autumn):
-        found = due_between(quarter, begin, begin + timedelta(hours=8), BERLIN)
-        assert (found.count, found.last) == (32, begin + timedelta(hours=8))
+        due_instants = due_between(quarter, begin, begin + timedelta(hours=8), BERLIN)
+        assert (due_instants.count, due_instants.last) == (32, begin + timedelta(hours=8))
 
 
 @given(st.integers(0, 20_000), st.sampled_from(["0 0 1 * *", "15 3 * * 1", "0 */6 * * *"]))
 def test_every_reading_of_the_wall_clock_is_met(hours: int, cron: str) -> None:
     """Seen from any instant of two years, the next one is what looking at each minute finds."""
     after = NOON + timedelta(hours=hours)
-    found = next_due(ScreeningSchedule(name="s", cron=cron), after, BERLIN)
-    assert due_between(ScreeningSchedule(name="s", cron=cron), after, found, BERLIN).count == 1
+    result = next_due(ScreeningSchedule(name="s", cron=cron), after, BERLIN)
+    assert due_between(ScreeningSchedule(name="s", cron=cron), after, result, BERLIN).count == 1
     minute, hour, day, _, weekday = cron.split()
-    place = found - timedelta(minutes=1)
-    while place > max(after, found - timedelta(days=2)):
+    place = result - timedelta(minutes=1)
+    while place > max(after, result - timedelta(days=2)):
         wall = place.astimezone(ZoneInfo(BERLIN))
         missed = (
             wall.minute == int(minute)
@@ -123,8 +123,8 @@ def test_what_was_missed_is_counted() -> None:
     missed = due_between(hourly, NOON, NOON + timedelta(hours=5, minutes=1), BERLIN)
     assert (missed.last, missed.count) == (NOON + timedelta(hours=5), 5)
     yearly = ScreeningSchedule(name="s", cron="0 0 1 1 *")
-    found = due_between(yearly, NOON, NOON + 800 * DAY, BERLIN)
-    assert (local(found.last), found.count) == ("Sat 01.01. 00:00", 2)
+    due_instants = due_between(yearly, NOON, NOON + 800 * DAY, BERLIN)
+    assert (local(due_instants.last), due_instants.count) == ("Sat 01.01. 00:00", 2)
     assert due_between(hourly, NOON, NOON + 100 * DAY, BERLIN).at_least
 
 

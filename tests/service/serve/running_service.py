@@ -77,10 +77,10 @@ class Site:
         process = self.start(
             "serve", "--port", "0", descriptors=descriptors, STEMWATCH_WEB_TOKEN=TOKEN
         )
-        said = process.stdout.readline()
-        found = re.search(r"http://\S+", said)
-        assert found, said + self.log()
-        return process, found[0]
+        text = process.stdout.readline()
+        match = re.search(r"http://\S+", text)
+        assert match, text + self.log()
+        return process, match[0]
 
     def store(self) -> Store:
         """The plant's store."""
@@ -102,17 +102,17 @@ class Site:
 @contextmanager
 def site_in(folder: Path) -> Iterator[Site]:
     """A folder for the service; whatever still runs there afterwards is ended."""
-    made = Site(folder)
+    site = Site(folder)
     try:
-        yield made
+        yield site
     finally:
-        made.kill()
+        site.kill()
 
 
 def get(address: str) -> tuple[int, str]:
     """Status and text of a page, asked for with the token of the environment."""
-    asked = urllib.request.Request(address, headers={"authorization": f"Bearer {TOKEN}"})
-    with urllib.request.urlopen(asked, timeout=20) as answer:
+    request = urllib.request.Request(address, headers={"authorization": f"Bearer {TOKEN}"})
+    with urllib.request.urlopen(request, timeout=20) as answer:
         return answer.status, answer.read().decode()
 
 

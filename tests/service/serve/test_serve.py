@@ -76,8 +76,8 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
     process, address = csv_site.serve()
     assert get(address)[0] == 200
     assert json.loads(get(address + "healthz")[1])["ok"]
-    done = csv_site.start("run-now", "FIC-104", "--who", "Ann")
-    said, _ = done.communicate(timeout=120)
+    result = csv_site.start("run-now", "FIC-104", "--who", "Ann")
+    said, _ = result.communicate(timeout=120)
     assert "the service works on it" in said
     assert "done, 1 of 1 valves (1 sticky)" in said
     assert "FIC-104" in get(address)[1]
@@ -88,9 +88,9 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
 
 def test_run_now_works_without_a_service(csv_site: Site) -> None:
     """Where no service runs the command does the run itself, report and all."""
-    done = csv_site.start("run-now")
-    said, _ = done.communicate(timeout=180)
-    assert done.returncode == 0, csv_site.log()
+    result = csv_site.start("run-now")
+    said, _ = result.communicate(timeout=180)
+    assert result.returncode == 0, csv_site.log()
     assert "this command does it" in said
     assert "3 of 3 valves" in said
     with csv_site.store() as store:
@@ -108,7 +108,8 @@ def test_run_now_that_is_asked_to_stop_leaves_its_run_to_the_next(
     cut = csv_site.start("run-now")
     with csv_site.store() as store:
         until(
-            lambda: [one.state for one in store.queue.recent()] == [RunState.RUNNING], site=csv_site
+            lambda: [item.state for item in store.queue.recent()] == [RunState.RUNNING],
+            site=csv_site,
         )
         cut.send_signal(number)
         cut.send_signal(number)
@@ -116,9 +117,9 @@ def test_run_now_that_is_asked_to_stop_leaves_its_run_to_the_next(
         assert cut.returncode == 1, csv_site.log()
         assert "Run 1 is left" in said
         assert "Traceback" not in csv_site.log()
-        done = csv_site.start("run-now")
-        assert "3 of 3 valves" in done.communicate(timeout=600)[0]
-        assert [one.state for one in store.queue.recent()] == [RunState.DONE, RunState.DONE]
+        result = csv_site.start("run-now")
+        assert "3 of 3 valves" in result.communicate(timeout=600)[0]
+        assert [item.state for item in store.queue.recent()] == [RunState.DONE, RunState.DONE]
 
 
 def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
@@ -144,12 +145,12 @@ def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
         run = store.run(number)
         assert (run.done, run.total) == (2, 2)
         for valve in ("FIC-101", "TIC-102"):
-            assert len({one.window for one in store.screenings(valve)}) == 1
-        found = store.samples.read("plc-1", "FIC-101.OP")
-        steps = found.at_us[1:] - found.at_us[:-1]
+            assert len({screening.window for screening in store.screenings(valve)}) == 1
+        recording = store.samples.read("plc-1", "FIC-101.OP")
+        steps = recording.at_us[1:] - recording.at_us[:-1]
         assert (steps > 0).all()
         assert (steps % 100_000 == 0).all()
-        (state,) = [one for one in store.sources.states() if one.source == "plc-1"]
+        (state,) = [state for state in store.sources.states() if state.source == "plc-1"]
         assert state.connected
     process.send_signal(signal.SIGINT)
     assert process.wait(timeout=40) == 0, live_site.log()

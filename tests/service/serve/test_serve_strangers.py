@@ -138,6 +138,6 @@ def memory_mb(process: int) -> float:
     status = Path(f"/proc/{process}/status")
     if not status.exists():
         pytest.skip("this system has no /proc to read a process' memory from")
-    found = re.search(r"VmRSS:\s+(\d+) kB", status.read_text())
-    assert found is not None
-    return int(found[1]) / 1024
+    match = re.search(r"VmRSS:\s+(\d+) kB", status.read_text())
+    assert match is not None
+    return int(match[1]) / 1024

@@ -143,12 +143,12 @@ def postgres_server() -> Iterator[str]:
 
 
 def _postgres_programs() -> Path:
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    in_order = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
     if on_path := shutil.which("initdb"):
-        found.append(Path(on_path))
-    if not found:
+        in_order.append(Path(on_path))
+    if not in_order:
         pytest.skip("no PostgreSQL server programs (initdb): PostgreSQL IS NOT TESTED")
-    return found[-1].parent
+    return in_order[-1].parent
 
 
 def _run(user: str | None, *command: str | Path) -> None:

@@ -25,7 +25,7 @@ DAY_US = 86_400_000_000
 TIME = "2026-03-01 06:00:00.000000"
 # From the first on every migration is gone through; those between begin in the long tests.
 _BETWEEN = ("0002", "0003", "0004", "0005", "0006")
-REVISIONS = ("0001", *(pytest.param(one, marks=pytest.mark.long) for one in _BETWEEN), "0007")
+REVISIONS = ("0001", *(pytest.param(item, marks=pytest.mark.long) for item in _BETWEEN), "0007")
 # What a column holds where its type alone does not say it; a list has a value for each row.
 _SPECIAL: dict[str, Any] = {
     "valves.id": ["FIC-101", "FIC-1ü2"],

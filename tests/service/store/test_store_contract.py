@@ -178,7 +178,9 @@ def test_a_screening_that_cannot_be_saved_does_not_cost_the_others(
     assert 2 == report.saved
     assert ["FIC-102"] == [failure.valve for failure in report.failures]
     assert "'rusty' is not a valid Verdict" in report.failures[0].reason
-    assert ["FIC-101", "FIC-103"] == [kept.valve for kept in store.latest_screenings()]
+    assert ["FIC-101", "FIC-103"] == [
+        latest_screening.valve for latest_screening in store.latest_screenings()
+    ]
 
 
 def test_a_run_counts_its_verdicts(store: Store, make_screening: MakeScreening) -> None:

@@ -19,14 +19,14 @@ def test_pictures_live_and_go_with_their_screening(
     (first, second) = (make_screening(start=START + day * 24 * HOUR) for day in (0, 1))
     report = store.save_many([first, second], run, packed_pictures=[b"one"])
     assert report.saved == 2
-    newest, oldest = (one.id for one in store.screenings(first.valve))
+    newest, oldest = (screening.id for screening in store.screenings(first.valve))
     assert store.packed_pictures(oldest) == b"one"
     assert store.packed_pictures(newest) == b""
     again = store.save(first, run, packed_pictures=b"other")
     assert (again, store.packed_pictures(again)) == (oldest, b"other")
     store.save(second, run)
     prune(store, RetentionDays(results_days=1), START + timedelta(days=400))
-    assert [one.id for one in store.screenings(first.valve)] == [newest]
+    assert [screening.id for screening in store.screenings(first.valve)] == [newest]
     assert store.packed_pictures(oldest) == b""
 
 

@@ -121,7 +121,7 @@ def test_a_damaged_file_is_called_damaged(
         at = int(rng.integers(0 if seed == 0 else 4096, len(content) - 256))
         content[at : at + 256] = rng.integers(0, 256, 256, dtype=np.uint8).tobytes()
     path.write_bytes(content)
-    said = []
+    sentences = []
     for ask in (
         lambda store: store.latest_screenings(),
         lambda store: store.valves(),
@@ -135,9 +135,9 @@ def test_a_damaged_file_is_called_damaged(
             with open_store(url) as store:
                 ask(store)
         except StoreError as error:
-            said.append(str(error))
-    assert said
-    assert all("stemwatch db restore" in one for one in said), said
+            sentences.append(str(error))
+    assert sentences
+    assert all("stemwatch db restore" in item for item in sentences), sentences
 
 
 def test_a_text_that_is_no_text_any_more_is_damage(url: str) -> None:

@@ -67,7 +67,7 @@ def test_nulls_beyond_a_limit_are_counted() -> None:
     """Slips that contradict a fit though every second was kept: one of three in a loop that turns
     often enough to be believed; the fourth turns too seldom."""
     nulls = [shown(20.0, 0.15), shown(25.0, 0.02), shown(28.0, 0.05), shown(60.0, 0.3)]
-    by_name = {one.name: one for one in limits(nulls)}
+    by_name = {limit.name: limit for limit in limits(nulls)}
     apart = by_name["slips against the fit: S"]
     assert (apart.nulls, apart.nulls_beyond, apart.worst, apart.holds) == (3, 1, 0.15, False)
     turns = by_name["slips against the fit: samples to a turn"]

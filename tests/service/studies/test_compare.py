@@ -75,7 +75,7 @@ def test_every_model_and_every_network_has_a_row():
         made(700), 450, on_progress=lambda model, done, of: told.append((model, of))
     )
     names = [row.model for row in comparison.rows]
-    assert names == [*(model.name for model in EVERY), *(one.name for one in NETWORKS)]
+    assert names == [*(model.name for model in EVERY), *(network.name for network in NETWORKS)]
     assert told == [(name, 18) for name in names]
     assert all(row.training is not None or row.outcome for row in comparison.rows)
 
@@ -118,9 +118,9 @@ def test_the_command_prints_writes_and_draws(app, export, tmp_path):
     """Table on the terminal, rows in JSON, a page in the folder."""
     args = [str(export), "--op", "FV101.OP", "--mv", "FV101.ZT", "--no-narx"]
     json_file, out = tmp_path / "rows.json", tmp_path / "page"
-    done = CliRunner().invoke(app, [*args, "--json", str(json_file), "--out", str(out)])
-    assert done.exit_code == 0, done.output
-    assert "canonical" in done.output
+    result = CliRunner().invoke(app, [*args, "--json", str(json_file), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    assert "canonical" in result.output
     rows = {row["model"]: row for row in json.loads(json_file.read_text("utf-8"))}
     assert set(rows) == {model.name for model in EVERY}
     assert rows["canonical"]["parameters"]["S"]["value"] == pytest.approx(4.0, abs=0.2)
@@ -136,6 +136,6 @@ def test_the_command_prints_writes_and_draws(app, export, tmp_path):
 )
 def test_wrong_usage_is_a_sentence(app, export, args, words):
     """Status 2 and what to do."""
-    done = CliRunner().invoke(app, [str(export), *args], env={"COLUMNS": "200"})
-    assert done.exit_code == 2
-    assert words in re.sub(r"[│\s]+", " ", done.output)
+    result = CliRunner().invoke(app, [str(export), *args], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert words in re.sub(r"[│\s]+", " ", result.output)

@@ -66,28 +66,28 @@ MADE = [
 
 def test_every_loop_is_followed_in_every_way(followed: list[Followed]) -> None:
     """Three rows for each loop, each with a ratio or a refusal for each later window."""
-    assert [way for _ in range(VALVES) for way in ValveFate] == [one.way for one in followed]
-    assert {WINDOWS} == {len(one.ratios) for one in followed}
+    assert [way for _ in range(VALVES) for way in ValveFate] == [item.way for item in followed]
+    assert {WINDOWS} == {len(item.ratios) for item in followed}
     assert [loop.tag for loop in draw_healthy(VALVES, SEED) for _ in ValveFate] == [
-        one.tag for one in followed
+        item.tag for item in followed
     ]
 
 
 def test_only_growing_valves_grow(followed: list[Followed]) -> None:
     """A healthy valve keeps its S; a growing one ends where the product calls it sticking."""
-    for one in followed:
-        if one.way in HEALTHY:
-            assert one.S_before == one.S
+    for item in followed:
+        if item.way in HEALTHY:
+            assert item.S_before == item.S
         else:
-            assert one.S_before < 1.0 < 1.49 < one.S <= 8.01
-            assert 0.0 <= one.J <= one.S + 1e-9
+            assert item.S_before < 1.0 < 1.49 < item.S <= 8.01
+            assert 0.0 <= item.J <= item.S + 1e-9
 
 
 def test_growing_stiction_raises_the_ratio_of_a_valve_that_is_worked(followed) -> None:
     """Same baseline, but the valve that grew is followed worse; a quiet loop need not show it."""
-    worked = [one for one in followed if one.story != "healthy, quiet"]
-    unchanged = [one.score for one in worked if one.way is ValveFate.UNCHANGED]
-    growing = [one.score for one in worked if one.way is ValveFate.GROWING]
+    worked = [item for item in followed if item.story != "healthy, quiet"]
+    unchanged = [item.score for item in worked if item.way is ValveFate.UNCHANGED]
+    growing = [item.score for item in worked if item.way is ValveFate.GROWING]
     assert len(unchanged) == len(growing) == 2
     assert 0.5 < max(unchanged) < 1.8 < min(growing)
 
@@ -110,9 +110,9 @@ def test_progress_counts_loops_and_not_rows() -> None:
 def test_a_loop_without_a_baseline_says_why() -> None:
     """A window too short to train on gives rows with the trainer's reason and no score."""
     loop = replace(draw_healthy(1, SEED)[0], duration_s=120.0)
-    found = follow_batch(DriftBatch(loops=((0, loop),), seed=SEED, ways=(ValveFate.UNCHANGED,)))
-    assert "too few usable samples" in found[0].reason
-    assert found[0].score is None
+    result = follow_batch(DriftBatch(loops=((0, loop),), seed=SEED, ways=(ValveFate.UNCHANGED,)))
+    assert "too few usable samples" in result[0].reason
+    assert result[0].score is None
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_an_empty_group_has_no_area_and_no_limit() -> None:
 
 def test_the_calibrated_limit_lets_two_in_a_hundred_through() -> None:
     """Of a hundred healthy valves at most two lie above, and a tenth lower more would."""
-    healthy = [1.0 + place / 100 for place in range(100)]
+    healthy = [1.0 + index / 100 for index in range(100)]
     limit = calibrated_limit(healthy, 0.02)
     assert 2.0 == pytest.approx(limit)
     assert sum(score > limit for score in healthy) <= 2 < sum(s > limit - 0.1 for s in healthy)
@@ -203,12 +203,12 @@ def test_alarms_are_counted_for_each_group_and_size_of_stiction() -> None:
 
 def test_areas_compare_growing_with_each_kind_of_healthy_valve() -> None:
     """Against both, two of the six pairs are wrong or not, by hand."""
-    found = areas(MADE)
-    assert 1.0 == found["unchanged"].value
-    assert 0.5 == found["unchanged, run differently"].value
-    assert pytest.approx(5 / 6) == found["both"].value
+    result = areas(MADE)
+    assert 1.0 == result["unchanged"].value
+    assert 0.5 == result["unchanged, run differently"].value
+    assert pytest.approx(5 / 6) == result["both"].value
     # Growing 0, 2.2, 6 against 0, 1, 1.2, 3.4: 0.5 + 3 + 4 of 12.
-    assert pytest.approx(7.5 / 12) == found["both, a refusal being no alarm"].value
+    assert pytest.approx(7.5 / 12) == result["both, a refusal being no alarm"].value
 
 
 def test_limits_are_the_calibrated_ones_and_the_products() -> None:
@@ -223,7 +223,7 @@ def test_the_tables_say_what_was_found(capsys, monkeypatch) -> None:
     """Counts, areas, target and alarms; a valve without a baseline is named with the reason."""
     monkeypatch.setenv("COLUMNS", "160")
     show([*MADE, replace(of(ValveFate.UNCHANGED), reason="OP never moves")], MADE)
-    said = " ".join(capsys.readouterr().out.split())
+    text = " ".join(capsys.readouterr().out.split())
     for words in (
         "2 of 3",
         "against both: 0.833",
@@ -232,13 +232,13 @@ def test_the_tables_say_what_was_found(capsys, monkeypatch) -> None:
         "1 of 3",
         "No baseline could be trained for 1 of 8 rows: OP never moves.",
     ):
-        assert words in said
+        assert words in text
 
 
 def test_the_json_can_be_counted_again() -> None:
     """Rows with their scores, and the alarms that they make."""
     written: dict[str, Any] = json.loads(json.dumps(as_json(MADE, MADE), allow_nan=False))
-    assert [one.score for one in MADE] == [row["score"] for row in written["followed"]]
+    assert [item.score for item in MADE] == [row["score"] for row in written["followed"]]
     watch = written["limits"]["watch limit"]
     (growing,) = [row for row in watch["alarms"] if row["of"] == "growing stiction"]
     counted = [r["score"] for r in written["followed"] if r["way"] == "growing stiction"]
@@ -251,11 +251,11 @@ def test_the_command_writes_its_json(tmp_path) -> None:
     app = typer.Typer()
     app.command()(drift)
     file = tmp_path / "drift.json"
-    done = CliRunner().invoke(
+    result = CliRunner().invoke(
         app, ["--valves", "2", "--workers", "1", "--seed", "5", "--json", str(file)]
     )
-    assert 0 == done.exit_code, done.output
-    assert "AUC, growing against both" in done.output
+    assert 0 == result.exit_code, result.output
+    assert "AUC, growing against both" in result.output
     written = json.loads(file.read_text(encoding="utf-8"))
     assert (2, 5, 6, 4) == (
         written["valves"],

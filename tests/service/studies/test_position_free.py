@@ -21,9 +21,9 @@ from stemwatch.service.studies.position_free import (
 def trained():
     """Networks of few loops: quick, and good for little."""
     told: list[int] = []
-    made = run_training(60, 5151, InProcess(), told.append)
+    training = run_training(60, 5151, InProcess(), told.append)
     assert told[-1] == sum(map(len, items_of_training(60, 5151)))
-    return made
+    return training
 
 
 @pytest.mark.long

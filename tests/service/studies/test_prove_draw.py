@@ -41,7 +41,7 @@ def test_the_folder_holds_csv_files_and_nothing_else(written) -> None:
     folder, sealed = written
     files = sorted(path.name for path in folder.iterdir())
     assert ["FIC-0001.csv", "FIC-0002.csv", "FIC-0003.csv"] == files
-    assert files == [one.file for one in sealed.open()]
+    assert files == [item.file for item in sealed.open()]
 
 
 def test_a_file_tells_nothing_but_its_samples(written) -> None:
@@ -61,32 +61,32 @@ def test_the_numbers_of_the_files_are_shuffled(count: int, seed: int) -> None:
     names = file_names(count, seed)
     in_order = [f"FIC-{number:04d}.csv" for number in range(1, count + 1)]
     assert in_order == sorted(names)
-    kept = sum(ours == theirs for ours, theirs in zip(names, in_order, strict=True))
-    assert count < 20 or kept < count / 2
+    total = sum(ours == theirs for ours, theirs in zip(names, in_order, strict=True))
+    assert count < 20 or total < count / 2
 
 
 def test_the_reader_finds_the_recording_that_was_simulated(written, drawn) -> None:
     """Roles are proposed without help, and values come back to four decimals."""
     folder, sealed = written
-    (truth,) = [one for one in sealed.open() if one.effects == ("dead_time",)]
+    (truth,) = [item for item in sealed.open() if item.effects == ("dead_time",)]
     source = HistorianFile(folder / truth.file)
     (tags,) = propose_valves(source)
-    found = source.read(tags)
+    recording = source.read(tags)
     _, simulated = simulate_hidden(drawn[1])
-    assert 1.0 == found.interval_s
+    assert 1.0 == recording.interval_s
     for role in (Role.OP, Role.MV, Role.PV, Role.SP):
-        ours, theirs = found.get(role), simulated.recording.get(role)
+        ours, theirs = recording.get(role), simulated.recording.get(role)
         np.testing.assert_allclose(ours.values, theirs.values, atol=5.1e-5)
 
 
 def test_the_truth_is_what_the_plant_has(written, drawn) -> None:
     """S, J, effects and whether the record shows them come from the simulation."""
     _, sealed = written
-    by_effect = {one.effects: one for one in sealed.open()}
+    by_effect = {item.effects: item for item in sealed.open()}
     case, simulated = simulate_hidden(drawn[1])
-    one = by_effect["dead_time",]
-    assert (simulated.truth.S, simulated.truth.J) == (one.S, one.J)
-    assert (case.excited, case.excitation) == (one.excited, dict(one.excitation))
+    result = by_effect["dead_time",]
+    assert (simulated.truth.S, simulated.truth.J) == (result.S, result.J)
+    assert (case.excited, case.excitation) == (result.excited, dict(result.excitation))
     assert () == by_effect[()].physics
     assert "quantisation" in by_effect["quantisation",].record_effects
 

@@ -86,7 +86,7 @@ def test_calibration_prints_limits_from_nulls(stemwatch, tmp_path) -> None:
     file = tmp_path / "nulls.json"
     outcome = stemwatch("calibrate-mismatch", "--cases", 4, "--workers", 1, "--json", file)
     assert outcome.status == 0, outcome.said
-    found = json.loads(file.read_text("utf-8"))
+    loaded = json.loads(file.read_text("utf-8"))
     assert "One limit for all terms" in outcome.said
-    assert {4} == {len(pairs) for pairs in found["scores"].values()}
-    assert "actuator_lag" in found["scores"]
+    assert {4} == {len(pairs) for pairs in loaded["scores"].values()}
+    assert "actuator_lag" in loaded["scores"]

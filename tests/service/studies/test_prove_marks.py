@@ -35,7 +35,7 @@ def said(*names: str | tuple[str, ...], verdict: str = "named") -> BlindAnswer:
     return BlindAnswer(
         file="FIC-0001.csv",
         verdict=verdict if names else ("none" if verdict == "named" else verdict),
-        names=tuple(NamedEffect(slug=one[0], members=one) for one in given),
+        names=tuple(NamedEffect(slug=item[0], members=item) for item in given),
     )
 
 
@@ -81,17 +81,17 @@ def test_each_rule_of_the_count(hidden, answer, outcome) -> None:
 
 def test_every_name_without_truth_is_a_wrong_name() -> None:
     """A further name that is wrong is kept, although the first one is right."""
-    found = mark(truth("dead_time"), said("dead_time", "zero_shift", ("lost_motion", "dead_time")))
-    assert CaseOutcome.EXACT is found.outcome
-    assert ("zero_shift",) == found.wrong_names
-    assert found.right_name is True
+    result = mark(truth("dead_time"), said("dead_time", "zero_shift", ("lost_motion", "dead_time")))
+    assert CaseOutcome.EXACT is result.outcome
+    assert ("zero_shift",) == result.wrong_names
+    assert result.right_name is True
 
 
 def test_nothing_named_is_neither_right_nor_wrong() -> None:
     """Silence takes no part in how often a name is right."""
-    found = mark(truth("dead_time"), said())
-    assert found.right_name is None
-    assert not found.named
+    result = mark(truth("dead_time"), said())
+    assert result.right_name is None
+    assert not result.named
 
 
 @given(
@@ -100,10 +100,10 @@ def test_nothing_named_is_neither_right_nor_wrong() -> None:
 )
 def test_naming_what_is_hidden_is_never_wrong(hidden, names) -> None:
     """Whatever else is said, the names that are hidden are not among the wrong ones."""
-    found = mark(truth(*hidden), said(*names))
-    assert set(found.wrong_names) == set(names) - set(hidden)
+    result = mark(truth(*hidden), said(*names))
+    assert set(result.wrong_names) == set(names) - set(hidden)
     if hidden and names == hidden:
-        assert found.outcome in (CaseOutcome.EXACT, CaseOutcome.BOTH)
+        assert result.outcome in (CaseOutcome.EXACT, CaseOutcome.BOTH)
 
 
 @pytest.mark.parametrize(
@@ -141,12 +141,12 @@ def answer_object(**changes):
 
 def test_an_answer_is_read_by_its_contract() -> None:
     """Names, classes, numbers and withheld numbers arrive; the folder does not matter."""
-    found = read_answer(answer_object())
-    assert ("FIC-0007.csv", "named") == (found.file, found.verdict)
-    assert found.names[0].holds("actuator_lag")
-    assert (3.0, None) == (found.naive.S, found.naive.J)
-    assert (80.0, None) == (found.fit_extended, found.rmse_extended)
-    assert (("quantisation",), ("travel_stop",)) == (found.record_effects, found.not_testable)
+    answer = read_answer(answer_object())
+    assert ("FIC-0007.csv", "named") == (answer.file, answer.verdict)
+    assert answer.names[0].holds("actuator_lag")
+    assert (3.0, None) == (answer.naive.S, answer.naive.J)
+    assert (80.0, None) == (answer.fit_extended, answer.rmse_extended)
+    assert (("quantisation",), ("travel_stop",)) == (answer.record_effects, answer.not_testable)
 
 
 def test_an_answer_that_breaks_the_contract_is_refused() -> None:
@@ -159,8 +159,8 @@ def test_an_answer_that_breaks_the_contract_is_refused() -> None:
 
 def test_a_recording_that_could_not_be_read_is_an_answer() -> None:
     """Nulls in place of objects are no crash: nothing was named."""
-    found = read_answer(
+    answer = read_answer(
         answer_object(verdict="not_testable", effects=[], stiction=None, heldout=None)
     )
-    assert () == found.names
-    assert found.naive.S is None
+    assert () == answer.names
+    assert answer.naive.S is None

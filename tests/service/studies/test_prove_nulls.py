@@ -19,19 +19,19 @@ def scores(**means: list[float]):
 
 def test_the_common_limit_rests_on_the_highest_of_all_terms() -> None:
     """Two terms that are never high on the same valve double what chance may name."""
-    one = common_limit(scores(dead_time=HUNDRED), 2.0, 0.05)
+    limit = common_limit(scores(dead_time=HUNDRED), 2.0, 0.05)
     two = common_limit(scores(dead_time=HUNDRED, lost_motion=HUNDRED[::-1]), 2.0, 0.05)
-    assert 0.1 == pytest.approx(one.mean_limit)
-    assert two.mean_limit >= one.mean_limit
-    assert (100, 100) == (one.of, two.of)
+    assert 0.1 == pytest.approx(limit.mean_limit)
+    assert two.mean_limit >= limit.mean_limit
+    assert (100, 100) == (limit.of, two.of)
 
 
 def test_a_high_mean_with_a_low_t_is_no_alarm() -> None:
     """What fails the limit of t does not raise that of the mean."""
     rows = {"dead_time": [(0.5, 1.0)] * 50 + [(0.02, 3.0)] * 50}
-    found = common_limit(rows, 2.0, 0.01)
-    assert 0.02 == pytest.approx(found.mean_limit)
-    assert 0 == found.passing
+    limit = common_limit(rows, 2.0, 0.01)
+    assert 0.02 == pytest.approx(limit.mean_limit)
+    assert 0 == limit.passing
 
 
 def test_each_term_has_its_share_of_the_alarms() -> None:
@@ -50,7 +50,7 @@ def test_each_term_has_its_share_of_the_alarms() -> None:
 )
 def test_no_more_nulls_pass_than_may(means: list[float], share: float) -> None:
     """Whatever the scores are, at most the share of them lies above the limit."""
-    found = common_limit(scores(dead_time=means), 2.0, share)
-    above = int(np.sum(np.array(means) > found.mean_limit + 1e-9))
-    assert above == found.passing
+    limit = common_limit(scores(dead_time=means), 2.0, share)
+    above = int(np.sum(np.array(means) > limit.mean_limit + 1e-9))
+    assert above == limit.passing
     assert above <= share * len(means)

@@ -46,7 +46,7 @@ def marked(hidden=(), named=(), **changes) -> CaseMark:
 
 def rate(marks, group: str, name: str):
     """The rate of that group and name."""
-    (found,) = [one for one in headline(marks) if (one.group, one.name) == (group, name)]
+    (found,) = [item for item in headline(marks) if (item.group, item.name) == (group, name)]
     return found
 
 
@@ -155,9 +155,9 @@ def test_effects_and_concealments_have_a_row_each() -> None:
         marked(["lost_motion"], []),
     ]
     rows = {row.group: row for row in by_effect(marks)}
-    one = rows["dead_time"]
+    late = rows["dead_time"]
     assert (2, 1, 1, 1, 0, 1) == (
-        one.of, one.exact, one.by_class, one.wrong, one.missed, one.unexcited
+        late.of, late.exact, late.by_class, late.wrong, late.missed, late.unexcited
     )  # fmt: skip
     assert 1 == rows["lost_motion"].missed
     assert {"routine": 2, "short": 1} == {row.group: row.of for row in by_concealment(marks)}
@@ -207,16 +207,16 @@ def test_heldout_fits_are_medians_over_what_was_hidden() -> None:
         marked(["dead_time"], [], **(fits | {"fit_extended": None})),
         marked([], [], **(fits | {"fit_naive": 99.0})),
     ]
-    found = heldout(marks)
-    assert (1, 40.0, 80.0) == (found.of, found.fit_naive, found.fit_extended)
+    result = heldout(marks)
+    assert (1, 40.0, 80.0) == (result.of, result.fit_naive, result.fit_extended)
     assert heldout(marks[2:]) is None
 
 
 def test_time_is_that_of_records_of_an_hour() -> None:
     """Short records are quick and would flatter."""
     marks = [marked(seconds=1.5), marked(seconds=0.1, samples=900)]
-    found = seconds(marks)
-    assert (1, 1.5, False) == (found.of, found.median, found.reached)
+    result = seconds(marks)
+    assert (1, 1.5, False) == (result.of, result.median, result.reached)
     assert seconds(marks[1:]) is None
 
 
@@ -230,16 +230,18 @@ def test_the_tables_say_what_was_reached_and_what_fell_short(capsys) -> None:
         console.print(table)
     for line in figures_lines(marks):
         console.print(line)
-    said = capsys.readouterr().out
+    out = capsys.readouterr().out
     for words in (">= 94%", "<= 3%", "reached", "short", "zero_shift", "12% of it", "0.50 s a"):
-        assert words in said
+        assert words in out
 
 
 def test_the_json_can_be_counted_again() -> None:
     """Every case is in the file with truth, answer and outcome."""
     marks = [marked(["dead_time"], ["dead_time"]), marked([], ["zero_shift"])]
-    found = as_json(marks, seal([one.truth for one in marks]), 7)
-    assert (7, 2) == (found["seed"], found["cases"])
-    assert ["exact", "false alarm"] == [one["outcome"] for one in found["marks"]]
-    (alarms,) = [one for one in found["rates"] if one["group"] == "nothing hidden, scatter to 8 %"]
+    result = as_json(marks, seal([item.truth for item in marks]), 7)
+    assert (7, 2) == (result["seed"], result["cases"])
+    assert ["exact", "false alarm"] == [item["outcome"] for item in result["marks"]]
+    (alarms,) = [
+        item for item in result["rates"] if item["group"] == "nothing hidden, scatter to 8 %"
+    ]
     assert (1, 1, 1.0) == (alarms["hits"], alarms["of"], alarms["share"])

@@ -39,7 +39,7 @@ def test_the_json_states_what_the_paper_leaves_open(written: dict[str, Any]) -> 
 def test_the_json_holds_every_network_with_the_papers_figures(written: dict[str, Any]) -> None:
     """Six networks, the first two with what the paper published of them."""
     results = written["cases"][0]["results"]
-    assert [one["network"] for one in results] == [
+    assert [item["network"] for item in results] == [
         "paper, feedforward",
         "paper, NARX",
         "ours, fitted start",
@@ -47,18 +47,18 @@ def test_the_json_holds_every_network_with_the_papers_figures(written: dict[str,
         "ours, fitted start, sine only",
         "ours, random start",
     ]
-    published = [one["published"] and one["published"]["rmse"] for one in results]
+    published = [item["published"] and item["published"]["rmse"] for item in results]
     assert published == [0.2336, 0.0869, None, None, None, None]
-    assert {one["inputs"] for network in results for one in network["unseen"]} == {2}
+    assert {item["inputs"] for network in results for item in network["unseen"]} == {2}
 
 
 def test_each_target_says_what_was_found_and_whether_it_is_met(result: CaseResult) -> None:
     """The sine and, for four kinds of input, the median and four in five; numbers from ours."""
-    own = next(one for one in result.results if one.network == OURS)
+    own = next(item for item in result.results if item.network == OURS)
     found = targets(result)
     assert len(found) == 9
     assert found[0].found == own.rmse[own.chosen]
-    assert [target.found for target in found[1::2]] == [one.median for one in own.unseen]
+    assert [target.found for target in found[1::2]] == [item.median for item in own.unseen]
     assert [target.met for target in found] == [target.found <= target.limit for target in found]
 
 

@@ -47,17 +47,17 @@ def test_both_formats_hold_the_same(tmp_path: Path) -> None:
 
 def test_the_truth_stands_beside_it(tmp_path: Path) -> None:
     """Each valve has its truth, and a loop that is used again is marked and no copy."""
-    found = written(tmp_path, "parquet")
+    result = written(tmp_path, "parquet")
     truth = json.loads((tmp_path / "truth.json").read_text("utf-8"))["valves"]
-    assert [(one["tag"], one["distinct"]) for one in truth] == [
+    assert [(item["tag"], item["distinct"]) for item in truth] == [
         ("FV-00001", True),
         ("FV-00002", True),
         ("FV-00003", False),
     ]
     assert truth[0]["S"] == truth[2]["S"]
-    assert not np.array_equal(found["FV-00001"].mv.values, found["FV-00003"].mv.values)
+    assert not np.array_equal(result["FV-00001"].mv.values, result["FV-00003"].mv.values)
     assert np.array_equal(
-        np.sort(found["FV-00001"].op.values), np.sort(found["FV-00003"].op.values)
+        np.sort(result["FV-00001"].op.values), np.sort(result["FV-00003"].op.values)
     )
 
 
@@ -83,9 +83,9 @@ def test_a_loop_that_is_used_again_is_simulated_once(
 
 def test_processes_write_the_same_archive(tmp_path: Path) -> None:
     """Files do not depend on who wrote them."""
-    many = replace(PLAN, valves=22, hours=0.05, distinct=0)
+    changed = replace(PLAN, valves=22, hours=0.05, distinct=0)
     for name, executor in (("one", InProcess()), ("two", LocalProcesses(2))):
-        write_archive(many, tmp_path / name, executor)
+        write_archive(changed, tmp_path / name, executor)
     files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*"))
     assert len(files) == 4
     for file in files:

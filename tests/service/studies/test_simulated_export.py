@@ -168,8 +168,8 @@ def test_the_truth_is_beside_it(exported: ExportedPlant) -> None:
     """truth.json tells S, J and shape of every valve by its tag."""
     truth = json.loads(exported.truth_file.read_text(encoding="utf-8"))
     assert "2026-03-02T07:00:00+00:00" == truth["start"]
-    found = [(v["tag"], v["S"], v["J"], v["shape"]) for v in truth["valves"]]
-    assert [("FIC-101", 4.0, 2.0, "undershoot"), ("TIC-102", 4.0, 2.0, "undershoot")] == found
+    valves = [(v["tag"], v["S"], v["J"], v["shape"]) for v in truth["valves"]]
+    assert [("FIC-101", 4.0, 2.0, "undershoot"), ("TIC-102", 4.0, 2.0, "undershoot")] == valves
 
 
 def test_a_naive_start_is_refused(loops: list[SimulatedLoop], tmp_path: Path) -> None:

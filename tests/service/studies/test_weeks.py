@@ -10,7 +10,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import EffectScore
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
-from stemwatch.models.studies.simulator.hidden.later_windows import windows_of
+from stemwatch.models.studies.simulator.hidden.draws import windows_of
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.weeks import FollowedValve, count_over, follow, size_errors
 
@@ -29,8 +29,8 @@ def valve(hidden, *named, S=4.0):
                 start=at - timedelta(hours=1),
                 named=((slug,),) if slug else (),
                 scores=tuple(
-                    EffectScore(slug=one, mean=0.0, t=0.0, strength=0.0)
-                    for one in ("dead_time", "flow_force", "zero_shift")
+                    EffectScore(slug=item, mean=0.0, t=0.0, strength=0.0)
+                    for item in ("dead_time", "flow_force", "zero_shift")
                 ),
                 S=size,
                 J=size,

@@ -105,7 +105,7 @@ def test_a_valve_is_screened_from_the_store(
     """A run over the plant reads such a valve from the store and comes to the same verdict."""
     drop(folder, "monday.csv", export.read_bytes())
     twice(folder)
-    tasks = [one for one in make_plan(Request(plant=watched)).tasks if one.tags.valve == STICKY]
+    tasks = [task for task in make_plan(Request(plant=watched)).tasks if task.tags.valve == STICKY]
     (found,) = screen_tasks(tasks, watched.limits)
     assert found.verdict is Verdict.STICKY
     assert found.provenance.layout == "samples in the store"
@@ -125,8 +125,8 @@ def test_the_same_bytes_are_taken_once_whatever_their_name(
     before = count(store, folder)
     drop(folder, "a.csv", export.read_bytes())
     twice(folder)
-    done = sorted(path.name for path in (folder.folder / "done").iterdir())
-    assert done == ["a-2.csv", "a-2.csv.why.txt", "a.csv"]
+    in_order = sorted(path.name for path in (folder.folder / "done").iterdir())
+    assert in_order == ["a-2.csv", "a-2.csv.why.txt", "a.csv"]
     assert count(store, folder) == before
     assert len(store.sources.files()) == 1
 
@@ -138,7 +138,7 @@ def test_a_file_that_grows_waits(folder: WatchedFolder, export: Path) -> None:
     assert folder.look() == []
     half.write_bytes(content)
     assert folder.look() == []
-    assert [one.name for one in folder.look()] == ["slow.csv"]
+    assert [item.name for item in folder.look()] == ["slow.csv"]
 
 
 def test_a_fresh_file_rests_first(watched: Plant, store: Store, export: Path) -> None:
@@ -185,7 +185,7 @@ def test_a_rejected_file_may_come_again(
     content = b"Time;OTHER.OP\n2026-03-02 06:00:00;1,5\n2026-03-02 06:00:01;1,6\n"
     for _ in range(2):
         drop(folder, "bad.csv", content)
-        assert [one.accepted for one in twice(folder)] == [False]
+        assert [item.accepted for item in twice(folder)] == [False]
     assert len(list((folder.folder / "rejected").glob("bad*.csv"))) == 2
 
 

@@ -15,9 +15,9 @@ NAMES = {UserRole.VIEWER: "V. Iewer", UserRole.ENGINEER: "E. Ngineer", UserRole.
 
 def user_of(site: Site, role: UserRole = UserRole.ADMIN) -> User:
     """The user of the tests with this role; nobody knows a password of theirs."""
-    found = site.store.accounts.find(NAMES[role])
-    if found is not None:
-        return found
+    result = site.store.accounts.find(NAMES[role])
+    if result is not None:
+        return result
     return site.store.accounts.add(NAMES[role], role, "no hash", added_by="test", now=site.clock())
 
 

@@ -29,8 +29,8 @@ def test_acknowledging_keeps_who_and_why(live, send, client):
     number = str(alert_of(live).id)
     answer = send("/alerts/settle", alert=number, how="acknowledge", text="seen")
     assert answer.status_code == 303
-    found = alert_of(live)
-    assert (found.acknowledged_by, found.comment, found.closed) == (ME, "seen", None)
+    result = alert_of(live)
+    assert (result.acknowledged_by, result.comment, result.closed) == (ME, "seen", None)
     assert "The alert is acknowledged." in client.get(answer.headers["location"]).text
     assert f'id="alert-{number}"' not in client.get("/alerts").text
     assert f'id="alert-{number}"' in client.get("/alerts?state=acknowledged").text
@@ -90,8 +90,8 @@ def test_a_wrong_form_is_refused_with_a_sentence(send, fields, status, said):
 def test_maintenance_is_recorded_in_the_plants_time(live, send, client):
     """What is typed as 14:30 in Berlin in March is 13:30 UTC, and shown as 14:30 again."""
     send("/valve/maintenance", valve=STICKY, text="packing", at="2026-03-02T14:30")
-    found = live.store.maintenance(STICKY)[-1]
-    assert f"{found.at:%H:%M %Z}" == "13:30 UTC"
+    result = live.store.maintenance(STICKY)[-1]
+    assert f"{result.at:%H:%M %Z}" == "13:30 UTC"
     assert "2026-03-02 14:30" in client.get("/valve", params={"id": STICKY}).text
 
 
@@ -113,10 +113,10 @@ def test_a_time_that_is_none_is_refused(live, send, at):
 def test_the_fitted_network_becomes_the_baseline(live, send):
     """The page's button uses the network that was fitted last, with its window and the reason."""
     send("/valve/baseline", valve=STICKY, text="after start-up")
-    found = live.store.baseline(STICKY)
-    assert found.network == b"newer"
-    assert found.reason == f"chosen by {ME}: after start-up"
-    assert found.window[1] == NOW
+    result = live.store.baseline(STICKY)
+    assert result.network == b"newer"
+    assert result.reason == f"chosen by {ME}: after start-up"
+    assert result.window[1] == NOW
 
 
 def test_a_valve_without_a_network_has_no_baseline_to_set(send):

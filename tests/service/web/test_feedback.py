@@ -43,16 +43,16 @@ def sent(client: httpx.Client, valve: str, number: int, judgement: str) -> httpx
 
 def test_label_keeps_what_had_been_said_though_the_valve_is_screened_again(filled: Store) -> None:
     """The label has verdict, effects, S and J of the screening that it is about."""
-    found = replace(named(), finding=Finding.NAMED, p_value=0.001, runs=None)
+    changed = replace(named(), finding=Finding.NAMED, p_value=0.001, runs=None)
     run = filled.begin_run(software_version="1")
-    filled.save(screening(STICKY, at=NOW + timedelta(hours=1), mismatch=found), run)
+    filled.save(screening(STICKY, at=NOW + timedelta(hours=1), mismatch=changed), run)
     number = last(filled, STICKY)
     assert filled.add_feedback(number, NOW, Judgement.RIGHT, "worn cam", "K. Berg") == STICKY
     other = replace(screening(STICKY, at=NOW + timedelta(hours=1)), verdict=Verdict.HEALTHY)
     filled.save(other, filled.begin_run(software_version="2"))
     (label,) = filled.feedback(STICKY)
     assert label.verdict is Verdict.STICKY
-    assert label.effects == tuple(effect.slug for effect in found.effects)
+    assert label.effects == tuple(effect.slug for effect in changed.effects)
     assert label.S is not None
     assert (label.judgement, label.found, label.who) == (Judgement.RIGHT, "worn cam", "K. Berg")
     assert filled.feedback(HEALTHY) == []
@@ -138,7 +138,7 @@ def test_command_counts_and_exports_the_same_labels(filled: Store, tmp_path) -> 
     filled.add_feedback(last(filled, STICKY), NOW, Judgement.RIGHT, "glazed packing", "K. Berg")
     file = tmp_path / "labels.csv"
     asked = ["feedback", "--db", str(filled.address), "--out", str(file)]
-    done = CliRunner().invoke(app, asked, env={"COLUMNS": "250"})
-    assert done.exit_code == 0, done.output
-    assert "1 findings were judged: 1 right, 0 wrong, 0 partly right." in done.output
+    result = CliRunner().invoke(app, asked, env={"COLUMNS": "250"})
+    assert result.exit_code == 0, result.output
+    assert "1 findings were judged: 1 right, 0 wrong, 0 partly right." in result.output
     assert file.read_text(encoding="utf-8") == labels_csv(filled.feedback())

@@ -44,7 +44,7 @@ def plant(tmp_path: Path) -> Plant:
 
 def said(found: list[Check]) -> dict[str, str]:
     """What the parts that do not work say, by name."""
-    return {one.name: one.says for one in found if not one.ok}
+    return {item.name: item.says for item in found if not item.ok}
 
 
 def test_a_service_that_works_is_alive_ready_and_healthy(live: Site, client_of) -> None:
@@ -58,11 +58,11 @@ def test_a_service_that_works_is_alive_ready_and_healthy(live: Site, client_of) 
 
 def test_a_device_that_is_away_is_no_reason_not_to_be_ready(live: Site, client_of) -> None:
     """The others go on: only ``/healthz`` complains of it, and ``/ready`` does not name it."""
-    found = (
+    results = (
         Check(name="collector", ok=True, vital=True),
         Check(name="device plc-1", ok=False, says="no connection"),
     )
-    client = client_of(replace(live, checks=lambda: found))
+    client = client_of(replace(live, checks=lambda: results))
     assert client.get("/ready").status_code == 200
     assert "plc-1" not in client.get("/ready").text
     assert client.get("/healthz").status_code == 503
@@ -70,8 +70,8 @@ def test_a_device_that_is_away_is_no_reason_not_to_be_ready(live: Site, client_o
 
 def test_a_vital_part_that_does_not_work_is_the_reason(live: Site, client_of) -> None:
     """``/ready`` says which part and why; the process is alive nevertheless."""
-    found = (Check(name="scheduler", ok=False, says="looked at 90 s ago", vital=True),)
-    client = client_of(replace(live, checks=lambda: found))
+    results = (Check(name="scheduler", ok=False, says="looked at 90 s ago", vital=True),)
+    client = client_of(replace(live, checks=lambda: results))
     answer = client.get("/ready")
     assert answer.status_code == 503
     assert {"name": "scheduler", "ok": False, "says": "looked at 90 s ago"} in answer.json()[
@@ -107,9 +107,9 @@ def test_the_scheduler_and_the_collector_have_to_speak(store: Store, plant: Plan
     store.sources.note(SourceState(source="plc-1", kind="modbus", updated=old))
     assert set(said(health_checks(store, plant, scheduler))) == {"collector", "device plc-1"}
     store.sources.note(SourceState(source="plc-1", kind="modbus", fault="192.0.2.1 is away"))
-    found = said(health_checks(store, plant, scheduler))
-    assert list(found) == ["device plc-1"]
-    assert "192.0.2.1" not in found["device plc-1"]
+    result = said(health_checks(store, plant, scheduler))
+    assert list(result) == ["device plc-1"]
+    assert "192.0.2.1" not in result["device plc-1"]
 
 
 def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:

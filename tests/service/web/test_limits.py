@@ -134,13 +134,13 @@ def test_half_a_header_is_waited_for_only_so_long(address, monkeypatch) -> None:
     with talking(address, "GET / HTTP/1.1\r\nHost: 127") as link:
         began = time.monotonic()
         link.settimeout(0.1)
-        found = b""
-        while not found and time.monotonic() - began < PATIENCE_S:
+        result = b""
+        while not result and time.monotonic() - began < PATIENCE_S:
             try:
-                found = link.recv(100)
+                result = link.recv(100)
             except TimeoutError:
                 link.sendall(b".")
-        assert found.startswith(b"HTTP/1.1 408 ")
+        assert result.startswith(b"HTTP/1.1 408 ")
 
 
 def test_nothing_at_all_is_waited_for_only_so_long(address, monkeypatch) -> None:
@@ -217,8 +217,10 @@ def test_pages_are_answered_however_many_wait_with_half_a_header(live, monkeypat
                 assert status_of(asking) == 200
         for link in idle[:80]:
             assert status_of(link) in (503, 0)
-        said = [message for message in caplog.messages if "the most that pages may have" in message]
-        assert len(said) <= 2  # the filter belongs to the process, and a minute may end here
+        sentences = [
+            message for message in caplog.messages if "the most that pages may have" in message
+        ]
+        assert len(sentences) <= 2  # the filter belongs to the process, and a minute may end here
 
 
 def test_where_all_connections_are_worked_on_one_more_is_refused(monkeypatch) -> None:
@@ -262,7 +264,7 @@ def test_a_line_that_strangers_can_cause_is_said_rarely_and_counted() -> None:
         return logging.LogRecord("x", logging.WARNING, "x.py", 1, text, values, None)
 
     assert filter_.filter(record("%d open", 1))
-    assert not any(filter_.filter(record("%d open", one)) for one in range(5))
+    assert not any(filter_.filter(record("%d open", item)) for item in range(5))
     assert filter_.filter(record("something else"))
     now[0] = 61.0
     last = record("%d open", 9)

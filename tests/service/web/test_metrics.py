@@ -88,47 +88,47 @@ def value(values: Values, name: str, **labels: str) -> float:
 def test_the_numbers_are_those_of_the_store(site: Site) -> None:
     """Devices, runs, verdicts, alerts and messages, each as the store has them."""
     site.store.deliveries.put({"log": {"subject": "s"}}, "k", [])
-    found = read(site)
+    recording = read(site)
     device = {"device": 'plc "1"'}
-    assert value(found, "database_up") == 1
-    assert value(found, "samples_total", **device, quality="good") == 250
-    assert value(found, "samples_total", **device, quality="bad") == 50
-    assert value(found, "device_last_good_age_seconds", **device) == 7
-    assert value(found, "device_lateness_p99_seconds", **device) == 0.05
-    assert value(found, "samples_dropped_total") == 3
-    assert value(found, "runs_total", outcome="done") == 6
-    assert value(found, "runs_total", outcome="failed") == 0
-    assert value(found, "queue_runs", state="running") == 1
-    assert value(found, "queue_valves") == 1
-    assert value(found, "valves_set_aside_total") == 1
-    assert value(found, "valves", verdict="sticky") == 1
-    assert value(found, "valves", verdict="watch") == 2
-    assert value(found, "valves", verdict="none") == 0
-    assert value(found, "last_run_valve_seconds", stat="mean") == pytest.approx(0.4)
-    assert value(found, "alerts_open", kind="sticky", severity="high") == 1
-    assert value(found, "alerts_open", kind="no_data", severity="high") == 0
-    assert value(found, "deliveries", notifier="log", state="waiting") == 1
+    assert value(recording, "database_up") == 1
+    assert value(recording, "samples_total", **device, quality="good") == 250
+    assert value(recording, "samples_total", **device, quality="bad") == 50
+    assert value(recording, "device_last_good_age_seconds", **device) == 7
+    assert value(recording, "device_lateness_p99_seconds", **device) == 0.05
+    assert value(recording, "samples_dropped_total") == 3
+    assert value(recording, "runs_total", outcome="done") == 6
+    assert value(recording, "runs_total", outcome="failed") == 0
+    assert value(recording, "queue_runs", state="running") == 1
+    assert value(recording, "queue_valves") == 1
+    assert value(recording, "valves_set_aside_total") == 1
+    assert value(recording, "valves", verdict="sticky") == 1
+    assert value(recording, "valves", verdict="watch") == 2
+    assert value(recording, "valves", verdict="none") == 0
+    assert value(recording, "last_run_valve_seconds", stat="mean") == pytest.approx(0.4)
+    assert value(recording, "alerts_open", kind="sticky", severity="high") == 1
+    assert value(recording, "alerts_open", kind="no_data", severity="high") == 0
+    assert value(recording, "deliveries", notifier="log", state="waiting") == 1
 
 
 def test_vital_parts_are_told(site: Site) -> None:
     """What ``/ready`` asks is a metric; a device has its own."""
-    found = (Check(name="scheduler", ok=False, says="x", vital=True), Check(name="d", ok=False))
-    values = read(replace(site, checks=lambda: found))
+    results = (Check(name="scheduler", ok=False, says="x", vital=True), Check(name="d", ok=False))
+    values = read(replace(site, checks=lambda: results))
     assert value(values, "part_up", part="scheduler") == 0
     assert ("stemwatch_part_up", frozenset({("part", "d")})) not in values
 
 
 def test_no_valve_and_no_tag_is_a_label(site: Site) -> None:
     """The number of series does not grow with the plant, and sources of old are no series."""
-    found = read(site)
-    words = {word for _, labels in found for _, word in labels}
+    recording = read(site)
+    words = {word for _, labels in recording for _, word in labels}
     assert not words & {STICKY, WATCH, HEALTHY, HOSTILE, "A", "gone"}
-    keys = {key for _, labels in found for key, _ in labels}
+    keys = {key for _, labels in recording for key, _ in labels}
     assert keys <= {
         "device", "quality", "outcome", "state", "stat", "verdict", "kind", "severity",
         "notifier", "part", "version",
     }  # fmt: skip
-    assert len(found) < 150
+    assert len(recording) < 150
 
 
 def test_without_the_database_the_rest_is_told(site: Site, tmp_path: Path) -> None:
@@ -140,11 +140,11 @@ def test_without_the_database_the_rest_is_told(site: Site, tmp_path: Path) -> No
     site.store.close()
     (tmp_path / "filled.db").rename(tmp_path / "away.db")
     (tmp_path / "filled.db").mkdir()
-    found = read(site)
-    assert value(found, "database_up") == 0
-    assert value(found, "spool_age_seconds") == 90
-    assert value(found, "spool_bytes") > 100
-    assert ("stemwatch_queue_valves", frozenset()) not in found
+    recording = read(site)
+    assert value(recording, "database_up") == 0
+    assert value(recording, "spool_age_seconds") == 90
+    assert value(recording, "spool_bytes") > 100
+    assert ("stemwatch_queue_valves", frozenset()) not in recording
 
 
 def batch(at_s: float) -> SampleBatch:

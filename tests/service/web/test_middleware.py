@@ -10,7 +10,7 @@ from importlib.resources import files
 import pytest
 
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.web.pages.settings_page import shown
+from stemwatch.service.web.pages.settings_page import shown_keys
 from stemwatch.service.web.site import Check, Site
 from tests.service.web.example_plant import HOSTILE, STICKY
 
@@ -39,7 +39,7 @@ def test_no_page_holds_a_script_or_names_another_machine(client, path):
     assert set(scripts) == {""}
     assert not re.search(r"<[^>]+\son\w+\s*=", text)
     loaded = re.findall(r"""(?:src|href|action)=["']([^"']+)""", text)
-    assert [one for one in loaded if re.match(r"(?:\w+:)?//", one)] == []
+    assert [item for item in loaded if re.match(r"(?:\w+:)?//", item)] == []
 
 
 @pytest.mark.parametrize(
@@ -195,12 +195,12 @@ def test_what_could_be_a_secret_is_masked_wherever_it_stands():
         "registers": [{"tag": f"T{k}"} for k in range(9)],
         "to": ["a@plant.org"],
     }
-    found = dict(shown(given))
-    assert "geheim" not in str(found).lower()
-    assert found["url"] == "https://hooks.example/***"
-    assert found["link.target"] == "10.1.2.3"
-    assert found["registers"] == "9 entries"
-    assert found["to"] == "a@plant.org"
+    result = dict(shown_keys(given))
+    assert "geheim" not in str(result).lower()
+    assert result["url"] == "https://hooks.example/***"
+    assert result["link.target"] == "10.1.2.3"
+    assert result["registers"] == "9 entries"
+    assert result["to"] == "a@plant.org"
 
 
 def test_no_template_marks_a_text_as_safe():

@@ -84,10 +84,10 @@ def fit_network(
     is the number of weights; the weights are ``values``. Raises ``ValueError``
     where ``train_until`` is not within the recording.
     """
-    began = time.perf_counter()
+    started = time.perf_counter()
     element = element or fit_model(CANONICAL, recording, train_until)
     if not element.concluded:
-        return _refused(network, element.outcome, began)
+        return _refused(network, element.outcome, started)
     problem = make_problem(recording)
     runs = cut(problem, train_until)
     learned = network.learn(
@@ -101,7 +101,7 @@ def fit_network(
         )
     )
     if learned.weights is None or learned.simulated is None:
-        return _refused(network, learned.outcome, began)
+        return _refused(network, learned.outcome, started)
     training, heldout = score_run(recording, learned.simulated, train_until)
     return ModelFit(
         model=network.name,
@@ -110,14 +110,14 @@ def fit_network(
         simulated=learned.simulated,
         training=training,
         heldout=heldout,
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - started,
         outcome=_outcome(learned, training),
     )
 
 
-def _refused(network: Network, reason: str, began: float) -> ModelFit:
+def _refused(network: Network, reason: str, started: float) -> ModelFit:
     unknown = {"weights": Estimate.unknown(reason)}
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - started
     return ModelFit(model=network.name, parameters=unknown, seconds=seconds, outcome=reason)
 
 

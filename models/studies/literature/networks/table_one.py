@@ -88,9 +88,9 @@ class TableOne:
 def _runs(lesson: Lesson) -> list[Bools]:
     """(n,) samples of each training stretch that may be learned from."""
     index = np.arange(lesson.learned.size)
-    inside = partial(np.logical_and, lesson.learned)
+    within_learned = partial(np.logical_and, lesson.learned)
     return [
-        inside((index >= first) & (index < last))
+        within_learned((index >= first) & (index < last))
         for first, last in lesson.stretches
         if first < lesson.train_until
     ]

@@ -85,9 +85,11 @@ def segments(u: Floats, y: Floats, runs: list[Bools], horizon: int) -> Segments:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], run.astype(np.int8), [0]])))
         for first, last in edges.reshape(-1, 2).tolist():
             starts += range(first, last - length + 1, horizon)
-    most = max(MOST_SAMPLES // horizon, 1)
-    if len(starts) > most:
-        starts = [starts[k] for k in np.linspace(0, len(starts) - 1, most).round().astype(int)]
+    most_segments = max(MOST_SAMPLES // horizon, 1)
+    if len(starts) > most_segments:
+        starts = [
+            starts[k] for k in np.linspace(0, len(starts) - 1, most_segments).round().astype(int)
+        ]
     index = np.array(starts, dtype=np.intp)[None, :] + np.arange(length)[:, None]
     return Segments(u=torch.from_numpy(u[index]), y=torch.from_numpy(y[index]))
 

@@ -84,8 +84,8 @@ def run_bristle(
     spring does not, as far as they can: a start from rest.
     """
     x, v = 0.01 * y0 * stroke_m, 0.0
-    most = c[2] / c[6]
-    z = min(max((c[9] + c[10] * op[0] - c[1] * x) / c[6], -most), most)
+    most_deflection = c[2] / c[6]
+    z = min(max((c[9] + c[10] * op[0] - c[1] * x) / c[6], -most_deflection), most_deflection)
     h = 0.1 * interval_s
     out[0] = y0
     for k in range(1, op.size):

@@ -69,12 +69,12 @@ def _rests_for(x: float, f0: float, rate: float, c: Floats) -> float:
     down = -net > c[2] and x > c[7]
     if up or down:
         return 0.0
-    wait = np.inf
+    wait_s = np.inf
     if rate > 0.0 and x < c[8]:
-        wait = (c[2] - net) / rate
+        wait_s = (c[2] - net) / rate
     elif rate < 0.0 and x > c[7]:
-        wait = (c[2] + net) / -rate
-    return float(max(wait, 0.0))
+        wait_s = (c[2] + net) / -rate
+    return float(max(wait_s, 0.0))
 
 
 @njit(cache=True)

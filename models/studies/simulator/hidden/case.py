@@ -61,17 +61,17 @@ def _excitation(case: HiddenCase, name: str, run: SimulatedLoop) -> float:
     The commands that the valve received are simulated with and without the effect, without scatter:
     a breakaway drawn differently would make the two runs differ for another reason.
     """
-    without = case.plain
+    other_loop = case.plain
     for other in case.hidden:
         if other != name:
-            without = with_effect(without, other, case.sizes)
+            other_loop = with_effect(other_loop, other, case.sizes)
     if name in RECORD:
-        other_run = simulate_loop(without, case.seed)
-        ours, others = run.recording.mv, other_run.recording.mv
-        assert ours is not None
+        other_run = simulate_loop(other_loop, case.seed)
+        true_mv, others = run.recording.mv, other_run.recording.mv
+        assert true_mv is not None
         assert others is not None
-        return _rms(ours.values - others.values)
-    pair = [_replayed(loop, run.output, case.seed) for loop in (case.loop, without)]
+        return _rms(true_mv.values - others.values)
+    pair = [_replayed(loop, run.output, case.seed) for loop in (case.loop, other_loop)]
     return _rms(pair[0] - pair[1])
 
 

@@ -32,8 +32,8 @@ def effect_named(name: str) -> HiddenEffect:
     """
     effect = EFFECTS.get(name) or UNKNOWN.get(name)
     if effect is None:
-        known = ", ".join([*EFFECTS, *UNKNOWN])
-        raise KeyError(f"no effect {name!r} can be hidden; there are {known}")
+        known_names = ", ".join([*EFFECTS, *UNKNOWN])
+        raise KeyError(f"no effect {name!r} can be hidden; there are {known_names}")
     return effect
 
 
@@ -44,5 +44,7 @@ def go_together(first: str, second: str) -> bool:
 
 def with_effect(loop: PlantLoop, name: str, sizes: Mapping[str, float]) -> PlantLoop:
     """``loop`` with effect ``name``; ``sizes`` holds those of all effects as ``name.size``."""
-    own = {key.split(".", 1)[1]: x for key, x in sizes.items() if key.split(".", 1)[0] == name}
-    return effect_named(name).apply(loop, own)
+    sizes_of_effect = {
+        key.split(".", 1)[1]: x for key, x in sizes.items() if key.split(".", 1)[0] == name
+    }
+    return effect_named(name).apply(loop, sizes_of_effect)

@@ -24,8 +24,8 @@ _MOST_J_OF_S = 0.95
 
 def _skew(rng: np.random.Generator, loop: PlantLoop) -> Sizes:
     valve = loop.valve
-    most = min(_MOST_J_OF_S * valve.S / valve.J - 1.0, 0.8) if valve.J > 0.0 else 0.8
-    J_skew = either_sign(rng, min(0.35, most), most)
+    most_skew = min(_MOST_J_OF_S * valve.S / valve.J - 1.0, 0.8) if valve.J > 0.0 else 0.8
+    J_skew = either_sign(rng, min(0.35, most_skew), most_skew)
     # Half of the skewed packings have a skewed width too, which no recording tells from a zero.
     S_skew = float(rng.uniform(-0.2, 0.2)) if rng.random() < 0.5 else 0.0
     return {"J_skew": J_skew, "S_skew": S_skew}

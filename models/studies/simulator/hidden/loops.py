@@ -46,57 +46,61 @@ def draw_manual(duration_s: float, warmup_s: float, rng: np.random.Generator) ->
     """OP by hand through random moves between 8 and 92 %, all kinds in turn, to the end."""
     knots = [(-warmup_s, _START), (10.0, _START)]
     moves = (_ramp, _staircase, _step, _slow_ramp)
-    place = int(rng.integers(len(moves)))
+    move_index = int(rng.integers(len(moves)))
     while knots[-1][0] < duration_s:
-        knots += moves[place % len(moves)](knots[-1], rng)
-        place += 1
+        knots += moves[move_index % len(moves)](knots[-1], rng)
+        move_index += 1
     return ManualSpan(start_s=-warmup_s, stop_s=duration_s + 60.0, knots=tuple(knots))
 
 
-def _elsewhere(here: float, rng: np.random.Generator, least: float, most: float) -> float:
-    """An opening ``least`` to ``most`` percent away, three times in four towards 50 %."""
-    way = float(rng.uniform(least, most))
-    up = here < 50.0 if rng.random() < 0.75 else here >= 50.0
-    return float(np.clip(here + (way if up else -way), _LOW, _HIGH))
+def _elsewhere(level: float, rng: np.random.Generator, least: float, most_change: float) -> float:
+    """An opening ``least`` to ``most_change`` percent away, three times in four towards 50 %."""
+    change = float(rng.uniform(least, most_change))
+    up = level < 50.0 if rng.random() < 0.75 else level >= 50.0
+    return float(np.clip(level + (change if up else -change), _LOW, _HIGH))
 
 
 def _ramp(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
     """There and part of the way back, at 0.3 to 2 %/s."""
-    time, here = last
+    time, level = last
     rate = log_uniform(rng, 0.3, 2.0)
-    there = _elsewhere(here, rng, 20.0, 60.0)
-    back = there + 0.6 * (here - there)
-    first = time + abs(there - here) / rate
-    second = first + abs(back - there) / rate
-    return [(first, there), (second, back), (second + float(rng.uniform(5.0, 40.0)), back)]
+    target = _elsewhere(level, rng, 20.0, 60.0)
+    halfway_back = target + 0.6 * (level - target)
+    first = time + abs(target - level) / rate
+    second = first + abs(halfway_back - target) / rate
+    return [
+        (first, target),
+        (second, halfway_back),
+        (second + float(rng.uniform(5.0, 40.0)), halfway_back),
+    ]
 
 
 def _slow_ramp(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
     """One way at 0.05 to 0.25 %/s, for at most five minutes."""
-    time, here = last
+    time, level = last
     rate = log_uniform(rng, 0.05, 0.25)
-    there = _elsewhere(here, rng, 10.0, 300.0 * rate + 10.0)
-    return [(time + abs(there - here) / rate, there)]
+    target = _elsewhere(level, rng, 10.0, 300.0 * rate + 10.0)
+    return [(time + abs(target - level) / rate, target)]
 
 
 def _staircase(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
     """Three to eight steps of 2 to 8 % in one direction, each held 5 to 60 s."""
-    time, here = last
-    sign = 1.0 if here < 50.0 else -1.0
+    time, level = last
+    sign = 1.0 if level < 50.0 else -1.0
     stairs = []
     for _ in range(int(rng.integers(3, 9))):
-        here = float(np.clip(here + sign * rng.uniform(2.0, 8.0), _LOW, _HIGH))
-        stairs.append((time + _STEP_S, here))
+        level = float(np.clip(level + sign * rng.uniform(2.0, 8.0), _LOW, _HIGH))
+        stairs.append((time + _STEP_S, level))
         time += _STEP_S + log_uniform(rng, 5.0, 60.0)
-        stairs.append((time, here))
+        stairs.append((time, level))
     return stairs
 
 
 def _step(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[float, float]]:
     """One step of 10 to 45 %, held 20 to 120 s."""
-    time, here = last
-    there = _elsewhere(here, rng, 10.0, 45.0)
-    return [(time + _STEP_S, there), (time + _STEP_S + float(rng.uniform(20.0, 120.0)), there)]
+    time, level = last
+    target = _elsewhere(level, rng, 10.0, 45.0)
+    return [(time + _STEP_S, target), (time + _STEP_S + float(rng.uniform(20.0, 120.0)), target)]
 
 
 # Taken in turn. "positioner" is drawn only where it is asked for.
@@ -163,9 +167,9 @@ def _some_valve(
 ) -> SimulatedValve:
     S = float(rng.uniform(2.0, 8.0))
     J = S * float(rng.uniform(0.15, 0.7))
-    usual = 0.05 if rng.random() < 0.7 else float(rng.uniform(0.05, 0.12))
+    scatter_share = 0.05 if rng.random() < 0.7 else float(rng.uniform(0.05, 0.12))
     if concealment == "scatter":
-        usual = HIGH_SCATTER
+        scatter_share = HIGH_SCATTER
     actuator = replace(
         draw_actuator(rng, (0.05, 0.4), 0.3),
         stribeck_percent_per_s=float(rng.uniform(*_STRIBECK_PERCENT_PER_S)),
@@ -176,7 +180,7 @@ def _some_valve(
     return SimulatedValve(
         S=S,
         J=J,
-        scatter=usual if scatter is None else scatter,
+        scatter=scatter_share if scatter is None else scatter,
         positioner_gain=gain if concealment == POSITIONER else 0.0,
         actuator=actuator,
         packing=PackingDefects(presliding_percent=gives),
@@ -195,8 +199,8 @@ def _some_loads(process: Process, rng: np.random.Generator, concealment: str) ->
     loads = coloured_load(process, rng, size)
     if not process.integrating or concealment == "quiet":
         return loads
-    height, every = float(rng.uniform(6.0, 10.0)), float(rng.uniform(180.0, 400.0))
-    return (*loads, Load(kind=LoadKind.STEPS, size=height, time_s=every))
+    height, period_s = float(rng.uniform(6.0, 10.0)), float(rng.uniform(180.0, 400.0))
+    return (*loads, Load(kind=LoadKind.STEPS, size=height, time_s=period_s))
 
 
 def _concealed(loop: PlantLoop, concealment: str, rng: np.random.Generator) -> PlantLoop:

@@ -57,21 +57,21 @@ def _freeze(rng: np.random.Generator, loop: PlantLoop) -> Sizes:
     count = int(rng.integers(1, 4))
     share = float(rng.uniform(0.2, 0.5)) / count
     sizes = {}
-    for place in range(count):
-        start = (place + float(rng.uniform(0.05, 0.95 - share * count))) / count
-        sizes[f"start_{place}_s"] = start * loop.duration_s
-        sizes[f"stop_{place}_s"] = min(start + share, 1.0) * loop.duration_s
+    for index in range(count):
+        start = (index + float(rng.uniform(0.05, 0.95 - share * count))) / count
+        sizes[f"start_{index}_s"] = start * loop.duration_s
+        sizes[f"stop_{index}_s"] = min(start + share, 1.0) * loop.duration_s
     return sizes
 
 
 def _frozen(loop: PlantLoop, sizes: Mapping[str, float]) -> PlantLoop:
     spans = tuple(
         Span(
-            start_s=sizes[f"start_{place}_s"],
-            stop_s=sizes[f"stop_{place}_s"],
+            start_s=sizes[f"start_{index}_s"],
+            stop_s=sizes[f"stop_{index}_s"],
             role=Role.MV,
         )
-        for place in range(len(sizes) // 2)
+        for index in range(len(sizes) // 2)
     )
     return with_archive(loop, frozen=spans)
 

@@ -84,9 +84,9 @@ def test_intervals_hold_the_truth(recorded, command):
         record = recorded(CANONICAL, command, seed=seed, noise=0.2, S=4.0123, J=1.5071)
         fit = fit_model(CANONICAL, record, TRAIN)
         for name, true in (("S", 4.0123), ("J", 1.5071)):
-            found = fit.parameters[name]
-            inside += found.low <= true <= found.high
-            assert found.high - found.low < 0.5
+            parameter = fit.parameters[name]
+            inside += parameter.low <= true <= parameter.high
+            assert parameter.high - parameter.low < 0.5
     assert inside >= 17
 
 
@@ -192,7 +192,7 @@ def test_a_record_that_cannot_be_fitted_is_a_result(recorded, command, name, cha
     fit = fit_model(BY_NAME[name], record, min(TRAIN, len(record)))
     assert not fit.concluded
     assert words in fit.outcome
-    assert all(words in str(found) for found in fit.parameters.values())
+    assert all(words in str(parameter) for parameter in fit.parameters.values())
     assert fit.simulated is None
 
 
@@ -236,11 +236,11 @@ def test_marks_are_those_of_their_formulas():
     """RMSE, fit percent and directional change on a record small enough for a pencil."""
     mv = np.tile([0.0, 1.0, 1.0, 0.0], 10)
     simulated = np.tile([0.0, 1.0, 1.0, 1.0], 10)
-    found = score(simulated, mv, np.ones(40, dtype=bool), 0.1)
-    assert found.rmse == pytest.approx(0.5)
-    assert found.fit_percent == pytest.approx(0.0)
+    scored_result = score(simulated, mv, np.ones(40, dtype=bool), 0.1)
+    assert scored_result.rmse == pytest.approx(0.5)
+    assert scored_result.fit_percent == pytest.approx(0.0)
     # Steps of MV: up, stay, down, stay; of the simulation: up, stay, stay, down.
-    assert found.direction_percent == pytest.approx(100.0 * 20 / 39)
+    assert scored_result.direction_percent == pytest.approx(100.0 * 20 / 39)
 
 
 def test_a_mark_needs_samples_that_move():

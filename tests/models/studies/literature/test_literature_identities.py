@@ -165,9 +165,9 @@ def test_he_with_a_factor_of_one_is_he(signals, name, S, J):
 def test_stenman_is_he_without_sliding_friction(signals, name, d):
     """I6: and the canonical element with S = J = d that always sticks again."""
     op = signals[name]
-    found = run(STENMAN, op, d)
-    np.testing.assert_allclose(found, run(HE2, op, d, 0.0), atol=1e-9)
-    np.testing.assert_allclose(found, element(op, d, d, op[0], restick=np.inf), atol=1e-9)
+    process = run(STENMAN, op, d)
+    np.testing.assert_allclose(process, run(HE2, op, d, 0.0), atol=1e-9)
+    np.testing.assert_allclose(process, element(op, d, d, op[0], restick=np.inf), atol=1e-9)
 
 
 @everywhere
@@ -246,8 +246,8 @@ def test_levels_that_differ_by_direction_are_a_shifted_command(signals, name, sh
     so that no asymmetric S can show them."""
     op = signals[name]
     expected = _by_direction(op, *levels(5.0123, 2.0071), shift, op[0] - shift)
-    found = run(KANO, op - shift, 5.0123, 2.0071)
-    np.testing.assert_allclose(found, expected, atol=1e-9)
+    process = run(KANO, op - shift, 5.0123, 2.0071)
+    np.testing.assert_allclose(process, expected, atol=1e-9)
 
 
 def _by_direction(op, fs, fd, shift, y0):
@@ -268,8 +268,8 @@ def test_play_behind_the_element_takes_from_the_jump(signals, width):
     op = signals["triangle"]
     S, J = 5.0, 2.0
     q = (S, J - width) if width < J else (S + width - J, 0.0)
-    found = play(run(CANONICAL, op, S, J), width, float(op[0]))
-    np.testing.assert_allclose(found[400:], run(CANONICAL, op, *q)[400:], atol=1e-9)
+    result = play(run(CANONICAL, op, S, J), width, float(op[0]))
+    np.testing.assert_allclose(result[400:], run(CANONICAL, op, *q)[400:], atol=1e-9)
 
 
 @everywhere

@@ -130,8 +130,10 @@ def test_too_few_whole_pieces_are_a_sentence():
     """Holes everywhere leave nothing to train on."""
     u = np.sin(np.arange(400) / 9.0)
     run = np.arange(400) % 2 == 0
-    told = training.train(Shape.DEADBAND, u, u, [run], recurrent=True)
-    assert told == "too few samples without a hole to train on and to watch; take a longer window"
+    trained = training.train(Shape.DEADBAND, u, u, [run], recurrent=True)
+    assert (
+        trained == "too few samples without a hole to train on and to watch; take a longer window"
+    )
 
 
 def test_a_long_record_is_thinned():

@@ -144,18 +144,18 @@ def fixed_step_lugre(op, interval_s, valve, y0, step_s=2e-5):
 def test_karnopp_is_the_fixed_step_integration(valve):
     """The adaptive integration and one of 0.1 ms steps give the same stem within 0.05 %."""
     op = zigzag(60.0, 0.5)
-    found = run(karnopp(valve), op, 0.5)
+    process = run(karnopp(valve), op, 0.5)
     expected = fixed_step_karnopp(op, 0.5, valve, float(op[0]))
-    assert np.max(np.abs(found - expected)) < 0.05
+    assert np.max(np.abs(process - expected)) < 0.05
 
 
 def test_lugre_is_the_fixed_step_integration():
     """The adaptive integration and one of 0.02 ms steps give the same stem within 0.05 %."""
     valve = on_bench(SET_B)
     op = zigzag(16.0, 0.5, period_s=6.0)
-    found = run(lugre(valve), op, 0.5)
+    process = run(lugre(valve), op, 0.5)
     expected = fixed_step_lugre(op, 0.5, valve, float(op[0]))
-    assert np.max(np.abs(found - expected)) < 0.05
+    assert np.max(np.abs(process - expected)) < 0.05
 
 
 @pytest.mark.parametrize("make", [classical, karnopp, lugre, dahl])

@@ -64,6 +64,6 @@ def test_compiled_derivatives_are_those_of_the_equations(kind: tuple, horizon: i
     step, weights = network(kind)
     flat, cut = torch.from_numpy(weights), record(horizon)
     expected = normal_matrix(plain(step), flat, cut)
-    found = normal_matrix(step, flat, cut)
+    matrix = normal_matrix(step, flat, cut)
     assert float(expected.abs().max()) > 0.0
-    torch.testing.assert_close(found, expected, rtol=0, atol=1e-9 * float(expected.abs().max()))
+    torch.testing.assert_close(matrix, expected, rtol=0, atol=1e-9 * float(expected.abs().max()))

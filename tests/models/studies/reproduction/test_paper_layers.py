@@ -42,8 +42,8 @@ FUNCTION = {
 @pytest.mark.parametrize("shape", Shape)
 def test_transfer_functions_are_those_of_table_1(shape: Shape) -> None:
     """Each layer of each network has the transfer function the paper gives it."""
-    found = {"feedforward": FEEDFORWARD[shape], "narx": NARX[shape]}
-    assert {name: ", ".join(layers) for name, layers in found.items()} == {
+    results = {"feedforward": FEEDFORWARD[shape], "narx": NARX[shape]}
+    assert {name: ", ".join(layers) for name, layers in results.items()} == {
         name: column[shape] for name, column in TABLE_1.items()
     }
 
@@ -56,8 +56,13 @@ def test_each_network_has_three_layers_and_the_lags_that_are_stated() -> None:
     assert SIZES == (10, 10, 1)
     assert static.shapes == ((10, 2), (10, 11), (1, 11))
     assert recurrent.shapes == ((10, 5), (10, 11), (1, 11))
-    assert [LAGS[at] for at in FEEDFORWARD_INPUTS] == ["u(t)"]
-    assert [LAGS[at] for at in NARX_INPUTS] == ["u(t-1)", "u(t-2)", "y(t-1)", "y(t-2)"]
+    assert [LAGS[feedforward_input] for feedforward_input in FEEDFORWARD_INPUTS] == ["u(t)"]
+    assert [LAGS[narx_input] for narx_input in NARX_INPUTS] == [
+        "u(t-1)",
+        "u(t-2)",
+        "y(t-1)",
+        "y(t-2)",
+    ]
 
 
 @pytest.mark.parametrize("shape", Shape)

@@ -45,8 +45,8 @@ def trained(case: PaperCase) -> tuple[Trained, int]:
     u = training_input()
     y = case.respond(u)
     with one_thread():
-        found = train_from_fitted(u, y, fit_S_J(u, y), SEEDS)
-        return found, int(np.argmin(run_errors(found.step, found.weights, u, y)))
+        result = train_from_fitted(u, y, fit_S_J(u, y), SEEDS)
+        return result, int(np.argmin(run_errors(result.step, result.weights, u, y)))
 
 
 def errors_on(case: PaperCase, inputs: list[Floats]) -> Floats:
@@ -108,11 +108,11 @@ def test_the_sine_alone_does_not_tell_the_breakaway_level() -> None:
     case = CASES[2]
     u, y = sine_of(case)
     with one_thread():
-        found = train_from_fitted(u, y, fit_S_J(u, y), 1)
+        result = train_from_fitted(u, y, fit_S_J(u, y), 1)
     inputs = unseen("other sines", EACH)
     truths = [case.respond(v) for v in inputs]
-    on_others = rmse(simulate(found.step, found.weights, inputs, truths)[0], np.stack(truths))
-    assert rmse(simulate(found.step, found.weights, [u], [y])[0, 0], y) < 1e-4
+    on_others = rmse(simulate(result.step, result.weights, inputs, truths)[0], np.stack(truths))
+    assert rmse(simulate(result.step, result.weights, [u], [y])[0, 0], y) < 1e-4
     assert np.median(on_others) > 0.01
 
 

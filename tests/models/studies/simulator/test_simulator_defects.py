@@ -191,7 +191,7 @@ def test_a_flow_force_shifts_the_stem_at_both_ends_of_the_stroke() -> None:
 def test_play_and_errors_are_between_stem_and_reading_only() -> None:
     """Play, drift and a bowed linkage leave stem and OP to the bit; the reading has them."""
     seen = Transmitters(position_noise=0.0, position_play=1.0)
-    plain = simulate_loop(_played(_FREE, _RAMP), seed=0)
+    simulated = simulate_loop(_played(_FREE, _RAMP), seed=0)
     loose = simulate_loop(_played(_FREE, _RAMP, seen=seen), seed=0)
     drifting = simulate_loop(
         _played(_FREE, _RAMP, seen=replace(seen, position_play=0.0, position_drift=2.0)), seed=0
@@ -199,7 +199,7 @@ def test_play_and_errors_are_between_stem_and_reading_only() -> None:
     bowed = replace(seen, position_play=0.0, position_bow=1.5)
     bent = simulate_loop(_played(_FREE, _RAMP, seen=bowed), seed=0)
     for run in (loose, drifting, bent):
-        np.testing.assert_array_equal(plain.stem, run.stem)
+        np.testing.assert_array_equal(simulated.stem, run.stem)
     lost = loose.stem - loose.reading
     assert pytest.approx([0.5, -0.5], abs=1e-6) == [lost[_at(90.0)], lost[_at(190.0)]]
     gained = drifting.reading - drifting.stem
@@ -256,9 +256,11 @@ def test_an_export_of_raw_values_has_only_what_was_kept() -> None:
         )
         for door in doors
     )
-    kept = raw.recording.mv.usable
-    assert 0.02 < kept.mean() < 0.5
-    np.testing.assert_array_equal(filled.recording.mv.values[kept], raw.recording.mv.values[kept])
+    usable = raw.recording.mv.usable
+    assert 0.02 < usable.mean() < 0.5
+    np.testing.assert_array_equal(
+        filled.recording.mv.values[usable], raw.recording.mv.values[usable]
+    )
 
 
 def test_pushes_and_binding_come_and_go() -> None:

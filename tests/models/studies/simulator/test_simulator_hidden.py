@@ -215,8 +215,8 @@ def test_a_zero_shift_moves_the_reading_by_itself() -> None:
 @pytest.mark.long
 def test_most_of_the_routine_records_show_what_is_hidden() -> None:
     """Of ten routine minutes for each effect of the catalogue, nearly all are excited."""
-    found = [simulate_hidden(_short(draw_effect(slug, 1, 4)[0]))[0] for slug in EFFECTS]
-    assert np.mean([case.excited for case in found]) > 0.8
+    matching = [simulate_hidden(_short(draw_effect(slug, 1, 4)[0]))[0] for slug in EFFECTS]
+    assert np.mean([case.excited for case in matching]) > 0.8
 
 
 @pytest.mark.parametrize("concealment", [*CONCEALMENTS, "positioner"])

@@ -86,8 +86,8 @@ def test_compiled_and_plain_kernel_agree(loop: PlantLoop, monkeypatch: pytest.Mo
     for name in _COMPILED:
         monkeypatch.setattr(kernel, name, getattr(kernel, name).py_func)
     monkeypatch.setattr(simulate, "run_loop", run_loop.py_func)
-    plain = simulate_loop(loop, seed=3)
-    np.testing.assert_allclose(plain.stem, compiled.stem, rtol=0.0, atol=1e-9)
+    simulated = simulate_loop(loop, seed=3)
+    np.testing.assert_allclose(simulated.stem, compiled.stem, rtol=0.0, atol=1e-9)
     assert np.ptp(compiled.stem) > 1.0
 
 

@@ -134,7 +134,7 @@ def test_manual_is_bumpless() -> None:
     run = simulate_loop(replace(_FLOW, setpoints=(), manual=(span,), duration_s=400.0), seed=1)
     op, mode = run.recording.op.values, run.recording.signals[Role.MODE].values
     assert pytest.approx(56.0, abs=0.1) == op[111]
-    assert [1.0, 0.0, 0.0, 1.0] == [mode[place] for place in (99, 100, 199, 200)]
+    assert [1.0, 0.0, 0.0, 1.0] == [mode[index] for index in (99, 100, 199, 200)]
     assert abs(op[203] - op[199]) < 1.0
     assert "manual" in run.truth.effects
 
@@ -170,14 +170,14 @@ def test_exception_reporting_holds_and_the_door_stays_within_its_width() -> None
     moving = replace(
         _FLOW, valve=SimulatedValve(), loads=(Load(kind=LoadKind.COLOURED, size=2.0, time_s=20.0),)
     )
-    plain = simulate_loop(moving, seed=2).recording.op.values
+    values = simulate_loop(moving, seed=2).recording.op.values
     thinned = {}
     for kind in CompressionKind:
         archive = SimulatedArchive(
             compression=(Compression(role=Role.OP, kind=kind, deviation=0.5),)
         )
         thinned[kind] = simulate_loop(replace(moving, archive=archive), seed=2).recording.op.values
-        assert np.max(np.abs(thinned[kind] - plain)) <= 0.5 + 1e-9
+        assert np.max(np.abs(thinned[kind] - values)) <= 0.5 + 1e-9
     steps = np.diff(thinned[CompressionKind.EXCEPTION])
     assert np.mean(steps == 0.0) > 0.5
     bends = np.abs(np.diff(thinned[CompressionKind.SWINGING_DOOR], n=2))

@@ -44,13 +44,13 @@ def _slips(op: Floats, stem: Floats) -> list[tuple[float, float]]:
     moved = stem[width:] - stem[:-width]
     fast = np.abs(moved) > 5.0 * _RATE * 0.5
     starts = np.flatnonzero(fast[1:] & ~fast[:-1]) + 1
-    found = []
+    matching = []
     for start in starts:
         place = start + width  # the window first sees the slip in its last sample
         after = min(place + 2 * width, stem.size - 1)
         height = stem[after] - stem[place - 2]
-        found.append((float(op[place - 1]), float(height - np.sign(height) * _RATE * 1.0)))
-    return found
+        matching.append((float(op[place - 1]), float(height - np.sign(height) * _RATE * 1.0)))
+    return matching
 
 
 @pytest.mark.parametrize(("S", "J"), [(5.0, 2.0), (8.0, 6.0), (4.0, 4.0), (3.0, 3.9)])

@@ -42,7 +42,7 @@ def without_seconds(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: without_seconds(one) for key, one in value.items() if key != "seconds"}
     if isinstance(value, list):
-        return [without_seconds(one) for one in value]
+        return [without_seconds(item) for item in value]
     if isinstance(value, str) and value.startswith("{"):
         return without_seconds(json.loads(value))
     return value
@@ -81,8 +81,8 @@ def test_one_site_on_two_engines_gives_one_report(
 
 def results_of(url: str) -> dict[str, list[dict[str, object]]]:
     """Screenings and indicators in a database, without times of day and durations."""
-    found = rows_of(url)
-    return {name: without_seconds(found[name]) for name in ("valves", "screenings", "indicators")}
+    result = rows_of(url)
+    return {name: without_seconds(result[name]) for name in ("valves", "screenings", "indicators")}
 
 
 def test_a_report_is_compared_with_its_numbers() -> None:
@@ -96,7 +96,7 @@ def test_copy_says_what_came_and_no_password(
 ) -> None:
     """Rows of each table are shown; the password of neither URL is."""
     lite, server = new_database("sqlite"), new_database("postgresql")
-    with database_at(lite, "0009"):
+    with database_at(lite, "0010"):
         pass
     monkeypatch.setenv("STEMWATCH_STORAGE_URL", lite)
     monkeypatch.setenv("STEMWATCH_COPY_TO", server)
@@ -113,7 +113,7 @@ def test_copy_says_what_came_and_no_password(
 def test_a_backup_crosses_over(stemwatch, new_database: NewDatabase, tmp_path: Path) -> None:
     """A site in PostgreSQL is backed up and restored into a file, with the same rows."""
     server, lite, file = new_database("postgresql"), new_database("sqlite"), tmp_path / "b.zip"
-    with database_at(server, "0009"):
+    with database_at(server, "0010"):
         pass
     assert stemwatch("db", "backup", file, "--db", server).status == 0
     assert stemwatch("db", "restore", file, "--db", lite).status == 0
@@ -125,7 +125,7 @@ def test_check_tells_a_sound_database_from_a_broken_one(
 ) -> None:
     """Orphans, numbers that are taken, and missing views are problems, each with what to do."""
     url = new_database("postgresql")
-    with database_at(url, "0009"):
+    with database_at(url, "0010"):
         pass
     sound = stemwatch("db", "check", "--db", url)
     assert sound.status == 0, sound.said
@@ -148,7 +148,7 @@ def test_check_tells_a_sound_database_from_a_broken_one(
 def test_check_speaks_of_partitions(new_database: NewDatabase) -> None:
     """How many days there are, strays, and a day that is not made yet."""
     url = new_database("postgresql")
-    with database_at(url, "0009", rows=False), open_store(url) as store:
+    with database_at(url, "0010", rows=False), open_store(url) as store:
         store.samples.prepare_days()
     now = datetime.now(UTC)
     health = checking.check(DatabaseUrl(url), now)

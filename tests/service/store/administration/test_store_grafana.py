@@ -18,7 +18,7 @@ from tests.service.web.example_plant import NOW, SOURCE, STICKY, WATCH, fill, wr
 GRAFANA = Path(__file__).parents[4] / "deploy" / "grafana"
 DASHBOARD = json.loads((GRAFANA / "dashboards" / "stemwatch.json").read_text("utf-8"))
 PANELS = {panel["title"] + f" ({panel['type']})": panel for panel in DASHBOARD["panels"]}
-VARIABLES = {one["name"]: one for one in DASHBOARD["templating"]["list"]}
+VARIABLES = {item["name"]: item for item in DASHBOARD["templating"]["list"]}
 CHOSEN: dict[str, list[str]] = {
     "area": ["Area 100", "Area 200"],
     "valve": [STICKY, WATCH],
@@ -35,7 +35,7 @@ def expand(sql: str) -> str:
     for name, values in CHOSEN.items():
         quoted = ",".join("'" + value.replace("'", "''") + "'" for value in values)
         sql = sql.replace(f"${{{name}:sqlstring}}", quoted)
-    first, last = (f"'{one:%Y-%m-%dT%H:%M:%SZ}'" for one in (FROM, TO))
+    first, last = (f"'{item:%Y-%m-%dT%H:%M:%SZ}'" for item in (FROM, TO))
     sql = re.sub(r"\$__timeFilter\(([\w.]+)\)", rf"\1 BETWEEN {first} AND {last}", sql)
     sql = re.sub(
         r"\$__timeGroupAlias\(([\w.]+), *'1d'\)",
@@ -79,7 +79,7 @@ def _statements() -> list[str]:
     lines = (GRAFANA / "reader.sql").read_text("utf-8").splitlines()
     sql = "\n".join(line for line in lines if not line.startswith("--"))
     sql = sql.replace(":'password'", "'geheim'")
-    return [one for one in sql.split(";") if one.strip()]
+    return [item for item in sql.split(";") if item.strip()]
 
 
 @pytest.fixture
@@ -92,8 +92,8 @@ def reader(plant_url: str) -> Iterator[Connection]:
 
 
 def rows_of(reader: Connection, sql: str) -> tuple[list[str], list[dict[str, Any]]]:
-    found = reader.exec_driver_sql(expand(sql).replace("%", "%%"))
-    return list(found.keys()), [dict(row) for row in found.mappings()]
+    result = reader.exec_driver_sql(expand(sql).replace("%", "%%"))
+    return list(result.keys()), [dict(row) for row in result.mappings()]
 
 
 @pytest.mark.parametrize("title", PANELS)
@@ -140,7 +140,7 @@ def test_the_annotations_find_runs(reader: Connection) -> None:
 def test_every_query_asks_only_the_views() -> None:
     """Tables may change; the dashboard must not notice."""
     queries = [panel["targets"][0]["rawSql"] for panel in PANELS.values()]
-    queries += [one["query"] for one in VARIABLES.values()]
+    queries += [variable["query"] for variable in VARIABLES.values()]
     asked = {name for sql in queries for name in re.findall(r"\b(?:FROM|JOIN) +([a-z_0-9]+)", sql)}
     assert {name for name in asked if not re.fullmatch(r"stemwatch_[a-z]+_v1", name)} == set()
 

@@ -25,8 +25,8 @@ TABLES = set(metadata.tables)
 
 
 def tables(engine: Engine) -> set[str]:
-    found = set(inspect(engine).get_table_names()) - {"alembic_version"}
-    return {name for name in found if not is_partition(name)}
+    results = set(inspect(engine).get_table_names()) - {"alembic_version"}
+    return {name for name in results if not is_partition(name)}
 
 
 def test_migrations_and_models_agree(store_url: str) -> None:
@@ -114,7 +114,7 @@ def test_a_newer_schema_is_refused(store: Store, store_url: str) -> None:
         connection.execute(text("UPDATE alembic_version SET version_num = '9999'"))
     engine.dispose()
     with pytest.raises(
-        StoreError, match=r"newer stemwatch \(schema 9999; .* up to 0009\)\. Install the newer"
+        StoreError, match=r"newer stemwatch \(schema 9999; .* up to 0010\)\. Install the newer"
     ):
         open_store(store_url)
 

@@ -29,7 +29,9 @@ def test_a_database_of_an_older_version_opens(store_url: str, revision: str) -> 
         pass
     with open_store(store_url) as store:
         assert [valve.id for valve in store.valves()] == ["FIC-101", "FIC-1ü2"]
-        (latest,) = [kept for valve in store.valves() for kept in store.screenings(valve.id, 1)]
+        (latest,) = [
+            screening for valve in store.valves() for screening in store.screenings(valve.id, 1)
+        ]
         assert latest.verdict is Verdict.HEALTHY
         assert latest.provenance.decisions == ("comma", "ü")
         assert store.run(1).counts == {Verdict.STICKY: 1}
@@ -70,9 +72,9 @@ def test_down_and_up_again_keeps_what_the_older_schema_holds(store_url: str) -> 
 def test_each_table_of_the_newest_schema_has_rows(store_url: str) -> None:
     """The rows that these tests rely on are there: two in each table."""
     with database_at(store_url, NEWEST) as engine:
-        found = contents(engine)
-    assert {2} == {len(next(iter(columns.values()))) for columns in found.values()}
-    assert len(found) > 15
+        result = contents(engine)
+    assert {2} == {len(next(iter(columns.values()))) for columns in result.values()}
+    assert len(result) > 15
 
 
 def test_taking_the_schema_back_refuses_what_is_none(store_url: str) -> None:

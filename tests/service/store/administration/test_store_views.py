@@ -42,12 +42,12 @@ def test_the_columns_of_version_1_never_change(store: Store) -> None:
     """Names and order of every column, as the first release of the views had them."""
     with store.transactions.reading() as session:
         inspector = inspect(session.connection())
-        found = {
+        results = {
             name: " ".join(column["name"] for column in inspector.get_columns(name))
             for name in inspector.get_view_names()
             if name.startswith("stemwatch_")
         }
-    assert found == COLUMNS
+    assert results == COLUMNS
     assert tuple(COLUMNS) == NAMES
 
 
@@ -99,7 +99,7 @@ def test_a_sample_is_shown_with_its_instant_and_its_reason(
     new_database: Callable[[str], str], engine: str, shown: str
 ) -> None:
     """Microseconds become a time in the form that the database's other times have."""
-    with database_at(new_database(engine), "0009") as made, made.connect() as connection:
+    with database_at(new_database(engine), "0010") as made, made.connect() as connection:
         if engine == "postgresql":
             connection.execute(text("SET TIME ZONE 'UTC'"))
         rows = connection.execute(

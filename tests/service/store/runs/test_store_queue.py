@@ -88,8 +88,8 @@ def test_planning_again_gives_what_is_left(store: Store) -> None:
     store.queue.mark(run, "A", ValveState.SET_ASIDE, "a second time changes nothing")
     store.queue.mark(run, "C", ValveState.SET_ASIDE, "no result after 5 s")
     assert store.queue.plan(run, ["A", "B", "C"]) == ["B"]
-    found = store.run(run)
-    assert (found.total, found.done, found.set_aside) == (3, 2, 1)
+    process = store.run(run)
+    assert (process.total, process.done, process.set_aside) == (3, 2, 1)
     assert store.queue.set_aside(run) == [("C", "no result after 5 s")]
     assert store.queue.valves_done(run) == ["A"]
 
@@ -125,9 +125,9 @@ def test_the_end_counts_verdicts(store: Store, make_screening) -> None:
     store.queue.claim("w")
     screening: Screening = make_screening()
     store.save(screening, run_id)
-    done = store.queue.finish(run_id, RunState.DONE, report="reports/run-1")
-    assert dict(done.counts) == {screening.verdict: 1}
-    assert (done.state, done.report) == (RunState.DONE, "reports/run-1")
+    result = store.queue.finish(run_id, RunState.DONE, report="reports/run-1")
+    assert dict(result.counts) == {screening.verdict: 1}
+    assert (result.state, result.report) == (RunState.DONE, "reports/run-1")
     assert store.queue.going() == []
 
 
@@ -156,10 +156,10 @@ def test_schedules_of_the_file_follow_the_file(store: Store) -> None:
     store.schedules.note("daily", DUE, DUE)
     store.schedules.note("h", DUE, DUE)
     store.schedules.take_from_file([daily, ScreeningSchedule(name="h", every_s=1800.0)])
-    kept = {one.schedule.name: one for one in store.schedules.all()}
+    kept = {schedule.schedule.name: schedule for schedule in store.schedules.all()}
     assert (kept["daily"].last_due, kept["h"].last_due) == (DUE, None)
     store.schedules.take_from_file([daily])
-    assert [kept.schedule.name for kept in store.schedules.all()] == ["daily"]
+    assert [schedule.schedule.name for schedule in store.schedules.all()] == ["daily"]
 
 
 def test_a_run_whose_process_was_killed_is_taken_over_at_once(store: Store, monkeypatch) -> None:

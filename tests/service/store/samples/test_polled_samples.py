@@ -41,8 +41,8 @@ async def poll_into(store: Store, behaviour: Behaviour, polls: int) -> None:
         link = tcp(served.port, timeout_s=5.0)
         poller = DevicePoller(device(link, *registers, every_s=0.1), store.samples.write)
         await poller.start()
-        for place in range(polls):
-            store.samples.write(await poller.poll(microseconds(START + place * EVERY)))
+        for index in range(polls):
+            store.samples.write(await poller.poll(microseconds(START + index * EVERY)))
         await poller.stop()
 
 

@@ -102,7 +102,7 @@ def test_days_over_age_are_dropped_whole(site: Store) -> None:
     site.samples.write(batch(LONG_AGO, *old, NOW))
     assert site.samples.remove_before(NOW - 3 * DAY, whole_days=True) == 2
     assert site.samples.read("plc", "OP").at_us.tolist() == sorted(
-        microseconds(one) for one in (*old[1:], NOW)
+        microseconds(item) for item in (*old[1:], NOW)
     )
     assert partitions.day_of(NOW - 5 * DAY) not in days_of(site)
     assert site.samples.remove_before(NOW - 3 * DAY) == 1

@@ -52,8 +52,8 @@ def test_a_batch_that_comes_again_changes_nothing(store: Store) -> None:
     """After a crash between storing and noting it a batch comes twice; the first one stays."""
     store.samples.write(batch("OP", [0, 1, 2], [10, 11, 12]))
     store.samples.write(batch("OP", [1, 2, 3], [99, 99, 13]))
-    found = store.samples.read("plc", "OP")
-    assert found.values.tolist() == [10, 11, 12, 13]
+    samples = store.samples.read("plc", "OP")
+    assert samples.values.tolist() == [10, 11, 12, 13]
     assert store.samples.read("plc", "OP").at_us.size == 4
 
 
@@ -64,9 +64,9 @@ def test_a_sample_whose_time_came_twice_makes_the_first_one_bad(store: Store) ->
     again = batch("OP", [1, 3], [np.nan, 13], quality=[Quality.MISSING, 0], reason=CAME_TWICE)
     for _ in range(2):
         store.samples.write(again)
-        found = store.samples.read("plc", "OP")
-        assert found.quality.tolist() == [0, Quality.MISSING, 0, 0]
-        assert np.array_equal(found.values, [10, np.nan, 12, 13], equal_nan=True)
+        samples = store.samples.read("plc", "OP")
+        assert samples.quality.tolist() == [0, Quality.MISSING, 0, 0]
+        assert np.array_equal(samples.values, [10, np.nan, 12, 13], equal_nan=True)
         assert store.samples.reasons("plc", "OP") == {CAME_TWICE: 1}
 
 
@@ -74,16 +74,16 @@ def test_the_same_tag_of_two_sources_is_two(store: Store) -> None:
     """Tags are known by source and name."""
     store.samples.write(batch("OP", [0], [1.0], source="a"))
     store.samples.write(batch("OP", [0], [2.0], source="b"))
-    assert [store.samples.read(one, "OP").values.tolist() for one in "ab"] == [[1.0], [2.0]]
+    assert [store.samples.read(item, "OP").values.tolist() for item in "ab"] == [[1.0], [2.0]]
 
 
 def test_bad_samples_keep_their_reason(store: Store) -> None:
     """A bad sample has no value, a quality, and a sentence that can be counted."""
     store.samples.write(batch("OP", [0, 1], [np.nan, 5.0], quality=[2, 0], reason="timed out"))
     store.samples.write(batch("OP", [2], [np.nan], quality=[2], reason="timed out"))
-    found = store.samples.read("plc", "OP")
-    assert found.quality.tolist() == [2, 0, 2]
-    assert np.isnan(found.values[[0, 2]]).all()
+    samples = store.samples.read("plc", "OP")
+    assert samples.quality.tolist() == [2, 0, 2]
+    assert np.isnan(samples.values[[0, 2]]).all()
     assert store.samples.reasons("plc", "OP") == {"timed out": 2}
 
 
@@ -91,8 +91,8 @@ def test_a_window_is_half_open(store: Store) -> None:
     """The start belongs to a window, the stop does not."""
     store.samples.write(batch("OP", [0, 1, 2, 3], [0, 1, 2, 3]))
     second = timedelta(seconds=1)
-    found = store.samples.read("plc", "OP", START + second, START + 3 * second)
-    assert found.values.tolist() == [1, 2]
+    samples = store.samples.read("plc", "OP", START + second, START + 3 * second)
+    assert samples.values.tolist() == [1, 2]
     assert store.samples.bounds("plc", "OP") == (START, START + 3 * second)
     assert store.samples.bounds("plc", "no such tag") is None
 
@@ -126,10 +126,10 @@ def test_any_tag_and_any_number(store: Store, tag: str, numbers: list[float]) ->
     """Every finite number comes back bit for bit, whatever the tag is called."""
     source = f"s{abs(hash((tag, tuple(numbers))))}"
     store.samples.write(batch(tag, range(len(numbers)), numbers, source=source))
-    found = store.samples.read(source, tag).values
+    values = store.samples.read(source, tag).values
     expected = np.asarray(numbers)
     expected[~np.isfinite(expected)] = np.nan
-    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(values, expected)
 
 
 def test_a_recording_from_the_store(store: Store) -> None:
@@ -139,13 +139,13 @@ def test_a_recording_from_the_store(store: Store) -> None:
     store.samples.write(batch("MV", range(30), np.full(30, 12.0)))
     source = StoredSamples(store.samples, "plc")
     assert isinstance(source, Connector)
-    found = source.read(TAGS, Window(start=START + timedelta(seconds=2)))
-    assert (found.interval_s, found.start) == (1.0, START + timedelta(seconds=2))
-    assert len(found) == 28
-    assert np.flatnonzero(found.op.quality == Quality.MISSING).tolist() == [8, 9]
-    np.testing.assert_allclose(found.mv.values, 50.0)
-    assert found.mv.unit == "%"
-    assert "source plc" in found.provenance.source
+    recording = source.read(TAGS, Window(start=START + timedelta(seconds=2)))
+    assert (recording.interval_s, recording.start) == (1.0, START + timedelta(seconds=2))
+    assert len(recording) == 28
+    assert np.flatnonzero(recording.op.quality == Quality.MISSING).tolist() == [8, 9]
+    np.testing.assert_allclose(recording.mv.values, 50.0)
+    assert recording.mv.unit == "%"
+    assert "source plc" in recording.provenance.source
 
 
 def test_what_is_not_there_is_said(store: Store) -> None:

@@ -24,16 +24,16 @@ SCORES = (EffectScore(slug=SLUG, mean=0.71, t=9.3, strength=4.2),)
 
 def nothing_left() -> Mismatch:
     """A mismatch in which nothing was named."""
-    return next(one for one in of_every_kind() if one.finding is Finding.NONE)
+    return next(item for item in of_every_kind() if item.finding is Finding.NONE)
 
 
 def on_day(day: float, mismatch: Mismatch, valve: str = "FIC-1", changed: str = "") -> Screening:
     """Ten minutes of a valve, ``day`` days after the first."""
-    made = screening(valve, Verdict.HEALTHY, samples=60)
-    assert made.recording is not None
-    recording = replace(made.recording, start=BEGAN + day * DAY)
+    result = screening(valve, Verdict.HEALTHY, samples=60)
+    assert result.recording is not None
+    recording = replace(result.recording, start=BEGAN + day * DAY)
     found = replace(mismatch, scores=SCORES)
-    return replace(made, mismatch=found, recording=recording, changed=changed)
+    return replace(result, mismatch=found, recording=recording, changed=changed)
 
 
 def save(store: Store, *screenings: Screening) -> None:
@@ -54,9 +54,9 @@ def test_each_window_comes_back_with_what_it_named_and_scored(store: Store) -> N
     assert first.S is not None
     assert first.S.value == pytest.approx(found.restated.S.value)
     assert first.start == BEGAN
-    kept = store.screenings("FIC-1", 1)[0].mismatch
-    assert kept is not None
-    assert kept.scores == ()
+    mismatch = store.screenings("FIC-1", 1)[0].mismatch
+    assert mismatch is not None
+    assert mismatch.scores == ()
 
 
 def test_valves_on_which_nothing_was_named_have_no_evidence_to_read(store: Store) -> None:
@@ -67,13 +67,13 @@ def test_valves_on_which_nothing_was_named_have_no_evidence_to_read(store: Store
 
 def test_work_on_the_valve_begins_anew(store: Store) -> None:
     """What two windows agreed on before describes the valve before the work."""
-    found = named()
-    save(store, *[on_day(day, found) for day in range(3)])
+    selection = named()
+    save(store, *[on_day(day, selection) for day in range(3)])
     finding = store.evidence(["FIC-1"])["FIC-1"].findings[0]
     assert finding.state is FindingState.STANDING
     store.record_maintenance("FIC-1", BEGAN + 2.5 * DAY, "exhaust cleared", "")
     assert store.evidence(["FIC-1"]) == {}
-    save(store, on_day(3, found))
+    save(store, on_day(3, selection))
     after = store.evidence(["FIC-1"])["FIC-1"].findings[0]
     assert after.state is FindingState.FIRST_SEEN
     assert after.first_seen.date() == (BEGAN + 3 * DAY).date()
@@ -82,9 +82,9 @@ def test_work_on_the_valve_begins_anew(store: Store) -> None:
 def test_a_change_that_the_screening_names_is_kept(store: Store) -> None:
     """A curve from OP to stroke that changed: the windows before are of another valve."""
     save(store, on_day(0, named()), on_day(1, named(), changed="The curve is another one."))
-    told = store.evidence(["FIC-1"])["FIC-1"]
-    assert [window.begins_anew for window in told.windows] == ["The curve is another one."]
-    assert told.findings[0].first_seen > BEGAN + DAY
+    result = store.evidence(["FIC-1"])["FIC-1"]
+    assert [window.begins_anew for window in result.windows] == ["The curve is another one."]
+    assert result.findings[0].first_seen > BEGAN + DAY
 
 
 def test_months_ago_is_not_read(store: Store) -> None:
@@ -99,9 +99,9 @@ def test_a_row_of_an_older_version_says_what_it_named(store: Store) -> None:
     save(store, on_day(0, named()), on_day(1, named()))
     with store.transactions.writing("the test") as session:
         session.execute(text("UPDATE screenings SET evidence = NULL"))
-    told = store.evidence(["FIC-1"])["FIC-1"]
-    assert [window.scores for window in told.windows] == [(), ()]
-    assert SLUG in {finding.slug for finding in told.confirmed}
+    result = store.evidence(["FIC-1"])["FIC-1"]
+    assert [window.scores for window in result.windows] == [(), ()]
+    assert SLUG in {finding.slug for finding in result.confirmed}
 
 
 def test_a_window_that_could_not_be_tested_is_no_evidence(store: Store) -> None:

@@ -82,8 +82,8 @@ def test_what_belongs_to_the_machine_counts_nowhere_as_a_defect(
     has no such key, and all its effects count."""
     run, machine = store.begin_run(software_version="1"), replace(EFFECT, inherent=True)
     mismatch = replace(MISMATCH, effects=(machine,))
-    made = replace(make_screening(mismatch=mismatch), verdict=Verdict.HEALTHY)
-    store.save(made, run)
+    changed = replace(make_screening(mismatch=mismatch), verdict=Verdict.HEALTHY)
+    store.save(changed, run)
 
     def said() -> list[str]:
         (line,) = store.ranking(RankingFilter()).lines

@@ -23,11 +23,11 @@ RISING = (0.46, 1.27, 2.60, 2.94)
 
 def of_week(week: int, S: float) -> Screening:
     """An hour of a valve, with an interval far wider than a week's step."""
-    made = screening("FIC-1", Verdict.STICKY, samples=60)
-    assert made.recording is not None
-    recording = replace(made.recording, start=BEGAN + timedelta(weeks=week))
+    result = screening("FIC-1", Verdict.STICKY, samples=60)
+    assert result.recording is not None
+    recording = replace(result.recording, start=BEGAN + timedelta(weeks=week))
     estimate = Estimate(value=S, low=S - 2.0, high=S + 2.0, unit="%")
-    return replace(made, S=estimate, recording=recording)
+    return replace(result, S=estimate, recording=recording)
 
 
 def saved(store: Store, sizes: tuple[float, ...]) -> Screening:
@@ -61,10 +61,10 @@ def test_work_begins_a_new_trend(store: Store) -> None:
 def test_many_runs_a_day_are_one_point(store: Store) -> None:
     """An hourly plant has no trend after a day."""
     for hour in range(6):
-        made = of_week(0, 1.0 + hour)
-        assert made.recording is not None
-        at = replace(made.recording, start=BEGAN + timedelta(hours=hour))
-        store.save(replace(made, recording=at), store.begin_run(software_version="1"))
+        result = of_week(0, 1.0 + hour)
+        assert result.recording is not None
+        changed = replace(result.recording, start=BEGAN + timedelta(hours=hour))
+        store.save(replace(result, recording=changed), store.begin_run(software_version="1"))
     assert store.trends(["FIC-1", "FIC-2"], Limits()) == {}
 
 

@@ -83,8 +83,12 @@ def api(request, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
 
 def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
     """The names below are those of the description, none more and none less."""
-    found = [one.ok() for one in api.schema.get_all_operations() if isinstance(one, Ok)]
-    described = {f"{one.method.upper()} {one.path}" for one in found}
+    get_all_operations = [
+        get_all_operation.ok()
+        for get_all_operation in api.schema.get_all_operations()
+        if isinstance(get_all_operation, Ok)
+    ]
+    described = {f"{item.method.upper()} {item.path}" for item in get_all_operations}
     assert described == {*OPERATIONS, *OTHERS}
 
 
@@ -93,14 +97,14 @@ def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
 def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: UserRole) -> None:
     """No failure, no undescribed status, no field of another shape; and whoever lacks the right
     is refused whatever is sent."""
-    found = api.ask(name, api.bearers[role])
+    answer = api.ask(name, api.bearers[role])
     allowed = CurrentUser(name="", role=role, signed_in_by="").may(ROUTE_OPERATIONS[name])
-    assert (found == {403}) is not allowed
+    assert (answer == {403}) is not allowed
 
 
 @pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
 def test_without_credentials_no_operation_gives_anything(api: Api, name: str) -> None:
     """401 to whatever is sent, as described; only the supervisors' questions are answered."""
     for headers in ({}, {"authorization": "Bearer stw_" + "x" * 43}):
-        found = api.ask(name, headers)
-        assert found == ({200} if ROUTE_OPERATIONS[name] is Operation.OPEN else {401})
+        answer = api.ask(name, headers)
+        assert answer == ({200} if ROUTE_OPERATIONS[name] is Operation.OPEN else {401})

@@ -55,10 +55,10 @@ def drawn(store, tag, length_s, points):
 def test_few_samples_are_drawn_as_they_are(store):
     """Below the number of points every sample is a point at its own instant."""
     tag = keep(store, range(100), np.arange(100.0))
-    found = drawn(store, tag, 100, 200)
-    assert found.bucket_s == 0.0
-    np.testing.assert_array_equal(found.values, np.arange(100.0))
-    np.testing.assert_allclose(found.at_s - START.timestamp(), np.arange(100))
+    result = drawn(store, tag, 100, 200)
+    assert result.bucket_s == 0.0
+    np.testing.assert_array_equal(result.values, np.arange(100.0))
+    np.testing.assert_allclose(result.at_s - START.timestamp(), np.arange(100))
 
 
 def spike_is_kept(store) -> None:
@@ -66,11 +66,11 @@ def spike_is_kept(store) -> None:
     values = np.zeros(20_000)
     values[12_345] = 7.0
     tag = keep(store, range(20_000), values)
-    found = drawn(store, tag, 20_000, 400)
-    assert found.at_s.size <= 402
-    assert np.nanmax(found.values) == 7.0
-    at = found.at_s[np.nanargmax(found.values)] - START.timestamp()
-    assert abs(at - 12_345) <= found.bucket_s
+    result = drawn(store, tag, 20_000, 400)
+    assert result.at_s.size <= 402
+    assert np.nanmax(result.values) == 7.0
+    at = result.at_s[np.nanargmax(result.values)] - START.timestamp()
+    assert abs(at - 12_345) <= result.bucket_s
 
 
 def test_thinning_keeps_a_single_spike(store):
@@ -97,9 +97,9 @@ def test_thinned_extremes_are_those_of_the_samples(tmp_path_factory, values, poi
     path = tmp_path_factory.mktemp("thin") / "store.db"
     with open_store(f"sqlite:///{path}") as store:
         tag = keep(store, range(len(values)), values)
-        found = drawn(store, tag, len(values), points)
-    assert np.nanmin(found.values) == min(values)
-    assert np.nanmax(found.values) == max(values)
+        result = drawn(store, tag, len(values), points)
+    assert np.nanmin(result.values) == min(values)
+    assert np.nanmax(result.values) == max(values)
 
 
 @pytest.mark.parametrize("points", [5000, 100])
@@ -107,11 +107,11 @@ def test_no_line_is_drawn_over_a_hole(store, points):
     """Ten minutes without samples break the line, thinned or not."""
     at = [*range(1000), *range(1600, 2600)]
     tag = keep(store, at, np.ones(len(at)))
-    found = drawn(store, tag, 2600, points)
-    since = found.at_s - START.timestamp()
+    result = drawn(store, tag, 2600, points)
+    since = result.at_s - START.timestamp()
     inside = (since > 1000) & (since < 1600)
-    assert np.isnan(found.values[inside]).any()
-    assert not np.isfinite(found.values[inside & (since > 1060) & (since < 1540)]).any()
+    assert np.isnan(result.values[inside]).any()
+    assert not np.isfinite(result.values[inside & (since > 1060) & (since < 1540)]).any()
 
 
 def test_bad_samples_are_no_points_and_are_counted_with_their_reasons(store):
@@ -121,8 +121,8 @@ def test_bad_samples_are_no_points_and_are_counted_with_their_reasons(store):
     reasons = ["no answer within 1 s" if bad else "" for bad in quality]
     values = np.where(quality > 0, np.nan, 1.0)
     tag = keep(store, range(100), values, quality, reasons)
-    found = drawn(store, tag, 100, 1000)
-    assert np.isnan(found.values[40:50]).all()
+    result = drawn(store, tag, 100, 1000)
+    assert np.isnan(result.values[40:50]).all()
     bad = store.samples.bad(SOURCE, tag, START, START + timedelta(seconds=100))
     assert (bad.samples, bad.bad, bad.reasons) == (100, 10, (("no answer within 1 s", 10),))
 
@@ -135,26 +135,26 @@ def test_jitter_is_no_hole():
 
 def signals(site, hours=1.0):
     """The sticky valve's signals up to ``NOW``."""
-    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=hours), stop=NOW)
-    return signals_of(site, asked)
+    signal_window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=hours), stop=NOW)
+    return signals_of(site, signal_window)
 
 
 def test_the_position_is_shown_in_percent(live):
     """4 to 20 mA become percent by the range in the plant file, and the bounds are known."""
-    found = signals(live)
-    assert [(trace.role, trace.unit) for trace in found.traces] == [("op", "%"), ("mv", "%")]
-    mv = [value for value in found.traces[1].values if value is not None]
+    result = signals(live)
+    assert [(trace.role, trace.unit) for trace in result.traces] == [("op", "%"), ("mv", "%")]
+    mv = [value for value in result.traces[1].values if value is not None]
     assert 40 < min(mv) < max(mv) < 60
-    assert found.last_s == NOW.timestamp() - 1
-    assert found.says == ""
+    assert result.last_s == NOW.timestamp() - 1
+    assert result.says == ""
 
 
 def test_an_empty_window_says_so(live):
     """A year ago there was nothing, and a sentence says it."""
-    asked = SignalWindow(
+    signal_window = SignalWindow(
         valve=STICKY, start=START - timedelta(days=400), stop=START - timedelta(days=399)
     )
-    assert "no samples" in signals_of(live, asked).says
+    assert "no samples" in signals_of(live, signal_window).says
 
 
 def test_without_a_plant_file_the_page_says_why_there_are_no_signals(filled):
@@ -169,8 +169,10 @@ def test_a_source_that_cannot_be_read_says_why(live):
         raise ConnectorError("exports/a.csv: not there; export the tags again")
 
     site = Site(store=live.store, plant=live.plant, read=read)
-    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
-    assert loop_of(site, asked, {}).says == "exports/a.csv: not there; export the tags again"
+    signal_window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    assert (
+        loop_of(site, signal_window, {}).says == "exports/a.csv: not there; export the tags again"
+    )
 
 
 def missed(loop) -> float:
@@ -182,15 +184,15 @@ def missed(loop) -> float:
 def test_the_fitted_loop_lies_on_the_recorded_one(live):
     """With the S and J that made the samples, the model's run is the recording, jumps and all."""
     numbers = {"S_percent": S_MADE, "J_percent": J_MADE}
-    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
-    assert missed(loop_of(live, asked, numbers)) < 0.1
-    assert missed(loop_of(live, asked, numbers | {"S_percent": 8.0})) > 0.5
+    signal_window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    assert missed(loop_of(live, signal_window, numbers)) < 0.1
+    assert missed(loop_of(live, signal_window, numbers | {"S_percent": 8.0})) > 0.5
 
 
 def test_without_S_there_is_no_fitted_loop(live):
     """A model that was not fitted is not drawn."""
-    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
-    assert [trace.role for trace in loop_of(live, asked, {}).traces] == ["recorded"]
+    signal_window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    assert [trace.role for trace in loop_of(live, signal_window, {}).traces] == ["recorded"]
 
 
 def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
@@ -217,11 +219,13 @@ def test_the_fitted_loop_goes_through_the_curve_from_op_to_stroke(live):
         return replace(recording, signals={**recording.signals, Role.OP: half})
 
     site = Site(store=live.store, plant=live.plant, read=split)
-    asked = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
-    S, J = (Estimate(value=one / 2.0, unit="%") for one in (S_MADE, J_MADE))
-    found = replace(screening_of(live.store.screenings(STICKY, 1)[0]), S=S, J=J, stroke_curve=curve)
+    signal_window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW)
+    S, J = (Estimate(value=item / 2.0, unit="%") for item in (S_MADE, J_MADE))
+    changed = replace(
+        screening_of(live.store.screenings(STICKY, 1)[0]), S=S, J=J, stroke_curve=curve
+    )
     numbers = {"S_percent": S_MADE / 2.0, "J_percent": J_MADE / 2.0}
-    loop = loop_of(site, asked, numbers, found)
+    loop = loop_of(site, signal_window, numbers, changed)
     assert missed(loop) < 0.1
     assert [shape.role for shape in loop.shapes] == ["band", "curve"]
     assert loop.curve_says.startswith(curve.sentence())
@@ -233,14 +237,14 @@ def test_every_indicator_of_a_screening_has_its_words(live):
     read = reader_of(live.store)
     window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
     (screened,) = screen([Case(recording=read(STICKY, window))])
-    found = screened.indicators
-    assert len(found) > 12
+    indicators = screened.indicators
+    assert len(indicators) > 12
     restored = {
         name: indicator_of(
             name, TrendPoint(at=NOW, value=one.value, low=one.low, high=one.high, unit=one.unit)
         )
-        for name, one in found.items()
+        for name, one in indicators.items()
     }
-    assert {name: (one.meaning, one.worse) for name, one in found.items()} == {
+    assert {name: (one.meaning, one.worse) for name, one in indicators.items()} == {
         name: (again.meaning, again.worse) for name, again in restored.items()
     }

@@ -234,16 +234,18 @@ def test_every_change_and_every_refusal_is_in_the_audit_log(live, app):
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": "s"}, headers=headers)
     ask(app, "POST", "/api/v1/valve/note", params=params, json={"text": ""}, headers=headers)
     ask(app, "POST", "/api/v1/runs", json={}, headers={"authorization": f"Bearer {BEGINS}x"})
-    found = live.store.audit.read(AuditFilter())[::-1]
-    said = [(one.who, one.how, one.action, one.about, one.outcome.value) for one in found]
+    result = live.store.audit.read(AuditFilter())[::-1]
+    sentences = [
+        (item.who, item.how, item.action, item.about, item.outcome.value) for item in result
+    ]
     me = NAMES[UserRole.ENGINEER]
-    assert said == [
+    assert sentences == [
         (me, "session", "manage users", "", "refused"),
         (me, "token test", "add a note", f"id {STICKY}", "done"),
         (me, "token test", "add a note", f"id {STICKY}", "failed"),
         ("", "a bad token", "begin a run", "", "refused"),
     ]
-    assert {one.address for one in found} == {"127.0.0.1"}
+    assert {item.address for item in result} == {"127.0.0.1"}
 
 
 def test_strangers_cannot_fill_the_audit_log(live, app):

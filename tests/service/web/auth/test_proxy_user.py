@@ -134,10 +134,10 @@ def test_new_users_are_made_only_where_the_plant_file_says_so(live: Site, tmp_pa
         assert who(client, (HEADER, "n. ewcomer")) == "N. Ewcomer"
         refused = client.post("/runs/begin", headers={HEADER: "N. Ewcomer"}, data={"mark": "x"})
         assert refused.status_code == 403
-    made = live.store.accounts.find("N. Ewcomer")
-    assert made is not None
-    assert made.role is UserRole.VIEWER
-    assert made.created_by == "proxy"
+    result = live.store.accounts.find("N. Ewcomer")
+    assert result is not None
+    assert result.role is UserRole.VIEWER
+    assert result.created_by == "proxy"
 
 
 def test_forms_need_their_token_as_with_a_session(live: Site, tmp_path: Path) -> None:

@@ -103,8 +103,8 @@ def test_a_login_ends_the_session_that_the_browser_had(stranger: Browser, live: 
 
 def test_a_browser_is_known_after_a_login(stranger: Browser, live: Site, client_of) -> None:
     """Others' guesses do not keep its user out; its cookie travels to the login alone."""
-    given = stranger.sign_in("Ann").headers.get_list("set-cookie")
-    (cookie,) = [one for one in given if one.startswith(f"{BROWSER_NAME}=")]
+    result = stranger.sign_in("Ann").headers.get_list("set-cookie")
+    (cookie,) = [item for item in result if item.startswith(f"{BROWSER_NAME}=")]
     assert {"HttpOnly", "SameSite=lax", "Path=/login", "Max-Age=7776000"} <= set(cookie.split("; "))
     stranger.send("/", "/logout")
     other = Browser(client_of(live, None))
@@ -198,8 +198,8 @@ def test_the_first_admin_comes_by_the_link_and_invites_the_others(store, client_
     fields = {"link": invited.partition("=")[2], "name": "Ann", "password": PASSWORD}
     assert second.send(invited, "/welcome", **fields, again=PASSWORD).status_code == 303
     assert store.accounts.find("Ann").role is UserRole.ENGINEER
-    said = [(one.who, one.action) for one in store.audit.read(AuditFilter())[::-1]]
-    assert said == [
+    sentences = [(item.who, item.action) for item in store.audit.read(AuditFilter())[::-1]]
+    assert sentences == [
         ("Karl", "become a user"), ("Karl", "manage users"), ("Ann", "become a user"),
     ]  # fmt: skip
 
@@ -213,9 +213,9 @@ def test_a_password_is_changed_by_who_knows_it(stranger: Browser, live: Site, cl
     wrong = stranger.send("/account", "/account/password", present="a guess", **new)
     assert wrong.status_code == 422
     assert "present password is wrong" in wrong.text
-    done = stranger.send("/account", "/account/password", present=PASSWORD, **new)
-    assert done.status_code == 303
-    assert "Your password is changed" in stranger.client.get(done.headers["location"]).text
+    result = stranger.send("/account", "/account/password", present=PASSWORD, **new)
+    assert result.status_code == 303
+    assert "Your password is changed" in stranger.client.get(result.headers["location"]).text
     assert other.client.get("/").status_code == 401
 
 
@@ -241,8 +241,8 @@ def test_nobody_makes_or_revokes_what_is_not_theirs(stranger: Browser, live: Sit
     """A scope above one's role, a lifetime that is none, somebody else's token."""
     stranger.sign_in("Ann")
     base = {"name": "x", "days": "30"}
-    made = stranger.send("/account", "/account/tokens/make", **base, scope="admin")
-    assert made.status_code == 422
+    result = stranger.send("/account", "/account/tokens/make", **base, scope="admin")
+    assert result.status_code == 422
     odd = stranger.send("/account", "/account/tokens/make", name="x", days="9999", scope="read")
     assert odd.status_code == 422
     make_token(live.store, user_of(live), "the admin's", [Scope.READ], now=NOW)
@@ -264,11 +264,11 @@ def test_an_admin_manages_users(admin: Browser, live: Site) -> None:
     assert live.store.access_links.open(NOW) == []
     assert admin.send("/users", "/users/password", **number).status_code == 409
     admin.send("/users", "/users/enable", **number)
-    found = live.store.accounts.get(ann.id)
-    assert (found.role, found.disabled) == (UserRole.ENGINEER, None)
-    about = [one.about for one in live.store.audit.read(AuditFilter(action="manage users"))[::-1]]
+    result = live.store.accounts.get(ann.id)
+    assert (result.role, result.disabled) == (UserRole.ENGINEER, None)
+    about = [item.about for item in live.store.audit.read(AuditFilter(action="manage users"))[::-1]]
     assert about[0] == f"user {ann.id}; role engineer; {ann.name}; before viewer"
-    assert all(ann.name in one for one in about)
+    assert all(ann.name in item for item in about)
 
 
 @pytest.mark.parametrize(
@@ -326,7 +326,7 @@ def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of
     """Pages are whole without them."""
     reader, doer = client_of(live, UserRole.VIEWER), client_of(live, UserRole.ENGINEER)
     for path in ("/alerts", f"/valve?id={STICKY}", "/runs"):
-        places = [re.findall(r'action="([^"]+)"', one.get(path).text) for one in (reader, doer)]
+        places = [re.findall(r'action="([^"]+)"', item.get(path).text) for item in (reader, doer)]
         assert set(places[0]) <= {"/logout"}
         assert len(set(places[1])) > 1
 

@@ -24,16 +24,16 @@ def test_a_finding_that_does_not_stand_says_so(
     """Beside what was found, so that nobody plans work on it alone."""
     run = filled.begin_run(software_version="1")
     for valve in (HEALTHY, WATCH, STICKY):
-        found = replace(named(), finding=Finding.NAMED, p_value=p_value, runs=None)
+        changed = replace(named(), finding=Finding.NAMED, p_value=p_value, runs=None)
         if valve != STICKY:
-            found = replace(found, finding=Finding.NONE, effects=(), p_value=None)
-        filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=found), run)
+            changed = replace(changed, finding=Finding.NONE, effects=(), p_value=None)
+        filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=changed), run)
     hold_back(filled, run)
     page = client.get("/valve", params={"id": STICKY})
     assert page.status_code == 200
     assert (SAID in page.text) is held_back
     assert SAID not in client.get("/valve", params={"id": HEALTHY}).text
-    ranking = {one["valve"]: one for one in client.get("/api/v1/valves").json()["valves"]}
+    ranking = {valve["valve"]: valve for valve in client.get("/api/v1/valves").json()["valves"]}
     assert (ranking[STICKY]["left_out"] != [], ranking[STICKY]["held_back"]) == (True, held_back)
     assert ranking[HEALTHY]["held_back"] is False
     assert ("(held back)" in client.get("/").text) is held_back
@@ -43,10 +43,10 @@ def test_the_page_says_what_windows_of_weeks_confirm(filled: Store, client: http
     """Once two days name it: since when and in how many windows, with the picture."""
     for day in range(1, 4):
         run = filled.begin_run(software_version="1")
-        found = replace(named(), p_value=0.001, runs=None)
+        changed = replace(named(), p_value=0.001, runs=None)
         if day == 2:
-            found = replace(found, finding=Finding.NONE, effects=(), p_value=None)
-        filled.save(screening(STICKY, at=NOW + timedelta(days=day), mismatch=found), run)
+            changed = replace(changed, finding=Finding.NONE, effects=(), p_value=None)
+        filled.save(screening(STICKY, at=NOW + timedelta(days=day), mismatch=changed), run)
     page = client.get("/valve", params={"id": STICKY}).text
     assert "Over the windows of the last weeks" in page
     assert "Asymmetric rate limit: first seen on" in page

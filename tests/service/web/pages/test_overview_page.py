@@ -33,10 +33,10 @@ def text_of(page: str) -> str:
 def test_the_headline_is_that_of_the_ranking(live: Site, client: httpx.Client) -> None:
     """One count for both pages, and the one of the store; what cannot be judged has its own."""
     counts = WorkCounts.of_states(live.store.ranking(RankingFilter()).states)
-    said = text_of(client.get("/overview").text)
-    assert counts.headline in said
-    assert f"{counts.not_judged} cannot be judged" in said
-    assert f"{counts.no_work} without work" in said
+    text = text_of(client.get("/overview").text)
+    assert counts.headline in text
+    assert f"{counts.not_judged} cannot be judged" in text
+    assert f"{counts.no_work} without work" in text
     assert counts.sentence in text_of(client.get("/").text)
     assert counts == live.store.work_counts(NOW)
 
@@ -69,14 +69,14 @@ def test_old_data_are_said_and_fresh_ones_are_not() -> None:
     assert stale_data(NOW, newest=NOW, schedules=[fresh], silent=[]) == []
     late = replace(fresh, next_due=NOW - timedelta(hours=5))
     source = SilentSource(name="gateway", last_good=NOW - timedelta(days=3), fault="refused")
-    said = stale_data(
+    text = stale_data(
         NOW,
         newest=NOW - timedelta(days=6),
         schedules=[late],
         silent=[source],
         failed="no export was found.",
     )
-    assert said == [
+    assert text == [
         "The source gateway has delivered no good sample for 3 days (refused): its valves are not "
         "watched.",
         "The schedule nightly was due 5 hours ago and has not begun: see whether stemwatch serve "

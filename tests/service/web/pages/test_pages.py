@@ -51,11 +51,11 @@ def test_a_valve_without_a_verdict_says_why(client):
 def test_what_the_model_leaves_out_is_on_the_page(live, client):
     """Named effects come back from the database with all they say."""
     run = live.store.begin_run(software_version="0.1")
-    found = named()
-    live.store.save(screening(STICKY, mismatch=found), run)
+    selection = named()
+    live.store.save(screening(STICKY, mismatch=selection), run)
     text = page_of(client, STICKY)
     assert "Where simulation and recording differ" in text
-    assert present_effect(found.effects[0]).check in unescape(text)
+    assert present_effect(selection.effects[0]).check in unescape(text)
     assert "◆" in client.get("/").text
 
 
@@ -131,28 +131,28 @@ def test_the_api_describes_every_operation_it_has(client):
 
 def test_the_ranking_over_the_api_is_that_of_the_page(client):
     """Same order, same numbers, the hostile name as it is."""
-    found = client.get("/api/v1/valves", params={"verdict": ["sticky", "watch"]}).json()
-    assert [line["valve"] for line in found["valves"]][:2] == [STICKY, HOSTILE]
-    assert found["valves"][0]["S"]["value"] == pytest.approx(4.0)
-    assert found["total"] == 3
-    assert found["counts"]["healthy"] == 1
+    result = client.get("/api/v1/valves", params={"verdict": ["sticky", "watch"]}).json()
+    assert [line["valve"] for line in result["valves"]][:2] == [STICKY, HOSTILE]
+    assert result["valves"][0]["S"]["value"] == pytest.approx(4.0)
+    assert result["total"] == 3
+    assert result["counts"]["healthy"] == 1
 
 
 def test_unknown_numbers_are_null_with_their_reason(client):
     """Neither NaN nor zero."""
-    found = client.get("/api/v1/valves", params={"q": BLIND}).json()["valves"][0]
-    assert found["S"]["value"] is None
-    assert found["S"]["reason"] == "OP moved less than 0.5 %"
+    valve = client.get("/api/v1/valves", params={"q": BLIND}).json()["valves"][0]
+    assert valve["S"]["value"] is None
+    assert valve["S"]["reason"] == "OP moved less than 0.5 %"
 
 
 def test_the_history_has_limits_points_and_marks(client):
     """What the months chart draws, oldest first."""
-    found = client.get("/api/v1/valve/history", params={"id": STICKY}).json()
-    S = [point["S"] for point in found["points"]]
+    result = client.get("/api/v1/valve/history", params={"id": STICKY}).json()
+    S = [point["S"] for point in result["points"]]
     assert S == sorted(S)
     assert len(S) == 6
-    assert found["sticky_S_percent"] == 1.5
-    assert [mark["kind"] for mark in found["marks"]] == ["baseline", "maintenance", "note"]
+    assert result["sticky_S_percent"] == 1.5
+    assert [mark["kind"] for mark in result["marks"]] == ["baseline", "maintenance", "note"]
 
 
 @pytest.mark.parametrize(
@@ -182,8 +182,8 @@ def test_json_of_the_api_is_strict(live, client):
     def refuse(word: str) -> float:
         raise AssertionError(word)
 
-    found = json.loads(client.get("/api/v1/sources").text, parse_constant=refuse)
-    assert [one["figures"] for one in found if one["source"] == "odd"] == [
+    loaded = json.loads(client.get("/api/v1/sources").text, parse_constant=refuse)
+    assert [item["figures"] for item in loaded if item["source"] == "odd"] == [
         {"lateness_s": None, "polls": 4.0}
     ]
 
@@ -207,7 +207,7 @@ def test_behind_a_proxy_every_link_keeps_the_prefix(live):
     text = asyncio.run(ask())
     inside = re.findall(r"""(?:href|src|action)="(/[^"]*)""", text)
     assert len(inside) > 10
-    assert [one for one in inside if not one.startswith("/stem/")] == []
+    assert [item for item in inside if not item.startswith("/stem/")] == []
 
 
 def test_settings_show_the_keys_of_a_device_that_its_link_has(store, client_of, tmp_path):

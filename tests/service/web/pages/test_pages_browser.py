@@ -128,11 +128,11 @@ def test_a_phone_reads_the_runs_without_scrolling_their_table(opened, live):
     assert table.evaluate("one => one.scrollWidth <= one.parentNode.clientWidth")
     assert "historianhistorian" in table.locator("tbody tr").first.inner_text()
     cells = table.locator("tbody tr").nth(1).locator("th, td")
-    assert all(one.is_visible() for one in cells.all())
-    said = "all => all.map(one => getComputedStyle(one, '::before').content)"
-    assert cells.evaluate_all(said) == [f'"{head}"' for head in heads]
+    assert all(cell.is_visible() for cell in cells.all())
+    text = "all => all.map(one => getComputedStyle(one, '::before').content)"
+    assert cells.evaluate_all(text) == [f'"{head}"' for head in heads]
     page.set_viewport_size(DESK)
-    assert set(cells.evaluate_all(said)) == {"none"}
+    assert set(cells.evaluate_all(text)) == {"none"}
 
 
 def test_zooming_asks_for_more_and_stands_in_the_address(opened):
@@ -165,8 +165,8 @@ def test_the_keyboard_alone_moves_and_zooms_the_plots(opened):
             page.keyboard.press(key)
     with page.expect_response("**/signals?*"):
         page.get_by_role("button", name="1 h", exact=True).press("Enter")
-    shown = page.get_by_role("button", name="1 h", exact=True)
-    assert shown.get_attribute("aria-pressed") == "true"
+    by_role = page.get_by_role("button", name="1 h", exact=True)
+    assert by_role.get_attribute("aria-pressed") == "true"
 
 
 def test_the_theme_toggle_draws_the_plots_again(opened):
@@ -274,4 +274,6 @@ def test_a_page_stays_when_the_service_goes(opened):
     page.get_by_role("button", name="Earlier").click()
     page.locator(".view span").filter(has_text="does not answer").wait_for()
     assert colours(page, ".plot-travel") > 8
-    opened.errors[:] = [one for one in opened.errors if "ERR_INTERNET_DISCONNECTED" not in one]
+    opened.errors[:] = [
+        error for error in opened.errors if "ERR_INTERNET_DISCONNECTED" not in error
+    ]

@@ -93,9 +93,9 @@ def test_a_valve_that_was_never_screened_is_there(filled):
     filled.save_valves([StoredValve(id="NEW-1")])
     assert names(filled)[-1] == "NEW-1"
     assert names(filled, verdicts=("none",)) == ["NEW-1"]
-    found = filled.ranking(RankingFilter(verdicts=("none",)))
-    assert found.counts["none"] == found.total == 1
-    assert found.lines[0].verdict is None
+    result = filled.ranking(RankingFilter(verdicts=("none",)))
+    assert result.counts["none"] == result.total == 1
+    assert result.lines[0].verdict is None
 
 
 def test_pages_divide_the_ranking_without_gap_or_overlap(filled):

@@ -51,12 +51,15 @@ def test_the_run_leads_to_its_report(client, reported):
 def test_a_valve_leads_to_its_page_for_maintenance(live, client, reported):
     """Where the run that found it kept one, to that very page; a healthy valve has none."""
     folder = live.plant.beside(live.plant.service.reports) / "run-000099"
-    found = [screening(STICKY, at=LATER), screening(HEALTHY, Verdict.HEALTHY, 0.2, 0.0, at=LATER)]
-    for one in found:
-        live.store.save(one, reported)
+    matching = [
+        screening(STICKY, at=LATER),
+        screening(HEALTHY, Verdict.HEALTHY, 0.2, 0.0, at=LATER),
+    ]
+    for item in matching:
+        live.store.save(item, reported)
     address = f"/run/report?id={reported}&amp;file=maintenance.html#"
     assert address not in client.get("/valve", params={"id": STICKY}).text
-    write_maintenance(found, ReportContext(started=NOW), folder)
+    write_maintenance(matching, ReportContext(started=NOW), folder)
     page = client.get("/valve", params={"id": STICKY}).text
     place = page.partition(address)[2].partition('"')[0]
     assert f'id="{place}"' in client.get(f"/run/report?id={reported}&file=maintenance.html").text

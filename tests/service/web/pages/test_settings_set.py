@@ -60,7 +60,7 @@ def test_a_schedule_is_made_changed_and_removed(site: Site, client_of) -> None:
     client = client_of(site)
     post = sender(client)
     assert post("/settings/schedule", **NIGHTLY).status_code == 303
-    stored = {one.schedule.name: one for one in site.store.schedules.all()}
+    stored = {schedule.schedule.name: schedule for schedule in site.store.schedules.all()}
     assert stored["nightly"].origin == FROM_BROWSER
     assert stored["nightly"].schedule == ScreeningSchedule(
         name="nightly", cron="30 2 * * *", window_s=86400.0, jitter_s=600.0
@@ -68,12 +68,16 @@ def test_a_schedule_is_made_changed_and_removed(site: Site, client_of) -> None:
     page = client.get("/settings").text
     assert f"set here by <bdi>{NAMES[UserRole.ADMIN]}" in page
     assert post("/settings/schedule", **NIGHTLY | {"cron": "", "every_hours": "0.5"})
-    changed = {one.schedule.name: one.schedule for one in site.store.schedules.all()}["nightly"]
+    changed = {
+        schedule.schedule.name: schedule.schedule for schedule in site.store.schedules.all()
+    }["nightly"]
     assert (changed.cron, changed.every_s) == (None, 1800.0)
     assert post("/settings/schedule/remove", name="nightly").status_code == 303
-    assert [one.schedule.name for one in site.store.schedules.all()] == ["weekly"]
-    said = [entry.about for entry in site.store.audit.read(AuditFilter(action="change settings"))]
-    assert sum("name nightly" in about for about in said) == 3
+    assert [schedule.schedule.name for schedule in site.store.schedules.all()] == ["weekly"]
+    sentences = [
+        entry.about for entry in site.store.audit.read(AuditFilter(action="change settings"))
+    ]
+    assert sum("name nightly" in about for about in sentences) == 3
 
 
 def test_the_plant_file_stays_the_source_of_what_it_names(site: Site, client_of) -> None:
@@ -88,7 +92,7 @@ def test_the_plant_file_stays_the_source_of_what_it_names(site: Site, client_of)
     assert refused.status_code == 422
     assert "stands in the plant file, which is its source" in refused.text
     assert site.limits.sticky_S_percent == 2.0
-    assert [one.origin for one in site.store.schedules.all()] == [FROM_FILE]
+    assert [schedule.origin for schedule in site.store.schedules.all()] == [FROM_FILE]
 
 
 def test_a_name_that_the_file_takes_becomes_the_files(site: Site, client_of) -> None:
@@ -97,7 +101,7 @@ def test_a_name_that_the_file_takes_becomes_the_files(site: Site, client_of) -> 
     assert post("/settings/schedule", **NIGHTLY).status_code == 303
     theirs = ScreeningSchedule(name="nightly", every_s=60.0)
     site.store.schedules.take_from_file([theirs])
-    assert [(one.schedule, one.origin) for one in site.store.schedules.all()] == [
+    assert [(schedule.schedule, schedule.origin) for schedule in site.store.schedules.all()] == [
         (theirs, FROM_FILE)
     ]
     assert post("/settings/schedule/remove", name="nightly").status_code == 404
@@ -107,7 +111,10 @@ def test_the_file_does_not_touch_schedules_of_other_names(site: Site, client_of)
     """A restart keeps what was set here."""
     assert sender(client_of(site))("/settings/schedule", **NIGHTLY).status_code == 303
     site.store.schedules.take_from_file(site.plant.schedules if site.plant else ())
-    assert {one.schedule.name for one in site.store.schedules.all()} == {"weekly", "nightly"}
+    assert {schedule.schedule.name for schedule in site.store.schedules.all()} == {
+        "weekly",
+        "nightly",
+    }
 
 
 @pytest.mark.parametrize(
@@ -216,7 +223,7 @@ def test_what_was_set_is_given_as_text_for_the_plant_file(site: Site, client_of)
     read = tomllib.loads(client.get("/settings/plant.toml").text)
     assert read["limits"] == {"watch_S_percent": 1.25}
     (table,) = read["schedules"]
-    stored = {one.schedule.name: one.schedule for one in site.store.schedules.all()}
+    stored = {schedule.schedule.name: schedule.schedule for schedule in site.store.schedules.all()}
     assert ScheduleTable.model_validate(table).schedule() == stored["nightly"]
 
 

@@ -22,10 +22,10 @@ def open_to_question(filled: Store) -> Store:
     """The small plant, whose sticky valve leaves lag and dead time open, a healthy one nothing."""
     run = filled.begin_run(software_version="1")
     for valve, question in ((STICKY, QUESTION), (HEALTHY, replace(QUESTION, models=()))):
-        found = replace(
+        changed = replace(
             named(), finding=Finding.CANDIDATES, open_question=question, p_value=0.001, runs=None
         )
-        filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=found), run)
+        filled.save(screening(valve, at=NOW + timedelta(hours=1), mismatch=changed), run)
     return filled
 
 

@@ -17,10 +17,10 @@ from tests.service.web.signed_in import cookie_of
 
 def test_the_page_has_the_pictures_of_its_screening(live, client) -> None:
     """Every picture under its title, drawn as SVG, without the samples."""
-    found = with_effects(STICKY)
-    pictures = window_pictures(found)
+    result = with_effects(STICKY)
+    pictures = window_pictures(result)
     run = live.store.begin_run(software_version="1")
-    stored = screening(STICKY, at=NOW + timedelta(hours=1), mismatch=found.mismatch)
+    stored = screening(STICKY, at=NOW + timedelta(hours=1), mismatch=result.mismatch)
     live.store.save(stored.without_samples(), run, packed_pictures=pack_pictures(pictures))
     page = client.get("/valve", params={"id": STICKY}).text
     for picture in pictures.effects:
@@ -54,10 +54,10 @@ def test_the_page_lays_the_loops_before_and_after_work_over_each_other(live, cli
 def test_on_a_phone_the_pictures_unfold_when_asked(browser, live) -> None:
     """At a desk they are open, on a phone folded, without scripts open; nothing runs out of the
     window once they are."""
-    found = with_effects(STICKY)
+    result = with_effects(STICKY)
     run = live.store.begin_run(software_version="1")
-    stored = screening(STICKY, at=NOW + timedelta(hours=1), mismatch=found.mismatch)
-    packed = pack_pictures(window_pictures(found))
+    stored = screening(STICKY, at=NOW + timedelta(hours=1), mismatch=result.mismatch)
+    packed = pack_pictures(window_pictures(result))
     live.store.save(stored.without_samples(), run, packed_pictures=packed)
     with serving(live) as base:
         opened = Opened(browser, base, cookie_of(live))

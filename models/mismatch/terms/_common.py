@@ -9,7 +9,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.stem import Stem
-from stemwatch.models.mismatch.term import Look, Way
+from stemwatch.models.mismatch.term import ActsOn, RecordingSummary
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -19,7 +19,7 @@ SAID_IN_SECONDS = 0.1  # shorter times are said in ms
 class _Defect:
     """What most terms are: material, it is something to mend."""
 
-    def inherent(self, values: Floats, look: Look) -> bool:
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Never how a machine is made."""
         return False
 
@@ -27,7 +27,7 @@ class _Defect:
 class CommandTerm(_Defect):
     """A term that shapes the command and leaves the stem alone."""
 
-    way = Way.COMMAND
+    acts_on = ActsOn.COMMAND
     contains: tuple[str, ...] = ()
 
     def fill(self, stem: Stem, values: Floats) -> None:
@@ -37,7 +37,7 @@ class CommandTerm(_Defect):
 class StemTerm(_Defect):
     """A term that changes the stem and leaves the command as it is."""
 
-    way = Way.STEM
+    acts_on = ActsOn.STEM
     contains: tuple[str, ...] = ()
 
     def shape(
@@ -50,7 +50,7 @@ class StemTerm(_Defect):
 class ReadingTerm(StemTerm):
     """A term that is one of the reading's own numbers."""
 
-    way = Way.READING
+    acts_on = ActsOn.READING
 
 
 def either_sign(*sizes: float) -> Floats:
@@ -83,11 +83,11 @@ def size(estimate: Estimate) -> Estimate:
     return replace(estimate, value=-estimate.value, low=low, high=high)
 
 
-def inverse(estimate: Estimate, over: float) -> Estimate:
-    """``over`` divided by a speed: how long it takes, in seconds."""
+def inverse(estimate: Estimate, numerator: float) -> Estimate:
+    """``numerator`` divided by a speed: how long it takes, in seconds."""
 
     def took(value: float | None) -> float | None:
-        return None if value is None or value <= 0.0 else over / value
+        return None if value is None or value <= 0.0 else numerator / value
 
     return replace(
         estimate,
@@ -98,7 +98,7 @@ def inverse(estimate: Estimate, over: float) -> Estimate:
     )
 
 
-def about(estimate: Estimate, times: float = 1.0) -> str:
+def about_value(estimate: Estimate, times: float = 1.0) -> str:
     """``times`` an estimate with two figures and its interval, for a test by hand:
     "7.0 s (6.6 to 7.5)"."""
     if estimate.value is None:
@@ -108,10 +108,10 @@ def about(estimate: Estimate, times: float = 1.0) -> str:
         return "at once"
     if unit == "s" and abs(times * estimate.value) < SAID_IN_SECONDS:
         factor, unit = 1000.0 * times, "ms"
-    said = f"{_figure(factor * estimate.value)} {unit}".rstrip()
+    value_text = f"{_figure(factor * estimate.value)} {unit}".rstrip()
     if estimate.low is None or estimate.high is None:
-        return said
-    return f"{said} ({_figure(factor * estimate.low)} to {_figure(factor * estimate.high)})"
+        return value_text
+    return f"{value_text} ({_figure(factor * estimate.low)} to {_figure(factor * estimate.high)})"
 
 
 def _figure(value: float) -> str:

@@ -10,7 +10,7 @@ import pytest
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import LOOK, crossfit
-from stemwatch.models.mismatch.reading import COORDINATES, findings, pinned, values_of
+from stemwatch.models.mismatch.reading_errors import COORDINATES, findings, pinned, values_of
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import (
     candidate,
@@ -36,7 +36,7 @@ def found_in(base=(), slugs=(), values=()):
 
 def slugs_of(found):
     """The slugs of what is off."""
-    return [one.term.slug for one in found[0]]
+    return [item.term.slug for item in found[0]]
 
 
 @pytest.mark.parametrize(
@@ -52,9 +52,9 @@ def slugs_of(found):
 def test_an_error_of_the_reading_is_found_as_what_it_is(slug, value, within):
     """It is the only finding, with its size, and unseen blocks are predicted worse without it."""
     place = COORDINATES[slug][0]
-    found = found_in(base=((place, value),))
-    assert [slug] == slugs_of(found)
-    (off,), fitted, _ = found
+    result = found_in(base=((place, value),))
+    assert [slug] == slugs_of(result)
+    (off,), fitted, _ = result
     middle = fitted.candidates.mean(axis=0)
     np.testing.assert_allclose(values_of(slug, middle), [value], atol=within)
     assert off.advantage.mean > 0.1
@@ -76,22 +76,22 @@ def test_a_good_reading_has_no_finding_and_its_gain_is_held():
 
 def test_a_span_error_swallows_its_zero():
     """A span that turns about 0 % is off at mid-travel too; that is no second finding."""
-    found = found_in(base=((base_coordinate.GAIN, 0.06), (base_coordinate.ZERO, 3.0)))
-    assert ["span_error"] == slugs_of(found)
+    result = found_in(base=((base_coordinate.GAIN, 0.06), (base_coordinate.ZERO, 3.0)))
+    assert ["span_error"] == slugs_of(result)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_drift_that_began_or_ended_at_zero_is_no_zero_shift(side):
     """Zero plus and minus half the drift: at the one end or the other the reading was right."""
     drift = (2.0, 0.0, 0.0, 0.0)
-    found = found_in(((base_coordinate.ZERO, side),), ("sensor_drift",), (drift,))
-    assert [] == slugs_of(found)
+    result = found_in(((base_coordinate.ZERO, side),), ("sensor_drift",), (drift,))
+    assert [] == slugs_of(result)
 
 
 def test_a_zero_that_a_drift_does_not_explain_is_found_beside_it():
     """A small drift about a large error has the zero shift as a finding of its own."""
-    found = found_in(((base_coordinate.ZERO, 3.0),), ("sensor_drift",), ((1.2, 0.0, 0.0, 0.0),))
-    assert ["zero_shift"] == slugs_of(found)
+    result = found_in(((base_coordinate.ZERO, 3.0),), ("sensor_drift",), ((1.2, 0.0, 0.0, 0.0),))
+    assert ["zero_shift"] == slugs_of(result)
 
 
 def test_what_the_recording_could_not_show_is_not_looked_for():

@@ -13,7 +13,7 @@ import numpy as np
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, again, gain, scored
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -31,7 +31,7 @@ LEAST_ZERO = 0.4  # percent, all through a drift
 
 
 @dataclass(frozen=True)
-class Off:
+class ReadingError:
     """A number of the reading that is materially off."""
 
     term: Term
@@ -39,10 +39,10 @@ class Off:
     without: Fitted  # the hypothesis with the number held at neutral
 
 
-def pinned(layout: CoordinateLayout, coordinate: int, most: float) -> CoordinateLayout:
-    """``layout`` with one base coordinate held at neutral, or below ``most``."""
+def pinned(layout: CoordinateLayout, coordinate: int, largest: float) -> CoordinateLayout:
+    """``layout`` with one base coordinate held at neutral, or below ``largest``."""
     low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
-    low[coordinate], high[coordinate] = 0.0, min(most, float(high[coordinate]))
+    low[coordinate], high[coordinate] = 0.0, min(largest, float(high[coordinate]))
     return replace(layout, bounds=Bounds(low, high))
 
 
@@ -53,27 +53,27 @@ def values_of(slug: str, candidate: Floats) -> Floats:
 
 def findings(
     evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term]
-) -> tuple[list[Off], Fitted]:
+) -> tuple[list[ReadingError], Fitted]:
     """What is off, and ``fitted`` with the gain held at 1 where that is not a finding.
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
-    offs: list[Off] = []
-    for slug, (coordinate, most) in COORDINATES.items():
+    offs: list[ReadingError] = []
+    for slug, (coordinate, largest) in COORDINATES.items():
         if slug not in terms or (slug == "zero_shift" and _explained(fitted, offs)):
             continue
-        off = _dropped(evaluator, fitted, terms[slug], coordinate, most)
-        if off is not None:
-            offs.append(off)
+        reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest)
+        if reading_error is not None:
+            offs.append(reading_error)
         elif slug == "span_error":
-            fitted = without(evaluator, fitted, coordinate, most)
+            fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
 
 
-def _explained(fitted: Fitted, offs: list[Off]) -> bool:
+def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
     the stroke, and a drift that began or ended at zero is off in between."""
-    if any(off.term.slug == "span_error" for off in offs):
+    if any(reading_error.term.slug == "span_error" for reading_error in offs):
         return True
     if DRIFT not in fitted.layout.places:
         return False
@@ -83,21 +83,21 @@ def _explained(fitted: Fitted, offs: list[Off]) -> bool:
     return least < LEAST_ZERO or abs(half) > abs(zero)
 
 
-def without(evaluator: Evaluator, fitted: Fitted, coordinate: int, most: float) -> Fitted:
+def without_error(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest: float) -> Fitted:
     """``fitted`` with one base coordinate held at neutral, refitted."""
-    layout = pinned(fitted.layout, coordinate, most)
-    begun = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
-    return conclude(evaluator, again(evaluator, begun, CAREFUL))
+    layout = pinned(fitted.layout, coordinate, largest)
+    start = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
+    return conclude(evaluator, refit(evaluator, start, CAREFUL))
 
 
 def _dropped(
-    evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, most: float
-) -> Off | None:
+    evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, largest: float
+) -> ReadingError | None:
     value = fitted.candidates.mean(axis=0)[[coordinate]]
-    if not term.material(value, evaluator.look):
+    if not term.material(value, evaluator.summary):
         return None
-    plain = without(evaluator, fitted, coordinate, most)
-    advantage = gain(evaluator, plain, fitted)
+    neutral_fit = without_error(evaluator, fitted, coordinate, largest)
+    advantage = gain(evaluator, neutral_fit, fitted)
     if not convincing(advantage, evaluator.told, term.slug):
         return None
-    return Off(term, advantage, plain)
+    return ReadingError(term, advantage, neutral_fit)

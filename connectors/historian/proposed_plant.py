@@ -1,0 +1,181 @@
+"""A plant file proposed from what was seen of exports: sources, and every valve whose controller
+output is certain. What is not certain is a commented line.
+"""
+
+from __future__ import annotations
+
+import glob
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from stemwatch.models.recording import PERCENT, Role
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.historian.inspection import Inspection, TagInspection
+
+NO_CURVES: Mapping[str, str] = MappingProxyType({})
+_ORDER = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)
+
+
+@dataclass(frozen=True)
+class ProposedSource:
+    """One source: its name, its path or pattern, what was seen in its files, and by ``options`` how
+    a person said that they are read."""
+
+    name: str
+    path: str
+    inspections: tuple[Inspection, ...]
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def sources_of(
+    seen: Sequence[tuple[Path, Inspection]], folder: Path, options: Mapping[str, Any]
+) -> list[ProposedSource]:
+    """The sources for the files ``seen`` in ``folder``: a pattern for all that end alike, so that
+    tomorrow's file is read too; a source for each file where one tag is another valve in another
+    file."""
+    paths: dict[str, list[Inspection]] = {}
+    one_valve = _tags_have_one_valve([inspection for _, inspection in seen])
+    below = "" if all(path.parent == folder for path, _ in seen) else "**/"
+    for path, inspection in seen:
+        ending = "".join(path.suffixes[-2:]) if path.suffix == ".gz" else path.suffix
+        every = f"{glob.escape(folder.as_posix())}/{below}*{ending}"
+        one = every if one_valve else glob.escape(path.as_posix())
+        paths.setdefault(one, []).append(inspection)
+    return [
+        ProposedSource(
+            "historian" if len(paths) == 1 else f"historian {number}", path, tuple(many), options
+        )
+        for number, (path, many) in enumerate(paths.items(), start=1)
+    ]
+
+
+def _tags_have_one_valve(inspections: Sequence[Inspection]) -> bool:
+    valves: dict[str, set[str]] = {}
+    for tag in (tag for inspection in inspections for tag in inspection.tags):
+        if tag.role == Role.OP:
+            valves.setdefault(tag.tag, set()).add(tag.valve)
+    return all(len(many) == 1 for many in valves.values())
+
+
+def plant_toml(sources: Sequence[ProposedSource], curves: Mapping[str, str] = NO_CURVES) -> str:
+    """The text. ``curves`` are lines for valves whose OP is not percent for percent of their
+    position. A valve that several sources have is of the first."""
+    lines: list[str] = []
+    for source in sources:
+        lines += ["", "[[sources]]", f"name = {_text(source.name)}", f"path = {_text(source.path)}"]
+        lines += [_zone_line(source.inspections), *_option_lines(source.options)]
+    proposed: set[str] = set()
+    questions: list[str] = []
+    for source in sources:
+        tags = _tags(source.inspections)
+        for valve in _valves(tags):
+            if valve not in proposed:
+                lines += ["", *_valve_lines(tags, valve, source.name, curves.get(valve, ""))]
+                proposed.add(valve)
+        questions += _questions(tags)
+    return "\n".join([*lines[1:], *questions]) + "\n"
+
+
+def _tags(inspections: Sequence[Inspection]) -> list[TagInspection]:
+    """Each tag of each valve once, over the range that all files show."""
+    tags: dict[tuple[str, str], TagInspection] = {}
+    for tag in (tag for inspection in inspections for tag in inspection.tags):
+        known = tags.get((tag.valve, tag.tag))
+        tags[tag.valve, tag.tag] = tag if known is None else _wider(known, tag)
+    return list(tags.values())
+
+
+def _wider(one: TagInspection, other: TagInspection) -> TagInspection:
+    lows = [low for low in (one.low, other.low) if low is not None]
+    highs = [high for high in (one.high, other.high) if high is not None]
+    role = one.role or other.role
+    return replace(one, low=min(lows, default=None), high=max(highs, default=None), role=role)
+
+
+def _text(value: str) -> str:
+    # JSON's escapes are TOML's, too.
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _zone_line(inspections: Sequence[Inspection]) -> str:
+    zones = [inspection.zone_name for inspection in inspections if inspection.zone_name]
+    if zones:
+        return f"zone = {_text(zones[0])}"
+    if all(inspection.start is not None for inspection in inspections):
+        return "# the times carry their offset or are in UTC; no zone is needed"
+    return '# zone = "Europe/Berlin"   # the file does not say; without it dates stay unknown'
+
+
+def _option_lines(options: Mapping[str, Any]) -> list[str]:
+    """How a person said that the file is read; the zone has a line of its own."""
+    return [
+        f"{name} = {json.dumps(said, ensure_ascii=False)}"
+        for name, said in options.items()
+        if name != "zone"
+    ]
+
+
+def _valves(tags: Sequence[TagInspection]) -> list[str]:
+    return sorted({tag.valve for tag in tags if tag.role == Role.OP and tag.valve})
+
+
+def _valve_lines(tags: Sequence[TagInspection], valve: str, source: str, curve: str) -> list[str]:
+    mine = {tag.role: tag for tag in tags if tag.valve == valve and tag.role}
+    description = next((t.description for t in mine.values() if t.description), "")
+    lines = [
+        "[[valves]]",
+        f"id = {_text(valve)}",
+        f"description = {_text(description)}",
+        f"source = {_text(source)}",
+    ]
+    if curve:
+        lines.append(f"{curve}   # OP:travel in percent, as the recording shows it")
+    for role in _ORDER:
+        if role in mine:
+            lines += _tag_lines(role, mine[role])
+        elif role is Role.MV:
+            lines += _ask_position(tags, valve)
+    return lines
+
+
+def _tag_lines(role: Role, tag: TagInspection) -> list[str]:
+    lines = [f"[valves.tags.{role.value}]", f"tag = {_text(tag.tag)}"]
+    if role is Role.MODE:
+        return lines
+    lines.append(f"unit = {_text(tag.unit)}" if tag.unit else '# unit = "%"   # not in the file')
+    percent = tag.unit == PERCENT or (not tag.unit and role is Role.OP and _within_percent(tag))
+    if percent:
+        return [*lines, "low = 0.0", "high = 100.0"]
+    seen = "" if tag.low is None else f"   # seen: {tag.low:g} to {tag.high:g}"
+    return [*lines, f"# low = 0.0{seen}", "# high = 100.0   # engineering values at 0 % and 100 %"]
+
+
+def _within_percent(tag: TagInspection) -> bool:
+    return tag.low is not None and tag.high is not None and tag.low >= -15 and tag.high <= 115
+
+
+def _ask_position(tags: Sequence[TagInspection], valve: str) -> list[str]:
+    maybe = [t.tag for t in tags if t.valve == valve and not t.role and t.remark]
+    hint = f" (perhaps {', '.join(maybe[:3])})" if maybe else ""
+    return [
+        f"# which tag is the measured position (MV) of {valve}?{hint}".replace("\n", " "),
+        "# [valves.tags.mv]",
+        '# tag = ""',
+    ]
+
+
+def _questions(tags: Sequence[TagInspection]) -> list[str]:
+    """Loops without a certain OP, so that a person sees what was left open."""
+    certain = set(_valves(tags))
+    open_tags = [t for t in tags if t.valve and t.valve not in certain]
+    if not open_tags:
+        return []
+    lines = ["", "# Not proposed, because the controller output (OP) is not certain:"]
+    return lines + [
+        f"#   {t.tag} ({t.valve}): {t.remark}".replace("\n", " ") for t in open_tags[:200]
+    ]

@@ -1,0 +1,147 @@
+"""What is settled of a recording before an effect is looked for in it: what the archive did, the
+fit of S, J and reading alone, and which effects the recording could not have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stemwatch.models.forensics import quiet_sigma
+from stemwatch.models.mismatch.base_fit import (
+    BaseFit,
+    fit_base,
+)
+from stemwatch.models.mismatch.drive import NOT_RESOLVED
+from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
+from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
+from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
+from stemwatch.models.mismatch.record_effects import RecordSettled
+from stemwatch.models.mismatch.term import RecordingSummary, Term
+from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.stickslip.problem import FitProblem, make_problem
+
+FEWEST_SAMPLES = 60
+MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
+READING = ("zero_shift", "span_error", "sensor_drift")
+LEAST_SIGMA = 1e-3  # percent
+DOOR_NOISE = 0.17  # of the archive's deviation
+# Cross-fitting needs blocks; of a short record they are shorter.
+FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
+
+
+@dataclass(frozen=True)
+class PreparedRecording:
+    """One recording, and what the steps of ``explain`` have settled of it so far."""
+
+    recording: Recording
+    settled: RecordSettled
+    base: BaseFit
+    refused: Mapping[str, str]
+    ceiling: Floats | None
+    own_reading: bool
+    balance: ForceBalance | None  # of a drive whose motion the samples resolve
+
+
+def why_not(recording: Recording, settled: RecordSettled) -> str | None:
+    """Why nothing can be said of this recording, or ``None``."""
+    if recording.mv is None:
+        return NO_POSITION
+    if np.count_nonzero(settled.real & recording.usable) < FEWEST_SAMPLES:
+        return f"fewer than {FEWEST_SAMPLES} samples of the position were really measured"
+    real = recording.mv.values[settled.real & recording.usable]
+    if float(np.ptp(real)) == 0.0:
+        return "the position does not change by one digit"
+    if float(np.ptp(recording.op.values[recording.op.usable])) == 0.0:
+        return "OP never moves"
+    return None
+
+
+def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
+    """The fitting problem, scored on samples that were measured, or drawn near what was."""
+    problem = make_problem(recording)
+    n = problem.op.size
+    n_blocks = max(problem.n_blocks, min(FEWEST_BLOCKS, n // LEAST_BLOCK_SAMPLES))
+    is_informative = settled.real | (settled.slack > 0.0)
+    block = np.where(problem.scored & is_informative, np.arange(n) * n_blocks // n, -1)
+    sigma = max(_noise(recording, settled), settled.sigma_floor, LEAST_SIGMA)
+    return replace(problem, block=block.astype(np.int64), n_blocks=n_blocks, sigma=sigma)
+
+
+def _noise(recording: Recording, settled: RecordSettled) -> float:
+    """Noise of MV, percent; stored knots are where the signal bends and tell nothing of it."""
+    if settled.slack.any():
+        return DOOR_NOISE * float(settled.slack.max())
+    return quiet_sigma(_measured(recording, settled))
+
+
+def _measured(recording: Recording, settled: RecordSettled) -> Floats:
+    """(n,) MV where it was really measured, else NaN."""
+    assert recording.mv is not None
+    return np.where(recording.usable & settled.real, recording.mv.values, np.nan)
+
+
+def summary_of(problem: FitProblem) -> RecordingSummary:
+    """What terms may know of the recording."""
+    op, mv = problem.op, problem.mv[problem.scored]
+    op_low, op_high = np.percentile(op, (1.0, 99.0))
+    mv_low, mv_high = np.percentile(mv, (1.0, 99.0))
+    return RecordingSummary(
+        interval_s=problem.interval_s,
+        duration_s=problem.op.size * problem.interval_s,
+        op_low=float(op_low),
+        op_high=float(op_high),
+        mv_low=float(mv_low),
+        mv_high=float(mv_high),
+        sigma=problem.sigma,
+        S=0.0,
+        J=0.0,
+    )
+
+
+def prepare(
+    recording: Recording,
+    settled: RecordSettled,
+    ceiling: Floats | None,
+    problem: FitProblem,
+    *,
+    own_reading: bool = True,
+) -> PreparedRecording:
+    """S, J and reading fitted, and the terms refused that the recording could not have shown.
+
+    ``own_reading``: MV is the valve\'s own position and not read from a flow.
+    """
+    base = fit_base(problem, summary_of(problem), settled.slack, own_reading=own_reading)
+    candidate = base.fitted.candidates.mean(axis=0)
+    simulated = base.evaluator.simulate(base.fitted.layout, candidate)
+    summary = base.evaluator.summary
+    refused = audit(
+        problem.op,
+        problem.mv,
+        simulated,
+        problem.scored,
+        problem.interval_s,
+        problem.sigma,
+        min(summary.S, MOST_S),
+        min(summary.J, MOST_S),
+        settled.spacing_s,
+        problem.unit_s,
+    )
+    if not own_reading:
+        refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
+    balance = force_balance(problem) if own_reading else None
+    if balance is None:
+        refused |= dict.fromkeys(OF_A_DRIVE, NOT_RESOLVED)
+    return PreparedRecording(recording, settled, base, refused, ceiling, own_reading, balance)
+
+
+def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
+    """The terms that the recording could have shown."""
+    return {slug: term for slug, term in catalogue().items() if slug not in refused}
+
+
+def is_compressed(settled: RecordSettled) -> bool:
+    """True where the archive did not store every sample that it read."""
+    return any(effect.slug == "historian_compression" for effect in settled.effects)

@@ -1,0 +1,59 @@
+"""Groups of one window recognised in the next: since when they oscillate, in how many windows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
+
+LINKED_WITHIN = timedelta(days=7)  # an oscillation that was away longer begins anew
+SAME_LOOPS = 0.5  # of all loops of both groups, from which on they are the same
+SAME_PERIOD = math.log(1.25)  # the width within which loops of one window are grouped
+
+
+@dataclass(frozen=True, kw_only=True)
+class OscillationWindow:
+    """One window of an oscillation: its end, the mean share of its loops' variance, its period and
+    the likeliest source (empty where that is outside)."""
+
+    at: datetime
+    variance_share: float
+    period_s: float
+    source: str
+
+
+def is_same_oscillation(group: OscillationGroup, earlier: OscillationGroup) -> bool:
+    """Whether ``earlier`` is the oscillation of ``group`` in a window before: half of the loops of
+    both are in both (Jaccard), and the periods are within a quarter of each other."""
+    loops, before = ({member.loop for member in one.members} for one in (group, earlier))
+    shared = len(loops & before) / len(loops | before)
+    apart = abs(math.log(group.period_s / earlier.period_s))
+    return shared >= SAME_LOOPS and apart <= SAME_PERIOD
+
+
+def continued(group: OscillationGroup, earlier: Iterable[OscillationGroup]) -> OscillationGroup:
+    """``group`` with the windows in which it was found before, since when it oscillates, and the
+    start of the first of them. ``earlier`` are groups of windows that began before its own; of
+    those that are the same oscillation the newest counts. Groups without dates are never linked."""
+    start = group.start
+    if start is None:
+        return group
+    known = [
+        one
+        for one in earlier
+        if one.start is not None
+        and one.start < start <= one.start + timedelta(seconds=one.duration_s) + LINKED_WITHIN
+        and is_same_oscillation(group, one)
+    ]
+    if not known:
+        return group
+    before = max(known, key=lambda one: str(one.start))
+    return replace(
+        group,
+        windows=before.windows + 1,
+        first_found=before.first_found or before.start,
+        since=before.since,
+    )

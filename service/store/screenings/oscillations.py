@@ -1,0 +1,181 @@
+"""Loops that oscillate together, kept from run to run: the same oscillation is recognised in the
+next window, and one that a later run of its loops no longer finds is over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import Session, undefer
+
+from stemwatch.models.oscillation_groups.over_windows import (
+    LINKED_WITHIN,
+    OscillationWindow,
+    continued,
+    is_same_oscillation,
+)
+from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
+from stemwatch.service.store.screenings.tables import OscillationRow, ScreeningRow
+
+SHOWN_DAYS = 30
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeptOscillation:
+    """The newest window of an oscillation; ``over`` where later runs over at least half of its
+    loops did not find it again. ``history`` has its windows of the days shown, the oldest first."""
+
+    run_id: int
+    at: datetime
+    group: OscillationGroup
+    over: bool
+    history: tuple[OscillationWindow, ...]
+
+
+def write_oscillations(
+    session: Session, run_id: int, groups: Sequence[OscillationGroup]
+) -> list[OscillationGroup]:
+    """Keep the groups of a run instead of those it had, and of the same window screened earlier;
+    the groups with since when and in how many windows each was found."""
+    session.execute(delete(OscillationRow).where(OscillationRow.run_id == run_id))
+    kept = []
+    for group in groups:
+        earlier = _rows_before(session, group)
+        for row in [row for row in earlier if row.start == group.start]:
+            if is_same_oscillation(group, _group(row)):
+                session.delete(row)
+                earlier.remove(row)
+        linked = continued(group, [_group(row) for row in earlier])
+        follows = None
+        if linked.windows > 1:
+            same = [row for row in earlier if is_same_oscillation(group, _group(row))]
+            follows = max(same, key=lambda row: str(row.start)).id
+        session.add(_row(run_id, follows, linked))
+        kept.append(linked)
+    return kept
+
+
+def read_oscillations(
+    session: Session, since: datetime, loop: str | None = None, pictures: bool = True
+) -> list[KeptOscillation]:
+    """The oscillations found after ``since``, those that stand first, then those with most loops
+    moved; only those of ``loop`` where one is given. ``pictures``: with spectra and strength."""
+    statement = select(OscillationRow).where(OscillationRow.at >= since)
+    if pictures:
+        statement = statement.options(undefer(OscillationRow.pictures))
+    rows = {row.id: row for row in session.scalars(statement.order_by(OscillationRow.at))}
+    followed = {row.follows for row in rows.values()}
+    newest = [row for row in rows.values() if row.id not in followed]
+    if loop is not None:
+        newest = [row for row in newest if loop in row.members["loops"]]
+    last_run = _last_runs(
+        session, sorted({name for row in newest for name in row.members["loops"]})
+    )
+    found = []
+    for row in newest:
+        later = [last_run.get(name, 0) > row.run_id for name in row.members["loops"]]
+        found.append(
+            KeptOscillation(
+                run_id=row.run_id,
+                at=row.at,
+                group=_group(row, pictures),
+                over=sum(later) * 2 >= len(later),
+                history=_history(row, rows),
+            )
+        )
+    return sorted(found, key=lambda one: (one.over, -_moved(one.group)))
+
+
+def _moved(group: OscillationGroup) -> float:
+    return sum(member.share for member in group.members)
+
+
+def _rows_before(session: Session, group: OscillationGroup) -> list[OscillationRow]:
+    if group.start is None:
+        return []
+    return list(
+        session.scalars(
+            select(OscillationRow).where(
+                OscillationRow.start <= group.start,
+                OscillationRow.at >= group.start - LINKED_WITHIN,
+            )
+        )
+    )
+
+
+def _last_runs(session: Session, loops: Sequence[str]) -> dict[str, int]:
+    """The latest run in which each loop was screened."""
+    table = ScreeningRow
+    rows = select(table.valve, func.max(table.run_id)).where(table.valve.in_(loops))
+    return {valve: run for valve, run in session.execute(rows.group_by(table.valve))}
+
+
+def _history(
+    newest: OscillationRow, rows: dict[int, OscillationRow]
+) -> tuple[OscillationWindow, ...]:
+    found: list[OscillationWindow] = []
+    row: OscillationRow | None = newest
+    while row is not None:
+        group = _group(row)
+        found.append(
+            OscillationWindow(
+                at=row.at,
+                variance_share=group.variance_share,
+                period_s=group.period_s,
+                source=group.source,
+            )
+        )
+        row = None if row.follows is None else rows.get(row.follows)
+    return tuple(found[::-1])
+
+
+def _row(run_id: int, follows: int | None, group: OscillationGroup) -> OscillationRow:
+    end = group.start and group.start + timedelta(seconds=group.duration_s)
+    return OscillationRow(
+        run_id=run_id,
+        follows=follows,
+        at=end or datetime.now(UTC),
+        start=group.start,
+        duration_s=group.duration_s,
+        period_s=group.period_s,
+        regularity=group.regularity,
+        outside=group.outside,
+        since=group.since,
+        first_found=group.first_found,
+        windows=group.windows,
+        members={
+            "loops": [member.loop for member in group.members],
+            "shares": [member.share for member in group.members],
+            "probabilities": [member.probability for member in group.members],
+            "evidence": [list(member.evidence) for member in group.members],
+        },
+        pictures={
+            "strength": list(group.strength),
+            "periods_s": list(group.periods_s),
+            "spectra": [list(powers) for powers in group.spectra],
+        },
+    )
+
+
+def _group(row: OscillationRow, pictures: bool = False) -> OscillationGroup:
+    of_members = (row.members[key] for key in ("loops", "shares", "probabilities", "evidence"))
+    drawn = row.pictures if pictures else {"strength": (), "periods_s": (), "spectra": ()}
+    return OscillationGroup(
+        period_s=row.period_s,
+        members=tuple(
+            GroupMember(loop=loop, share=share, probability=probability, evidence=tuple(evidence))
+            for loop, share, probability, evidence in zip(*of_members, strict=True)
+        ),
+        outside=row.outside,
+        regularity=row.regularity,
+        start=row.start,
+        duration_s=row.duration_s,
+        since=row.since,
+        strength=tuple(drawn["strength"]),
+        periods_s=tuple(drawn["periods_s"]),
+        spectra=tuple(tuple(powers) for powers in drawn["spectra"]),
+        windows=row.windows,
+        first_found=row.first_found,
+    )
