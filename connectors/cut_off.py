@@ -1,4 +1,4 @@
-"""An end to what is said on a connection, whatever the other side does."""
+"""A time limit for all that is exchanged on a connection, however slowly the other side answers."""
 
 from __future__ import annotations
 

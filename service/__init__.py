@@ -1,4 +1,4 @@
-"""What runs in the plant: command line, pipeline, store, reports."""
+"""What runs in the plant: command line, runs, store, reports."""
 
 from importlib.metadata import version
 

@@ -67,8 +67,8 @@ def pytest_runtest_makereport(
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """With ``STRICT=1`` a skipped test of a browser or a database server counts as failed."""
     report = yield
-    marked = any(item.get_closest_marker(name) for name in MUST_RUN)
-    if STRICT and marked and report.skipped and not hasattr(report, "wasxfail"):
+    marks = any(item.get_closest_marker(name) for name in MUST_RUN)
+    if STRICT and marks and report.skipped and not hasattr(report, "wasxfail"):
         _fail(report)
     return report
 

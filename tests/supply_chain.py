@@ -48,13 +48,13 @@ class Looked:
         return sentences
 
 
-def look_up(answer: str, said: str, packages: int) -> Looked:
+def look_up(answer: str, text: str, packages: int) -> Looked:
     """What pip-audit's JSON ``answer`` says of ``packages`` packages, and where there is none, what
     it ``said`` instead."""
     try:
         entries = json.loads(answer)["dependencies"]
     except (ValueError, KeyError, TypeError):
-        why = next((line for line in reversed(said.splitlines()) if line.strip()), "no answer")
+        why = next((line for line in reversed(text.splitlines()) if line.strip()), "no answer")
         return Looked([], 0, {f"package {n + 1}": why for n in range(packages)})
     skipped = {entry["name"]: entry["skip_reason"] for entry in entries if "skip_reason" in entry}
     matching = [

@@ -62,7 +62,7 @@ def _commands() -> dict[str, click.Command]:
     for name, command in group.commands.items():
         inner = getattr(command, "commands", None)  # a group, such as modbus
         commands |= (
-            {f"{name} {verb}": one for verb, one in inner.items()} if inner else {name: command}
+            {f"{name} {verb}": item for verb, item in inner.items()} if inner else {name: command}
         )
     return commands
 
@@ -247,10 +247,10 @@ def _properties(schema: Any) -> Iterator[str]:
 
 
 def _indicator_patterns() -> list[str]:
-    """Names given to ``_one`` and ``_estimated``; what is filled in later matches anything."""
+    """Names given to ``_single_indicator``, ``_estimated``; what is filled in matches anything."""
     tree = ast.parse((REPOSITORY / "models/indicators.py").read_text("utf-8"))
     calls = (node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.args)
-    named = (c.args[0] for c in calls if ast.unparse(c.func) in ("_one", "_estimated"))
+    named = (c.args[0] for c in calls if ast.unparse(c.func) in ("_single_indicator", "_estimated"))
     patterns = []
     for name in named:
         if isinstance(name, ast.Constant):

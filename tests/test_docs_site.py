@@ -30,8 +30,8 @@ def site() -> ModuleType:
 
 def test_every_page_is_on_the_site_once(site: ModuleType) -> None:
     """The README's table names each page of docs, and only pages that there are."""
-    listed = site.ROW.findall((ROOT / "README.md").read_text("utf-8"))
-    assert sorted(listed) == sorted(page.name for page in DOCS.glob("*.md"))
+    listing = site.ROW.findall((ROOT / "README.md").read_text("utf-8"))
+    assert sorted(listing) == sorted(page.name for page in DOCS.glob("*.md"))
 
 
 def test_no_link_leads_off_the_site(site: ModuleType) -> None:
@@ -56,9 +56,9 @@ def test_the_site_builds_without_a_warning_and_loads_nothing_from_outside(tmp_pa
         program = [sys.executable, "-m", "mkdocs"]
     else:
         own = ROOT / ".venv" / "site" / "bin" / "mkdocs"
-        if not (found := shutil.which("mkdocs") or (str(own) if own.is_file() else None)):
+        if not (result := shutil.which("mkdocs") or (str(own) if own.is_file() else None)):
             pytest.skip("MkDocs is not installed: THE SITE OF THE DOCS IS NOT BUILT (make docs)")
-        program = [found]
+        program = [result]
     built = subprocess.run(
         [*program, "build", "--strict", "--site-dir", str(tmp_path / "site")],
         cwd=ROOT, capture_output=True, text=True, check=False,

@@ -190,12 +190,12 @@ def test_every_dependency_is_pinned() -> None:
     import tomllib
 
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text("utf-8"))
-    asked = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
+    requested = project["project"]["dependencies"] + project["dependency-groups"]["dev"]
     lines = (REPOSITORY / "constraints.txt").read_text("utf-8").splitlines()
     pins = [line for line in lines if line and not line.startswith("#")]
     assert [pin for pin in pins if not re.fullmatch(r"[\w.-]+==[\w.]+", pin)] == []
     pinned = {_plain(pin) for pin in pins}
-    assert [name for name in asked if _plain(name) not in pinned] == []
+    assert [name for name in requested if _plain(name) not in pinned] == []
 
 
 def _plain(requirement: str) -> str:
@@ -204,10 +204,10 @@ def _plain(requirement: str) -> str:
 
 
 def _package_files() -> list[Path]:
-    found = (path for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*"))
+    result = (path for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*"))
     return [
         path.relative_to(REPOSITORY)
-        for path in found
+        for path in result
         if path.is_file() and "__pycache__" not in path.parts
     ]
 
@@ -237,9 +237,9 @@ def _contents(wheel: zipfile.ZipFile) -> dict[str, int]:
 
 def _repository_files() -> list[Path]:
     """What git has or would add; without git, what lies in the folders of the project."""
-    listed = _run(["git", "ls-files", "-co", "--exclude-standard"], REPOSITORY)
-    if listed.returncode == 0:
-        result = [REPOSITORY / name for name in listed.stdout.splitlines()]
+    listing = _run(["git", "ls-files", "-co", "--exclude-standard"], REPOSITORY)
+    if listing.returncode == 0:
+        result = [REPOSITORY / name for name in listing.stdout.splitlines()]
     else:
         folders = ("stemwatch", *FOLDERS, "tests", "docs", "deploy", ".ci")
         result = [path for folder in folders for path in (REPOSITORY / folder).rglob("*")]

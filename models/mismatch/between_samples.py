@@ -43,9 +43,9 @@ TURN = 0.2
 FEWEST_TURNS = 5
 # A stem that is seen nearer to its command than this cannot stick as much as anybody would mind.
 LEAST_BAND = 1.5  # percent
-# Samples from one turn of OP to the next, from which its peaks are kept well enough. This and the
-# other limits of what is a slow archive are beyond what recordings show that keep every second:
-# `stemwatch calibrate-archives` prints both.
+# Samples from one turn of OP to the next, from which its peaks are kept well enough. Where this and
+# the other limits of what is a slow archive must lie, `stemwatch calibrate-archives` derives from
+# recordings that keep every second.
 FEW = 8.0
 # Below this OP may have turned twice between two samples, and nothing tells how often it did.
 TOO_FEW = 2.0

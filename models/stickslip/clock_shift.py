@@ -39,8 +39,8 @@ from stemwatch.models.stickslip.fit import (
 # Samples by which OP is brought forward: where neither of the first makes it cheaper, none does.
 LOOKED_AT, TRIED = (1, 3), (2, 5, 8, 12)
 WITHIN = np.arange(-2.0, 2.01, 0.25)  # samples about the best of them
-# Of the block-wise advantage (``stickslip.fit.advantage``). `stemwatch calibrate-archives` prints
-# both of valves whose clocks agree, and of the same with OP stored late.
+# Of the block-wise advantage (``stickslip.fit.advantage``). Where these and ``LEFT_AT_ONCE`` must
+# lie, `stemwatch calibrate-archives` derives from valves whose clocks agree.
 LEAST_MEAN, LEAST_T = 0.1, 1.5
 STEPPED = 0.05  # share of repeats of OP from which it is moved by whole samples
 LEAST = 0.5  # samples; less is within what sampling does

@@ -93,13 +93,15 @@ def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
     name = views.escape(effect.name.capitalize())
     sentence = " ".join(not_yet_said([effect.sentence], finding_sentence))
     yield f"[bold magenta]{name}[/]  {views.escape(sentence)}".rstrip()
+    if effect.as_built:
+        yield f"[bold]{views.escape(effect.as_built)}[/]"
     if effect.check:
         yield f"[dim]Check[/]  {views.escape(effect.check)}"
     if effect.instead:
         yield f"[dim]Not told from[/]  {views.escape(f'{effect.instead}. {effect.decide}')}"
     yield f"[dim]Evidence[/]  {views.escape(effect.evidence)}"
     if effect.test is not None:
-        test = f"{effect.test.do} Expected: {effect.test.fails}. Passes: {effect.test.passes}."
+        test = f"{effect.test.do} Expected: {effect.test.fails}. Passes: {effect.passes}."
         yield f"[dim]Test in the field[/]  {views.escape(test)}"
 
 

@@ -22,8 +22,8 @@ def maintenance(
 ) -> None:
     """Record maintenance of a valve.
 
-    From then on its baseline is said to describe the valve before the work, and the first window
-    that begins after it becomes the new baseline.
+    From then on its baseline counts as one from before the work, and the first window that begins
+    after it becomes the new baseline.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant

@@ -16,7 +16,8 @@ def maintenance_report(
     ] = None,
     db: Annotated[str, typer.Option(help="Database URL, instead of the plant's.")] = "",
     run: Annotated[
-        int | None, typer.Option(min=1, help="Number of the run; else each valve's latest look.")
+        int | None,
+        typer.Option(min=1, help="Number of the run; else each valve's latest screening."),
     ] = None,
     valve: Annotated[
         list[str] | None, typer.Option(help="A valve's id; may be given several times.")

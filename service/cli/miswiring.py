@@ -20,7 +20,8 @@ def miswiring(
     ] = 10,
     seed: o.Seed = 2034,
     kind: Annotated[
-        list[str] | None, typer.Option(help="Only kinds whose name holds this; several times.")
+        list[str] | None,
+        typer.Option(help="Only kinds whose name contains this; may be given several times."),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
     json_file: o.JsonFile = None,

@@ -28,7 +28,10 @@ def study_without_position(
         typer.Option(min=100, max=100_000, help="Train anew on so many simulated loops."),
     ] = None,
     train_seed: Annotated[
-        int, typer.Option(min=0, help="Draws those, and the next the limits.")
+        int,
+        typer.Option(
+            min=0, help="Seed of those loops; the next seed draws the loops of the limits."
+        ),
     ] = 11,
     save: Annotated[
         Path | None, typer.Option(help="Write the networks trained anew into this module.")

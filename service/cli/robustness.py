@@ -20,7 +20,8 @@ def robustness(
     ] = 40,
     seed: o.Seed = 2036,
     way: Annotated[
-        list[str] | None, typer.Option(help="Only ways whose name holds this; several times.")
+        list[str] | None,
+        typer.Option(help="Only ways whose name contains this; may be given several times."),
     ] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
     json_file: o.JsonFile = None,

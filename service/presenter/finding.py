@@ -48,7 +48,8 @@ _NAIVE_SAID = "S and J alone"
 class PresentedEffect:
     """One effect beside friction. ``instead`` names those that the recording cannot tell from it,
     ``decide`` is the test that would; both empty where there is none. ``test`` shows the effect in
-    the field, with what to expect from its own numbers; ``None`` for one of another version."""
+    the field, with what to expect from its own numbers; ``None`` for one of another version.
+    ``as_built`` says that it belongs to such a machine; empty for a defect."""
 
     slug: str
     name: str
@@ -59,6 +60,15 @@ class PresentedEffect:
     decide: str
     evidence: str
     test: FieldTest | None = None
+    as_built: str = ""
+
+    @property
+    def passes(self) -> str:
+        """What passes the test in the field, and that this finding does where it is no defect."""
+        if self.test is None:
+            return ""
+        passed = "; what this finding expects passes" if self.as_built else ""
+        return f"{self.test.passes}{passed}"
 
     @property
     def in_short(self) -> str:
@@ -151,6 +161,7 @@ def present_effect(effect: Effect) -> PresentedEffect:
         decide=decide if similar_effects else "",
         evidence=_evidence(effect),
         test=effect_test(effect),
+        as_built=belong_to_machine([effect]) if effect.inherent else "",
     )
 
 

@@ -1,17 +1,24 @@
 """What shows a late clock or a slow archive, on recordings that have neither and on those that do.
 
 Sticking and healthy valves of `robustness` are simulated once. As they are, their clocks agree and
-a sample is kept every second: the nulls, whose worst a limit must lie beyond. Stored late or more
-slowly, they show how many lie beyond the limits. Healthy valves with a noisy PV are the nulls of
-what must be evident before a quickly turning OP counts. Sticking valves of all kinds of loops, also
-of limit cycles, kept every second, are the nulls of slips that contradict a fit: those of
-`robustness` hardly ever answer a slip within two samples.
+a sample is kept every second: the nulls. Stored late or more slowly, they show how many lie beyond
+the limits. Each limit has nulls that come near it:
+
+- pieces of five minutes, the shortest that get a verdict: of few blocks chance makes most;
+- healthy valves with a noisy PV, and pieces of them: a quickly turning OP without friction;
+- sticking valves of all kinds of loops, also of limit cycles, and quick ones among as many again:
+  their slips contradict a fit though nothing was lost (those of `robustness` hardly ever answer a
+  slip within two samples).
+
+A limit is one of several that must all be met, and it holds where at most ``SHARE`` of all nulls
+meet them all. Where it would have to lie at least for that is derived from the nulls that meet all
+the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -35,7 +42,10 @@ from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
 NOISY, NOISE = "noisy PV", 1.5  # percent
-ALL_LOOPS = "all kinds of loops, as they are"
+ALL_LOOPS, SELDOM = "all kinds of loops, as they are", "turns too seldom"
+PIECE, NOISY_PIECE, PIECE_SAMPLES = "five minutes", "noisy PV, five minutes", 300
+LOOPS_EACH, QUICK_AMONG = 2, 4  # of all kinds of loops, for each sticking valve
+SHARE = 0.05  # of nulls that may lie beyond all limits that belong together
 SLOW = ("stored every 5 s", "stored every 10 s", "averages of 10 s")
 
 
@@ -47,6 +57,7 @@ class ArchiveEvidence:
     sticking: bool
     late_mean: float
     late_t: float
+    late_samples: float
     late_left: float
     samples_per_turn: float
     friction_mean: float
@@ -75,41 +86,69 @@ class ArchiveEvidence:
 class Limit:
     """A limit of the product: beyond ``limit`` (``above`` it or below) it believes in the archive.
 
-    ``worst`` is the null that comes nearest, of ``nulls``, and ``nulls_beyond`` of them lie beyond
-    it; ``beyond`` of ``of`` recordings that are late or slow lie beyond it.
+    ``worst`` is the null that comes nearest, of the ``nulls`` that meet all limits beside it, and
+    ``nulls_beyond`` of them lie beyond it. It must lie beyond ``needed`` for a ``SHARE`` of
+    ``all_nulls`` to meet them all; NaN where the others see to that. ``beyond`` of ``of``
+    recordings that are late or slow lie beyond it.
     """
 
     name: str
     limit: float
     above: bool
     worst: float
+    needed: float
     nulls: int
     nulls_beyond: int
+    all_nulls: int
     beyond: int
     of: int
 
     @property
     def holds(self) -> bool:
-        """Whether no null lies beyond it."""
-        return self.nulls_beyond == 0
+        """Whether any null came so far, and no more than a ``SHARE`` of all lies beyond it."""
+        return self.nulls > 0 and self.nulls_beyond <= SHARE * self.all_nulls
 
 
-def evidence_of_valve(valve: StudiedValve | tuple[PlantLoop, int]) -> list[ArchiveEvidence]:
-    """One valve as it is, stored late, and stored slowly; a healthy one also with a noisy PV. A
-    loop with its seed, whose valve sticks, as it is."""
-    if isinstance(valve, tuple):
-        recording = simulate_loop(*valve).recording
-        return [_evidence(ALL_LOOPS, True, on_own_clock(recording))]
+@dataclass(frozen=True)
+class LoopOfAnyKind:
+    """A loop of any kind, whose valve sticks; a ``quick`` one counts only where it turns often."""
+
+    loop: PlantLoop
+    seed: int
+    quick: bool
+
+
+def evidence_of_valve(valve: StudiedValve | LoopOfAnyKind) -> list[ArchiveEvidence]:
+    """One valve as it is, stored late, stored slowly, and in pieces; a healthy one also with a
+    noisy PV. A drawn loop as it is; a quick one only where it turns so often that it may count."""
+    if isinstance(valve, LoopOfAnyKind):
+        recording = on_own_clock(simulate_loop(valve.loop, valve.seed).recording)
+        archive = even_archive(recording)
+        per_turn = np.nan if archive is None else archive.per_turn
+        if valve.quick and not per_turn <= between_samples.RESOLVED:
+            return [_not_looked_at(per_turn)]
+        return [_evidence(ALL_LOOPS, True, recording)]
     loop, seed = valve.case.loop, valve.case.seed
     recording = simulate_loop(loop, seed).recording
-    stored = {storage: WAYS[storage].change(recording) for storage in ("as it is", LATE, *SLOW)}
+    stored = [(way, WAYS[way].change(recording)) for way in ("as it is", LATE, *SLOW)]
+    stored += [(PIECE, piece) for piece in _pieces(recording)]
     if not valve.sticking:
         loud = replace(loop, transmitters=replace(loop.transmitters, pv_noise=NOISE))
-        stored[NOISY] = simulate_loop(loud, seed).recording
-    return [
-        _evidence(storage, valve.sticking, on_own_clock(stored_recording))
-        for storage, stored_recording in stored.items()
-    ]
+        noisy = simulate_loop(loud, seed).recording
+        stored += [(NOISY, noisy), *((NOISY_PIECE, piece) for piece in _pieces(noisy))]
+    return [_evidence(way, valve.sticking, on_own_clock(kept)) for way, kept in stored]
+
+
+def _not_looked_at(per_turn: float) -> ArchiveEvidence:
+    """Of a loop that turns too seldom for its slips to count against a fit."""
+    unknown = dict.fromkeys([one.name for one in fields(ArchiveEvidence)[2:]], np.nan)
+    return ArchiveEvidence(way=SELDOM, sticking=True, **{**unknown, "samples_per_turn": per_turn})
+
+
+def _pieces(recording: Recording) -> Iterator[Recording]:
+    """Every second piece of ``PIECE_SAMPLES``."""
+    for first in range(0, len(recording) - PIECE_SAMPLES + 1, 2 * PIECE_SAMPLES):
+        yield recording.part(first, first + PIECE_SAMPLES)
 
 
 def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
@@ -117,14 +156,15 @@ def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvid
     without_pv: dict[Role, Signal] = {
         role: signal for role, signal in recording.signals.items() if role is not Role.PV
     }
-    late = late_evidence(replace(recording, signals=without_pv)).gain
+    late = late_evidence(replace(recording, signals=without_pv))
     archive, fit = even_archive(recording), fit_stickslip(recording)
     against = _against(fit, archive)
     return ArchiveEvidence(
         way=storage,
         sticking=sticking,
-        late_mean=late.mean,
-        late_t=late.t,
+        late_mean=late.gain.mean,
+        late_t=late.gain.t,
+        late_samples=late.samples,
         late_left=behind_controller(recording).of_at_once,
         samples_per_turn=np.nan if archive is None else archive.per_turn,
         friction_mean=fit.of_sticking.mean,
@@ -148,12 +188,15 @@ def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
 def run_archive_limits(
     valves_each: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
 ) -> list[ArchiveEvidence]:
-    """``valves_each`` sticking and as many healthy valves, in all ways, and twice as many sticking
-    ones of all kinds of loops as they are."""
+    """``valves_each`` sticking and as many healthy valves in all ways, ``LOOPS_EACH`` times as many
+    sticking ones of all kinds of loops as they are, and the quick ones of ``QUICK_AMONG`` times as
+    many."""
     evidence_at: dict[int, list[ArchiveEvidence]] = {}
-    items: list[StudiedValve | tuple[PlantLoop, int]] = [*draw_valves(valves_each, seed)]
+    items: list[StudiedValve | LoopOfAnyKind] = [*draw_valves(valves_each, seed)]
+    plain = LOOPS_EACH * valves_each
+    loops = draw_sticky(plain + QUICK_AMONG * valves_each, seed)
     items += [
-        (loop, 1000 * seed + index) for index, loop in enumerate(draw_sticky(2 * valves_each, seed))
+        LoopOfAnyKind(loop, 1000 * seed + index, index >= plain) for index, loop in enumerate(loops)
     ]
     for index, evidence in map_items(executor, evidence_of_valve, items):
         evidence_at[index] = evidence
@@ -163,85 +206,82 @@ def run_archive_limits(
 
 def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     """Each limit with the nulls and the recordings that it tells apart."""
-    nulls = [case for case in evidence if case.way == "as it is"]
-    late = [case for case in evidence if case.way == LATE]
-    slow = [case for case in evidence if case.way in SLOW and case.sticking]
-    all_loops = [case for case in evidence if case.way == ALL_LOOPS]
-    sticking = [case for case in nulls if case.sticking]
-    noisy = [case for case in evidence if case.way == NOISY]
-    b = between_samples
-    agree = [*nulls, *noisy, *all_loops]
-    yield _limit(
-        "late clock, by the controller: left of that at once",
-        clock_shift.LEFT_AT_ONCE,
-        agree,
-        late,
-        "late_left",
-        from_above=False,
-    )
-    yield _limit(
-        "late clock, by the stem: mean gain", clock_shift.LEAST_MEAN, agree, late, "late_mean"
-    )
-    nulls, others = _split_where(agree, late, lambda case: case.late_mean >= clock_shift.LEAST_MEAN)
-    yield _limit("late clock, by the stem: t", clock_shift.LEAST_T, nulls, others, "late_t")
-    yield _limit(
-        "slow archive: samples to a turn",
-        b.FEW,
-        sticking,
-        slow,
-        "samples_per_turn",
-        from_above=False,
-    )
-    yield _limit("friction evident: mean", b.EVIDENT_MEAN, noisy, slow, "friction_mean")
-    evident = _split_where(noisy, slow, lambda case: case.friction_mean >= b.EVIDENT_MEAN)
-    yield _limit("friction evident: t", b.EVIDENT_T, evident[0], evident[1], "friction_t")
-    sticking += all_loops
-    nulls, others = _split_where(
-        sticking, slow, partial(ArchiveEvidence.against_the_fit, but="apart")
-    )
-    yield _limit("slips against the fit: S", b.S_APART, nulls, others, "S_apart")
-    yield _limit("slips against the fit: J", b.J_APART, nulls, others, "J_apart")
-    for name, limit, field, from_above in (
-        ("slips against the fit: answered", b.ANSWERED, "answered", False),
-        ("slips against the fit: jump", b.CLEAR, "jump", True),
-        ("slips against the fit: bounds", b.WIDEST, "bounds", False),
-        ("slips against the fit: samples to a turn", b.RESOLVED, "samples_per_turn", False),
+    b, c = between_samples, clock_shift
+    of = _by_way(evidence)
+    sticking = [case for case in of("as it is") if case.sticking]
+    slow = [case for case in of(*SLOW) if case.sticking]
+    agree = of("as it is", PIECE, NOISY, NOISY_PIECE, ALL_LOOPS)
+    clocks, friction = _Tested(agree, of(LATE)), _Tested(of(NOISY, NOISY_PIECE), slow)
+    slips = _Tested([*sticking, *of(ALL_LOOPS, SELDOM)], slow)
+    name = "late clock, by the controller: left of that at once"
+    yield clocks.limit(name, "late_left", c.LEFT_AT_ONCE, above=False)
+    stem = {"late_mean": c.LEAST_MEAN, "late_t": c.LEAST_T, "late_samples": c.LEAST}
+    for field, word in (("late_mean", "mean gain"), ("late_t", "t"), ("late_samples", "samples")):
+        name = f"late clock, by the stem: {word}"
+        yield clocks.limit(name, field, stem[field], partial(_reached, stem, but=field))
+    name = "slow archive: samples to a turn"
+    yield _Tested(sticking, slow).limit(name, "samples_per_turn", b.FEW, above=False)
+    evident = {"friction_mean": b.EVIDENT_MEAN, "friction_t": b.EVIDENT_T}
+    for field, word in (("friction_mean", "mean"), ("friction_t", "t")):
+        name = f"friction evident: {word}"
+        yield friction.limit(name, field, evident[field], partial(_reached, evident, but=field))
+    for field, limit, but, above in (
+        ("S_apart", b.S_APART, "apart", True),
+        ("J_apart", b.J_APART, "apart", True),
+        ("answered", b.ANSWERED, "answered", False),
+        ("jump", b.CLEAR, "jump", True),
+        ("bounds", b.WIDEST, "bounds", False),
+        ("samples_per_turn", b.RESOLVED, "samples_per_turn", False),
     ):
-        nulls, others = _split_where(
-            sticking, slow, partial(ArchiveEvidence.against_the_fit, but=field)
+        word = {"samples_per_turn": "samples to a turn"}.get(field, field.removesuffix("_apart"))
+        others = partial(ArchiveEvidence.against_the_fit, but=but)
+        yield slips.limit(f"slips against the fit: {word}", field, limit, others, above=above)
+
+
+def _by_way(evidence: Sequence[ArchiveEvidence]) -> Callable[..., list[ArchiveEvidence]]:
+    """The evidence of some ways."""
+    return lambda *ways: [case for case in evidence if case.way in ways]
+
+
+def _reached(least: Mapping[str, float], case: ArchiveEvidence, but: str) -> bool:
+    """Whether a recording reaches all the ``least`` values ``but`` one."""
+    return all(getattr(case, name) >= value for name, value in least.items() if name != but)
+
+
+@dataclass(frozen=True)
+class _Tested:
+    """Recordings without the effect, and others that have it."""
+
+    nulls: Sequence[ArchiveEvidence]
+    others: Sequence[ArchiveEvidence]
+
+    def limit(
+        self,
+        name: str,
+        field: str,
+        limit: float,
+        beside: Callable[[ArchiveEvidence], bool] = lambda _: True,
+        *,
+        above: bool = True,
+    ) -> Limit:
+        """The limit of a ``field``, of those recordings that meet the limits ``beside`` it."""
+        sign = 1.0 if above else -1.0
+        nulls, others = (
+            np.sort([-sign * getattr(case, field) for case in group if beside(case)])
+            for group in (self.nulls, self.others)
         )
-        yield _limit(name, limit, nulls, others, field, from_above=from_above)
-
-
-def _split_where(
-    nulls: Sequence[ArchiveEvidence],
-    others: Sequence[ArchiveEvidence],
-    condition: Callable[[ArchiveEvidence], bool],
-) -> tuple[list[ArchiveEvidence], list[ArchiveEvidence]]:
-    """Those of either group that meet the other limits."""
-    return [case for case in nulls if condition(case)], [case for case in others if condition(case)]
-
-
-def _limit(
-    name: str,
-    limit: float,
-    nulls: Sequence[ArchiveEvidence],
-    others: Sequence[ArchiveEvidence],
-    field: str,
-    *,
-    from_above: bool = True,
-) -> Limit:
-    of_nulls, of_others = (
-        np.array([value for case in group if np.isfinite(value := float(getattr(case, field)))])
-        for group in (nulls, others)
-    )
-    worst = np.nan
-    if of_nulls.size:
-        worst = float(of_nulls.max() if from_above else of_nulls.min())
-    nulls_beyond, others_beyond = (
-        int(np.count_nonzero(values >= limit if from_above else values <= limit))
-        for values in (of_nulls, of_others)
-    )
-    return Limit(
-        name, limit, from_above, worst, of_nulls.size, nulls_beyond, others_beyond, of_others.size
-    )
+        nulls, others = nulls[np.isfinite(nulls)], others[np.isfinite(others)]
+        may_pass = int(SHARE * len(self.nulls))
+        nearest = np.append(-sign * nulls, np.full(may_pass + 1, np.nan))
+        return Limit(
+            name=name,
+            limit=limit,
+            above=above,
+            worst=float(nearest[0]),
+            needed=float(nearest[may_pass]) if nulls.size > may_pass else float("nan"),
+            nulls=nulls.size,
+            nulls_beyond=int(np.count_nonzero(nulls <= -sign * limit)),
+            all_nulls=len(self.nulls),
+            beyond=int(np.count_nonzero(others <= -sign * limit)),
+            of=others.size,
+        )

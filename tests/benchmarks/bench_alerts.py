@@ -46,12 +46,12 @@ def made_plant(folder: Path, valves: int) -> Plant:
     (folder / "valves.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     text = 'valve_list = "valves.csv"\n[alerts]\nsilent_after_s = 300\n'
     for device in range(DEVICES):
-        listed = ["tag,register,address,type"]
+        listing = ["tag,register,address,type"]
         mine = [number for number in range(valves) if number % DEVICES == device]
         for index, number in enumerate(mine):
             for offset, role in enumerate(ROLES):
-                listed.append(f"FIC-{number:05d}.{role},holding,{3 * index + offset},INT16")
-        (folder / f"plc-{device}.csv").write_text("\n".join(listed) + "\n", encoding="utf-8")
+                listing.append(f"FIC-{number:05d}.{role},holding,{3 * index + offset},INT16")
+        (folder / f"plc-{device}.csv").write_text("\n".join(listing) + "\n", encoding="utf-8")
         text += f'[[devices]]\nname = "plc-{device}"\nhost = "192.0.2.1"\n'
         text += f'registers = "plc-{device}.csv"\n'
     (folder / "plant.toml").write_text(text, encoding="utf-8")
@@ -155,12 +155,12 @@ def measured(store: Store, name: str) -> Iterator[None]:
         statements += 1
 
     event.listen(store.transactions.readers, "before_cursor_execute", count)
-    began, worked = time.perf_counter(), time.process_time()
+    started, worked = time.perf_counter(), time.process_time()
     try:
         yield
     finally:
         event.remove(store.transactions.readers, "before_cursor_execute", count)
-    took_s, work_s = time.perf_counter() - began, time.process_time() - worked
+    took_s, work_s = time.perf_counter() - started, time.process_time() - worked
     print(f"{took_s:8.2f} s {work_s:8.2f} s work {statements:7d} statements  {name}")
 
 

@@ -72,7 +72,7 @@ def write_file(path: Path, kind: Kind, valves: int, samples: int) -> int:
     """An export at 1 s with three tags for each valve, three decimals; bytes before packing. The
     walk of an hour comes again and again."""
     rng = np.random.default_rng(1)
-    began = datetime(2026, 3, 1, tzinfo=UTC)
+    started = datetime(2026, 3, 1, tzinfo=UTC)
     tags = [f"FIC-{101 + n}.{role}" for n in range(valves) for role in ROLES]
     walk = 50.0 + np.cumsum(rng.standard_normal((min(3600, samples), len(tags))) * 0.05, axis=0)
     hour = [[f"{value:.3f}".replace(".", kind.decimal) for value in row] for row in walk.tolist()]
@@ -82,7 +82,7 @@ def write_file(path: Path, kind: Kind, valves: int, samples: int) -> int:
         for first in range(0, samples, len(hour)):
             lines = []
             for second, row in enumerate(hour[: samples - first], first):
-                stamp = (began + timedelta(seconds=second)).strftime(kind.form)
+                stamp = (started + timedelta(seconds=second)).strftime(kind.form)
                 if kind.row:
                     pairs = zip(tags, row, strict=True)
                     lines += [kind.row.format(tag=t, time=stamp, value=v) for t, v in pairs]
@@ -157,10 +157,10 @@ def in_own_process(reader: str, kind: str, path: Path, small: Path) -> tuple[flo
 def _read_here(reader: str, kind: str, path: Path, small: Path) -> None:
     read = READERS[reader]
     read(small, KINDS[kind])
-    began, before = time.process_time(), _peak_mb()
+    started, before = time.process_time(), _peak_mb()
     if read(path, KINDS[kind]) == 0:
         raise SystemExit(f"bench_csv: {reader} read nothing")
-    print(time.process_time() - began, _peak_mb() - before)
+    print(time.process_time() - started, _peak_mb() - before)
 
 
 def _peak_mb() -> float:

@@ -51,9 +51,9 @@ def measure(count: int, seed: int) -> list[dict[str, object]]:
     for name, several in some.items():
         seconds = []
         for recording in several:
-            began = time.process_time()
+            started = time.process_time()
             explain(recording)
-            seconds.append(time.process_time() - began)
+            seconds.append(time.process_time() - started)
         rows.append(
             {
                 "recordings": name,

@@ -93,9 +93,9 @@ def ours(valve: Valve) -> tuple[Result, StickSlipFit]:
     """The product's fit, once counted and once timed."""
     with Counter() as counter:
         fit_stickslip(valve.recording)
-    began = time.process_time()
+    started = time.process_time()
     fit = fit_stickslip(valve.recording)
-    return Result(time.process_time() - began, fit.candidate, counter.simulations), fit
+    return Result(time.process_time() - started, fit.candidate, counter.simulations), fit
 
 
 def bare_seconds(fit: StickSlipFit, simulations: int) -> float:
@@ -104,9 +104,9 @@ def bare_seconds(fit: StickSlipFit, simulations: int) -> float:
     out, marks = np.empty(problem.op.size), problem.resynced_marks
     times_s = []
     for _ in range(50):
-        began = time.perf_counter()
+        started = time.perf_counter()
         kernel.simulate(problem.op, problem.mv, marks, problem.interval_s, q, out)
-        times_s.append(time.perf_counter() - began)
+        times_s.append(time.perf_counter() - started)
     return simulations * float(np.median(times_s))
 
 
@@ -117,7 +117,7 @@ def training_loss(evaluator: StickSlipEvaluator) -> Callable[[Floats], Floats]:
 
 def numpy_grid(evaluator: StickSlipEvaluator) -> Result:
     """S, J/S and zero on a grid, every candidate in one array, sample by sample."""
-    began = time.process_time()
+    started = time.process_time()
     problem = evaluator.problem
     widths = np.linspace(0.0, evaluator.bounds.high[coordinate.S_PERCENT], GRID_S)
     ratios = np.linspace(0.0, 1.3, GRID_RATIO)
@@ -149,7 +149,7 @@ def numpy_grid(evaluator: StickSlipEvaluator) -> Result:
         ratio[best],
         zero[best],
     )
-    return Result(time.process_time() - began, candidate, s.size)
+    return Result(time.process_time() - started, candidate, s.size)
 
 
 def evolution(evaluator: StickSlipEvaluator, free: tuple[int, ...]) -> Result:
@@ -167,13 +167,13 @@ def evolution(evaluator: StickSlipEvaluator, free: tuple[int, ...]) -> Result:
     limits = list(
         zip(evaluator.bounds.low[list(free)], evaluator.bounds.high[list(free)], strict=True)
     )
-    began = time.process_time()
+    started = time.process_time()
     result = differential_evolution(
         value, limits, rng=SEED, vectorized=True, updating="deferred", polish=False
     )
     candidate = np.zeros(coordinate.N_COORDINATES)
     candidate[list(free)] = result.x
-    return Result(time.process_time() - began, candidate, count)
+    return Result(time.process_time() - started, candidate, count)
 
 
 def measure(count: int, seed: int) -> list[dict[str, object]]:
@@ -182,7 +182,7 @@ def measure(count: int, seed: int) -> list[dict[str, object]]:
     fit_stickslip(some[0].recording)  # compiled before the clock runs
     narrow = (coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO)
     wide = (*narrow, *coordinate.ACTUATOR)
-    found: dict[str, list[tuple[Result, float]]] = {}
+    result: dict[str, list[tuple[Result, float]]] = {}
     bare = []
     for valve in some:
         own, fit = ours(valve)
@@ -195,11 +195,11 @@ def measure(count: int, seed: int) -> list[dict[str, object]]:
             "DE, S and J": evolution(fit.evaluator, narrow),
             "DE, all": evolution(fit.evaluator, wide),
         }
-        for name, one in tried.items():
-            reached = least if one is own else float(loss(one.candidate[None, :])[0])
-            found.setdefault(name, []).append((one, reached / least))
-    own_seconds = float(np.mean([one.seconds for one, _ in found["stemwatch"]]))
-    rows = [_row(name, some, results, own_seconds) for name, results in found.items()]
+        for name, item in tried.items():
+            reached = least if item is own else float(loss(item.candidate[None, :])[0])
+            result.setdefault(name, []).append((item, reached / least))
+    own_seconds = float(np.mean([item.seconds for item, _ in result["stemwatch"]]))
+    rows = [_row(name, some, results, own_seconds) for name, results in result.items()]
     rows[0]["times_bare"] = round(own_seconds / float(np.mean(bare)), 2)
     return rows
 
@@ -207,14 +207,14 @@ def measure(count: int, seed: int) -> list[dict[str, object]]:
 def _row(
     name: str, some: list[Valve], results: list[tuple[Result, float]], own_seconds: float
 ) -> dict[str, object]:
-    seconds = float(np.mean([one.seconds for one, _ in results]))
-    s = np.array([one.candidate[coordinate.S_PERCENT] for one, _ in results])
-    j = s * np.array([one.candidate[coordinate.RATIO] for one, _ in results])
+    seconds = float(np.mean([item.seconds for item, _ in results]))
+    s = np.array([item.candidate[coordinate.S_PERCENT] for item, _ in results])
+    j = s * np.array([item.candidate[coordinate.RATIO] for item, _ in results])
     return {
         "method": name,
         "seconds": round(seconds, 4),
         "times_ours": round(seconds / own_seconds, 2),
-        "simulations": round(float(np.mean([one.simulations for one, _ in results]))),
+        "simulations": round(float(np.mean([item.simulations for item, _ in results]))),
         "times_bare": None,
         "S_off": round(float(np.median(np.abs(s - [valve.S for valve in some]))), 3),
         "J_off": round(float(np.median(np.abs(j - [valve.J for valve in some]))), 3),

@@ -76,11 +76,11 @@ def measure(samples: int, rounds: int) -> list[dict[str, object]]:
                 sys.exit(f"bench_kernel: {name}: the two differ by {np.abs(ours - theirs).max()}")
             seconds: tuple[list[float], list[float]] = ([], [])
             for _ in range(rounds):
-                began = time.perf_counter()
+                started = time.perf_counter()
                 kernel.simulate(op, op, start, 1.0, q, ours)
                 between = time.perf_counter()
                 in_c(op, op, 1.0, q, theirs)
-                seconds[0].append(between - began)
+                seconds[0].append(between - started)
                 seconds[1].append(time.perf_counter() - between)
             own, c = (1e6 * float(np.median(second)) for second in seconds)
             rows.append(

@@ -68,9 +68,9 @@ def for_hours(case: HiddenCase, hours: float) -> HiddenCase:
 
 def judged(case: HiddenCase, recording: Recording, ask: Callable[[Recording], Mismatch]) -> Judged:
     """What ``ask`` says of the recording, beside the truth."""
-    began = time.process_time()
+    started = time.process_time()
     mismatch = ask(recording)
-    seconds = time.process_time() - began
+    seconds = time.process_time() - started
     valve = case.loop.valve
 
     def off(estimate: Estimate, truth: float) -> float:
@@ -97,12 +97,12 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=8181)
     parser.add_argument("--nulls", type=int, default=6)
     parser.add_argument("--hours", type=float, default=8.0)
-    asked = parser.parse_args()
-    cases = [draw_effect(slug, 1, asked.seed)[0] for slug in asked.effects]
-    cases += draw_nulls(asked.nulls, asked.seed, "routine")
+    requested = parser.parse_args()
+    cases = [draw_effect(slug, 1, requested.seed)[0] for slug in requested.effects]
+    cases += draw_nulls(requested.nulls, requested.seed, "routine")
     rows = []
     for drawn in cases:
-        case, run = simulate_hidden(for_hours(drawn, asked.hours))
+        case, run = simulate_hidden(for_hours(drawn, requested.hours))
         explain(run.recording.part(0, 400))  # kernels are compiled before the clock runs
         ways = [
             judged(case, run.recording, explain),

@@ -126,17 +126,17 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--valves", type=int, default=500)
     parser.add_argument("--devices", type=int, default=10, help="connections they are spread over")
-    asked = parser.parse_args()
+    requested = parser.parse_args()
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
-    arguments = (asked.valves, asked.devices, there)
+    arguments = (requested.valves, requested.devices, there)
     process = context.Process(target=simulator, args=arguments, daemon=True)
     process.start()
     ports = here.recv()
-    each = asked.valves // asked.devices
+    each = requested.valves // requested.devices
     devices = [device_of(index, port, each) for index, port in enumerate(ports)]
     with tempfile.TemporaryDirectory() as folder:
-        run(devices, Path(folder), asked.seconds)
+        run(devices, Path(folder), requested.seconds)
     process.kill()
     process.join()
 

@@ -74,9 +74,9 @@ def drawn(seed: int) -> Iterator[PlantLoop]:
 def made(loop: PlantLoop, seed: int) -> Valve:
     """One loop simulated, assessed and fitted."""
     recording = simulate_loop(loop, seed).recording
-    began = time.process_time()
+    started = time.process_time()
     fit = fit_stickslip(recording)
-    seconds = time.process_time() - began
+    seconds = time.process_time() - started
     residual = of_stiction(fit, resynced=False)
     example = NarxExample.of(recording, fit.first_heldout, network_start(fit))
     return Valve(
@@ -102,10 +102,10 @@ def itself(loop: PlantLoop, example: NarxExample, seed: int) -> tuple[float, flo
     ]
     manual = ManualSpan(start_s=0.0, stop_s=loop.duration_s + step, knots=tuple(knots))
     quiet = replace(loop.transmitters, position_noise=0.0)
-    again = replace(loop, manual=(manual,), transmitters=quiet)
+    repeated = replace(loop, manual=(manual,), transmitters=quiet)
     runs = []
     for draw in range(DRAWS):
-        mv = simulate_loop(again, 10**6 * (draw + 1) + seed).recording.mv
+        mv = simulate_loop(repeated, 10**6 * (draw + 1) + seed).recording.mv
         assert mv is not None
         runs.append(mv.values)
     late = example.train_until
@@ -124,9 +124,9 @@ def trained(
     examples: Sequence[NarxExample], batch: int, settings: NarxSettings
 ) -> tuple[Floats, float]:
     """Held-out percents of fit, and seconds of processor time for each valve."""
-    began = time.process_time()
+    started = time.process_time()
     fits = train(examples, replace(settings, valves_per_batch=batch))
-    seconds = (time.process_time() - began) / len(examples)
+    seconds = (time.process_time() - started) / len(examples)
     percents = [fit.heldout.fit_percent if fit.heldout else FLOOR for fit in fits]
     return np.maximum(percents, FLOOR), seconds
 

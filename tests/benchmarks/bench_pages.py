@@ -162,9 +162,9 @@ async def measure(site: Site, paths: list[str]) -> dict[str, list[float]]:
     ) as client:
         for path in paths:
             for index in range(TIMES + 1):
-                began = time.perf_counter()
+                started = time.perf_counter()
                 answer = await client.get(path)
-                spent = 1e3 * (time.perf_counter() - began)
+                spent = 1e3 * (time.perf_counter() - started)
                 answer.raise_for_status()
                 if index:
                     milliseconds.setdefault(path, []).append(spent)
@@ -175,10 +175,10 @@ def thinning(store: Store) -> list[tuple[str, float]]:
     """Milliseconds to thin one tag over an hour, a day, a week."""
     milliseconds = []
     for name, length in (("1 h", 1 / 24), ("1 d", 1.0), ("7 d", 7.0)):
-        began = time.perf_counter()
+        started = time.perf_counter()
         start = NOW - timedelta(days=length)
         assert store.samples.plot_points(SOURCE, "FIC-00001.OP", start, NOW, 1600) is not None
-        milliseconds.append((name, 1e3 * (time.perf_counter() - began)))
+        milliseconds.append((name, 1e3 * (time.perf_counter() - started)))
     return milliseconds
 
 

@@ -96,12 +96,12 @@ def is_right(case: HiddenCase, mismatch: Mismatch) -> bool:
 
 def knots(values: Sequence[SetValue], begin_s: float, op: float) -> tuple[tuple[float, float], ...]:
     """OP by hand through ``values``, as the simulator wants it."""
-    found, last = [(begin_s, op)], op
+    result, last = [(begin_s, op)], op
     for value in values[1:]:
         at, here = begin_s + value.at_s, op + value.change
-        found += [(at, last), (at + QUICK_S, here)]
+        result += [(at, last), (at + QUICK_S, here)]
         last = here
-    return tuple(found)
+    return tuple(result)
 
 
 def fixed_staircase(minutes: float, amplitude: float) -> tuple[SetValue, ...]:
@@ -132,9 +132,9 @@ def played(case: HiddenCase, values: Sequence[SetValue], op: float, seconds: flo
 def judge(place: int, case: HiddenCase, limits: TestLimits) -> Played | None:
     """One case, or ``None`` where nothing is open."""
     # The same noise before the test whatever is played needs the same length.
-    whole = with_time(case, limits.duration_s)
+    complete = with_time(case, limits.duration_s)
     samples = round(case.loop.duration_s / case.loop.archive.interval_s)
-    recording = simulate_loop(whole, case.seed).recording.part(0, samples)
+    recording = simulate_loop(complete, case.seed).recording.part(0, samples)
     before = explain(recording)
     question = before.open_question
     if question is None or len(question.models) < 2:
@@ -143,8 +143,8 @@ def judge(place: int, case: HiddenCase, limits: TestLimits) -> Played | None:
     test, op = plan.test, plan.op
     minutes = limits.duration_s / 60.0
     truth = [slug for slug in case.effects if slug not in RECORD]
-    wanted = truth[0] if len(truth) == 1 else "" if not truth else None
-    inside = wanted in question.rivals
+    expected = truth[0] if len(truth) == 1 else "" if not truth else None
+    inside = expected in question.rivals
     after, judged = before, None
     if test is not None:
         minutes = test.programme.duration_s / 60.0
@@ -171,7 +171,7 @@ def judge(place: int, case: HiddenCase, limits: TestLimits) -> Played | None:
         right_planned=is_right(case, after),
         right_staircase=is_right(case, by_stairs),
         in_rivals=inside,
-        wanted=wanted,
+        wanted=expected,
         best=None if judged is None else judged.models[judged.best].slug,
         outcome="-" if judged is None else judged.outcome.value,
         as_far=() if judged is None else judged.as_far,
@@ -189,23 +189,23 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="Place of the first case.")
     parser.add_argument("--most", type=int, default=1000, help="Ambiguous cases at most.")
     parser.add_argument("--json", type=Path)
-    asked = parser.parse_args()
-    limits = TestLimits(amplitude=asked.amplitude, duration_s=60.0 * asked.minutes)
-    began, rows = time.perf_counter(), []
-    for index, drawn in enumerate(draw_hidden(asked.cases, asked.seed)):
-        if index < asked.first:
+    requested = parser.parse_args()
+    limits = TestLimits(amplitude=requested.amplitude, duration_s=60.0 * requested.minutes)
+    started, rows = time.perf_counter(), []
+    for index, drawn in enumerate(draw_hidden(requested.cases, requested.seed)):
+        if index < requested.first:
             continue
         case, _ = simulate_hidden(drawn)
         row = judge(index, case, limits)
         if row is not None:
             rows.append(row)
             print(line(row), flush=True)
-        if len(rows) >= asked.most:
+        if len(rows) >= requested.most:
             break
     print(summary(rows))
-    print(f"{time.perf_counter() - began:.0f} s")
-    if asked.json:
-        asked.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
+    print(f"{time.perf_counter() - started:.0f} s")
+    if requested.json:
+        requested.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
 
 
 def line(row: Played) -> str:

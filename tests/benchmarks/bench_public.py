@@ -137,27 +137,27 @@ def _example(name: str, op: Floats, mv: Floats, until: int, interval_s: float) -
     )
 
 
-def measure(one: Set) -> Row:
+def measure(item: Set) -> Row:
     """Train, and judge on the held-out part beside a constant, a straight line and a copy."""
-    example = one.example
-    began = time.perf_counter()
+    example = item.example
+    started = time.perf_counter()
     (fit,) = train([example])
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - started
     late = np.arange(example.op.size) >= example.train_until
     early, late = example.usable & ~late, example.usable & late
     line = np.polyfit(example.op[early], example.mv[early], 1)
     heldout = fit.heldout
     return Row(
         name=example.valve,
-        split=one.split,
-        unit=one.unit,
+        split=item.split,
+        unit=item.unit,
         rmse=heldout.rmse if heldout else None,
         one_step_rmse=heldout.one_step_rmse if heldout else None,
         fit_percent=heldout.fit_percent if heldout else None,
         constant_rmse=float(np.std(example.mv[late])),
         line_rmse=_rms(example.mv[late] - np.polyval(line, example.op[late])),
         copy_rmse=_copy_rmse(example),
-        published=one.published,
+        published=item.published,
         seconds=seconds,
         reason=fit.reason or "",
     )

@@ -156,7 +156,7 @@ def table(rows: list[Row]) -> list[str]:
         some = [item for item in rows if item.gain == gain]
         lines.append(
             f"| {gain:g} | {len(some)} | {_range(item.law_S for item in some)} "
-            f"| {_median(one.naive_S for one in some):.1f} | {_range(one.S for one in some)} "
+            f"| {_median(item.naive_S for item in some):.1f} | {_range(item.S for item in some)} "
             f"| {_median(item.error for item in some):.2f} "
             f"| {sum(item.holds for item in some)} of {len(some)} "
             f"| {_range(item.law_load for item in some)} "
@@ -178,7 +178,7 @@ def summary(rows: list[Row]) -> list[str]:
     slope = np.polyfit(gains, np.log([item.S for item in positive]), 1)[0]
     of_law = [item for item in rows if item.law_S > 0.0]
     law_slope = np.polyfit(
-        np.log([one.gain for one in of_law]), np.log([one.law_S for one in of_law]), 1
+        np.log([item.gain for item in of_law]), np.log([item.law_S for item in of_law]), 1
     )[0]
     better = sum((item.rmse_extended or 0.0) < (item.rmse_naive or 0.0) for item in rows)
     return [

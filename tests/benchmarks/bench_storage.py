@@ -76,10 +76,10 @@ def batches(size: int, total: int, first_s: int) -> list[SampleBatch]:
 def write_all(store: Store, insert: Insert, parts: Sequence[SampleBatch]) -> float:
     """Samples a second for writing ``parts`` with ``insert``."""
     with patch.object(samples_module, "insert_samples", insert):
-        began = time.perf_counter()
+        started = time.perf_counter()
         for part in parts:
             store.samples.write(part)
-        return sum(map(len, parts)) / (time.perf_counter() - began)
+        return sum(map(len, parts)) / (time.perf_counter() - started)
 
 
 def measure(store: Store, total: int) -> list[dict[str, Any]]:
@@ -103,16 +103,16 @@ def measure(store: Store, total: int) -> list[dict[str, Any]]:
 
 
 def _read(store: Store) -> float:
-    began = time.perf_counter()
+    started = time.perf_counter()
     count = sum(len(store.samples.read("bench", name).at_us) for name in NAMES[:30])
-    return count / (time.perf_counter() - began)
+    return count / (time.perf_counter() - started)
 
 
 def _backup(store: Store) -> float:
     with tempfile.TemporaryDirectory() as folder:
-        began = time.perf_counter()
+        started = time.perf_counter()
         backed_up = backup(store.address, Path(folder) / "backup.zip")
-        return backed_up["samples"].rows / (time.perf_counter() - began)
+        return backed_up["samples"].rows / (time.perf_counter() - started)
 
 
 def main() -> None:

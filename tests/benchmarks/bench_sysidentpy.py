@@ -80,9 +80,9 @@ def fit_percent(simulated: Floats, mv: Floats) -> float:
 
 def ours(batch: list[NarxExample]) -> list[Fitted]:
     """All valves trained together with the product's own settings; the time divided by them."""
-    began = time.process_time()
+    started = time.process_time()
     fits = train(batch)
-    seconds = (time.process_time() - began) / len(batch)
+    seconds = (time.process_time() - started) / len(batch)
     held = [fit.heldout for fit in fits]
     return [(seconds, max(item.fit_percent, WORST_FIT) if item else None) for item in held]
 
@@ -92,11 +92,12 @@ def screened(batch: list[Recording]) -> list[Fitted]:
 
     Scored on the samples that neither the screening nor the others were fitted to.
     """
-    began = time.process_time()
+    started = time.process_time()
     fits = screen([Case(recording=recording) for recording in batch])
-    seconds = (time.process_time() - began) / len(batch)
+    seconds = (time.process_time() - started) / len(batch)
     return [
-        (seconds, _screened_fit(one, recording)) for one, recording in zip(fits, batch, strict=True)
+        (seconds, _screened_fit(item, recording))
+        for item, recording in zip(fits, batch, strict=True)
     ]
 
 
@@ -114,11 +115,11 @@ def sysidentpy(example: NarxExample, build: Callable[[], Any]) -> Fitted:
     op = np.append(example.op[1:], example.op[-1])  # so that lag 1 is the present sample
     x, y = ((s - s[:until].mean()) / s[:until].std() for s in (op, example.mv))
     model = build()
-    began = time.process_time()
+    started = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a diverging run overflows, and says so at every sample
         model.fit(X=x[:until, None], y=y[:until, None])
-        seconds = time.process_time() - began
+        seconds = time.process_time() - started
         start = until - LAGS  # the run begins from the last measured samples before it
         try:
             run = model.predict(X=x[start:, None], y=y[start:until, None])
@@ -229,8 +230,8 @@ def main() -> None:
     if options.valves < 1:
         parser.error(f"--valves: at least 1 expected, received {options.valves}")
     if not ONE_CORE.items() <= os.environ.items():  # read when numpy is imported: begin again
-        again = subprocess.run([sys.executable, *sys.argv], env={**os.environ, **ONE_CORE})
-        sys.exit(again.returncode)
+        repeated = subprocess.run([sys.executable, *sys.argv], env={**os.environ, **ONE_CORE})
+        sys.exit(repeated.returncode)
     try:
         version = _other().__version__
     except ImportError:

@@ -82,18 +82,18 @@ class Stages:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        whole = time.process_time() - self._began
+        complete = time.process_time() - self._began
         for put_back in self._put_back:
             put_back()
-        self.seconds["other"] = max(whole - sum(self.seconds.values()), 0.0)
+        self.seconds["other"] = max(complete - sum(self.seconds.values()), 0.0)
 
     def _timed(self, name: str, plain: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*arguments: Any, **named: Any) -> Any:
-            began = time.process_time()
+            started = time.process_time()
             try:
                 return plain(*arguments, **named)
             finally:
-                self.seconds[name] += time.process_time() - began
+                self.seconds[name] += time.process_time() - started
 
         return timed
 
@@ -126,16 +126,16 @@ class Memory(threading.Thread):
 
 def _family(pid: int) -> list[int]:
     """The process and all that descend from it."""
-    found, waiting = [], [pid]
+    result, waiting = [], [pid]
     while waiting:
-        one = waiting.pop()
-        found.append(one)
-        for task in Path(f"/proc/{one}/task").glob("*/children"):
+        item = waiting.pop()
+        result.append(item)
+        for task in Path(f"/proc/{item}/task").glob("*/children"):
             try:
                 waiting += [int(child) for child in task.read_text().split()]
             except OSError:
                 continue
-    return found
+    return result
 
 
 def _memory(pid: int) -> int:
@@ -163,18 +163,18 @@ def make_archive(folder: Path, form: str, valves: int, hours: float, distinct: i
     if (folder / "plant.toml").is_file():
         return 0.0
     tell(f"making {folder.name}: {valves} valves of {hours:g} h from {distinct or valves} loops")
-    began = time.perf_counter()
+    started = time.perf_counter()
     _stemwatch(
         "simulate-archive", folder, "--format", form, "--valves", valves,
         "--hours", hours, "--distinct", distinct,
     )  # fmt: skip
-    return time.perf_counter() - began
+    return time.perf_counter() - started
 
 
-def tell(said: str) -> None:
+def tell(text: str) -> None:
     """Say what is going on, with the time and the load of the machine."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
-    print(f"{time.strftime('%H:%M:%S')} (load {load:.1f}) {said}", file=sys.stderr, flush=True)
+    print(f"{time.strftime('%H:%M:%S')} (load {load:.1f}) {text}", file=sys.stderr, flush=True)
 
 
 def _stemwatch(*arguments: object) -> None:
@@ -195,7 +195,7 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
             sys.executable, "-m", "stemwatch.service", "screen", "--plant", plant,
             "--out", out, "--db", database, "--workers", workers, "--executor", executor,
         ]  # fmt: skip
-        began = time.perf_counter()
+        started = time.perf_counter()
         process = subprocess.Popen(
             list(map(str, command)),
             env={**os.environ, "OMP_NUM_THREADS": "1"},
@@ -205,7 +205,7 @@ def screen_job(plant: Path, workers: int, executor: str = "local") -> dict[str, 
         memory = Memory(process.pid)
         memory.start()
         status = process.wait()
-        seconds = time.perf_counter() - began
+        seconds = time.perf_counter() - started
         memory.over.set()
         memory.join()
         if status != 0:
@@ -270,7 +270,7 @@ def growth(folder: Path, args: argparse.Namespace) -> dict[str, Any]:
     """The time and the memory over valves, over samples for each valve, and over workers."""
     most = max(args.growth_valves)
     seen: dict[tuple[int, float, int], dict[str, float]] = {}
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for name, cases in _cases(args).items():
         rows = []
         for size, case in cases.items():
@@ -281,8 +281,8 @@ def growth(folder: Path, args: argparse.Namespace) -> dict[str, Any]:
                 make_archive(archive, "parquet", count, hours, min(count, args.distinct or 20))
                 seen[case] = screen_job(_cut(archive / "plant.toml", valves), workers)
             rows.append({**seen[case], name: size})
-        found[name] = {"rows": rows, **_fitted(name, rows)}
-    return found
+        result[name] = {"rows": rows, **_fitted(name, rows)}
+    return result
 
 
 def _fitted(name: str, rows: list[dict[str, float]]) -> dict[str, float]:
@@ -349,22 +349,22 @@ def measured(folder: Path, form: str, args: argparse.Namespace) -> dict[str, Any
     }
 
 
-def show(found: dict[str, Any]) -> None:
+def show(result: dict[str, Any]) -> None:
     """The tables."""
-    about = found["machine"]
+    about = result["machine"]
     print(f"{about['processor']}, {about['cores']} cores, load {about['load_at_start']} before")
-    if found["jobs"]:
+    if result["jobs"]:
         print(f"\n{'format':9}{'valves':>7}{'hours':>7}{'workers':>9}{'valves/s':>10}{HEAD}")
-    for job in found["jobs"]:
+    for job in result["jobs"]:
         print(f"{job['format']:9}{job['valves']:7d}{job['hours']:7g}{job['workers']:9d}"
               f"{job['valves_per_s']:10.2f}{_row(job)}")  # fmt: skip
-    for job in found["jobs"]:
+    for job in result["jobs"]:
         total = sum(job["stages_s_per_valve"].values())
         if total:
             print(f"\n{job['format']}: {total:.3f} s of one core for each valve")
         for name, seconds in job["stages_s_per_valve"].items():
             print(f"  {name:10}{seconds:9.4f} s{100 * seconds / total:7.1f} %")
-    for name, grown in found.get("growth", {}).items():
+    for name, grown in result.get("growth", {}).items():
         print(f"\n{'over ' + name:>14}{HEAD}")
         for row in grown["rows"]:
             print(f"{row[name]:14g}{_row(row)}")

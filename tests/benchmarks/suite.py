@@ -102,23 +102,23 @@ def machine() -> dict[str, object]:
 
 def _processor() -> str:
     """The processor's own name where the system tells it."""
-    listed = Path("/proc/cpuinfo")
-    lines = listed.read_text("utf-8").splitlines() if listed.exists() else []
+    listing = Path("/proc/cpuinfo")
+    lines = listing.read_text("utf-8").splitlines() if listing.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor() or "unknown"
 
 
-def run(one: Benchmark, folder: Path, *, full: bool) -> Outcome:
+def run(item: Benchmark, folder: Path, *, full: bool) -> Outcome:
     """One benchmark in a process of its own."""
-    command = one.command(full=full)
+    command = item.command(full=full)
     text = " ".join(command)
-    missing = [name for name in one.needs if not _installed(name)]
+    missing = [name for name in item.needs if not _installed(name)]
     if missing:
         why = f"left out: {missing[0]} is not installed here; run the script to hear how"
-        return Outcome(one, text, 0.0, "", None, why)
-    numbers = folder / f"{one.name}.json"
+        return Outcome(item, text, 0.0, "", None, why)
+    numbers = folder / f"{item.name}.json"
     numbers.unlink(missing_ok=True)
-    began = time.perf_counter()
+    started = time.perf_counter()
     process = subprocess.run(
         [sys.executable, *command[1:], "--json", str(numbers)],
         cwd=HERE.parent.parent,
@@ -127,14 +127,14 @@ def run(one: Benchmark, folder: Path, *, full: bool) -> Outcome:
         text=True,
         check=False,
     )
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - started
     fault = (
         ""
         if process.returncode == 0
         else f"failed with status {process.returncode}: {process.stderr}"
     )
     results = json.loads(numbers.read_text("utf-8")) if numbers.exists() else None
-    return Outcome(one, text, seconds, process.stdout, results, fault)
+    return Outcome(item, text, seconds, process.stdout, results, fault)
 
 
 def _installed(name: str) -> bool:

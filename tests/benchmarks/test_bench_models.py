@@ -22,9 +22,9 @@ def _median_us(model, op, repeats):
     model.simulate(op, q, 1.0, float(op[0]))
     seconds = []
     for _ in range(repeats):
-        began = time.perf_counter()
+        started = time.perf_counter()
         model.simulate(op, q, 1.0, float(op[0]))
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.perf_counter() - started)
     return 1e6 * float(np.median(seconds))
 
 

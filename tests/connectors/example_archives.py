@@ -119,16 +119,16 @@ def write(table: pa.Table, path: Path, **how: Any) -> Path:
     return path
 
 
-def same(one: Recording, other: Recording) -> None:
+def same(item: Recording, other: Recording) -> None:
     """Both recordings hold the same samples at the same instants, for the same reasons."""
-    assert (one.start, one.interval_s, len(one)) == (other.start, other.interval_s, len(other))
-    assert one.signals.keys() == other.signals.keys()
-    for role, signal in one.signals.items():
-        again = other.signals[role]
-        np.testing.assert_array_equal(signal.quality, again.quality)
-        np.testing.assert_array_equal(signal.values, again.values)
-        assert (signal.unit, signal.interval_s) == (again.unit, again.interval_s)
-    assert (one.clock.gaps, one.clock.repeated_times) == (
+    assert (item.start, item.interval_s, len(item)) == (other.start, other.interval_s, len(other))
+    assert item.signals.keys() == other.signals.keys()
+    for role, signal in item.signals.items():
+        repeated = other.signals[role]
+        np.testing.assert_array_equal(signal.quality, repeated.quality)
+        np.testing.assert_array_equal(signal.values, repeated.values)
+        assert (signal.unit, signal.interval_s) == (repeated.unit, repeated.interval_s)
+    assert (item.clock.gaps, item.clock.repeated_times) == (
         other.clock.gaps,
         other.clock.repeated_times,
     )

@@ -160,7 +160,7 @@ def connector(named: tuple[str, Connector]) -> Connector:
 def valve(named: tuple[str, Connector]) -> ValveTags:
     """The valve's tags as this connector spells them."""
     prefix = PREFIXES.get(named[0], "")
-    tags = {role: replace(one, tag=prefix + one.tag) for role, one in VALVE.tags.items()}
+    tags = {role: replace(item, tag=prefix + item.tag) for role, item in VALVE.tags.items()}
     return replace(VALVE, tags=tags)
 
 
@@ -173,8 +173,8 @@ def test_tags_are_listed_with_samples(named: tuple[str, Connector]) -> None:
     """Every tag is listed, with the number of its samples where that is cheap to tell."""
     name, connector = named
     samples = {info.tag: info.samples for info in connector.tags()}
-    prefix, counted = PREFIXES.get(name, ""), name not in UNCOUNTED
-    assert samples == {f"{prefix}FIC1.OP": 598 * counted, f"{prefix}FIC1.PV": 599 * counted}
+    prefix, counts = PREFIXES.get(name, ""), name not in UNCOUNTED
+    assert samples == {f"{prefix}FIC1.OP": 598 * counts, f"{prefix}FIC1.PV": 599 * counts}
 
 
 def test_recording_is_even_utc_and_masked(connector: Connector, valve: ValveTags) -> None:

@@ -60,10 +60,10 @@ def _collected() -> Iterator[None]:
 
 def failure(archive: Connector, valve: ValveTags) -> str:
     """The error of a reading that cannot succeed, which came in time."""
-    began = time.monotonic()
+    started = time.monotonic()
     with pytest.raises(ConnectorError) as failed:
         archive.read(valve)
-    assert time.monotonic() - began < 90.0, "it has two seconds for an answer"
+    assert time.monotonic() - started < 90.0, "it has two seconds for an answer"
     return str(failed.value)
 
 

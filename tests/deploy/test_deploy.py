@@ -111,11 +111,11 @@ def test_the_image_runs_what_the_compose_file_runs(compose: dict) -> None:
 
 def test_what_the_image_is_built_from_is_let_through() -> None:
     """``.dockerignore`` lets through every file that setup and installation read."""
-    listed = (DEPLOY.parent / ".dockerignore").read_text("utf-8").splitlines()
+    listing = (DEPLOY.parent / ".dockerignore").read_text("utf-8").splitlines()
     needed = {"pyproject.toml", "setup.py", "constraints.txt", "README.md", "LICENSE"}
     needed |= {"stemwatch", "service", "connectors", "models", "deploy/install.sh"}
-    assert {f"!{name}" for name in needed} <= set(listed)
-    assert "*" in listed
+    assert {f"!{name}" for name in needed} <= set(listing)
+    assert "*" in listing
 
 
 @pytest.mark.parametrize("script", ["install.sh", "wheelhouse.sh"])

@@ -56,16 +56,16 @@ def test_they_are_nearer_to_the_valve_than_the_cheapest_run():
         run = S_and_J(fit.candidate)
         true = (valve.S, valve.J)
         errors.append([np.abs(np.subtract(pair, true)).sum() for pair in ((fit.S, fit.J), run)])
-    told, cheapest = np.median(errors, axis=0)
-    assert told < 0.6 * cheapest
+    answer, cheapest = np.median(errors, axis=0)
+    assert answer < 0.6 * cheapest
 
 
 @pytest.mark.parametrize("scatter", [0.04, 0.12])
 def test_the_scatter_of_the_breakaways_is_told(scatter):
     """As a share of the level."""
     _, recording = sticking(2, scatter)
-    found = fit_stickslip(recording).breakaways
-    assert found.scatter == pytest.approx(scatter, rel=0.4)
+    result = fit_stickslip(recording).breakaways
+    assert result.scatter == pytest.approx(scatter, rel=0.4)
 
 
 def test_the_interval_is_that_of_the_breakaways():

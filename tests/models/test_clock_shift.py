@@ -68,7 +68,7 @@ def test_without_pv_or_movement_the_controller_tells_nothing():
     """No PV, a PV that stands still, or a record too short for it."""
     _, recording = recorded(0)
     late = later(recording, Role.OP, LATE)
-    without = {role: one for role, one in late.signals.items() if role is not Role.PV}
+    without = {role: item for role, item in late.signals.items() if role is not Role.PV}
     still = Signal.good(np.full(len(late), 50.0), "PV")
     assert behind_controller(replace(late, signals=without)).samples == 0.0
     assert behind_controller(replace(late, signals={**without, Role.PV: still})).samples == 0.0
@@ -84,12 +84,12 @@ def test_holes_in_the_record_do_not_hide_what_the_controller_tells():
     bad = np.random.default_rng(1).random(n) < 0.03
     hole = (np.arange(n) >= 900) & (np.arange(n) < 960)
     signals = dict(late.signals)
-    for role, gone in ((Role.PV, bad), (Role.OP, hole)):
+    for role, removed in ((Role.PV, bad), (Role.OP, hole)):
         signal = late.signals[role]
         signals[role] = replace(
             signal,
-            values=np.where(gone, np.nan, signal.values),
-            quality=np.where(gone, Quality.BAD, signal.quality),
+            values=np.where(removed, np.nan, signal.values),
+            quality=np.where(removed, Quality.BAD, signal.quality),
         )
     assert behind_controller(replace(late, signals=signals)).samples == LATE
 
@@ -99,8 +99,8 @@ def test_a_pv_with_a_clock_of_its_own_moves_no_command():
     _, recording = recorded(0)
     pv, sp = recording.signals[Role.PV], recording.signals[Role.SP]
     ahead = {
-        role: Signal.good(np.append(one.values[LATE:], np.full(LATE, one.values[-1])), one.tag)
-        for role, one in ((Role.PV, pv), (Role.SP, sp))
+        role: Signal.good(np.append(item.values[LATE:], np.full(LATE, item.values[-1])), item.tag)
+        for role, item in ((Role.PV, pv), (Role.SP, sp))
     }
     early = replace(recording, signals={**recording.signals, **ahead})
     assert behind_controller(early).samples == LATE

@@ -113,9 +113,9 @@ def test_a_finding_goes_when_windows_on_end_do_not_name_it():
 
 def test_a_finding_that_is_gone_comes_back_as_confirmed_anew():
     """Two windows must agree again."""
-    gone = [window(day, SLUG) for day in range(4)] + [window(day) for day in range(4, 14)]
-    assert states([*gone, window(14, SLUG)]) == {SLUG: FindingState.GONE}
-    (finding,) = lasting_findings([*gone, window(14, SLUG), window(15, SLUG)])
+    removed = [window(day, SLUG) for day in range(4)] + [window(day) for day in range(4, 14)]
+    assert states([*removed, window(14, SLUG)]) == {SLUG: FindingState.GONE}
+    (finding,) = lasting_findings([*removed, window(14, SLUG), window(15, SLUG)])
     assert finding.state is FindingState.CONFIRMED
     assert finding.confirmed == BEGIN + 15 * DAY
 
@@ -215,7 +215,7 @@ def test_chance_of_what_many_windows_name():
     named = [replace(window(day, SLUG), p_value=0.01) for day in range(2)]
     rest = [window(day) for day in range(2, 8)]
     assert lasting_findings([named[0], *rest, window(8), window(9)]) == ()
-    (one,) = lasting_findings([named[0], *rest])
-    assert one.p_value == pytest.approx(7 * 0.01)
+    (item,) = lasting_findings([named[0], *rest])
+    assert item.p_value == pytest.approx(7 * 0.01)
     (two,) = lasting_findings([*named, *rest])
     assert two.p_value == pytest.approx(28 * 0.01**2)

@@ -111,11 +111,11 @@ def test_unknown_is_said_where_most_windows_say_it_and_restates_nothing():
 
 def test_the_shown_window_is_explained_again_where_that_may_cost_more():
     """Once, and the same part."""
-    said, again = CannedExplainer([NONE]), CannedExplainer([NAMED])
-    in_windows = explain_windows(long_recording(4.0), SAMPLES, said, again)
+    answer, repeated = CannedExplainer([NONE]), CannedExplainer([NAMED])
+    in_windows = explain_windows(long_recording(4.0), SAMPLES, answer, repeated)
     assert in_windows is not None
-    assert len(again.asked) == 1
-    assert again.asked[0].op.values[0] == said.asked[0].op.values[0]
+    assert len(repeated.asked) == 1
+    assert repeated.asked[0].op.values[0] == answer.asked[0].op.values[0]
     assert in_windows.mismatch.seconds == 5.0
 
 

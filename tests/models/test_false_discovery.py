@@ -35,7 +35,7 @@ def test_a_case_that_can_be_checked_by_hand():
     """Of ten valves the limits are 0.005, 0.010, 0.015 ...: the third is above its own, and stands
     all the same because the fourth is below."""
     p_values = [0.004, 0.019, 0.016, 0.009, 0.030, 0.5, None, None, None, None]
-    assert [k for k, one in enumerate(significant(p_values, 0.05)) if one] == [0, 1, 2, 3]
+    assert [k for k, item in enumerate(significant(p_values, 0.05)) if item] == [0, 1, 2, 3]
 
 
 def test_without_findings_nothing_stands():
@@ -63,7 +63,7 @@ def test_more_valves_with_nothing_named_never_help(p_values, more):
     """What stands among many stands among few: a valve that was looked at counts."""
     among_many = significant([*p_values, *[None] * more])[: len(p_values)]
     alone = significant(p_values)
-    assert all(few or not many for few, many in zip(alone, among_many, strict=True))
+    assert all(few or not several for few, several in zip(alone, among_many, strict=True))
 
 
 def test_the_share_of_false_findings_is_at_most_the_level():

@@ -88,9 +88,9 @@ def test_it_says_what_was_fitted() -> None:
 
 def test_a_trace_goes_back_to_its_place() -> None:
     """On the whole clock a trace stands where it was, and nothing stands elsewhere."""
-    whole = on_whole_clock(np.arange(3.0), 4, 9)
-    assert whole[4:7].tolist() == [0.0, 1.0, 2.0]
-    assert np.isnan(np.delete(whole, [4, 5, 6])).all()
+    complete = on_whole_clock(np.arange(3.0), 4, 9)
+    assert complete[4:7].tolist() == [0.0, 1.0, 2.0]
+    assert np.isnan(np.delete(complete, [4, 5, 6])).all()
 
 
 def test_a_long_record_is_judged_by_its_stretch() -> None:
@@ -99,24 +99,26 @@ def test_a_long_record_is_judged_by_its_stretch() -> None:
     loop = replace(draw_sticky(2, 5)[1], duration_s=4000.0)
     simulated = simulate_loop(loop, 3)
     limits = Limits(fitted_samples=1500.0)
-    (found,) = screen([Case(recording=simulated.recording)], Options(limits=limits))
-    assert found.S.low <= simulated.truth.S * 1.15
-    assert found.S.high >= simulated.truth.S * 0.85
-    assert "where OP works the valve most" in found.provenance.decisions[-1]
-    for trace in (found.traces.stiction, found.traces.narx, found.mismatch.runs.naive):
+    (result,) = screen([Case(recording=simulated.recording)], Options(limits=limits))
+    assert result.S.low <= simulated.truth.S * 1.15
+    assert result.S.high >= simulated.truth.S * 0.85
+    assert "where OP works the valve most" in result.provenance.decisions[-1]
+    for trace in (result.traces.stiction, result.traces.narx, result.mismatch.runs.naive):
         assert trace.size == len(simulated.recording)
         assert 0 < np.isfinite(trace).sum() <= 1500
-    first = int(np.flatnonzero(np.isfinite(found.traces.stiction))[0])
-    assert first < found.traces.heldout_from < first + 1500
-    (whole,) = screen(
+    first = int(np.flatnonzero(np.isfinite(result.traces.stiction))[0])
+    assert first < result.traces.heldout_from < first + 1500
+    (complete,) = screen(
         [Case(recording=simulated.recording)],
         Options(narx=False, mismatch=False, limits=Limits(fitted_samples=1e9)),
     )
     name = "op_reversals"
-    assert found.indicators[name] == whole.indicators[name]
+    assert result.indicators[name] == complete.indicators[name]
     slips = "slip_count"
-    assert found.indicators[slips].value == pytest.approx(whole.indicators[slips].value, rel=0.2)
-    assert found.window == whole.window
+    assert result.indicators[slips].value == pytest.approx(
+        complete.indicators[slips].value, rel=0.2
+    )
+    assert result.window == complete.window
 
 
 def test_where_no_stretch_carries_a_verdict_the_whole_does() -> None:
@@ -125,10 +127,10 @@ def test_where_no_stretch_carries_a_verdict_the_whole_does() -> None:
     op = 50.0 + 8.0 * np.sign(np.sin(time / 9000 * 2 * np.pi * 3.3))
     mv = op + 0.02 * np.random.default_rng(2).standard_normal(op.size)
     limits = Limits(fitted_samples=300.0)
-    (found,) = screen(
+    (result,) = screen(
         [Case(recording=recording_of(op, mv))], Options(narx=False, mismatch=False, limits=limits)
     )
-    assert np.isfinite(found.traces.stiction).sum() > 4 * 300
+    assert np.isfinite(result.traces.stiction).sum() > 4 * 300
 
 
 def test_too_short_a_stretch_is_refused() -> None:

@@ -46,8 +46,8 @@ def of_fit(*valve) -> dict[str, Indicator]:
     return {item.name: item for item in all_of(fit, S, J)}
 
 
-def named(found) -> dict[str, float]:
-    return {item.name: item.value for item in found}
+def named(result) -> dict[str, float]:
+    return {item.name: item.value for item in result}
 
 
 def test_every_indicator_says_what_it_is():
@@ -98,7 +98,7 @@ def test_S_and_J_carry_their_intervals():
 
 def test_dead_band_and_wear():
     """The dead band is S - J; slips and travel per hour are those of half an hour, doubled."""
-    results = {name: one.value for name, one in of_fit().items()}
+    results = {name: item.value for name, item in of_fit().items()}
     assert abs(results["dead_band_percent"] - (results["S_percent"] - results["J_percent"])) < 1e-9
     assert abs(results["slips_per_hour"] - 2.0 * results["slip_count"]) < 1e-6
     assert abs(results["travel_per_hour_percent"] - 2.0 * results["travel_percent"]) < 1e-6

@@ -84,8 +84,8 @@ def test_the_samples_alone_decide(interval_s: float) -> None:
     """How far apart they were does not matter, and it is said in true time."""
     read = at_loop_pace(waves(900, interval_s=interval_s), FITTED)
     assert read.interval_s == pytest.approx(10.0 * interval_s)
-    said = {0.001: "every 10 ms", 1.0: "every 10 s", 60.0: "every 10 min"}[interval_s]
-    assert said in read.provenance.decisions[-1]
+    text = {0.001: "every 10 ms", 1.0: "every 10 s", 60.0: "every 10 min"}[interval_s]
+    assert text in read.provenance.decisions[-1]
 
 
 def test_a_plant_that_has_more_samples_fitted_is_heard() -> None:
@@ -113,8 +113,8 @@ def test_without_a_position_in_percent_nothing_is_thinned() -> None:
     assert recording.mv is not None
     alone = replace(recording, signals={Role.OP: recording.op})
     in_turns = {**recording.signals, Role.MV: replace(recording.mv, unit="rad")}
-    for one in (alone, replace(recording, signals=in_turns)):
-        assert at_loop_pace(one, FITTED) is one
+    for item in (alone, replace(recording, signals=in_turns)):
+        assert at_loop_pace(item, FITTED) is item
 
 
 @pytest.mark.parametrize("interval_s", [0.1, pytest.param(0.02, marks=pytest.mark.long)])
@@ -123,11 +123,11 @@ def test_S_and_J_are_as_good_at_ten_hertz_as_at_one(interval_s: float) -> None:
     loop = draw_sticky(3, 7171)[2]
     fast = replace(loop, duration_s=3600.0, archive=replace(loop.archive, interval_s=interval_s))
     recording = simulate_loop(fast, 7_171_002).recording
-    (found,) = screen([Case(recording=recording)], Options(narx=False))
-    for estimate, true in ((found.S, loop.valve.S), (found.J, loop.valve.J)):
+    (result,) = screen([Case(recording=recording)], Options(narx=False))
+    for estimate, true in ((result.S, loop.valve.S), (result.J, loop.valve.J)):
         assert estimate.value == pytest.approx(true, abs=0.2)
         assert estimate.low <= true <= estimate.high
-    assert found.recording is not None
-    assert found.recording.interval_s == pytest.approx(1.0)
-    assert found.mismatch is not None
-    assert found.mismatch.effects == ()
+    assert result.recording is not None
+    assert result.recording.interval_s == pytest.approx(1.0)
+    assert result.mismatch is not None
+    assert result.mismatch.effects == ()

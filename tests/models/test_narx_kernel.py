@@ -92,12 +92,12 @@ def test_the_kernel_and_torch_build_the_same_matrix(horizon: int, scale: float) 
 def test_it_gives_up_exactly_where_the_error_allowed_is_passed() -> None:
     """A bound of r'r itself is not passed; the next smaller number is."""
     valve, weights = ready(), random_starts(NarxSettings(), 1)[0]
-    whole = compiled(valve, weights, 20)
-    assert whole is not None
+    complete = compiled(valve, weights, 20)
+    assert complete is not None
     squares = 0.0
     for residual in _residuals(valve, weights, 20):
         squares += residual * residual
-    assert squares == pytest.approx(whole[-1, -1], rel=1e-12)
+    assert squares == pytest.approx(complete[-1, -1], rel=1e-12)
     assert compiled(valve, weights, 20, most=squares * (1 + 1e-12)) is not None
     assert compiled(valve, weights, 20, most=squares * (1 - 1e-12)) is None
     assert compiled(valve, np.full(41, np.nan), 20) is None

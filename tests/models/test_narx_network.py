@@ -108,10 +108,10 @@ def test_one_step_prediction_uses_the_measurement_at_every_sample() -> None:
     """One step ahead is a free run that starts again after one sample."""
     net = network()
     op, mv = signals(60)
-    one = net.one_step(op, mv)
+    item = net.one_step(op, mv)
     for t in (2, 17, 59):
-        again = net.free_run(op[t - 2 : t + 1], mv[t - 2 : t + 1])
-        assert one[t] == pytest.approx(again[-1], abs=1e-12)
+        repeated = net.free_run(op[t - 2 : t + 1], mv[t - 2 : t + 1])
+        assert item[t] == pytest.approx(repeated[-1], abs=1e-12)
 
 
 def test_after_a_gap_the_run_starts_again_from_the_measurement() -> None:
@@ -121,12 +121,12 @@ def test_after_a_gap_the_run_starts_again_from_the_measurement() -> None:
     mv[150:160] = np.nan
     usable = np.ones(400, dtype=bool)
     usable[300] = False
-    whole = net.free_run(op, mv, usable)
-    assert np.isnan(whole[150:160]).all()
-    assert np.isnan(whole[300])
-    assert np.array_equal(whole[160:300], net.free_run(op[160:300], mv[160:300]))
-    assert np.array_equal(whole[301:], net.free_run(op[301:], mv[301:]))
-    assert np.array_equal(whole[160:162], mv[160:162])
+    complete = net.free_run(op, mv, usable)
+    assert np.isnan(complete[150:160]).all()
+    assert np.isnan(complete[300])
+    assert np.array_equal(complete[160:300], net.free_run(op[160:300], mv[160:300]))
+    assert np.array_equal(complete[301:], net.free_run(op[301:], mv[301:]))
+    assert np.array_equal(complete[160:162], mv[160:162])
 
 
 def test_numbers_that_cannot_be_measurements_are_gaps() -> None:
@@ -232,10 +232,10 @@ def read_back(data: bytes) -> NarxNetwork | str:
 def test_any_damaged_byte_is_noticed(at: int, flip: int) -> None:
     """Wherever a byte has changed, the bytes are refused or still mean the same network."""
     data = bytearray(network(members=1).to_bytes())
-    whole = bytes(data)
+    complete = bytes(data)
     data[at % len(data)] ^= flip
     back = read_back(bytes(data))
-    assert "NARX network" in back if isinstance(back, str) else whole == back.to_bytes()
+    assert "NARX network" in back if isinstance(back, str) else complete == back.to_bytes()
 
 
 @pytest.mark.parametrize("data", [b"", b"abc", b"\x00" * 40, b"\xff" * 64])

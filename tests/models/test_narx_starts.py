@@ -12,6 +12,7 @@ from stemwatch.models.narx.architecture import NO_ACTUATOR, StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.training import train
+from tests.models.stick_slip_element import stick_slip
 
 N = 2400
 SHAPES = {
@@ -21,19 +22,6 @@ SHAPES = {
     "overshoot": (4.0, 5.0),
 }
 ACTUATOR = dict(NO_ACTUATOR) | {"dead_time_s": 3.0, "lag_up_s": 6.0, "lag_down_s": 6.0}
-
-
-def stick_slip(u: np.ndarray, S: float, J: float) -> np.ndarray:
-    """The canonical two-level friction element, written anew for these tests."""
-    breakaway, sliding = (S + J) / 2, (S - J) / 2
-    y, moving, side = [u[0]], False, 1
-    for k in range(1, u.size):
-        if moving and side * (u[k] - u[k - 1]) <= 0:
-            moving = False
-        if not moving and abs(u[k] - y[-1]) > breakaway:
-            moving, side = True, 1 if u[k] > y[-1] else -1
-        y.append(u[k] - side * sliding if moving else y[-1])
-    return np.array(y)
 
 
 def example(

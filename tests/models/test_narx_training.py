@@ -15,6 +15,7 @@ from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.stages import train_members
 from stemwatch.models.narx.training import LEAST_ON_GPU, device_for, train
 from stemwatch.models.recording import Recording, Role, Signal
+from tests.models.stick_slip_element import stick_slip
 
 N = 3600
 # (S, J, noise) in percent, the four shapes twice: deadband, undershoot, no offset, overshoot.
@@ -28,19 +29,6 @@ VALVES = [
     (5.0, 4.0, 0.20),
     (7.0, 2.5, 0.15),
 ]
-
-
-def stick_slip(u: np.ndarray, S: float, J: float) -> np.ndarray:
-    """The canonical two-level friction element, written anew for these tests."""
-    breakaway, sliding = (S + J) / 2, (S - J) / 2
-    y, moving, side = [u[0]], False, 1
-    for k in range(1, u.size):
-        if moving and side * (u[k] - u[k - 1]) <= 0:
-            moving = False
-        if not moving and abs(u[k] - y[-1]) > breakaway:
-            moving, side = True, 1 if u[k] > y[-1] else -1
-        y.append(u[k] - side * sliding if moving else y[-1])
-    return np.array(y)
 
 
 def command(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -116,9 +104,9 @@ def test_what_is_reported_is_what_the_network_does(
         assert fit.heldout is not None
         assert fit.simulated is not None
         late = slice(case.train_until, None)
-        again = fit.network.free_run(case.op[late], case.mv[late])
-        assert np.array_equal(again, fit.simulated[late])
-        error = again[2:] - case.mv[late][2:]
+        repeated = fit.network.free_run(case.op[late], case.mv[late])
+        assert np.array_equal(repeated, fit.simulated[late])
+        error = repeated[2:] - case.mv[late][2:]
         assert fit.heldout.rmse == pytest.approx(np.sqrt(np.mean(error**2)), rel=1e-12)
         spread = np.std(case.mv[late][2:])
         assert fit.heldout.normalised == pytest.approx(fit.heldout.rmse / spread, rel=1e-12)
@@ -141,15 +129,15 @@ def test_the_log_tells_every_stage_of_every_seed(fits: list[NarxFit]) -> None:
 def test_the_same_training_twice_gives_the_same_network(examples: list[NarxExample]) -> None:
     """Seeded: bit for bit."""
     first, second = (train(examples[:2]) for _ in range(2))
-    for one, other in zip(first, second, strict=True):
-        assert np.array_equal(weights_of(one), weights_of(other))
+    for item, other in zip(first, second, strict=True):
+        assert np.array_equal(weights_of(item), weights_of(other))
 
 
 def test_another_seed_gives_another_network(examples: list[NarxExample]) -> None:
     """The seed is not decoration."""
     first, second = (train(examples[:1], NarxSettings(seed=seed))[0] for seed in (0, 1))
-    one, other = weights_of(first), weights_of(second)
-    assert one.shape != other.shape or not np.allclose(one, other)
+    item, other = weights_of(first), weights_of(second)
+    assert item.shape != other.shape or not np.allclose(item, other)
 
 
 def test_a_valve_does_not_depend_on_the_company_it_is_trained_in(
@@ -170,12 +158,12 @@ def test_a_valve_does_not_depend_on_the_company_it_is_trained_in(
 
 def test_gaps_cost_their_samples_and_nothing_else() -> None:
     """With holes of nonsense masked out, the network is nearly as good and never sees them."""
-    whole, holed = example(4.0, 2.0, seed=21), example(4.0, 2.0, seed=21)
+    complete, holed = example(4.0, 2.0, seed=21), example(4.0, 2.0, seed=21)
     for first in range(150, N, 400):
         holed.usable[first : first + 40] = False
         holed.mv[first : first + 20] = np.nan
         holed.op[first + 20 : first + 40] = 1e12
-    fit, with_gaps = train([whole, holed])
+    fit, with_gaps = train([complete, holed])
     assert with_gaps.heldout is not None
     assert fit.heldout is not None
     assert with_gaps.simulated is not None
@@ -407,10 +395,10 @@ def test_what_a_gpu_works_by_takes_the_steps_of_the_kernel(
     by_kernel = train(examples[:2], SHORT)
     monkeypatch.setattr("stemwatch.models.narx.normal_equations.by_kernel", lambda device: False)
     together = train(examples[:2], SHORT)
-    for one, other in zip(by_kernel, together, strict=True):
-        assert one.log[-1].steps == other.log[-1].steps
+    for item, other in zip(by_kernel, together, strict=True):
+        assert item.log[-1].steps == other.log[-1].steps
         np.testing.assert_allclose(
-            one.log[-1].trained_rmse, other.log[-1].trained_rmse, rtol=1e-6, atol=0
+            item.log[-1].trained_rmse, other.log[-1].trained_rmse, rtol=1e-6, atol=0
         )
 
 
@@ -420,10 +408,10 @@ def test_a_gpu_that_fails_costs_no_network(
     """Where the GPU cannot be used after all, the batch is trained on the CPU, to the same bits."""
     as_list = list(examples)
     expected = train(as_list, SHORT)
-    told: list[str] = []
+    answer: list[str] = []
 
     def refuse(valves: object, settings: NarxSettings, device: str) -> object:
-        told.append(device)
+        answer.append(device)
         if device == "cuda":
             raise RuntimeError("CUDA error: out of memory")
         return train_members(valves, settings, device)
@@ -431,7 +419,7 @@ def test_a_gpu_that_fails_costs_no_network(
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
     monkeypatch.setattr("stemwatch.models.narx.training.train_members", refuse)
     trained = train(as_list, SHORT)
-    assert told == ["cuda", "cpu"]
+    assert answer == ["cuda", "cpu"]
     assert {fit.device for fit in trained} == {"cpu"}
-    for one, other in zip(expected, trained, strict=True):
-        np.testing.assert_array_equal(weights_of(one), weights_of(other))
+    for item, other in zip(expected, trained, strict=True):
+        np.testing.assert_array_equal(weights_of(item), weights_of(other))

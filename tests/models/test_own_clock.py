@@ -63,24 +63,24 @@ def explained(slug, factor):
     return explain(slower(lasting(slug), factor))
 
 
-def close(found, expected):
-    assert found == pytest.approx(expected, rel=1e-9)
+def close(result, expected):
+    assert result == pytest.approx(expected, rel=1e-9)
 
 
-def same_but_for_time(found, expected, factor):
+def same_but_for_time(result, expected, factor):
     """Names, S and J to the bit; what has a time in it scaled."""
-    assert [one.slug for one in expected.effects] == [one.slug for one in found.effects]
-    assert expected.finding is found.finding
+    assert [item.slug for item in expected.effects] == [item.slug for item in result.effects]
+    assert expected.finding is result.finding
     for stiction in ("naive", "restated"):
-        assert getattr(expected, stiction) == getattr(found, stiction)
-    for before, after in zip(expected.effects, found.effects, strict=True):
+        assert getattr(expected, stiction) == getattr(result, stiction)
+    for before, after in zip(expected.effects, result.effects, strict=True):
         assert before.evidence == after.evidence
-        for name, one in before.parameters.items():
-            power = {"s": 1, "%/s": -1, "rad/s": -1}.get(one.unit, 0)
-            close(after.parameters[name].value, factor**power * one.value)
-            close(after.parameters[name].low, factor**power * one.low)
-            close(after.parameters[name].high, factor**power * one.high)
-    refused = [[item.slug for item in said.not_testable] for said in (expected, found)]
+        for name, item in before.parameters.items():
+            power = {"s": 1, "%/s": -1, "rad/s": -1}.get(item.unit, 0)
+            close(after.parameters[name].value, factor**power * item.value)
+            close(after.parameters[name].low, factor**power * item.low)
+            close(after.parameters[name].high, factor**power * item.high)
+    refused = [[item.slug for item in answer.not_testable] for answer in (expected, result)]
     assert refused[0] == refused[1]
 
 
@@ -121,14 +121,14 @@ def test_an_explanation_does_not_depend_on_how_long_a_second_is(factor):
 
 
 @pytest.mark.parametrize(
-    ("factor", "said"),
+    ("factor", "answer"),
     [(0.001, "ms after its command"), (0.01, "ms after its command"), (60.0, "min after its")],
 )
-def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, said):
+def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, answer):
     """Milliseconds on a fast record, minutes on a slow one."""
     (effect, *_) = screened("dead_time", factor).mismatch.effects
-    assert said in effect.sentence
-    assert said in screened("dead_time", factor).reason
+    assert answer in effect.sentence
+    assert answer in screened("dead_time", factor).reason
 
 
 def test_a_result_keeps_the_recording_with_its_own_seconds():
@@ -146,10 +146,10 @@ def test_a_network_is_kept_in_seconds_and_follows_a_later_window(factor):
     for name, value in plain.network.actuator.items():
         close(scaled.network.actuator[name], factor * value)
     ratios = [
-        screen([Case(recording=slower(lasting("dead_time"), one), baseline=network)], QUICK)[0]
+        screen([Case(recording=slower(lasting("dead_time"), item), baseline=network)], QUICK)[0]
         .indicators["baseline_ratio"]
         .value
-        for one, network in ((1.0, plain.network), (factor, scaled.network))
+        for item, network in ((1.0, plain.network), (factor, scaled.network))
     ]
     close(ratios[1], ratios[0])
 
@@ -209,7 +209,7 @@ def test_seconds_that_a_plant_asked_for_stay_seconds(interval_s, short):
 
 
 @pytest.mark.parametrize(
-    ("own", "unit_s", "said"),
+    ("own", "unit_s", "answer"),
     [
         (12.0, 1.0, "12 s"),
         (7200.0, 1.0, "7200 s"),
@@ -221,9 +221,9 @@ def test_seconds_that_a_plant_asked_for_stay_seconds(interval_s, short):
         (5000.0, 60.0, "3.47 d"),
     ],
 )
-def test_a_time_is_said_in_the_unit_of_the_clock(own, unit_s, said):
+def test_a_time_is_said_in_the_unit_of_the_clock(own, unit_s, answer):
     """As ever on a clock of seconds."""
-    assert said == duration(own, unit_s)
+    assert answer == duration(own, unit_s)
 
 
 def test_a_speed_is_said_by_the_second_the_minute_or_the_millisecond():

@@ -109,10 +109,10 @@ def test_what_is_usable_is_worked_out_once_and_shared():
 
 def test_what_can_be_worked_out_again_does_not_travel():
     """A signal that was asked what is usable is pickled as one that was not."""
-    asked, unasked = (Signal.good(np.arange(100.0), "T") for _ in range(2))
-    assert asked.usable.all()
-    assert len(pickle.dumps(asked)) == len(pickle.dumps(unasked))
-    assert pickle.loads(pickle.dumps(asked)).usable.all()
+    requested, unasked = (Signal.good(np.arange(100.0), "T") for _ in range(2))
+    assert requested.usable.all()
+    assert len(pickle.dumps(requested)) == len(pickle.dumps(unasked))
+    assert pickle.loads(pickle.dumps(requested)).usable.all()
 
 
 def test_part_shifts_the_start():

@@ -75,12 +75,12 @@ def effect(slug, **parameters):
 
 
 def figures_by(figures, step, way, *, rising=True):
-    (found,) = [
+    (result,) = [
         item
         for item in figures.steps
         if (item.step_percent, item.way, item.rising) == (step, way, rising)
     ]
-    return found
+    return result
 
 
 def step_test(S, J, theta, tau, rate, step, way):
@@ -223,12 +223,12 @@ def test_steps_that_are_run_agree_with_the_formula_where_it_holds(way):
     )
     assert run.simulated == ("viscous_drag",)
     for step in STEPS_PERCENT:
-        expected, found = (figures_by(item, step, way) for item in (by_formula, run))
-        assert found.moves == expected.moves
+        expected, result = (figures_by(item, step, way) for item in (by_formula, run))
+        assert result.moves == expected.moves
         if expected.moves:
-            assert found.travel_gain.value == pytest.approx(expected.travel_gain.value, abs=0.01)
-            assert found.dead_time.value == pytest.approx(expected.dead_time.value, abs=0.15)
-            assert found.t86.value == pytest.approx(expected.t86.value, abs=0.15)
+            assert result.travel_gain.value == pytest.approx(expected.travel_gain.value, abs=0.01)
+            assert result.dead_time.value == pytest.approx(expected.dead_time.value, abs=0.15)
+            assert result.t86.value == pytest.approx(expected.t86.value, abs=0.15)
 
 
 def test_a_ringing_positioner_overshoots():

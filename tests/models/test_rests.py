@@ -79,11 +79,11 @@ def test_a_stem_that_rests_is_not_taken_for_op_however_late_op_is(place, late):
     moved = np.concatenate((np.full(late, values[0]), values[: values.size - late]))
     op = replace(recording.op, values=moved)
     as_stored = replace(recording, signals={**recording.signals, Role.OP: op})
-    told = [
+    answer = [
         wiring_obstacle.slug
         for wiring_obstacle in wiring_obstacles(recording, as_stored if late else None)
     ]
-    assert "tags_swapped" not in told
+    assert "tags_swapped" not in answer
     mv = recording.signals[Role.MV]
     swapped = replace(recording, signals={**recording.signals, Role.OP: mv, Role.MV: recording.op})
     assert rests(swapped).of_command

@@ -129,11 +129,11 @@ def test_a_valve_that_crashes_does_not_stop_the_others():
 
 def test_unreadable_source():
     """A source that could not be read becomes a screening with the reader's sentence."""
-    one = failed("FV-1", "no such file.", "Check the path.", Provenance(source="x.csv"))
-    consistent(one)
-    assert "Cannot tell: no such file." == one.reason
-    assert (None, None) == one.window
-    assert 0.0 == one.finite_share()
+    item = failed("FV-1", "no such file.", "Check the path.", Provenance(source="x.csv"))
+    consistent(item)
+    assert "Cannot tell: no such file." == item.reason
+    assert (None, None) == item.window
+    assert 0.0 == item.finite_share()
 
 
 def test_no_position_still_says_something():
@@ -153,9 +153,9 @@ def test_a_reversed_position_is_read_the_right_way_round(S, J, verdict):
     """A position that counts the other way gives the verdict of one that does not."""
     base = plant(S, J)
     mv = 100.0 - base.signals[Role.MV].values
-    (found,) = quick(recorded(base.op.values, mv))
-    assert verdict is found.verdict
-    assert found.S.low <= S <= found.S.high
+    (result,) = quick(recorded(base.op.values, mv))
+    assert verdict is result.verdict
+    assert result.S.low <= S <= result.S.high
 
 
 @pytest.mark.parametrize(

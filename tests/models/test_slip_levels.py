@@ -77,9 +77,9 @@ def test_the_middle_of_the_bounds_is_near_the_levels() -> None:
 
 def test_the_error_grows_with_what_the_samples_leave_open() -> None:
     """Fewer samples to a leg: wider bounds, and larger errors."""
-    few, many = (found(problem_of(*ramps(samples, 100, 3))) for samples in (5, 20))
-    assert few.bounds > 2.0 * many.bounds
-    assert few.level_error > many.level_error
+    few, several = (found(problem_of(*ramps(samples, 100, 3))) for samples in (5, 20))
+    assert few.bounds > 2.0 * several.bounds
+    assert few.level_error > several.level_error
 
 
 def test_the_command_has_answered_when_it_turns_at_the_slip() -> None:

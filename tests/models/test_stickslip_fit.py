@@ -147,12 +147,12 @@ def test_intervals_hold_at_about_their_rate():
     for seed, loop in enumerate(draw_sticky(16, 77)):
         if loop.valve.positioner_gain > 0.0:
             continue
-        one = simulate_loop(loop, seed)
-        fit = fit_stickslip(one.recording)
+        item = simulate_loop(loop, seed)
+        fit = fit_stickslip(item.recording)
         draws = bootstrap(fit)
         for name, value in (("S", fit.S), ("J", fit.J)):
             low, high = interval(getattr(draws, name), value)
-            held.append(low <= getattr(one.truth, name) <= high)
+            held.append(low <= getattr(item.truth, name) <= high)
     assert len(held) >= 24
     assert np.mean(held) >= 0.85
 
@@ -228,9 +228,9 @@ def test_halved_signals_halve_S_and_J(shape):
     """OP and MV scaled by a half about 50 % give half of S and of J."""
     recording = simulated(*SHAPES[shape]).recording
     op, mv = (50.0 + 0.5 * (recording.signals[r].values - 50.0) for r in (Role.OP, Role.MV))
-    whole, half = fitted(*SHAPES[shape]), fit_stickslip(recorded(op, mv))
-    assert abs(half.S - 0.5 * whole.S) < 0.02 * whole.S
-    assert abs(half.J - 0.5 * whole.J) < 0.02 * whole.S
+    complete, half = fitted(*SHAPES[shape]), fit_stickslip(recorded(op, mv))
+    assert abs(half.S - 0.5 * complete.S) < 0.02 * complete.S
+    assert abs(half.J - 0.5 * complete.J) < 0.02 * complete.S
 
 
 def test_zero_error_of_the_position_is_no_friction():

@@ -350,10 +350,10 @@ def test_block_losses_are_the_loss_of_the_free_run(seed, m):
     losses, counts = counted_losses(kernel.block_losses, case)
     np.testing.assert_array_equal(counts, [np.sum(block == b) for b in range(5)])
     out = np.empty(u.size)
-    for candidate, found in zip(candidates, losses, strict=True):
+    for candidate, result in zip(candidates, losses, strict=True):
         kernel.simulate(u, mv, marks, 0.8, candidate, out)
         each = 0.7**2 * np.log1p(((mv - out) / 0.7) ** 2)
-        np.testing.assert_allclose(found, [each[block == b].sum() for b in range(5)], rtol=1e-9)
+        np.testing.assert_allclose(result, [each[block == b].sum() for b in range(5)], rtol=1e-9)
 
 
 def test_a_candidate_costs_the_same_in_any_company():
@@ -370,10 +370,10 @@ def test_a_candidate_costs_the_same_in_any_company():
 def test_what_is_not_scored_is_not_charged():
     """Losses of some blocks are those that all blocks would have; the others are 0."""
     u, mv, marks, block, candidates = drawn_problem(7)
-    whole, _ = counted_losses(kernel.block_losses, (u, mv, marks, block, candidates))
+    complete, _ = counted_losses(kernel.block_losses, (u, mv, marks, block, candidates))
     some = np.where(np.isin(block, (0, 2)), block, -1)
     part, counts = counted_losses(kernel.block_losses, (u, mv, marks, some, candidates))
-    np.testing.assert_allclose(part[:, [0, 2]], whole[:, [0, 2]], rtol=1e-12)
+    np.testing.assert_allclose(part[:, [0, 2]], complete[:, [0, 2]], rtol=1e-12)
     assert not part[:, [1, 3, 4]].any()
     assert not counts[[1, 3, 4]].any()
 

@@ -67,9 +67,9 @@ def equal_percentage(travel):
 def stuck(command, S: float, J: float):
     """Position of a stem that lets go (S + J)/2 from its command and stays (S - J)/2 behind it."""
     place, mv = command[0], np.empty(command.size)
-    for k, wanted in enumerate(command):
-        if abs(wanted - place) > 0.5 * (S + J):
-            place = wanted - np.sign(wanted - place) * 0.5 * (S - J)
+    for k, expected in enumerate(command):
+        if abs(expected - place) > 0.5 * (S + J):
+            place = expected - np.sign(expected - place) * 0.5 * (S - J)
         mv[k] = place
     return mv
 
@@ -186,19 +186,19 @@ def test_verdicts_survive_how_op_was_stored(way):
 
 def test_S_and_J_are_in_percent_of_op():
     """On half of OP the same sticking is half as wide in OP, and the interval holds it."""
-    (found,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
-    assert found.S.low <= 2.5 <= found.S.high
-    assert found.J.low <= 0.75 <= found.J.high
-    assert found.S.high - found.S.low < 1.0
+    (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    assert result.S.low <= 2.5 <= result.S.high
+    assert result.J.low <= 0.75 <= result.J.high
+    assert result.S.high - result.S.low < 1.0
 
 
 def test_a_split_range_is_said_in_one_sentence():
     """The curve is told where the recording's decisions are, with what strokes the valve."""
-    (found,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
-    (said,) = [s for s in found.provenance.decisions if "stroked" in s]
-    assert "nearly linear: as if OP 50 to 100 % stroked 0 to 100 %" in said
-    assert found.mismatch.sentence.startswith(said)
-    assert found.mismatch.stroke_curve is not None
+    (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    (text,) = [s for s in result.provenance.decisions if "stroked" in s]
+    assert "nearly linear: as if OP 50 to 100 % stroked 0 to 100 %" in text
+    assert result.mismatch.sentence.startswith(text)
+    assert result.mismatch.stroke_curve is not None
 
 
 def test_a_bend_is_said_with_its_size():
@@ -251,8 +251,8 @@ def test_a_position_against_op_that_no_curve_follows_is_refused():
     mixed = 50.0 - 0.5 * (op - op.mean()) + 200.0 * noise
     position = Signal.good(np.clip(mixed, 0.0, 100.0), "OTHER.ZT")
     signals = {**recording.signals, Role.MV: position}
-    (found,) = screen([Case(recording=replace(recording, signals=signals))], QUICK)
-    assert found.verdict is Verdict.UNDETERMINED
+    (result,) = screen([Case(recording=replace(recording, signals=signals))], QUICK)
+    assert result.verdict is Verdict.UNDETERMINED
 
 
 def test_means_tell_the_slope_only_where_op_was_in_several_places():
@@ -294,37 +294,39 @@ def of_window(way: str, known: KnownCurve | None) -> tuple[StrokeCurve | None, s
 
 def still(way: str) -> Recording:
     """A window in which OP hardly moves and the stem rests."""
-    whole = stored(way, *STICKING)
-    mean = float(np.mean(whole.op.values))
-    return changed(whole, op=lambda v: mean + 0.2 * (v - mean), mv=lambda v: np.full(v.size, 55.0))
+    complete = stored(way, *STICKING)
+    mean = float(np.mean(complete.op.values))
+    return changed(
+        complete, op=lambda v: mean + 0.2 * (v - mean), mv=lambda v: np.full(v.size, 55.0)
+    )
 
 
 def test_the_next_window_starts_from_the_curve_that_was_found_before():
     """The same valve once more: nearly the same curve, and nothing to remark."""
     before = curve_of(EQUAL, *STICKING)
-    found, change = of_window(EQUAL, KnownCurve(before))
+    result, change = of_window(EQUAL, KnownCurve(before))
     assert change == ""
-    assert found.remark == ""
+    assert result.remark == ""
     places = np.linspace(*before.used, 20)
-    np.testing.assert_allclose(found.command(places), before.command(places), atol=1.0)
+    np.testing.assert_allclose(result.command(places), before.command(places), atol=1.0)
 
 
 def test_a_window_that_moves_too_little_takes_the_earlier_curve_and_says_so():
     """Where the new window cannot tell a curve of its own."""
     before = curve_of(EQUAL, *STICKING)
-    found, change = stroke_curve_of(still(EQUAL), KnownCurve(before))
+    result, change = stroke_curve_of(still(EQUAL), KnownCurve(before))
     assert change == ""
-    assert found.op == before.op
-    assert "found before is used" in found.sentence()
+    assert result.op == before.op
+    assert "found before is used" in result.sentence()
 
 
 def test_a_curve_that_changed_is_said_with_what_to_ask():
     """A valve that was moved from the lower to the upper half of a split range."""
     before = curve_of("lower half of a split range", *STICKING)
-    found, change = of_window("upper half of a split range", KnownCurve(before))
-    assert found.slope == pytest.approx(2.0, abs=0.1)
+    result, change = of_window("upper half of a split range", KnownCurve(before))
+    assert result.slope == pytest.approx(2.0, abs=0.1)
     assert "not the curve of the window before" in change
-    assert change in found.sentence()
+    assert change in result.sentence()
 
 
 def test_a_plain_valve_that_becomes_a_split_range_is_said_and_back():
@@ -332,8 +334,8 @@ def test_a_plain_valve_that_becomes_a_split_range_is_said_and_back():
     _, change = of_window("upper half of a split range", KnownCurve(None))
     assert "percent for percent of travel; now it is not" in change
     before = curve_of("upper half of a split range", *STICKING)
-    found, change = stroke_curve_of(plain(*STICKING), KnownCurve(before))
-    assert found is None
+    result, change = stroke_curve_of(plain(*STICKING), KnownCurve(before))
+    assert result is None
     assert "OP is percent for percent of travel now" in change
 
 
@@ -345,22 +347,22 @@ def test_a_plain_valve_stays_plain_whatever_is_known_to_be_plain():
 def test_a_given_curve_is_used_instead_of_the_estimate():
     """As it stands in the plant file, over the part of OP that the recording used."""
     result = curve_of_points("50:0 100:100")
-    found, change = of_window("upper half of a split range", KnownCurve(result, given=True))
+    answer, change = of_window("upper half of a split range", KnownCurve(result, given=True))
     assert change == ""
-    assert (found.op, found.travel) == (result.op, result.travel)
-    assert found.slope == pytest.approx(2.0)
-    assert "The plant file gives this curve." in found.sentence()
-    assert found.proposal() == ""
+    assert (answer.op, answer.travel) == (result.op, result.travel)
+    assert answer.slope == pytest.approx(2.0)
+    assert "The plant file gives this curve." in answer.sentence()
+    assert answer.proposal() == ""
     percent_for_percent = KnownCurve(curve_of_points("0:0 100:100"), given=True)
     assert of_window("upper half of a split range", percent_for_percent) == (None, "")
 
 
 def test_a_given_curve_that_the_position_does_not_follow_is_said():
     """It is used all the same: a person said so."""
-    found, change = of_window(
+    result, change = of_window(
         "lower half of a split range", KnownCurve(curve_of_points("50:0 100:100"), given=True)
     )
-    assert found.given
+    assert result.given
     assert "does not follow the curve" in change
 
 
@@ -369,10 +371,10 @@ def test_a_change_stands_in_the_reason_of_the_screening():
     known_curve = KnownCurve(curve_of("lower half of a split range", *STICKING))
     recording = stored("upper half of a split range", *STICKING)
     quick = replace(QUICK, mismatch=False)
-    (found,) = screen([Case(recording=recording, known_curve=known_curve)], quick)
-    assert found.verdict is Verdict.STICKY
-    assert "not the curve of the window before" in found.reason
-    assert found.stroke_curve.remark in found.reason
+    (result,) = screen([Case(recording=recording, known_curve=known_curve)], quick)
+    assert result.verdict is Verdict.STICKY
+    assert "not the curve of the window before" in result.reason
+    assert result.stroke_curve.remark in result.reason
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -420,6 +422,6 @@ def test_points_are_read_as_they_were_written(places, steps, rises):
     curve = curve_of_points(text)
     if curve is None:
         return
-    again = curve_of_points(points_of(curve))
+    repeated = curve_of_points(points_of(curve))
     op = np.linspace(curve.op[0], curve.op[-1], 40)
-    np.testing.assert_allclose(again.command(op), curve.command(op), atol=0.51)
+    np.testing.assert_allclose(repeated.command(op), curve.command(op), atol=0.51)

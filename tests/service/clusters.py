@@ -142,8 +142,8 @@ def _ends(client: Client, worker: str) -> list[dict[str, Any]]:
 def _until(there: Callable[[], Found]) -> Found:
     """What ``there`` gives, as soon as it gives something."""
     until = time.monotonic() + PATIENCE_S
-    while not (found := there()):
+    while not (result := there()):
         if time.monotonic() > until:
             raise TimeoutError(f"it did not happen within {PATIENCE_S:g} s")
         time.sleep(0.02)
-    return found
+    return result

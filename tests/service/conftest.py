@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +31,13 @@ START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 WIDTH = 200  # columns, so that a sentence stands on one line
 HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"  # tags of the small plant
 _PLACES = {HEALTHY: 6, STICKY: 3, BLIND: 12}
+CHROMIUM = shutil.which("chromium")
+BROWSER_ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--no-first-run",
+]
 
 
 # Of the same kind as the product's, and made in no time.
@@ -184,3 +192,17 @@ def cluster(shared_cluster: Cluster) -> Cluster:
     """The shared cluster with two workers, whatever an earlier test did to them."""
     shared_cluster.have(2)
     return shared_cluster
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium without a window."""
+    if CHROMIUM is None and os.environ.get("CI"):
+        pytest.fail("chromium is not on the PATH; continuous integration must have it")
+    if CHROMIUM is None:
+        pytest.skip("chromium is not on the PATH")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
+        yield chromium
+        chromium.close()

@@ -208,7 +208,7 @@ def test_a_folder_on_the_command_line(
 
 
 @pytest.mark.parametrize(
-    ("source", "said"),
+    ("source", "answer"),
     [
         ('kind = "parkett"\npath = "a"', "kind: found the text 'parkett'; expected one of"),
         ('kind = "parquet"', "path: found nothing; expected a Parquet file, a folder"),
@@ -227,13 +227,13 @@ def test_a_folder_on_the_command_line(
     ],
 )
 def test_mistakes_in_an_archive_are_told_with_their_line(
-    tmp_path: Path, source: str, said: str
+    tmp_path: Path, source: str, answer: str
 ) -> None:
     """The source costs itself and its valves, and says what was expected."""
     plant = tmp_path / "plant.toml"
     plant.write_text(PLANT.format(source=source, prefix=""), encoding="utf-8")
     problems = "\n".join(str(problem) for problem in load_plant(plant).problems)
-    assert said in problems
+    assert answer in problems
     assert "plant.toml, line" in problems
     assert "its 1 valves are left out (FIC-104)" in problems
 

@@ -112,9 +112,9 @@ def test_a_backup_is_restored(stemwatch, site: str, tmp_path: Path) -> None:
         for valve in first.valves():
             assert first.screenings(valve.id) == second.screenings(valve.id)
         assert rows_in(site, "samples") == rows_in(copy, "samples") == 14400
-    again = stemwatch("db", "restore", file, "--db", copy)
-    assert again.status == 2
-    assert "is not empty" in again.said
+    repeated = stemwatch("db", "restore", file, "--db", copy)
+    assert repeated.status == 2
+    assert "is not empty" in repeated.said
     assert "there is a file already" in stemwatch("db", "backup", file, "--db", site).said
 
 
@@ -130,15 +130,15 @@ def test_an_older_site_is_backed_up_as_it_is(stemwatch, site: str, tmp_path: Pat
 def test_prune_counts_first_and_removes_when_told(stemwatch, site: str) -> None:
     """Without --yes nothing goes; with it, what was counted: never a valve's latest screening."""
     days = (datetime.now(UTC) - NOW + timedelta(days=20)).days
-    asked = ("db", "prune", "--db", site, "--samples-days", 1, "--results-days", days)
-    counted = stemwatch(*asked)
-    assert counted.status == 0, counted.said
-    assert "Nothing was removed" in counted.said
+    requested = ("db", "prune", "--db", site, "--samples-days", 1, "--results-days", days)
+    counts = stemwatch(*requested)
+    assert counts.status == 0, counts.said
+    assert "Nothing was removed" in counts.said
     assert (rows_in(site, "samples"), rows_in(site, "screenings")) == (14400, 30)
-    process = stemwatch(*asked, "--yes")
+    process = stemwatch(*requested, "--yes")
     assert process.status == 0, process.said
     for words in ("samples 14400", "screenings 20", "alerts 0"):
-        assert words in counted.said
+        assert words in counts.said
         assert words in process.said
     assert (rows_in(site, "samples"), rows_in(site, "screenings")) == (0, 10)
     assert rows_in(site, "networks") == 2
@@ -154,9 +154,9 @@ def test_prune_removes_runs_that_have_nothing_left(stemwatch, site: str) -> None
     with closing(sqlite3.connect(site.removeprefix("sqlite:///"))) as connection:
         connection.execute("UPDATE runs SET finished = '2026-01-01 00:00:00.000000'")
         connection.commit()
-    asked = ("db", "prune", "--db", site, "--results-days", 1)
-    counted, done = stemwatch(*asked), stemwatch(*asked, "--yes")
-    assert "runs 5" in counted.said
+    requested = ("db", "prune", "--db", site, "--results-days", 1)
+    counts, done = stemwatch(*requested), stemwatch(*requested, "--yes")
+    assert "runs 5" in counts.said
     assert "runs 5" in done.said
     assert rows_in(site, "runs") == 1
 

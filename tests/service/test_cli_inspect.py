@@ -205,9 +205,9 @@ def test_a_plant_file_is_written_beside_the_export_or_elsewhere_and_never_over_a
         (valve,) = json.loads(results.read_text(encoding="utf-8"))
         assert ("FIC-104", "sticky") == (valve["valve"], valve["verdict"])
     beside.write_text("# filled in by hand\n", encoding="utf-8")
-    again = stemwatch("inspect", one_valve, "--write", beside)
-    assert again.status == 2
-    assert "is not overwritten" in again.said
+    repeated = stemwatch("inspect", one_valve, "--write", beside)
+    assert repeated.status == 2
+    assert "is not overwritten" in repeated.said
     assert beside.read_text(encoding="utf-8") == "# filled in by hand\n"
     beside.unlink()
 
@@ -264,8 +264,8 @@ def test_how_a_file_is_read_stands_in_the_plant_file(stemwatch, tmp_path: Path) 
     text = "\n".join(["OP;ZT", *(f"{50 + k % 7},5;{50 + k % 5},5" for k in range(300))])
     (tmp_path / "FIC-1.csv").write_text(text, encoding="utf-8")
     plant = tmp_path / "plant.toml"
-    said = ("--interval-s", "2", "--decimal", ",", "--separator", ";")
-    seen = stemwatch("inspect", tmp_path / "FIC-1.csv", *said, "--write", plant)
+    answer = ("--interval-s", "2", "--decimal", ",", "--separator", ";")
+    seen = stemwatch("inspect", tmp_path / "FIC-1.csv", *answer, "--write", plant)
     assert seen.status == 0, seen.said
     loaded = load_plant(plant)
     assert loaded.problems == ()

@@ -78,6 +78,6 @@ def test_an_interrupted_run_leaves_a_usable_database(
         assert connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
         ended = connection.execute("SELECT state, finished IS NOT NULL FROM runs ORDER BY id")
         assert [(state, 1), ("done", 1)] == ended.fetchall()
-        (said,) = connection.execute("SELECT reason FROM runs ORDER BY id").fetchone()
-        assert said.startswith(reason)
+        (text,) = connection.execute("SELECT reason FROM runs ORDER BY id").fetchone()
+        assert text.startswith(reason)
         assert ("historian",) in connection.execute("SELECT valve FROM screenings").fetchall()

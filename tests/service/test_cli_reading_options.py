@@ -76,12 +76,12 @@ def test_an_option_that_is_not_used_is_said_on_the_terminal(
     stemwatch, export: Path, tmp_path: Path, command: str
 ) -> None:
     """All needless options of a command at once: a sentence for each, with the reason."""
-    wanted = [case for option, case in NEEDLESS.items() if option in reading_options()[command]]
+    expected = [case for option, case in NEEDLESS.items() if option in reading_options()[command]]
     call = [part.format(file=export, out=tmp_path / "report") for part in CALLS[command]]
-    outcome = stemwatch(*call, *(part for given, _ in wanted for part in given))
+    outcome = stemwatch(*call, *(part for given, _ in expected for part in given))
     text = " ".join(outcome.said.split())
-    assert wanted
-    assert [begins for _, begins in wanted if begins not in text] == []
+    assert expected
+    assert [begins for _, begins in expected if begins not in text] == []
 
 
 ERRORS = {

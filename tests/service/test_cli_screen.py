@@ -65,8 +65,8 @@ def test_a_plant_file_screens_its_own_sources(screened, plant: Path) -> None:
     assert outcome.status == 0
     assert ["sticky", "undetermined", "healthy"] == [valve["verdict"] for valve in valves]
     assert (plant.parent / "stemwatch.db").is_file()
-    counted = "1 of 3 valves needs work; 1 cannot be judged (1 with a work order to find out why)"
-    assert f"{counted}, 1 without work." in outcome.said
+    counts = "1 of 3 valves needs work; 1 cannot be judged (1 with a work order to find out why)"
+    assert f"{counts}, 1 without work." in outcome.said
 
 
 def test_a_plant_file_with_another_export(screened, plant: Path, one_valve: Path) -> None:

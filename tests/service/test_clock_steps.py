@@ -147,7 +147,7 @@ def test_any_steps_of_the_clock_leave_no_wrong_value_good(tmp_path: Path, store:
     polled at its time, and no process that begins anew forgets it."""
     draw = random.Random(17)
     for turn in range(60):
-        spool, said = Spool(tmp_path / f"spool-{turn}"), dict[int, set[float]]()
+        spool, answer = Spool(tmp_path / f"spool-{turn}"), dict[int, set[float]]()
         now, value = 1_000_000, 0.0
         for _ in range(draw.randrange(2, 6)):
             # Not by one second: no poll follows another with the same instant.
@@ -156,17 +156,17 @@ def test_any_steps_of_the_clock_leave_no_wrong_value_good(tmp_path: Path, store:
             for _ in range(draw.randrange(1, 15)):
                 now, value = now + 1_000_000, value + 1.0
                 spool.append(one_instant(f"plc {turn}", ["T"], now, np.array([value]), GOOD, [""]))
-                said.setdefault(now, set()).add(value)
+                answer.setdefault(now, set()).add(value)
             assert Forwarder(spool, store.samples).once()
             if draw.random() < 0.5:
                 spool.close()
                 spool = Spool(tmp_path / f"spool-{turn}")
         spool.close()
         samples = store.samples.read(f"plc {turn}", "T")
-        assert samples.at_us.tolist() == sorted(said)
+        assert samples.at_us.tolist() == sorted(answer)
         good = samples.quality == Quality.GOOD
-        for at_us, one in zip(samples.at_us[good].tolist(), samples.values[good], strict=True):
-            assert said[at_us] == {one}, (turn, at_us)
+        for at_us, item in zip(samples.at_us[good].tolist(), samples.values[good], strict=True):
+            assert answer[at_us] == {item}, (turn, at_us)
 
 
 def test_a_schedule_goes_on_when_the_clock_ran_ahead(store: Store, clocks: Clocks) -> None:
@@ -211,9 +211,9 @@ def test_a_run_whose_worker_died_is_taken_over_after_the_clock_was_set_back(
     clocks.set(5 * HOUR)
     run = store.queue.claim("a-worker-elsewhere")
     clocks.set(-5 * HOUR)
-    taken = store.queue.claim("another")
-    assert taken is not None
-    assert taken.id == run.id
+    accepted = store.queue.claim("another")
+    assert accepted is not None
+    assert accepted.id == run.id
     assert store.queue.claim("a-third") is None
 
 

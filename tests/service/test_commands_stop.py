@@ -43,11 +43,11 @@ def test_a_signal_while_the_event_is_locked_stops_all_the_same(number: signal.Si
 
 def test_being_asked_again_and_again_stops_once() -> None:
     """Also when all is being cleared away, and afterwards."""
-    asked: list[int] = []
+    requested: list[int] = []
     over = threading.Event()
 
     def stop() -> None:
-        asked.append(1)
+        requested.append(1)
         over.set()
 
     with asked_to_stop(stop, last=True):
@@ -56,15 +56,15 @@ def test_being_asked_again_and_again_stops_once() -> None:
             signal.raise_signal(signal.SIGINT)
         assert over.wait(60)
     signal.raise_signal(signal.SIGINT)
-    assert asked == [1]
+    assert requested == [1]
 
 
 def test_without_being_asked_nothing_is_stopped() -> None:
     """What ends by itself ends."""
-    asked: list[int] = []
-    with asked_to_stop(lambda: asked.append(1)):
+    requested: list[int] = []
+    with asked_to_stop(lambda: requested.append(1)):
         pass
-    assert asked == []
+    assert requested == []
 
 
 class Late:

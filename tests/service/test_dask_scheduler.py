@@ -24,8 +24,8 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the PO
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[clusters.Cluster]:
     """A cluster of its own, whose scheduler may be lost."""
-    with clusters.dask_cluster(tmp_path, workers=1) as made:
-        yield made
+    with clusters.dask_cluster(tmp_path, workers=1) as created:
+        yield created
 
 
 def _amid_the_work(cluster: clusters.Cluster, folder: Path, number: int) -> list[Outcome[Any, int]]:
@@ -59,13 +59,13 @@ def test_a_scheduler_that_hangs_is_given_up(
     """It keeps its connections and says nothing, as one does behind a network that is gone."""
     monkeypatch.setattr(dask_cluster, "ASK_S", 0.5)
     monkeypatch.setattr(dask_cluster, "SILENT_S", 3.0)
-    began = time.monotonic()
+    started = time.monotonic()
     try:
         with pytest.raises(ClusterError, match=r"has not answered for 3 s"):
             _amid_the_work(cluster, tmp_path, signal.SIGSTOP)
     finally:
         os.kill(cluster.scheduler.pid, signal.SIGCONT)
-    assert time.monotonic() - began < 120.0
+    assert time.monotonic() - started < 120.0
 
 
 def test_a_busy_scheduler_is_not_given_up(
@@ -73,11 +73,11 @@ def test_a_busy_scheduler_is_not_given_up(
 ) -> None:
     """It is asked again and again while the work takes longer than the time for an answer."""
     monkeypatch.setattr(dask_cluster, "ASK_S", 0.1)
-    asked: list[float] = []
+    requested: list[float] = []
     feel = dask_cluster._Pulse.feel
 
     def noted(pulse: Any) -> None:
-        asked.append(pulse._since_s)
+        requested.append(pulse._since_s)
         feel(pulse)
 
     monkeypatch.setattr(dask_cluster._Pulse, "feel", noted)
@@ -89,4 +89,4 @@ def test_a_busy_scheduler_is_not_given_up(
         for item in each
     ]
     assert sorted(item.result for item in came) == [index * index for index in range(20)]
-    assert len(set(asked)) > 2, "it was asked more than once"
+    assert len(set(requested)) > 2, "it was asked more than once"

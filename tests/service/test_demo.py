@@ -24,7 +24,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory, stemwatch) -> Path:
 
 
 @pytest.fixture(scope="module")
-def found(demo: Path) -> dict[str, dict[str, Any]]:
+def result(demo: Path) -> dict[str, dict[str, Any]]:
     """The report's object of each valve."""
     valves = json.loads((demo / "report" / "valves.json").read_text(encoding="utf-8"))
     return {valve["valve"]: valve for valve in valves}
@@ -49,32 +49,32 @@ def test_the_demo_leaves_report_database_and_plant_file(demo: Path) -> None:
         assert (demo / "report" / name).stat().st_size > 1000, name
     assert load_plant(demo / "plant.toml").problems == ()
     with closing(sqlite3.connect(demo / "stemwatch.db")) as connection:
-        counted = connection.execute("SELECT count(*), count(DISTINCT valve) FROM screenings")
-        assert (15, 15) == counted.fetchone()
+        counts = connection.execute("SELECT count(*), count(DISTINCT valve) FROM screenings")
+        assert (15, 15) == counts.fetchone()
 
 
-def test_no_healthy_valve_of_the_demo_is_called_sticky(found, truth) -> None:
+def test_no_healthy_valve_of_the_demo_is_called_sticky(result, truth) -> None:
     """Bad tuning, disturbances, bad data and a frozen transmitter are not taken for stiction."""
     healthy = {tag for tag, valve in truth.items() if valve["healthy"]}
     assert 10 == len(healthy)
-    assert set() == {tag for tag in healthy if found[tag]["verdict"] == "sticky"}
+    assert set() == {tag for tag in healthy if result[tag]["verdict"] == "sticky"}
 
 
-def test_the_hidden_physics_of_the_demo_is_named(found) -> None:
+def test_the_hidden_physics_of_the_demo_is_named(result) -> None:
     """The valve that vents slowly and is told late: both are named, and the fit grows."""
-    mismatch = found["FIC-115"]["mismatch"]
+    mismatch = result["FIC-115"]["mismatch"]
     named = {slug for effect in mismatch["effects"] for slug in effect["class"]}
     assert {"dead_time", "asymmetric_rate_limit"} <= named
     assert mismatch["stiction"]["restated"]["S"]["value"] < 1.0
     assert mismatch["heldout"]["rmse_extended"] < 0.5 * mismatch["heldout"]["rmse_naive"]
 
 
-def test_every_sticking_valve_with_a_position_is_found(found, truth) -> None:
+def test_every_sticking_valve_with_a_position_is_found(result, truth) -> None:
     """The four shapes of stiction are sticky, and S is within one percent of what was simulated."""
     sticking = told_of(truth, "sticky") - told_of(truth, "no position transmitter")
     assert 4 == len(sticking)
-    assert {tag: "sticky" for tag in sticking} == {tag: found[tag]["verdict"] for tag in sticking}
-    wide = {t: (truth[t]["S"], found[t]["stiction"]["S"]) for t in sticking}
+    assert {tag: "sticky" for tag in sticking} == {tag: result[tag]["verdict"] for tag in sticking}
+    wide = {t: (truth[t]["S"], result[t]["stiction"]["S"]) for t in sticking}
     assert {} == {t: p for t, p in wide.items() if abs(p[0] - p[1]["value"]) > 1.0}
 
 
@@ -87,10 +87,12 @@ def test_every_sticking_valve_with_a_position_is_found(found, truth) -> None:
         ("too few movements", "OP moved over"),
     ],
 )
-def test_what_cannot_be_judged_is_said_with_the_reason(found, truth, story: str, says: str) -> None:
+def test_what_cannot_be_judged_is_said_with_the_reason(
+    result, truth, story: str, says: str
+) -> None:
     """A valve whose recording allows no verdict has none, the reason, and what is still seen."""
     (tag,) = told_of(truth, story)
-    valve = found[tag]
+    valve = result[tag]
     assert valve["verdict"] == "undetermined"
     assert says in valve["reason"]
     assert valve["advice"]

@@ -89,8 +89,8 @@ def test_an_item_that_fails_costs_itself_only(executor: Executor) -> None:
 
 def test_an_error_that_cannot_travel_is_a_reason(executor: Executor) -> None:
     """The words come back all the same."""
-    ((one,),) = outcomes(executor, raise_unpicklable, [[1]], threading.Event())
-    assert one.reason == "Unpicklable: 1 and 2"
+    ((item,),) = outcomes(executor, raise_unpicklable, [[1]], threading.Event())
+    assert item.reason == "Unpicklable: 1 and 2"
 
 
 def test_who_is_told_to_stop_begins_nothing(executor: Executor, tmp_path: Path) -> None:
@@ -193,17 +193,17 @@ def test_what_ends_workers_of_a_cluster_is_not_done_here(cluster: clusters.Clust
 
 def test_waiting_for_a_cluster_can_be_stopped(cluster: clusters.Cluster, tmp_path: Path) -> None:
     """Asked to stop when all its workers are gone, it ends without their answer."""
-    stop, begun = threading.Event(), tmp_path / "begun"
+    stop, started = threading.Event(), tmp_path / "begun"
 
     def stop_once_begun() -> None:
-        while not begun.exists():
+        while not started.exists():
             time.sleep(0.02)
         cluster.have(0)
         stop.set()
 
     threading.Thread(target=stop_once_begun, daemon=True).start()
     executor = DaskCluster(cluster.host_and_port)
-    assert list(outcomes(executor, wait_long, [[begun]], stop)) == []
+    assert list(outcomes(executor, wait_long, [[started]], stop)) == []
     assert stop.is_set()
     cluster.have(2)
 
@@ -307,8 +307,8 @@ def test_ctrl_c_ends_the_workers(tmp_path: Path) -> None:
     assert process.poll() is None
     os.killpg(process.pid, signal.SIGINT)
     process.wait(timeout=60)
-    begun = len(list(seen.iterdir()))
-    assert begun < 50
+    started = len(list(seen.iterdir()))
+    assert started < 50
     with pytest.raises(ProcessLookupError):
         _wait_for_group_to_end(process.pid)
 

@@ -58,7 +58,7 @@ def test_one_bad_recording_costs_no_other(run, folder, tmp_path, monkeypatch):
     monkeypatch.chdir(folder)
     given = ["./broken.csv", "./fv101.csv", "absent.csv"]
     out = tmp_path / "found.json"
-    status, said = run(*given, *TAGS, "--json", out, "--no-narx")
+    status, text = run(*given, *TAGS, "--json", out, "--no-narx")
     assert status == 0
     objects = json.loads(out.read_text("utf-8"))
     jsonschema.validate(objects, SCHEMA)
@@ -67,8 +67,8 @@ def test_one_bad_recording_costs_no_other(run, folder, tmp_path, monkeypatch):
     assert "broken.csv" in objects[0]["sentence"]
     assert "no such file" in objects[2]["sentence"]
     assert objects[1]["seconds"] > 0.0
-    assert "3 recordings:" in said
-    assert "no such file, folder or pattern" in said
+    assert "3 recordings:" in text
+    assert "no such file, folder or pattern" in text
 
 
 def test_where_nothing_can_be_read_it_is_status_2(run, folder, tmp_path):
@@ -77,22 +77,22 @@ def test_where_nothing_can_be_read_it_is_status_2(run, folder, tmp_path):
     pages.mkdir()
     (pages / "explain.html").write_text("the last good page", encoding="utf-8")
     both = (folder / "broken.csv", tmp_path / "absent.csv")
-    status, said = run(*both, *TAGS, "--json", out, "--out", pages)
+    status, text = run(*both, *TAGS, "--json", out, "--out", pages)
     assert status == 2
-    assert said.count("nothing could be explained") == 1
-    assert said.count("no such file, folder or pattern") == 1
+    assert text.count("nothing could be explained") == 1
+    assert text.count("no such file, folder or pattern") == 1
     assert (pages / "explain.html").read_text("utf-8") == "the last good page"
     assert [load["verdict"] for load in json.loads(out.read_text("utf-8"))] == ["not_testable"] * 2
 
 
 def test_the_page_the_json_and_the_maps_lie_in_the_folder(run, folder, tmp_path):
     """--out leaves one page, the same objects, and the maps that the page shows."""
-    status, said = run(folder / "fv101.csv", *TAGS, "--out", tmp_path, "--no-narx")
+    status, text = run(folder / "fv101.csv", *TAGS, "--out", tmp_path, "--no-narx")
     assert status == 0
-    assert "explain.html" in said
-    (one,) = json.loads((tmp_path / "explain.json").read_text("utf-8"))
+    assert "explain.html" in text
+    (item,) = json.loads((tmp_path / "explain.json").read_text("utf-8"))
     page = (tmp_path / "explain.html").read_text("utf-8")
-    assert one["heldout"]["rmse_ceiling"] is None
+    assert item["heldout"]["rmse_ceiling"] is None
     maps = sorted(path.name for path in (tmp_path / "maps").glob("*.svg"))
     assert len(maps) == page.count('<svg class="map"')
 
@@ -101,13 +101,13 @@ def test_a_stem_that_arrives_late_is_no_sticking_stem(run, folder, tmp_path):
     """Two seconds of dead time: S restated is next to nothing, and the fit is better for it."""
     out = tmp_path / "found.json"
     run(folder / "fv101.csv", *TAGS, "--json", out)
-    (one,) = json.loads(out.read_text("utf-8"))
-    assert one["verdict"] in ("named", "candidates")
-    slugs = {slug for effect in one["effects"] for slug in effect["class"]}
+    (item,) = json.loads(out.read_text("utf-8"))
+    assert item["verdict"] in ("named", "candidates")
+    slugs = {slug for effect in item["effects"] for slug in effect["class"]}
     assert "dead_time" in slugs
-    assert one["stiction"]["restated"]["S"]["value"] < 0.5
-    assert one["heldout"]["rmse_extended"] < 0.5 * one["heldout"]["rmse_naive"]
-    assert one["heldout"]["rmse_ceiling"] > 0.0
+    assert item["stiction"]["restated"]["S"]["value"] < 0.5
+    assert item["heldout"]["rmse_extended"] < 0.5 * item["heldout"]["rmse_naive"]
+    assert item["heldout"]["rmse_ceiling"] > 0.0
 
 
 @pytest.mark.parametrize(
@@ -121,9 +121,9 @@ def test_a_stem_that_arrives_late_is_no_sticking_stem(run, folder, tmp_path):
 )
 def test_wrong_usage_is_a_sentence(run, arguments, words):
     """Status 2 and what to do."""
-    status, said = run(*arguments)
+    status, text = run(*arguments)
     assert status == 2
-    assert words in said
+    assert words in text
 
 
 def test_a_plant_file_names_its_valves(plant):
@@ -135,9 +135,9 @@ def test_a_plant_file_names_its_valves(plant):
 
 def test_a_file_that_is_named_twice_is_explained_once(folder):
     """By itself and through its folder; its own spelling comes first."""
-    one = folder / "fv101.csv"
-    valves = what_to_explain(Request(sources=(str(one), str(folder), str(one)))).valves
-    assert [each.source for each in valves if each.valve == "FV101"] == [str(one)]
+    item = folder / "fv101.csv"
+    valves = what_to_explain(Request(sources=(str(item), str(folder), str(item)))).valves
+    assert [each.source for each in valves if each.valve == "FV101"] == [str(item)]
 
 
 def test_what_a_folder_holds_beside_recordings_is_left_out(run, folder, tmp_path):
@@ -147,9 +147,9 @@ def test_what_a_folder_holds_beside_recordings_is_left_out(run, folder, tmp_path
     (home / "fv101.csv").write_bytes((folder / "fv101.csv").read_bytes())
     (home / "notes.txt").write_text("Packing renewed.\n", encoding="utf-8")
     out = tmp_path / "found.json"
-    status, said = run(home, *TAGS, "--json", out, "--no-narx")
+    status, text = run(home, *TAGS, "--json", out, "--no-narx")
     assert status == 0
-    assert "left out:" in said
+    assert "left out:" in text
     assert [load["recording"] for load in json.loads(out.read_text("utf-8"))] == [
         str(home / "fv101.csv")
     ]

@@ -86,10 +86,10 @@ def test_nan_and_infinity_become_null():
         heldout=HeldOutFit(rmse_naive=nan, rmse_ceiling=inf),
         effects=(replace(effect(), parameters={"x": Estimate(value=inf, low=0.0, high=inf)}),),
     )
-    (one,) = json.loads(to_json([explained(odd)]))
-    jsonschema.validate([one], SCHEMA)
-    assert one["heldout"]["rmse_naive"] is None
-    assert one["effects"][0]["parameters"]["x"]["reason"] == "the fit gave no finite number"
+    (item,) = json.loads(to_json([explained(odd)]))
+    jsonschema.validate([item], SCHEMA)
+    assert item["heldout"]["rmse_naive"] is None
+    assert item["effects"][0]["parameters"]["x"]["reason"] == "the fit gave no finite number"
 
 
 def test_the_schema_refuses_an_unknown_verdict():

@@ -28,7 +28,7 @@ WINDOWS, SAMPLES = 5, 700
 
 
 @pytest.fixture(scope="module")
-def found() -> Explained:
+def result() -> Explained:
     """A valve whose air is slow, over five windows."""
     moves = tuple((60.0 + 110.0 * k, 50.0 + (-1) ** k * (6.0 + k % 5)) for k in range(32))
     loop = PlantLoop(
@@ -43,24 +43,26 @@ def found() -> Explained:
     return explain_recording(recording, "long.csv", narx=False, limits=limits)
 
 
-def test_windows_that_agree_name_the_effect_and_pool_s_and_j(found):
+def test_windows_that_agree_name_the_effect_and_pool_s_and_j(result):
     """The sentence counts the windows, and S lies near the truth with an interval that holds it."""
-    evidence = found.by_window
+    evidence = result.by_window
     assert evidence is not None
     assert len(evidence.windows) == WINDOWS
-    assert found.mismatch.finding in (Finding.NAMED, Finding.CANDIDATES)
+    assert result.mismatch.finding in (Finding.NAMED, Finding.CANDIDATES)
     assert [finding.slug for finding in evidence.confirmed] == ["actuator_lag"]
-    assert f"of {WINDOWS} windows of the recording, which confirms it." in found.mismatch.sentence
-    assert evidence.pooled_sentence in found.mismatch.sentence
-    assert "What follows is of the window of 0.194 h" in found.mismatch.sentence
-    S = found.mismatch.restated.S
+    assert f"of {WINDOWS} windows of the recording, which confirms it." in result.mismatch.sentence
+    assert evidence.pooled_sentence in result.mismatch.sentence
+    assert "What follows is of the window of 0.194 h" in result.mismatch.sentence
+    S = result.mismatch.restated.S
     assert S == evidence.pooled.S
     assert S.low < 3.0 < S.high
 
 
-def test_json_says_what_each_window_named(found):
+def test_json_says_what_each_window_named(result):
     """Seconds from the beginning, by the schema; a short recording has null."""
-    objects = json.loads(to_json([found, Explained(source="", valve="", mismatch=found.mismatch)]))
+    objects = json.loads(
+        to_json([result, Explained(source="", valve="", mismatch=result.mismatch)])
+    )
     jsonschema.validate(objects, SCHEMA)
     by_window = objects[0]["by_window"]
     assert [window["begin_s"] for window in by_window["windows"]] == [
@@ -78,15 +80,15 @@ def test_json_says_what_each_window_named(found):
     assert objects[1]["by_window"] is None
 
 
-def test_page_and_terminal_show_the_evidence_by_window(found, tmp_path):
+def test_page_and_terminal_show_the_evidence_by_window(result, tmp_path):
     """The picture has hours into the recording below it; the traces are of all of it."""
     started = datetime(2026, 3, 2, tzinfo=UTC)
-    page = write_pages([found], ReportContext(started=started, zone="UTC"), tmp_path).html
+    page = write_pages([result], ReportContext(started=started, zone="UTC"), tmp_path).html
     text = page.read_text("utf-8")
     assert "Over the windows of this recording" in text
     assert ">0 h</text>" in text
     assert "with its beginning below" in text
-    assert len(found.recording) == WINDOWS * SAMPLES
+    assert len(result.recording) == WINDOWS * SAMPLES
     console = Console(width=300, record=True)
-    console.print(explanation(found))
+    console.print(explanation(result))
     assert "windows of the recording, which confirms it." in console.export_text()

@@ -34,27 +34,30 @@ def recording(valve="FV-1", samples=900) -> Recording:
     return Recording(valve=valve, signals=signals, interval_s=1.0)
 
 
-def on_terminal(one: Explained) -> str:
+def on_terminal(item: Explained) -> str:
     """What a terminal of 200 columns shows."""
     terminal = Console(width=200, file=io.StringIO(), record=True)
-    terminal.print(explanation(one), highlight=False)
+    terminal.print(explanation(item), highlight=False)
     return terminal.export_text()
 
 
 @pytest.fixture
-def found() -> list[Explained]:
+def result() -> list[Explained]:
     """One of every verdict, and one that could not be read."""
     read = recording()
-    whole = [
-        Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=one, recording=read)
-        for k, one in enumerate(of_every_kind(read))
+    complete = [
+        Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=item, recording=read)
+        for k, item in enumerate(of_every_kind(read))
     ]
-    return [*whole, Explained(source="x.csv", valve="x", mismatch=not_testable("x.csv: no table."))]
+    return [
+        *complete,
+        Explained(source="x.csv", valve="x", mismatch=not_testable("x.csv: no table.")),
+    ]
 
 
 @pytest.fixture
-def written(found, tmp_path):
-    return write_pages(found, CONTEXT, tmp_path / "out")
+def written(result, tmp_path):
+    return write_pages(result, CONTEXT, tmp_path / "out")
 
 
 def test_the_page_says_everything_in_words(written):
@@ -157,9 +160,9 @@ def test_nothing_to_explain_is_said(tmp_path):
     assert written.json.read_text("utf-8").strip() == "[]"
 
 
-def test_the_terminal_says_what_matters(found):
+def test_the_terminal_says_what_matters(result):
     """Verdict word, sentences, what to check, both S, and the fit before and after."""
-    text = " ".join(on_terminal(found[0]).split())
+    text = " ".join(on_terminal(result[0]).split())
     for words in (
         "named FV-0",
         "82 % of the residual lies where the stem falls",

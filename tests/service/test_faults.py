@@ -146,19 +146,19 @@ class Device:
 
     def cut(self, seconds: float) -> None:
         """Be away for a while: every connection is closed and none is taken."""
-        begun = time.time()
+        started = time.time()
         self.stop()
         time.sleep(seconds)
         self.start()
-        self.down.append((begun, time.time() + _RECONNECT_S))
+        self.down.append((started, time.time() + _RECONNECT_S))
 
     def hang(self, seconds: float) -> None:
         """Say nothing for a while, with every connection open."""
-        begun = time.time()
+        started = time.time()
         self._silent.set()
         time.sleep(seconds)
         self._silent.clear()
-        self.down.append((begun, time.time() + _RECONNECT_S))
+        self.down.append((started, time.time() + _RECONNECT_S))
 
     def place(self, tag: str) -> int:
         """The first register of a tag."""
@@ -210,12 +210,12 @@ class Night:
     def kill(self, between: Callable[[], None] = lambda: None) -> None:
         """SIGKILL to the service and all its processes, and a new start; ``between`` is done while
         it starts."""
-        begun = time.time()
+        started = time.time()
         self.end(signal.SIGKILL)
         self.launch()
         between()
         self.wait()
-        self.dead.append((begun, time.time()))
+        self.dead.append((started, time.time()))
 
     def end(self, number: int) -> None:
         """End the service by a signal."""
@@ -269,7 +269,7 @@ def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path:
     """Nothing is lost but what no running service could have seen, and nothing is there twice."""
     (tmp_path / "plant.toml").write_text(device.plant_file(), encoding="utf-8")
     night = Night(tmp_path, database.url)
-    begun = time.time()
+    started = time.time()
     night.start()
     try:
         with open_store(database.url) as store:
@@ -281,7 +281,7 @@ def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path:
             ended = time.time()
             for tag in ("FIC-101.OP", "FIC-101.ZT", "TIC-102.PV"):
                 check_samples(store, tag, night, device)
-            check_runs(store, begun, ended)
+            check_runs(store, started, ended)
     finally:
         night.end(signal.SIGKILL)
 
@@ -320,9 +320,9 @@ def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
     # Only while nobody polled: from the kill, with the poll that it interrupted, to the first poll
     # of the next collector. Neither the database nor the device leaves a hole.
     assert len(holes) <= len(night.dead), holes
-    for begun, end in holes:
-        kill, served = min(night.dead, key=lambda dead: abs(dead[0] - begun))
-        assert kill - 0.3 <= begun <= kill + 0.3, (tag, begun, kill)
+    for started, end in holes:
+        kill, served = min(night.dead, key=lambda dead: abs(dead[0] - started))
+        assert kill - 0.3 <= started <= kill + 0.3, (tag, started, kill)
         assert end <= served + 15.0, (tag, end, served)
     bad = samples.at_us[samples.quality != 0] / 1e6
     known = device.down + holes
@@ -334,23 +334,23 @@ def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
     check_answers(samples, tag, night, device, total)
 
 
-def check_answers(found: Samples, tag: str, night: Night, device: Device, late: int) -> None:
+def check_answers(result: Samples, tag: str, night: Night, device: Device, late: int) -> None:
     """Every answer of the device is in the store once, and nothing else is there as good.
 
     An answer is on its way when the service is killed or the connection is cut; one that came
     after its time is a bad sample that says so, and no more than ``late`` of them are there.
     """
-    missing, invented = compared(found, tag, night, device)
+    missing, invented = compared(result, tag, night, device)
     assert len(missing) <= late, (tag, missing[:5])
     assert not invented, (tag, "not what the device said", invented[:5])
 
 
 def compared(
-    found: Samples, tag: str, night: Night, device: Device
+    result: Samples, tag: str, night: Night, device: Device
 ) -> tuple[list[tuple[float, float]], list[float]]:
     """Answers that are not in the store, and instants of good samples that were no answer."""
-    good = found.quality == 0
-    at_s, values = found.at_us[good] / 1e6, found.values[good]
+    good = result.quality == 0
+    at_s, values = result.at_us[good] / 1e6, result.values[good]
     place = device.place(tag)
     free = np.ones(at_s.size, dtype=bool)
     missing = []
@@ -370,7 +370,7 @@ def on_its_way(when: float, night: Night, device: Device) -> bool:
     """Whether an answer met a kill, or the moment in which the device closed its connections or
     spoke again to somebody who no longer waited."""
     kills = [kill for kill, _ in night.dead]
-    cuts = [begun for begun, _ in device.down]
+    cuts = [started for started, _ in device.down]
     back = [end - _RECONNECT_S for _, end in device.down]
     moments = [*kills, *cuts, *back]
     return any(abs(when - moment) < 0.5 for moment in moments)
@@ -408,7 +408,7 @@ def check_runs(store: Store, begun: float, ended: float) -> None:
 
 
 def inside(stretch: TagSamples, known: list[TagSamples]) -> bool:
-    return any(begun <= stretch[0] and stretch[1] <= end for begun, end in known)
+    return any(started <= stretch[0] and stretch[1] <= end for started, end in known)
 
 
 def answers(store: Store) -> bool:

@@ -184,14 +184,14 @@ def test_a_kind_that_nobody_brings_is_said_with_the_nearest(plant: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("module", "said"),
+    ("module", "answer"),
     [
         ("import no_such_library", "cannot be loaded (ModuleNotFoundError"),
         ("class JsonArchive:\n    pass", "does not say what its table looks like"),
     ],
 )
 def test_a_connector_that_cannot_be_used_costs_its_own_sources(
-    packages: Path, plant: Path, module: str, said: str
+    packages: Path, plant: Path, module: str, answer: str
 ) -> None:
     """Its package is named, and a source beside it is read all the same."""
     installed(packages, "plant_json", module, {"json": "plant_json:JsonArchive"})
@@ -199,7 +199,7 @@ def test_a_connector_that_cannot_be_used_costs_its_own_sources(
     plant.write_text(text + '\n[[sources]]\nname = "files"\npath = "*.csv"\n', encoding="utf-8")
     loaded = load_plant(plant, environment={})
     assert list(loaded.sources) == ["files"]
-    assert said in str(loaded.problems[0])
+    assert answer in str(loaded.problems[0])
     assert "plant_json:JsonArchive of plant_json" in str(loaded.problems[0])
 
 

@@ -92,39 +92,39 @@ def modbus(capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch):
 
 def test_words_are_shown_beside_every_interpretation(modbus, port: int) -> None:
     """Protocol and Modicon address, hexadecimal, signed and unsigned, and each type and order."""
-    error, said = modbus("read", f"127.0.0.1:{port}", "--register", "40001", "--count", 2)
+    error, text = modbus("read", f"127.0.0.1:{port}", "--register", "40001", "--count", 2)
     assert error is None
     for shown in ("holding 0", "40001", "0x8000", "32768", "-32768", "0xC216", "-37.625"):
-        assert shown in said
+        assert shown in text
     for kind in ("INT16", "UINT32", "FLOAT32"):
-        assert kind in said
-    assert "FLOAT64" not in said
+        assert kind in text
+    assert "FLOAT64" not in text
 
 
 @pytest.mark.parametrize("written", ["holding:9", "40010", "HR10"])
 def test_a_register_is_named_in_any_way(modbus, port: int, written: str) -> None:
     """Counted from 0 behind the table, or from 1."""
-    _, said = modbus("read", f"127.0.0.1:{port}", "--register", written, "--count", 1)
-    assert "0x00FA" in said
-    assert "250" in said
+    _, text = modbus("read", f"127.0.0.1:{port}", "--register", written, "--count", 1)
+    assert "0x00FA" in text
+    assert "250" in text
 
 
 def test_a_map_is_tried(modbus, port: int, tmp_path: Path) -> None:
     """Addresses as written and as the protocol has them, words, values, reasons, and doubts."""
     file = tmp_path / "plant.toml"
     file.write_text(MAP.format(port=port), "utf-8")
-    error, said = modbus("read", "--map", file)
+    error, text = modbus("read", "--map", file)
     assert error is None
-    assert "4 registers, requests for each poll: 2" in said
+    assert "4 registers, requests for each poll: 2" in text
     for shown in ("8000 C216", "-37.625 t/h", "00FA", "25 %", "holding 9", "40010"):
-        assert shown in said
-    assert "exception 2 (illegal data address)" in said
-    assert "SWAPPED: ABCD gives no likely value; raw in other orders: CDAB -37.625" in said
-    assert "registers[WRONG].address: found the number 40003, which has two readings" in said
+        assert shown in text
+    assert "exception 2 (illegal data address)" in text
+    assert "SWAPPED: ABCD gives no likely value; raw in other orders: CDAB -37.625" in text
+    assert "registers[WRONG].address: found the number 40003, which has two readings" in text
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "answer"),
     [
         ((), "HOST"),
         (("h", "--map", "x.toml"), "not both"),
@@ -134,27 +134,27 @@ def test_a_map_is_tried(modbus, port: int, tmp_path: Path) -> None:
         (("/dev/null", "--parity", "X"), "is not N, E or O"),
     ],
 )
-def test_wrong_usage_is_explained(modbus, arguments, said: str) -> None:
+def test_wrong_usage_is_explained(modbus, arguments, answer: str) -> None:
     """What was given, and what would be right."""
     error, text = modbus("read", *arguments)
     assert isinstance(error, SystemExit)
     assert error.code == 2
-    assert said in text.replace("│ ", "")
+    assert answer in text.replace("│ ", "")
 
 
 @pytest.mark.parametrize(
-    ("register", "said"),
+    ("register", "answer"),
     [
         ("holding:5000", "check the address (counted from 0 or from 1?)"),
         ("input:395", "exception 2"),
     ],
 )
-def test_a_refusal_comes_with_what_to_check(modbus, port: int, register: str, said: str) -> None:
+def test_a_refusal_comes_with_what_to_check(modbus, port: int, register: str, answer: str) -> None:
     """The device's own words, and the usual cause."""
     arguments = ("--register", register, "--count", 10)
     error, text = modbus("read", f"127.0.0.1:{port}", *arguments)
     assert isinstance(error, ConnectorError)
-    assert said in text
+    assert answer in text
 
 
 def test_a_device_that_is_not_there_is_a_sentence(modbus) -> None:

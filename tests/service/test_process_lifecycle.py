@@ -125,9 +125,9 @@ def test_a_process_of_this_machine_is_known_to_have_ended(tmp_path: Path) -> Non
         process.communicate(timeout=30)
         assert has_ended(name)
     own = process_name()
-    host, pid, began, place, _ = own.rsplit(":", 4)
+    host, pid, start_time, place, _ = own.rsplit(":", 4)
     assert not has_ended(own)
-    assert has_ended(f"{host}:{pid}:{int(began) + 1}:{place}:0")
+    assert has_ended(f"{host}:{pid}:{int(start_time) + 1}:{place}:0")
     for other in (f"x{host}:{pid}:1:{place}:0", f"{host}:{pid}:1:x:0", f"{host}:{pid}:ab", "Ann"):
         assert not has_ended(other)
 
@@ -141,6 +141,6 @@ def test_ctrl_c_while_workers_start_prints_no_traceback(pool: str, tmp_path: Pat
             os.kill(process, signal.SIGINT)
         there(tmp_path, "at-work-*", 2)
         os.killpg(parent.pid, signal.SIGINT)
-        _, said = parent.communicate(timeout=60)
+        _, text = parent.communicate(timeout=60)
         assert parent.returncode == 130
-        assert "Traceback" not in said
+        assert "Traceback" not in text

@@ -37,7 +37,7 @@ def test_a_name_that_is_not_there_says_so() -> None:
         sw.sceen  # type: ignore[attr-defined]  # noqa: B018
 
 
-@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda one: one.__name__)
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda item: item.__name__)
 def test_every_function_says_arguments_result_errors_and_an_example(function: object) -> None:
     """Each argument is described by its name."""
     assert inspect.isfunction(function)
@@ -49,7 +49,7 @@ def test_every_function_says_arguments_result_errors_and_an_example(function: ob
     assert arguments <= set(described)
 
 
-@pytest.mark.parametrize("module", [functions, recording], ids=lambda one: one.__name__)
+@pytest.mark.parametrize("module", [functions, recording], ids=lambda item: item.__name__)
 def test_the_examples_run(module: object) -> None:
     """Each prints what stands below it."""
     assert inspect.ismodule(module)

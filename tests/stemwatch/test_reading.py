@@ -153,10 +153,10 @@ def test_a_window_is_cut(frame: pd.DataFrame) -> None:
 @pytest.mark.parametrize("index", ["timedelta", "period"])
 def test_other_indices_with_times_are_understood(index: str) -> None:
     """Durations since a start, and periods."""
-    made: Any = pd.to_timedelta(np.arange(SAMPLES), unit="s")
+    created: Any = pd.to_timedelta(np.arange(SAMPLES), unit="s")
     if index == "period":
-        made = pd.period_range("2026-03-02 06:00", periods=SAMPLES, freq="s")
-    recording = sw.read(pd.DataFrame({"op": OP}, index=made))
+        created = pd.period_range("2026-03-02 06:00", periods=SAMPLES, freq="s")
+    recording = sw.read(pd.DataFrame({"op": OP}, index=created))
     assert (SAMPLES, 1.0, None) == (len(recording), recording.interval_s, recording.start)
 
 

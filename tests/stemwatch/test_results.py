@@ -71,8 +71,8 @@ def test_a_simulated_valve_is_found_as_it_was_made(screened: ScreenedValve) -> N
 
 def test_the_same_seed_gives_the_same_recording(sticking: Recording) -> None:
     """Another seed another one; the start is the one that was asked for."""
-    again = sw.simulate(S=5.0, J=2.0, minutes=30, seed=3, valve="FIC-101")
-    np.testing.assert_array_equal(sticking.op.values, again.op.values)
+    repeated = sw.simulate(S=5.0, J=2.0, minutes=30, seed=3, valve="FIC-101")
+    np.testing.assert_array_equal(sticking.op.values, repeated.op.values)
     other = sw.simulate(S=5.0, J=2.0, minutes=5, seed=5, start=datetime(2026, 7, 1, tzinfo=UTC))
     assert not np.array_equal(other.op.values, sticking.op.values[: len(other)])
     assert datetime(2026, 7, 1, tzinfo=UTC) == other.start

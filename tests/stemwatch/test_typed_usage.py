@@ -27,16 +27,16 @@ def one_valve(frame: pd.DataFrame, op: NDArray[np.float64]) -> None:
     assert_type(sw.explain(frame, op="op", mv="mv"), ExplainedValve)
 
 
-def several_valves(path: Path, one: sw.Recording, frame: pd.DataFrame) -> None:
+def several_valves(path: Path, item: sw.Recording, frame: pd.DataFrame) -> None:
     """A path, a list or a dict gives several."""
     assert_type(sw.screen(path, zone="UTC", separator=";"), ScreenedValves)
     assert_type(sw.screen("exports/*.csv"), ScreenedValves)
-    assert_type(sw.screen([one, frame]), ScreenedValves)
-    work = sw.screen({"FIC-101": one})
+    assert_type(sw.screen([item, frame]), ScreenedValves)
+    work = sw.screen({"FIC-101": item})
     assert_type(work["FIC-101"], ScreenedValve)
     assert_type(work[:3], list[ScreenedValve])
     assert_type(work.to_frame(), pd.DataFrame)
-    assert_type(sw.explain([one]), ExplainedValves)
+    assert_type(sw.explain([item]), ExplainedValves)
 
 
 def test_the_usage_above_runs() -> None:

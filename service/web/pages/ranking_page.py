@@ -58,7 +58,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         "ranking_page.html",
         here="ranking",
         wanted=ranking_filter,
-        found=page,
+        ranking=page,
         work=WorkCounts.of_states(page.states),
         trends=[
             change_since_last_run(line, line.verdict, line.previous, weeks.get(line.valve))

@@ -83,7 +83,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         "valve_page.html",
         here="ranking",
         open_alerts=deps.open_alerts(),
-        one=stored,
+        stored_valve=stored,
         shown=shown_screening,
         by_window=store.evidence([name]).get(name),
         gauge_top=bar_top(max(numbers)),

@@ -62,7 +62,7 @@ def samples(kind: Kind, form: str) -> list[tuple[str, str, str, str]]:
         for i in range(kind.rows)
         for n, tag in enumerate(TAGS)
     ]
-    return sorted(matching, key=lambda one: TAGS.index(one[0])) if kind.by_tag else matching
+    return sorted(matching, key=lambda item: TAGS.index(item[0])) if kind.by_tag else matching
 
 
 ISO, PLAIN = "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M:%S"

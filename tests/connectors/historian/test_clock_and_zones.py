@@ -305,9 +305,9 @@ def test_rows_that_stand_twice_in_a_file_are_no_cut_stamps(open_text) -> None:
 
 def test_an_interval_that_is_given_is_used_or_said_not_to_be(open_text) -> None:
     """A column that only counts rows gives way to it; dates do not, and that is said."""
-    counted = [str(row) for row in range(50)]
+    counts = [str(row) for row in range(50)]
     read_options = ReadOptions(interval_s=20.0, zone="UTC")
-    recording = open_text(wide(counted), options=read_options).read(OP)
+    recording = open_text(wide(counts), options=read_options).read(OP)
     assert recording.interval_s == 20.0
     assert "20 s apart, as given; column 'Time' only counts them" in said(recording)
     dated = [f"2026-03-02 06:{minute:02d}" for minute in range(50)]
@@ -383,8 +383,8 @@ def test_a_row_counter_beside_a_sampling_column(
     open_text, header: str, cell: str, interval_s: float
 ) -> None:
     """``Time`` that rises by one beside ``ts`` is no time in seconds; missing rows stay missing."""
-    counted = [row for row in range(60) if row not in (30, 31)]
-    rows = "".join(f"{row};{cell};{row + 0.25}\n".replace(".", ",") for row in counted)
+    counts = [row for row in range(60) if row not in (30, 31)]
+    rows = "".join(f"{row};{cell};{row + 0.25}\n".replace(".", ",") for row in counts)
     source = open_text(f"Time;{header};OP\n" + rows)
     recording = source.read(OP)
     assert recording.interval_s == interval_s

@@ -140,7 +140,7 @@ def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     def read(content: bytes, options: ReadOptions) -> tuple[tuple, tuple, bool]:
         path = tmp_path / "export.csv"
         path.write_bytes(content)
-        whole = everything(path, options)
+        complete = everything(path, options)
         monkeypatch.setattr(large_file, "LARGE_BYTES", 0)
         monkeypatch.setattr(text_pieces, "BLOCK", 10_000)
         monkeypatch.setattr(text_pieces, "HEAD_LINES", 700)
@@ -148,7 +148,7 @@ def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             in_pieces = open_file(path, options).in_pieces
         except UnreadableSource:
             in_pieces = False
-        return whole, everything(path, options), in_pieces
+        return complete, everything(path, options), in_pieces
 
     return read
 
@@ -156,17 +156,17 @@ def whole_and_in_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize("name", FILES)
 def test_in_pieces_it_is_the_same(whole_and_in_pieces, name: str) -> None:
     """Every value, quality, decision and problem."""
-    whole, pieces, in_pieces = whole_and_in_pieces(*FILES[name])
+    complete, pieces, in_pieces = whole_and_in_pieces(*FILES[name])
     assert in_pieces
-    assert pieces == whole
+    assert pieces == complete
 
 
 @pytest.mark.parametrize("name", READ_WHOLE)
 def test_what_could_be_misread_in_pieces_is_read_whole(whole_and_in_pieces, name: str) -> None:
     """With the same result as ever."""
-    whole, pieces, in_pieces = whole_and_in_pieces(READ_WHOLE[name], ReadOptions())
+    complete, pieces, in_pieces = whole_and_in_pieces(READ_WHOLE[name], ReadOptions())
     assert not in_pieces
-    assert pieces == whole
+    assert pieces == complete
 
 
 def test_a_file_that_grows_meanwhile_is_read_as_it_was(tmp_path: Path, monkeypatch) -> None:
@@ -202,8 +202,8 @@ TAG_NAMES = [f"V{n}.{role}" for n in range(VALVES) for role in ("OP", "MV")]
 
 def hour_of(kind: str, hour: int, rows: list[list[str]]) -> str:
     """An hour at 1 s, as text."""
-    began = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=hour)
-    stamps = [f"{began:%Y-%m-%dT%H}:{s // 60:02d}:{s % 60:02d}Z" for s in range(3600)]
+    started = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=hour)
+    stamps = [f"{started:%Y-%m-%dT%H}:{s // 60:02d}:{s % 60:02d}Z" for s in range(3600)]
     if kind in ("narrow", "AVEVA Insight"):
         form = "{};{};{}\n" if kind == "narrow" else "{},{},{},192\n"
         return "".join(

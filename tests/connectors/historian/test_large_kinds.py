@@ -65,14 +65,14 @@ def both_ways(kind: Kind, options: ReadOptions = ZONE) -> tuple[object, object, 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / ("export.csv.gz" if kind.packed else "export.csv")
         path.write_bytes(written(kind))
-        whole = everything(path, options)
+        complete = everything(path, options)
         with small_pieces():
             pieces = everything(path, options)
             try:
                 in_pieces = open_file(path, options).in_pieces
             except UnreadableSource:
                 in_pieces = False
-    return whole, pieces, in_pieces
+    return complete, pieces, in_pieces
 
 
 def comma_apart(layout: str) -> Kind:
@@ -96,9 +96,9 @@ def comma_apart(layout: str) -> Kind:
 )
 def test_every_layout_is_read_in_pieces_and_gives_the_same(layout: str, way: Kind) -> None:
     """Values, quality, decisions and problems."""
-    whole, pieces, in_pieces = both_ways(replace(way, layout=layout))
-    assert pieces == whole
-    assert in_pieces or len(whole) == 1
+    complete, pieces, in_pieces = both_ways(replace(way, layout=layout))
+    assert pieces == complete
+    assert in_pieces or len(complete) == 1
 
 
 CELLS = st.sampled_from(
@@ -132,8 +132,8 @@ KINDS = st.builds(
 @given(kind=KINDS, zone=st.sampled_from([None, "Europe/Berlin"]))
 def test_damaged_in_any_way_it_is_the_same(kind: Kind, zone: str | None) -> None:
     """Bad cells with their lines and every warning, too."""
-    whole, pieces, _ = both_ways(kind, ReadOptions(zone=zone))
-    assert pieces == whole
+    complete, pieces, _ = both_ways(kind, ReadOptions(zone=zone))
+    assert pieces == complete
 
 
 @pytest.mark.long
@@ -141,8 +141,8 @@ def test_damaged_in_any_way_it_is_the_same(kind: Kind, zone: str | None) -> None
 @given(kind=KINDS, zone=st.sampled_from([None, "Europe/Berlin"]))
 def test_damaged_in_two_hundred_ways_it_is_the_same(kind: Kind, zone: str | None) -> None:
     """The same, longer."""
-    whole, pieces, _ = both_ways(kind, ReadOptions(zone=zone))
-    assert pieces == whole
+    complete, pieces, _ = both_ways(kind, ReadOptions(zone=zone))
+    assert pieces == complete
 
 
 @settings(max_examples=300)

@@ -58,13 +58,13 @@ def test_columns_are_laid_as_each_alone(name, window):
     ns = CLOCKS[name]
     columns = {role: column(ns, role.value) for role in (Role.OP, Role.MV)}
     grid = make_grid(columns[Role.OP].times, "OP", "made", window)
-    for role, one in sharing_times(columns).items():
+    for role, item in sharing_times(columns).items():
         alone = replace(columns[role], times=Timeline(ns.copy()))
-        found, expected = (lay_column(each, grid, is_clock=True) for each in (one, alone))
-        np.testing.assert_array_equal(found.values, expected.values)
-        np.testing.assert_array_equal(found.quality, expected.quality)
-        assert found.decision == expected.decision
-        assert found.values.size == grid.size
+        result, expected = (lay_column(each, grid, is_clock=True) for each in (item, alone))
+        np.testing.assert_array_equal(result.values, expected.values)
+        np.testing.assert_array_equal(result.quality, expected.quality)
+        assert result.decision == expected.decision
+        assert result.values.size == grid.size
         # What is not on the grid is nowhere: every good number is one of the column's own.
-        assert set(found.values[np.isfinite(found.values)]) <= set(one.values)
-        assert own_interval_s(one, command=False) == own_interval_s(alone, command=False)
+        assert set(result.values[np.isfinite(result.values)]) <= set(item.values)
+        assert own_interval_s(item, command=False) == own_interval_s(alone, command=False)

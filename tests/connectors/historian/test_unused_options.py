@@ -46,9 +46,9 @@ def test_an_option_is_used_or_said_not_to_be(open_text, option: str) -> None:
     """In a text export: nothing given, nothing said; one given, used or one sentence with why."""
     text = "Time;A.OP\n" + "".join(f"{time};{value}\n" for time, value in ROWS)
     options = replace(ReadOptions(), **{option: SAID[option]})
-    said = unused_sentences(open_text(text, options=options).read(OP).provenance.decisions)
-    assert len(said) == (option not in USED)
-    assert all(sentence.startswith(f"{option} = ") and len(sentence) > 40 for sentence in said)
+    answer = unused_sentences(open_text(text, options=options).read(OP).provenance.decisions)
+    assert len(answer) == (option not in USED)
+    assert all(sentence.startswith(f"{option} = ") and len(sentence) > 40 for sentence in answer)
 
 
 def test_what_the_layout_fixes_is_said(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def test_both_readings_that_are_offered_are_understood(number: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("written", "table", "said"),
+    ("written", "table", "text"),
     [
         (5, None, "without its table"),
         (70_000, HOLDING, "0 to 65535"),
@@ -80,11 +80,11 @@ def test_both_readings_that_are_offered_are_understood(number: int) -> None:
         ("", None, "the address ''"),
     ],
 )
-def test_what_cannot_be_understood_is_refused_with_a_reason(written, table, said: str) -> None:
+def test_what_cannot_be_understood_is_refused_with_a_reason(written, table, text: str) -> None:
     """The sentence says what was found and what would be right."""
     with pytest.raises(AddressError, match="expected") as caught:
         parse_address(written, table)
-    assert said in str(caught.value)
+    assert text in str(caught.value)
 
 
 @given(st.integers(0, 65_535), st.sampled_from(Table))

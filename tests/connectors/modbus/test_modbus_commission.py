@@ -79,11 +79,11 @@ def test_a_map_is_tried_register_by_register_where_the_device_refuses() -> None:
         async with serving(sim_device(1, behaviour)) as served:
             return await try_map(device(tcp(served.port), *registers))
 
-    position, gone, right, swapped = asyncio.run(run())
+    position, removed, right, swapped = asyncio.run(run())
     assert (position.words, position.reading.value) == ((250,), 25.0)
-    assert (gone.words, gone.fault) == ((), "exception 2 (illegal data address)")
+    assert (removed.words, removed.fault) == ((), "exception 2 (illegal data address)")
     assert right.reading.value == -37.625
-    assert other_orders(right) == other_orders(gone) == other_orders(position) == ()
+    assert other_orders(right) == other_orders(removed) == other_orders(position) == ()
     assert [(m.order, m.value) for m in other_orders(swapped)] == [(ByteOrder.CDAB, -37.625)]
 
 

@@ -112,7 +112,7 @@ def link_made_from(keys: Mapping[str, Any]) -> Link:
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "text"),
     [
         ({"address": 40001}, "has two readings"),
         ({"address": 10, "register": None}, "without its table"),
@@ -137,19 +137,19 @@ def link_made_from(keys: Mapping[str, Any]) -> Link:
         ({"scale": float("nan")}, "a number that is not 0"),
     ],
 )
-def test_a_mistake_in_a_register_is_explained(changed: dict[str, Any], said: str) -> None:
+def test_a_mistake_in_a_register_is_explained(changed: dict[str, Any], text: str) -> None:
     """Found and expected, with the key; the only register is gone, and so is the device."""
     result = one_register(**changed)
     assert result.devices == ()
     first, last = result.problems
-    assert said in str(first)
+    assert text in str(first)
     name = changed.get("tag") or ("T" if "tag" not in changed else "1")
     assert str(first).startswith(f"plant.toml: devices[plc].registers[{name}].")
     assert "no register that can be read" in str(last)
 
 
 @pytest.mark.parametrize(
-    ("changed", "said"),
+    ("changed", "text"),
     [
         ({"host": None}, 'such as host = "192.168.1.20"'),
         ({"type": "serial", "host": None}, 'such as serial_port = "/dev/ttyUSB0"'),
@@ -164,14 +164,14 @@ def test_a_mistake_in_a_register_is_explained(changed: dict[str, Any], said: str
         ({"port": "502"}, "a port from 1 to 65535"),
     ],
 )
-def test_a_mistake_in_a_device_is_explained(changed: dict[str, Any], said: str) -> None:
+def test_a_mistake_in_a_device_is_explained(changed: dict[str, Any], text: str) -> None:
     """A device that is wrong is left out with its reason."""
     row = {"tag": "T", "address": "40001", "type": "UINT16"}
     table = {"name": "plc", "host": "h", "registers": [row]} | changed
     table = {key: value for key, value in table.items() if value is not None}
     devices = read_devices([table])
     assert devices.devices == ()
-    assert said in str(devices.problems[0])
+    assert text in str(devices.problems[0])
 
 
 def test_a_mistake_costs_its_own_register_only_and_names_its_line() -> None:

@@ -80,8 +80,8 @@ def test_integers_come_back(kind: DataType, order: ByteOrder, data) -> None:
 @given(st.floats(allow_nan=True))
 def test_doubles_come_back(order: ByteOrder, value: float) -> None:
     """Infinities and NaN among them."""
-    again = decode(encode(value, DataType.FLOAT64, order), DataType.FLOAT64, order)
-    assert again == value or (math.isnan(again) and math.isnan(value))
+    repeated = decode(encode(value, DataType.FLOAT64, order), DataType.FLOAT64, order)
+    assert repeated == value or (math.isnan(repeated) and math.isnan(value))
 
 
 def test_one_register_knows_swapped_bytes_only() -> None:

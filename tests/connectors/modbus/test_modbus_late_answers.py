@@ -131,21 +131,21 @@ def mapped(link: Link, **more: Any) -> Device:
 async def polled(line: Any, polls: int, seed: int) -> Counter[str]:
     """Poll ``polls`` times over ``line``; how many samples were right, wrong-but-good and bad."""
     units = Units(mostly_prompt(random.Random(seed)))
-    found: Counter[str] = Counter()
+    result: Counter[str] = Counter()
     async with line(units) as link:
         batches: list[SampleBatch] = []
         poller = DevicePoller(mapped(link), batches.append, rng=random.Random(seed))
         loop = asyncio.get_running_loop()
         await poller.start()
         for poll in range(polls):
-            units.poll, began = poll, loop.time()
+            units.poll, started = poll, loop.time()
             batch = await poller.poll(poll)
             for tag, value, reason in zip(batch.tags, batch.values, batch.reasons, strict=True):
                 right = value == word(int(tag[1:]), poll)
-                found["bad" if reason else "right" if right else "wrong"] += 1
-            await asyncio.sleep(max(EVERY_S - (loop.time() - began), 0.0))
+                result["bad" if reason else "right" if right else "wrong"] += 1
+            await asyncio.sleep(max(EVERY_S - (loop.time() - started), 0.0))
         await poller.stop()
-    return found
+    return result
 
 
 LINES = {
@@ -164,9 +164,9 @@ async def all_polled(lines: int, polls: int) -> dict[str, Counter[str]]:
     return {kind: sum(await each, Counter()) for kind, each in counts.items()}
 
 
-def never_wrong(found: dict[str, Counter[str]]) -> None:
+def never_wrong(result: dict[str, Counter[str]]) -> None:
     """No good sample is another register's or another poll's, and there are good ones."""
-    for counts in found.values():
+    for counts in result.values():
         assert counts["wrong"] == 0
         assert counts["right"] > counts.total() / 10
 
@@ -224,16 +224,16 @@ async def reads(link: Link, *asked: tuple[int, int], unit_id: int = 1, wait_s: f
     """Read ``(first, count)`` one after the other: the words, or the kind of the fault."""
     line = Connection(link)
     await line.open()
-    found: list[Any] = []
+    result: list[Any] = []
     for first, count in asked:
         try:
-            found.append(await line.read(unit_id, Table.HOLDING, first, count))
+            result.append(await line.read(unit_id, Table.HOLDING, first, count))
         except ReadFault as fault:
-            found.append(fault.kind)
+            result.append(fault.kind)
             await line.reopen()
         await asyncio.sleep(wait_s)
     line.close()
-    return found
+    return result
 
 
 def words_of(first: int, count: int) -> list[int]:

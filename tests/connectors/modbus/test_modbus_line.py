@@ -58,8 +58,8 @@ def test_words_arrive_from_both_tables(framer: FramerType, kind: LinkKind) -> No
         async with serving(sim_device(1, first), sim_device(9, second), framer=framer) as served:
             line = Connection(tcp(served.port, kind=kind))
             await line.open()
-            asked = [(1, Table.HOLDING, 2), (1, Table.INPUT, 2), (9, Table.HOLDING, 1)]
-            matching = [await line.read(unit, table, 5, count) for unit, table, count in asked]
+            requested = [(1, Table.HOLDING, 2), (1, Table.INPUT, 2), (9, Table.HOLDING, 1)]
+            matching = [await line.read(unit, table, 5, count) for unit, table, count in requested]
             line.close()
             return matching
 
@@ -67,7 +67,7 @@ def test_words_arrive_from_both_tables(framer: FramerType, kind: LinkKind) -> No
 
 
 @pytest.mark.parametrize(
-    ("code", "said"),
+    ("code", "text"),
     [
         (ExcCodes.ILLEGAL_ADDRESS, "exception 2 (illegal data address)"),
         (ExcCodes.DEVICE_FAILURE, "exception 4 (device failure)"),
@@ -75,7 +75,7 @@ def test_words_arrive_from_both_tables(framer: FramerType, kind: LinkKind) -> No
         (ExcCodes.GATEWAY_NO_RESPONSE, "exception 11 (gateway target does not answer)"),
     ],
 )
-def test_an_exception_reply_has_its_number_and_meaning(code: ExcCodes, said: str) -> None:
+def test_an_exception_reply_has_its_number_and_meaning(code: ExcCodes, text: str) -> None:
     """The connection is kept: the device is there and speaks."""
 
     async def run() -> tuple[ReadFault, bool]:
@@ -88,7 +88,7 @@ def test_an_exception_reply_has_its_number_and_meaning(code: ExcCodes, said: str
             return fault, connected
 
     fault, connected = asyncio.run(run())
-    assert (fault.kind, fault.reason, connected) == (FaultKind.REFUSED, said, True)
+    assert (fault.kind, fault.reason, connected) == (FaultKind.REFUSED, text, True)
 
 
 def test_silence_is_told_from_a_refusal() -> None:
@@ -203,14 +203,14 @@ def test_a_peer_that_no_longer_hears_is_called_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("link", "said"),
+    ("link", "text"),
     [
         (tcp(1), "refused"),
         (Link(kind=LinkKind.SERIAL, target="/nowhere/ttyUSB9"), "No such file"),
         (Link(kind=LinkKind.TCP, target="no.such.host.invalid", timeout_s=5.0), "no connection"),
     ],
 )
-def test_why_there_is_no_connection_is_said(link: Link, said: str) -> None:
+def test_why_there_is_no_connection_is_said(link: Link, text: str) -> None:
     """Refused, no such port, no such name."""
 
     async def run() -> ReadFault:
@@ -220,4 +220,4 @@ def test_why_there_is_no_connection_is_said(link: Link, said: str) -> None:
 
     fault = asyncio.run(run())
     assert fault.kind is FaultKind.NO_CONNECTION
-    assert said in fault.reason
+    assert text in fault.reason

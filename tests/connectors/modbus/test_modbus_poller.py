@@ -161,8 +161,8 @@ def test_what_was_split_or_refused_is_tried_again_later() -> None:
     plan = BlockPlan(
         device(tcp(1), *[register(f"T{i}", i) for i in range(4)]).blocks(), lambda: now_s
     )
-    (whole,) = plan.blocks()
-    left, _ = plan.split(whole)
+    (complete,) = plan.blocks()
+    left, _ = plan.split(complete)
     plan.rest(left, refused(2))
     now_s = REST_S - 1
     assert plan.resting(left) is not None
@@ -171,7 +171,7 @@ def test_what_was_split_or_refused_is_tried_again_later() -> None:
     assert plan.resting(left) is None
     assert len(plan.blocks()) == 2
     now_s = FORGET_S + 1
-    assert plan.blocks() == (whole,)
+    assert plan.blocks() == (complete,)
 
 
 @pytest.mark.parametrize(
@@ -299,8 +299,8 @@ def test_one_device_that_hangs_costs_the_others_nothing() -> None:
     fine, hanging = Behaviour(holding={0: 5}), Behaviour(delay_s=30.0)
 
     async def run() -> tuple[Polled, Polled]:
-        async with serving(sim_device(1, fine)) as one, serving(sim_device(1, hanging)) as other:
-            quick = device(tcp(one.port), register("T", 0), every_s=EVERY_S)
+        async with serving(sim_device(1, fine)) as item, serving(sim_device(1, hanging)) as other:
+            quick = device(tcp(item.port), register("T", 0), every_s=EVERY_S)
             slow = device(tcp(other.port, timeout_s=20.0), register("T", 0), every_s=EVERY_S)
             stuck = Polled(slow)
             task = asyncio.create_task(stuck.poller.run())
@@ -314,8 +314,8 @@ def test_one_device_that_hangs_costs_the_others_nothing() -> None:
             await asyncio.wait([task])
             return result, stuck
 
-    found, stuck = asyncio.run(run())
-    assert all(all_good(batch) for batch in found.polled)
+    result, stuck = asyncio.run(run())
+    assert all(all_good(batch) for batch in result.polled)
     assert stuck.batches == []
 
 

@@ -38,9 +38,9 @@ def test_what_the_device_calls_invalid_is_bad(more, words) -> None:
 
 def test_words_tell_one_nan_from_another() -> None:
     """A text in the list of invalid values is compared as the registers hold it, in any order."""
-    one = register("PV", 0, FLOAT, order=ByteOrder.CDAB, invalid_words=frozenset({(1, 0x4148)}))
-    assert one.read([1, 0x4148]).quality == Quality.BAD
-    assert one.read([0, 0x4148]).value == 12.5
+    item = register("PV", 0, FLOAT, order=ByteOrder.CDAB, invalid_words=frozenset({(1, 0x4148)}))
+    assert item.read([1, 0x4148]).quality == Quality.BAD
+    assert item.read([0, 0x4148]).value == 12.5
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
@@ -64,16 +64,16 @@ def test_a_float_in_the_wrong_order_is_not_a_closed_valve() -> None:
     assert register("PV", 0, FLOAT).read([0, 0]) == (0.0, Quality.GOOD, "")
 
 
-@pytest.mark.parametrize(("raw", "said"), [(90, "below"), (1110, "above")])
-def test_a_value_out_of_range_is_marked(raw: int, said: str) -> None:
+@pytest.mark.parametrize(("raw", "text"), [(90, "below"), (1110, "above")])
+def test_a_value_out_of_range_is_marked(raw: int, text: str) -> None:
     """The limits are in engineering units."""
     reading = register("ZT", 0, scale=0.1, lowest=10.0, highest=110.0).read([raw])
     assert math.isnan(reading.value)
     assert reading.quality == Quality.RANGE
-    assert said in reading.reason
+    assert text in reading.reason
 
 
 def test_the_limits_themselves_are_in_range() -> None:
     """From lowest to highest, both included."""
-    one = register("ZT", 0, lowest=0.0, highest=100.0)
-    assert [one.read([raw]).quality for raw in (0, 100)] == [Quality.GOOD] * 2
+    item = register("ZT", 0, lowest=0.0, highest=100.0)
+    assert [item.read([raw]).quality for raw in (0, 100)] == [Quality.GOOD] * 2

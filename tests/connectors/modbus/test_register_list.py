@@ -74,11 +74,11 @@ scale = 0.1
 offset = -4.0
 invalid = [-1, "0x7FFF FFFF"]
 """
-    listed = (
+    listing = (
         "tag,register,address,type,byte_order,scale,offset,invalid\n"
         "A,holding,12,INT32,ABCD,0.1,-4,-1|0x7FFF FFFF\n"
     )
-    assert read(tmp_path, listed).devices == read(tmp_path, "", tables).devices
+    assert read(tmp_path, listing).devices == read(tmp_path, "", tables).devices
 
 
 def test_names_and_marks_of_others_are_understood(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_names_and_marks_of_others_are_understood(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("row", "said"),
+    ("row", "answer"),
     [
         ("B,holding,5,INT99,,,", "registers[B].type: found the text 'INT99'"),
         ("B,holding,5,INT32,,,", "registers[B].byte_order: found nothing"),
@@ -115,7 +115,7 @@ def test_names_and_marks_of_others_are_understood(tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_row_is_said_with_its_line_and_the_rest_goes_on(
-    tmp_path: Path, row: str, said: str
+    tmp_path: Path, row: str, answer: str
 ) -> None:
     """File, line, what was found and expected; the rows around it are polled."""
     text = (
@@ -126,7 +126,7 @@ def test_a_bad_row_is_said_with_its_line_and_the_rest_goes_on(
     assert [register.tag for register in recording.devices[0].registers] == ["A", "C"]
     (problem,) = recording.problems
     assert str(problem).startswith("registers.csv, line 4: ")
-    assert said in str(problem)
+    assert answer in str(problem)
 
 
 def test_half_a_range_names_the_column_that_is_missing(tmp_path: Path) -> None:
@@ -139,7 +139,7 @@ def test_half_a_range_names_the_column_that_is_missing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "answer"),
     [
         ("", "line 1: row: found an empty file"),
         ("tag,address,typ\n", "line 1: column typ: found an unknown column"),
@@ -153,14 +153,14 @@ def test_half_a_range_names_the_column_that_is_missing(tmp_path: Path) -> None:
     ],
 )
 def test_what_spoils_the_whole_list_leaves_its_device_out(
-    tmp_path: Path, text: str | bytes, said: str
+    tmp_path: Path, text: str | bytes, answer: str
 ) -> None:
     """A misread heading would be wrong for every register; other devices run."""
     other = '\n[[devices]]\nname = "b"\nhost = "h"\n[[devices.registers]]\n'
     other += 'tag = "X"\naddress = "40001"\ntype = "INT16"\n'
     recording = read(tmp_path, text, PLANT + other)
     assert [device.name for device in recording.devices] == ["b"]
-    assert said in "\n".join(str(problem) for problem in recording.problems)
+    assert answer in "\n".join(str(problem) for problem in recording.problems)
 
 
 def test_a_list_that_is_not_there_is_said_where_it_is_named(tmp_path: Path) -> None:
@@ -182,15 +182,15 @@ def test_whatever_the_bytes_are_something_is_said_or_read(tmp_path_factory, cont
     """No file ends the program."""
     path = tmp_path_factory.mktemp("list") / "registers.csv"
     path.write_bytes(b"tag,address,type\n" + content)
-    said, keys = "", set[str]()
+    text, keys = "", set[str]()
     try:
         register_list = read_register_list(path)
         keys = {key for row in register_list.rows for key in row.table}
     except ListUnusable as mistake:
-        said = mistake.expected
+        text = mistake.expected
     assert keys <= {"tag", "address", "type"}
     seen = "".join(set(content.decode(errors="replace")) - set(BLANK))
-    assert said or not seen or register_list.rows or register_list.faulty
+    assert text or not seen or register_list.rows or register_list.faulty
 
 
 def test_a_row_of_control_codes_is_said_to_be_damaged(tmp_path: Path) -> None:

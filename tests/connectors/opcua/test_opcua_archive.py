@@ -114,9 +114,9 @@ def test_tags_are_the_nodes_with_a_history(served: tuple[str, Conforming]) -> No
 def test_nodes_that_are_not_there(served: tuple[str, Conforming]) -> None:
     """An unknown node names the nearest; a text that is no node id says what one is."""
     archive = OpcUaAddress(url=served[0]).open()
-    for tag, said in (("ns=2;s=FIC1.OPP", r"nearest are 'ns=2;s=FIC1\.OP'"),
+    for tag, text in (("ns=2;s=FIC1.OPP", r"nearest are 'ns=2;s=FIC1\.OP'"),
                       ("FIC1.OP;;", "no node id|no node")):  # fmt: skip
-        with pytest.raises(UnknownTag, match=said):
+        with pytest.raises(UnknownTag, match=text):
             archive.read(ValveTags(valve="A", tags={Role.OP: TagMapping(tag=tag)}))
     tags = dict(made.valve(PREFIX).tags) | {Role.SP: TagMapping(tag="ns=2;s=FIC1.SP")}
     valve = ValveTags(valve="FIC1", tags=tags)
@@ -129,8 +129,8 @@ def test_several_values_at_one_time_across_a_page() -> None:
     samples = even(values, made.START, {})
     samples[10:12] = [(samples[9][0], 9.5, 0), (samples[9][0], 9.7, 0)]
     with serving({"A": samples}) as (url, _):
-        one = OpcUaAddress(url=url, page=11).open()
-        recording = one.read(ValveTags(valve="A", tags={Role.OP: TagMapping(tag="ns=2;s=A")}))
+        item = OpcUaAddress(url=url, page=11).open()
+        recording = item.read(ValveTags(valve="A", tags={Role.OP: TagMapping(tag="ns=2;s=A")}))
     assert recording.clock.repeated_times == 2
     assert np.isfinite(recording.op.values[12:]).all()
 
@@ -145,9 +145,11 @@ def test_a_server_that_is_not_there(tmp_path: Path, monkeypatch) -> None:
         timeout_s=2.0,
     )
     assert b"geheim" not in pickle.dumps(address)
-    with pytest.raises(ConnectorError, match=r"127\.0\.0\.1:1/x: the server could not be") as found:
+    with pytest.raises(
+        ConnectorError, match=r"127\.0\.0\.1:1/x: the server could not be"
+    ) as result:
         address.open().read(made.valve(PREFIX))
-    assert "geheim" not in repr(address) + str(found.value)
+    assert "geheim" not in repr(address) + str(result.value)
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch) -> None:

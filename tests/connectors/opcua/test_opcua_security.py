@@ -69,12 +69,12 @@ def test_it_reads_encrypted_and_logged_in(
     monkeypatch.setenv(VARIABLE, "geheim")
     with caplog.at_level(logging.DEBUG):
         assert len(secured.open().read(made.valve(PREFIX))) == made.COUNT
-    told = [record.name for record in caplog.records if "geheim" in record.getMessage()]
-    assert told == []
+    answer = [record.name for record in caplog.records if "geheim" in record.getMessage()]
+    assert answer == []
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "text"),
     [
         ({"password": Secret(text="wrong")}, "could not be asked"),
         ({"policy": "None"}, "could not be asked"),
@@ -83,11 +83,11 @@ def test_it_reads_encrypted_and_logged_in(
     ],
 )
 def test_what_is_wrong_is_an_error_and_no_data(
-    secured: OpcUaAddress, monkeypatch, changes: dict, said: str
+    secured: OpcUaAddress, monkeypatch, changes: dict, text: str
 ) -> None:
     """A wrong password, no encryption, no key, no secret: each ends in a sentence."""
     monkeypatch.setenv(VARIABLE, "geheim")
     address = replace(secured, security=replace(secured.security, **changes))
-    with pytest.raises(ConnectorError, match=said) as found:
+    with pytest.raises(ConnectorError, match=text) as result:
         address.open().read(made.valve(PREFIX))
-    assert "wrong" not in str(found.value).replace("was wrong", "")
+    assert "wrong" not in str(result.value).replace("was wrong", "")

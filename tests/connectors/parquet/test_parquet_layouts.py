@@ -31,8 +31,8 @@ def long_valve() -> ValveTags:
     return ValveTags(
         valve="FIC1",
         tags={
-            role: TagMapping(tag=named[role], unit=one.unit, low=one.low, high=one.high)
-            for role, one in tags.items()
+            role: TagMapping(tag=named[role], unit=item.unit, low=item.low, high=item.high)
+            for role, item in tags.items()
         },
     )
 
@@ -98,11 +98,11 @@ def test_any_order_and_repeated_rows(
     table = made.wide_table()
     recording = ParquetArchive(made.write(table, folder / "plain.parquet")).read(made.valve())
     mixed = made.write(table.take([*order, *twice]), folder / "mixed.parquet", row_group_size=100)
-    again = ParquetArchive(mixed).read(made.valve())
+    repeated = ParquetArchive(mixed).read(made.valve())
     for role, signal in recording.signals.items():
-        assert signal.values.tobytes() == again.signals[role].values.tobytes()
-        assert signal.quality.tobytes() == again.signals[role].quality.tobytes()
-    assert (recording.start, recording.interval_s) == (again.start, again.interval_s)
+        assert signal.values.tobytes() == repeated.signals[role].values.tobytes()
+        assert signal.quality.tobytes() == repeated.signals[role].quality.tobytes()
+    assert (recording.start, recording.interval_s) == (repeated.start, repeated.interval_s)
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])

@@ -63,14 +63,14 @@ def test_one_row_group_and_three_columns(archive: Path) -> None:
     """Of 18 row groups and 6 columns, what is read is one group and time, op and its quality,
     mv."""
     before = ParquetArchive(archive).read(tags("FIC4"), WINDOW)
-    wanted = {"time", "op", "mv", "op_quality"}
+    expected = {"time", "op", "mv", "op_quality"}
     spoilt = 0
     for file in sorted(archive.rglob("*.parquet")):
         own = "2026-01-05" in str(file)
-        spoilt += spoil(file, lambda g, c, own=own: own and g == 4 and c in wanted)  # type: ignore[misc]
+        spoilt += spoil(file, lambda g, c, own=own: own and g == 4 and c in expected)  # type: ignore[misc]
     assert spoilt == 3 * 6 * 6 - 4
-    again = ParquetArchive(archive).read(tags("FIC4"), WINDOW)
-    made.same(before, again)
+    repeated = ParquetArchive(archive).read(tags("FIC4"), WINDOW)
+    made.same(before, repeated)
     with pytest.raises(ConnectorError, match=r"row group 6 cannot be read.*damaged"):
         ParquetArchive(archive).read(tags("FIC5"), WINDOW)
 

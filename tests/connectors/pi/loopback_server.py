@@ -92,25 +92,25 @@ class Handler(BaseHTTPRequestHandler):
     def _answer(self) -> Any:
         self._check_sign_in()
         parts = urlsplit(self.path)
-        asked = parse_qs(parts.query)
+        requested = parse_qs(parts.query)
         steps = parts.path.removeprefix("/piwebapi/").split("/")
         match steps:
             case ["points"]:
-                return self._point(asked["path"][0].removeprefix(rf"\\{ARCHIVE}" + "\\"))
+                return self._point(requested["path"][0].removeprefix(rf"\\{ARCHIVE}" + "\\"))
             case ["points", one]:
                 return self._point(self._tag(one))
             case ["dataservers"]:
-                if asked["name"][0] != ARCHIVE:
+                if requested["name"][0] != ARCHIVE:
                     raise Refused(404, "The specified data server was not found.")
                 return {"WebId": "F1DS"}
             case ["dataservers", "F1DS", "points"]:
-                return self._points(asked)
+                return self._points(requested)
             case ["streams", one, "recorded"]:
-                return {"Links": {}, **self._recorded(self._tag(one), asked)}
+                return {"Links": {}, **self._recorded(self._tag(one), requested)}
             case ["streamsets", "recorded"]:
-                tags = [self._tag(item) for item in asked["webId"]]
+                tags = [self._tag(item) for item in requested["webId"]]
                 streams = [
-                    {"WebId": web_id(tag), "Name": tag, **self._recorded(tag, asked)}
+                    {"WebId": web_id(tag), "Name": tag, **self._recorded(tag, requested)}
                     for tag in tags
                 ]
                 return {"Links": {}, "Items": streams}

@@ -49,8 +49,8 @@ def served() -> Iterator[Served]:
     points = {
         tag: [value(at(i), float(i % 100)) for i in range(600)] for tag in ("FIC1.OP", "FIC1.POS")
     }
-    with serving(Served(points=points, units={"FIC1.OP": "%"})) as one:
-        yield one
+    with serving(Served(points=points, units={"FIC1.OP": "%"})) as item:
+        yield item
 
 
 @pytest.fixture(autouse=True)
@@ -119,8 +119,8 @@ def test_digital_states_and_marks_are_no_numbers(served: Served) -> None:
         Quality.GOOD,
     ]
     assert any("I/O Timeout" in line for line in recording.provenance.decisions)
-    taken = archive(served, good_quality=["Questionable", "Substituted"]).read(VALVE)
-    assert taken.op.quality[11:13].tolist() == [Quality.GOOD, Quality.GOOD]
+    accepted = archive(served, good_quality=["Questionable", "Substituted"]).read(VALVE)
+    assert accepted.op.quality[11:13].tolist() == [Quality.GOOD, Quality.GOOD]
 
 
 def test_a_mode_in_words_is_read_as_a_mode(served: Served) -> None:
@@ -221,10 +221,10 @@ def test_something_that_is_no_web_api_is_named(served: Served, body: bytes) -> N
 
 def test_a_server_that_is_not_there(served: Served) -> None:
     """Its address stands in the error."""
-    gone = archive(served)
-    object.__setattr__(gone.address, "url", "http://127.0.0.1:9/piwebapi")
+    removed = archive(served)
+    object.__setattr__(removed.address, "url", "http://127.0.0.1:9/piwebapi")
     with pytest.raises(ConnectorError, match=r"127\.0\.0\.1:9"):
-        gone.read(VALVE)
+        removed.read(VALVE)
 
 
 def test_points_are_found_by_pattern_with_a_valve_proposed(served: Served) -> None:
@@ -259,7 +259,7 @@ def test_a_wrong_data_archive_is_named(served: Served) -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "found"),
+    ("table", "result"),
     [
         ({"url": "https://user:secret@host/piwebapi"}, "without a password in it"),
         ({"url": "http://host/piwebapi", "sign_in": "basic", "user": "a"}, "one place"),
@@ -278,10 +278,10 @@ def test_a_wrong_data_archive_is_named(served: Served) -> None:
         ),
     ],
 )
-def test_mistakes_in_the_table_say_what_is_expected(table: Any, found: str) -> None:
+def test_mistakes_in_the_table_say_what_is_expected(table: Any, result: str) -> None:
     """Before anything is asked."""
     given = {"name": "pi", "kind": "pi", "server": ARCHIVE, "sign_in": "anonymous", **table}
-    with pytest.raises(ValidationError, match=found):
+    with pytest.raises(ValidationError, match=result):
         PiSettings.model_validate(given)
 
 

@@ -99,7 +99,7 @@ def test_a_tag_is_bound_and_never_part_of_the_text(history_url: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("query", "found"),
+    ("query", "result"),
     [
         ("DELETE FROM history", "begins with 'delete'"),
         (QUERY + "; DROP TABLE history", "several statements"),
@@ -118,11 +118,11 @@ def test_a_tag_is_bound_and_never_part_of_the_text(history_url: str) -> None:
         (QUERY.replace("quality", '"update"'), ""),
     ],
 )
-def test_which_templates_are_taken(query: str, found: str) -> None:
+def test_which_templates_are_taken(query: str, result: str) -> None:
     """One SELECT with the three parameters; words in quotes and comments are no statement."""
     fault = mistake_in(query)
-    assert (fault is None) if not found else (fault is not None and found in fault.found)
-    if found:
+    assert (fault is None) if not result else (fault is not None and result in fault.found)
+    if result:
         with pytest.raises(UnreadableSource, match="the query cannot be used"):
             address("sqlite://", query=query or " ").open()
 

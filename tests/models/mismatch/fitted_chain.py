@@ -47,10 +47,10 @@ def command(samples: int = HALF_AN_HOUR, seed: int = 1) -> Floats:
 
 def hypothesis(*slugs: str) -> TermSet:
     """The base and the terms of the catalogue named."""
-    made = TermSet()
+    created = TermSet()
     for slug in slugs:
-        made = made.plus(catalogue()[slug])
-    return made
+        created = created.plus(catalogue()[slug])
+    return created
 
 
 def evaluator_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:

@@ -62,9 +62,9 @@ def test_a_search_finds_in_company_what_it_finds_alone(seed):
     alone = [conclude(evaluator(), item) for item in searches(seed)]
     in_step = conclude(evaluator(), run_together(searches(seed)))
     assert len(alone) == len(in_step) == len(KINDS) + 1
-    for one, other in zip(alone, in_step, strict=True):
-        np.testing.assert_array_equal(one.candidate, other.candidate)
-        assert one.loss == other.loss
+    for item, other in zip(alone, in_step, strict=True):
+        np.testing.assert_array_equal(item.candidate, other.candidate)
+        assert item.loss == other.loss
 
 
 def test_what_asks_for_nothing_is_done_at_once():
@@ -145,8 +145,8 @@ def test_a_force_is_made_once_and_the_oldest_makes_room():
     start[0] = 1
     forces = Forces.none_yet(op, start, 1.0, rows=3)
     shaping = evaluator().layout(hypothesis("actuator_lag")).shaping
-    one, two, three, four = ([0.1, tau] for tau in (1.0, 2.0, 3.0, 4.0))
-    first = forces.of([(shaping, np.array([one, two, one, three]))])
+    item, two, three, four = ([0.1, tau] for tau in (1.0, 2.0, 3.0, 4.0))
+    first = forces.of([(shaping, np.array([item, two, item, three]))])
     assert first.tolist() == [0, 1, 0, 2]
     expected = forces.rows[1].copy()
     then = forces.of([(shaping, np.array([two, four]))])

@@ -33,19 +33,19 @@ def test_a_bowed_reading_is_bent(bow):
     """An S over the stroke is left over by S, J, zero and span, and a cubic finds it."""
     plain = simulated_by_chain()
     mv = plain.mv.values
-    evaluator, found = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
-    assert convincing(curvature(evaluator, found), evaluator.told, "bend")
+    evaluator, result = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
+    assert convincing(curvature(evaluator, result), evaluator.told, "bend")
 
 
 @pytest.mark.parametrize(("gain", "zero"), [(0.0, 0.0), (0.06, -1.0), (-0.08, 0.5)])
 def test_a_stretched_reading_is_not(gain, zero):
     """Where zero and span are in the model, nothing of the residual follows the travel."""
     recording = simulated_by_chain(base={base_coordinate.GAIN: gain, base_coordinate.ZERO: zero})
-    evaluator, found = fitted(recording, GAIN=gain, ZERO=zero)
-    assert not convincing(curvature(evaluator, found), evaluator.told, "bend")
+    evaluator, result = fitted(recording, GAIN=gain, ZERO=zero)
+    assert not convincing(curvature(evaluator, result), evaluator.told, "bend")
 
 
 def test_a_stem_that_never_moves_tells_nothing():
     """Too few samples on a fold: no bend, and no crash."""
-    evaluator, found = fitted(simulated_by_chain(samples=120))
-    assert curvature(evaluator, found).mean < 0.04
+    evaluator, result = fitted(simulated_by_chain(samples=120))
+    assert curvature(evaluator, result).mean < 0.04

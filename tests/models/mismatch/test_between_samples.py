@@ -51,8 +51,8 @@ def cycling(period: int, *, hours: float = 2.0, width: float = S, seed: int = 1)
 
 def kept(recording: Recording, every: int, *, mean: bool = False) -> Recording:
     def less(values: Floats) -> Floats:
-        whole = values[: values.size // every * every].reshape(-1, every)
-        return np.asarray(whole.mean(axis=1) if mean else whole[:, 0])
+        complete = values[: values.size // every * every].reshape(-1, every)
+        return np.asarray(complete.mean(axis=1) if mean else complete[:, 0])
 
     mv = recording.mv
     assert mv is not None
@@ -68,8 +68,8 @@ def reported(values: Floats, deviation: float) -> Floats:
 
 
 def screened(recording: Recording) -> Screening:
-    (found,) = screen([Case(recording=recording)], Options(narx=False, mismatch=False))
-    return found
+    (result,) = screen([Case(recording=recording)], Options(narx=False, mismatch=False))
+    return result
 
 
 @pytest.mark.parametrize("mean", [False, True])
@@ -105,9 +105,9 @@ def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
     """A sample every second of a loop that takes 50 s: the fit's own numbers, to the bit."""
     plain = cycling(50)
     assert find_archive(plain) is None
-    fit, found = fit_stickslip(plain), screened(plain)
-    assert found.S.value == fit.S
-    assert found.J.value == fit.J
+    fit, result = fit_stickslip(plain), screened(plain)
+    assert result.S.value == fit.S
+    assert result.J.value == fit.J
 
 
 def test_where_the_sampling_is_too_slow_a_bound_is_given_and_the_interval_that_would_do() -> None:
@@ -190,10 +190,10 @@ def test_what_is_found_does_not_depend_on_how_long_a_second_is(seed: int, factor
     slow = kept(cycling(50, hours=0.5, seed=seed), 5)
     assert slow.mv is not None
     other = recorded(slow.op.values, slow.mv.values, factor * slow.interval_s)
-    found, again = find_archive(slow), find_archive(other)
-    assert found is not None
-    assert again is not None
-    assert (found.kind, found.per_turn) == (again.kind, again.per_turn)
+    result, repeated = find_archive(slow), find_archive(other)
+    assert result is not None
+    assert repeated is not None
+    assert (result.kind, result.per_turn) == (repeated.kind, repeated.per_turn)
 
 
 def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both() -> None:
@@ -215,8 +215,8 @@ def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both
 def test_a_valve_kept_every_second_keeps_the_numbers_of_its_fit(place: int) -> None:
     """Its slips are seen a sample late, and would have S larger by a tenth and more."""
     simulated = simulate_loop(draw_sticky(24, 5)[place], 5 + place)
-    (found,) = screen([Case(recording=simulated.recording)], Options(narx=False, mismatch=False))
-    assert not any("slips" in sentence for sentence in found.provenance.decisions)
-    assert found.S.low is not None
-    assert found.S.high is not None
-    assert found.S.low <= simulated.truth.S <= found.S.high
+    (result,) = screen([Case(recording=simulated.recording)], Options(narx=False, mismatch=False))
+    assert not any("slips" in sentence for sentence in result.provenance.decisions)
+    assert result.S.low is not None
+    assert result.S.high is not None
+    assert result.S.low <= simulated.truth.S <= result.S.high

@@ -124,8 +124,8 @@ def test_a_door_alone_is_no_physics(seed):
     assert not convincing_any(scores(recording), counts)
 
 
-def convincing_any(found, counts):
+def convincing_any(result, counts):
     """Whether any score (mean, t) would pass the limits of its term."""
     from stemwatch.models.stickslip.fit import Advantage
 
-    return any(convincing(Advantage(*one), counts, slug) for slug, one in found.items())
+    return any(convincing(Advantage(*item), counts, slug) for slug, item in result.items())

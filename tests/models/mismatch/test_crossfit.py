@@ -114,10 +114,10 @@ def test_both_folds_find_the_valve():
 def test_going_on_never_loses_on_a_folds_own_blocks(seed):
     """``again`` from any two candidates is at least as good on the blocks that each may see."""
     evaluator, layout = prepared()
-    begun = at_random(evaluator, layout, seed)
+    started = at_random(evaluator, layout, seed)
     more = at_random(evaluator, layout, seed + 1).candidates
-    went_on = conclude(evaluator, refit(evaluator, begun, POLISH, more))
-    assert (own_losses(evaluator, went_on) <= own_losses(evaluator, begun)).all()
+    went_on = conclude(evaluator, refit(evaluator, started, POLISH, more))
+    assert (own_losses(evaluator, went_on) <= own_losses(evaluator, started)).all()
 
 
 @given(st.integers(0, 2**20))
@@ -125,21 +125,21 @@ def test_going_on_never_loses_on_a_folds_own_blocks(seed):
 def test_the_better_of_two_is_taken_fold_by_fold(seed):
     """``better`` has on each fold the lower of the two losses, and the held-out losses of that."""
     evaluator, layout = prepared()
-    one, other = at_random(evaluator, layout, seed), at_random(evaluator, layout, seed + 1)
-    taken = better(evaluator, one, other)
-    least = np.minimum(own_losses(evaluator, one), own_losses(evaluator, other))
-    np.testing.assert_allclose(own_losses(evaluator, taken), least, rtol=1e-12)
-    anew = conclude(evaluator, scored(layout, taken.candidates))
-    np.testing.assert_array_equal(taken.heldout, anew.heldout)
+    item, other = at_random(evaluator, layout, seed), at_random(evaluator, layout, seed + 1)
+    accepted = better(evaluator, item, other)
+    least = np.minimum(own_losses(evaluator, item), own_losses(evaluator, other))
+    np.testing.assert_allclose(own_losses(evaluator, accepted), least, rtol=1e-12)
+    anew = conclude(evaluator, scored(layout, accepted.candidates))
+    np.testing.assert_array_equal(accepted.heldout, anew.heldout)
 
 
 def test_no_model_is_better_than_itself():
     """The advantage of a fit over itself is nothing, and turns its sign with the order."""
     evaluator, layout = prepared()
-    one, other = at_random(evaluator, layout, 1), at_random(evaluator, layout, 2)
-    itself = gain(evaluator, one, one)
+    item, other = at_random(evaluator, layout, 1), at_random(evaluator, layout, 2)
+    itself = gain(evaluator, item, item)
     assert (0.0, 0.0) == (itself.mean, itself.t)
-    there, back = gain(evaluator, one, other), gain(evaluator, other, one)
+    there, back = gain(evaluator, item, other), gain(evaluator, other, item)
     assert there.mean == pytest.approx(-back.mean)
     assert there.t == pytest.approx(-back.t)
 
@@ -147,10 +147,10 @@ def test_no_model_is_better_than_itself():
 def test_a_repeated_search_finds_the_same():
     """Searches are seeded."""
     evaluator, layout = prepared()
-    one, other = (
+    item, other = (
         conclude(evaluator, crossfit(evaluator, layout, starts(layout), LOOK)) for _ in range(2)
     )
-    np.testing.assert_array_equal(one.candidates, other.candidates)
+    np.testing.assert_array_equal(item.candidates, other.candidates)
 
 
 @pytest.mark.parametrize("slug", ["dead_time", "travel_stop", "lost_motion", "growing_stiction"])
@@ -160,14 +160,14 @@ def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
     simple = at_random(evaluator, evaluator.layout(hypothesis("sensor_drift")), 5)
     term = catalogue()[slug]
     rich = hypothesis("sensor_drift").plus(term)
-    layout, begun = evaluator.layout(rich), beginnings(term, 4.0, 1.0)
-    rows = widened(evaluator, rich, simple, term, begun)
+    layout, started = evaluator.layout(rich), beginnings(term, 4.0, 1.0)
+    rows = widened(evaluator, rich, simple, term, started)
     grid = term.starts(evaluator.summary)
-    assert (len(begun) * grid.shape[0], layout.size) == rows.shape
+    assert (len(started) * grid.shape[0], layout.size) == rows.shape
     np.testing.assert_array_equal(layout.bounds.clip(rows), rows)
     place = layout.places[slug]
     within = np.clip(grid, layout.bounds.low[place], layout.bounds.high[place])
-    np.testing.assert_array_equal(rows[:, place], np.tile(within, (len(begun), 1)))
+    np.testing.assert_array_equal(rows[:, place], np.tile(within, (len(started), 1)))
     drift = simple.values("sensor_drift").mean(axis=0)
     np.testing.assert_allclose(
         rows[:, layout.places["sensor_drift"]], np.tile(drift, (len(rows), 1))
@@ -180,8 +180,12 @@ def test_a_beginning_takes_from_the_band_what_is_the_terms():
     centre = candidate(base, base={base_coordinate.ZERO: 1.0, base_coordinate.GAIN: 0.1})
     simple = conclude(evaluator, scored(base, np.vstack((centre, centre))))
     term = catalogue()["lost_motion"]
-    begun = [Beginning(4.0, 1.0), Beginning(4.0, 1.0, S_less=1.0), Beginning(4.0, 1.0, plain=True)]
-    rows = widened(evaluator, hypothesis("lost_motion"), simple, term, begun)
+    started = [
+        Beginning(4.0, 1.0),
+        Beginning(4.0, 1.0, S_less=1.0),
+        Beginning(4.0, 1.0, plain=True),
+    ]
+    rows = widened(evaluator, hypothesis("lost_motion"), simple, term, started)
     own, less, plain = np.split(rows, 3)
     play = less[:, -1]
     np.testing.assert_allclose(own[:, base_coordinate.S_PERCENT], 4.0)

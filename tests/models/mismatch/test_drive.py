@@ -18,9 +18,9 @@ def explained(S, lag_s, load):
     return explain(drive(S, lag_s=lag_s, load=load))
 
 
-def named(found):
+def named(result):
     """The slugs that are named."""
-    return {effect.slug for effect in found.effects}
+    return {effect.slug for effect in result.effects}
 
 
 @pytest.mark.parametrize(

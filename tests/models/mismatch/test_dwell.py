@@ -50,10 +50,10 @@ def test_the_rise_of_the_breakaways_is_seen(rise):
 
     Between two samples of a quick ramp the force is not known, which flattens the slope.
     """
-    evaluator, found = base_of(
+    evaluator, result = base_of(
         simulated_by_chain(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6
     )
-    seen = dwelling(evaluator, found)
+    seen = dwelling(evaluator, result)
     assert seen is not None
     assert seen.z >= LEAST_Z
     assert 0.25 * rise < seen.rise < 1.2 * rise
@@ -85,13 +85,13 @@ def test_too_few_breakaways_tell_nothing():
 
 def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
     """What the breakaways showed stays in the model; S and J shrink by what was the rise's."""
-    evaluator, found = base_of(
+    evaluator, result = base_of(
         simulated_by_chain(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0
     )
-    seen = dwelling(evaluator, found)
+    seen = dwelling(evaluator, result)
     assert seen is not None
     conclusion = conclude(
-        evaluator, neutral(evaluator, found, hypothesis().plus(catalogue()[DWELL]))
+        evaluator, neutral(evaluator, result, hypothesis().plus(catalogue()[DWELL]))
     )
     fitted = refit_with_rise(evaluator, conclusion, seen)
     values = fitted.values(DWELL)
@@ -104,12 +104,12 @@ def test_hidden_dwell_is_named_with_its_events(place):
     """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer."""
     recording, S, J, rise = simulated(place)
     explanation = explain(recording)
-    (one,) = explanation.effects
-    assert DWELL == one.slug
-    assert one.evidence.events_z >= LEAST_Z
-    assert "breakaways together" in one.evidence.note
-    assert one.parameters["b"].low <= one.parameters["b"].value <= one.parameters["b"].high
-    assert one.parameters["b"].value == pytest.approx(rise, rel=0.6)
+    (item,) = explanation.effects
+    assert DWELL == item.slug
+    assert item.evidence.events_z >= LEAST_Z
+    assert "breakaways together" in item.evidence.note
+    assert item.parameters["b"].low <= item.parameters["b"].value <= item.parameters["b"].high
+    assert item.parameters["b"].value == pytest.approx(rise, rel=0.6)
     restated = abs(explanation.restated.S.value - S) + abs(explanation.restated.J.value - J)
     assert restated < 0.12 * (S + J)
 

@@ -53,60 +53,60 @@ def explained(slug, seed):
     return explain(simulated(slug, seed)[0])
 
 
-def sound(found: Mismatch, samples: int) -> None:
+def sound(result: Mismatch, samples: int) -> None:
     """What every mismatch must be, whatever the recording held."""
-    as_json(found)
-    assert found.sentence.strip()
-    assert found.seconds >= 0.0
-    named = [effect.slug for effect in found.effects]
-    refused = {item.slug: item.reason for item in found.not_testable}
-    assert (found.finding in (Finding.NAMED, Finding.CANDIDATES)) == bool(named)
+    as_json(result)
+    assert result.sentence.strip()
+    assert result.seconds >= 0.0
+    named = [effect.slug for effect in result.effects]
+    refused = {item.slug: item.reason for item in result.not_testable}
+    assert (result.finding in (Finding.NAMED, Finding.CANDIDATES)) == bool(named)
     assert not set(named) & set(refused)
     assert all(reason.strip() for reason in refused.values())
-    gains = [effect.evidence.mean for effect in found.effects]
+    gains = [effect.evidence.mean for effect in result.effects]
     assert sorted(gains, reverse=True) == gains
-    for effect in found.effects:
+    for effect in result.effects:
         assert effect.members[0] == effect.slug
         assert set(effect.members) <= set(catalogue())
         assert "{" not in effect.sentence + effect.where + effect.check
         assert effect.parameters
-    for said in (found.naive, found.restated):
-        for number in (said.S, said.J):
+    for answer in (result.naive, result.restated):
+        for number in (answer.S, answer.J):
             if number.value is None:
                 assert number.reason
             else:
                 assert 0.0 <= number.low <= number.value <= number.high
     # What is published predicts unseen data no worse than S and J alone.
-    assert found.heldout.improves
-    if found.finding is Finding.UNKNOWN:
-        assert found.restated == found.naive
-    if found.finding is Finding.NOT_TESTABLE:
+    assert result.heldout.improves
+    if result.finding is Finding.UNKNOWN:
+        assert result.restated == result.naive
+    if result.finding is Finding.NOT_TESTABLE:
         assert set(catalogue()) <= set(refused)
-        assert None is found.runs
+        assert None is result.runs
     else:
-        assert found.runs.naive.shape == found.runs.extended.shape == (samples,)
-        assert np.isfinite(found.runs.naive).all()
-        assert np.isfinite(found.runs.extended).all()
-        assert 0 < found.runs.heldout_from < samples
+        assert result.runs.naive.shape == result.runs.extended.shape == (samples,)
+        assert np.isfinite(result.runs.naive).all()
+        assert np.isfinite(result.runs.extended).all()
+        assert 0 < result.runs.heldout_from < samples
 
 
-def as_json(found: Mismatch) -> str:
+def as_json(result: Mismatch) -> str:
     """All but the traces as JSON; a NaN or an infinity in it is an error."""
-    return json.dumps(asdict(replace(found, runs=None)), allow_nan=False)
+    return json.dumps(asdict(replace(result, runs=None)), allow_nan=False)
 
 
-def off(said, valve):
+def off(answer, valve):
     """How far S and J lie from the valve's, percent of span."""
-    return abs(said.S.value - valve.S) + abs(said.J.value - valve.J)
+    return abs(answer.S.value - valve.S) + abs(answer.J.value - valve.J)
 
 
 @hidden
 def test_what_is_hidden_is_named_with_its_size(slug, seed, name, size, within):
     """The strongest effect is the hidden one, alone or first of its class, and as large."""
-    found, (recording, _, sizes) = explained(slug, seed), simulated(slug, seed)
-    sound(found, len(recording))
-    assert slug in found.effects[0].members
-    result = next(effect for effect in found.effects if slug in effect.members)
+    answer, (recording, _, sizes) = explained(slug, seed), simulated(slug, seed)
+    sound(answer, len(recording))
+    assert slug in answer.effects[0].members
+    result = next(effect for effect in answer.effects if slug in effect.members)
     if result.slug == slug:
         value = result.parameters[name].value
         value = value / 100.0 if result.parameters[name].unit == "%" and size == "growth" else value
@@ -118,10 +118,10 @@ def test_what_is_hidden_is_named_with_its_size(slug, seed, name, size, within):
 @hidden
 def test_s_and_j_are_restated_closer_to_the_valve(slug, seed, name, size, within):
     """With the physics accounted for, S and J are near the truth, nearer than S and J alone."""
-    found, (_, valve, _) = explained(slug, seed), simulated(slug, seed)
-    assert off(found.restated, valve) < 0.12 * (valve.S + valve.J)
-    if slug in BIASED and off(found.naive, valve) > 0.1 * (valve.S + valve.J):
-        assert off(found.restated, valve) < 0.5 * off(found.naive, valve)
+    result, (_, valve, _) = explained(slug, seed), simulated(slug, seed)
+    assert off(result.restated, valve) < 0.12 * (valve.S + valve.J)
+    if slug in BIASED and off(result.naive, valve) > 0.1 * (valve.S + valve.J):
+        assert off(result.restated, valve) < 0.5 * off(result.naive, valve)
 
 
 @hidden
@@ -174,22 +174,22 @@ def test_before_and_after_share_their_cells(slug, seed, name, size, within):
 @pytest.mark.parametrize("seed", [4000, 4001, pytest.param(4003, marks=pytest.mark.long)])
 def test_where_nothing_is_hidden_nothing_is_named(seed):
     """A stick-slip valve with scatter and noise: S and J explain it."""
-    found, (recording, valve, _) = explained("null", seed), simulated("null", seed)
-    sound(found, len(recording))
-    assert Finding.NONE is found.finding
-    assert "S and J explain this recording" in found.sentence
-    assert off(found.restated, valve) < 0.1 * (valve.S + valve.J)
+    result, (recording, valve, _) = explained("null", seed), simulated("null", seed)
+    sound(result, len(recording))
+    assert Finding.NONE is result.finding
+    assert "S and J explain this recording" in result.sentence
+    assert off(result.restated, valve) < 0.1 * (valve.S + valve.J)
 
 
 @pytest.mark.parametrize("seed", [4001, pytest.param(4007, marks=pytest.mark.long)])
 def test_what_no_term_explains_is_unknown_with_its_place(seed):
     """A vibration is systematic and not in the catalogue: no name, and a map of what is left."""
-    found, (recording, _, _) = explained("vibration", seed), simulated("vibration", seed)
-    sound(found, len(recording))
-    assert Finding.UNKNOWN is found.finding
-    assert () == found.effects
-    assert found.before.cells
-    assert found.after.cells
+    result, (recording, _, _) = explained("vibration", seed), simulated("vibration", seed)
+    sound(result, len(recording))
+    assert Finding.UNKNOWN is result.finding
+    assert () == result.effects
+    assert result.before.cells
+    assert result.after.cells
 
 
 def test_the_same_recording_gives_the_same_answer():
@@ -218,7 +218,7 @@ def test_an_impossible_sample_costs_itself_only(value):
 def test_without_a_position_the_stem_is_not_named():
     """OP, PV and SP alone: not testable, every physical effect with the same reason."""
     recording = simulated("dead_time", 4000)[0]
-    signals = {role: one for role, one in recording.signals.items() if role is not Role.MV}
+    signals = {role: item for role, item in recording.signals.items() if role is not Role.MV}
     explanation = explain(replace(recording, signals=signals))
     sound(explanation, len(recording))
     assert Finding.NOT_TESTABLE is explanation.finding
@@ -326,10 +326,10 @@ def test_whatever_a_recording_holds_something_sound_is_said(
 def test_a_reversed_position_is_not_called_a_sticking_valve():
     """A position that falls as OP rises has the S of one that rises, and a sentence says so."""
     recording = simulated_by_chain()
-    plain, found = explain(recording), explain(rescaled(recording, 100.0 - recording.mv.values))
-    sound(found, len(recording))
-    assert found.finding is plain.finding
-    assert found.stroke_curve is not None
-    assert found.stroke_curve.slope == pytest.approx(-1.0, abs=0.1)
-    assert found.sentence.startswith(found.stroke_curve.sentence())
-    assert found.restated.S.low <= plain.restated.S.value <= found.restated.S.high
+    plain, result = explain(recording), explain(rescaled(recording, 100.0 - recording.mv.values))
+    sound(result, len(recording))
+    assert result.finding is plain.finding
+    assert result.stroke_curve is not None
+    assert result.stroke_curve.slope == pytest.approx(-1.0, abs=0.1)
+    assert result.sentence.startswith(result.stroke_curve.sentence())
+    assert result.restated.S.low <= plain.restated.S.value <= result.restated.S.high

@@ -31,8 +31,8 @@ def test_the_low_pass_is_that_of_savitzky_and_golay(window):
         50.0 + np.cumsum(rng.normal(0.0, 0.3, 1000)),
         np.round(50.0 + np.cumsum(rng.normal(0.0, 0.3, 2 * window)), 1),
     ):
-        wanted = [savgol_filter(values, window, 2, deriv=order) for order in range(3)]
-        np.testing.assert_array_equal(parabolas(values, window), wanted)
+        expected = [savgol_filter(values, window, 2, deriv=order) for order in range(3)]
+        np.testing.assert_array_equal(parabolas(values, window), expected)
 
 
 @pytest.mark.parametrize(
@@ -41,15 +41,15 @@ def test_the_low_pass_is_that_of_savitzky_and_golay(window):
 )
 def test_friction_lag_and_load_are_those_of_the_drive(S, lag_s, run_up_s, load):
     """Within a tenth, from an encoder of 4096 counts."""
-    found, unit_s = balanced(drive(S, lag_s=lag_s, run_up_s=run_up_s, load=load))
-    assert found.S == pytest.approx(S, rel=0.12, abs=0.03)
-    assert found.lag_s * unit_s == pytest.approx(lag_s, rel=0.2)
-    assert 0.5 * run_up_s < found.run_up_s * unit_s < 2.0 * run_up_s
-    low, high = np.percentile(found.S_drawn, (2.5, 97.5))
+    result, unit_s = balanced(drive(S, lag_s=lag_s, run_up_s=run_up_s, load=load))
+    assert result.S == pytest.approx(S, rel=0.12, abs=0.03)
+    assert result.lag_s * unit_s == pytest.approx(lag_s, rel=0.2)
+    assert 0.5 * run_up_s < result.run_up_s * unit_s < 2.0 * run_up_s
+    low, high = np.percentile(result.S_drawn, (2.5, 97.5))
     assert low < 1.1 * S + 0.03
     assert high > 0.9 * S - 0.03
     z = 0.4  # 70 to 30 % of a turn
-    pull = float(found.load @ np.array([2.0 * z, 0.0, 2.0 * z**3]))
+    pull = float(result.load @ np.array([2.0 * z, 0.0, 2.0 * z**3]))
     assert pull == pytest.approx(2.0 * load * np.sin(np.pi * z), rel=0.12)
 
 
@@ -69,8 +69,8 @@ def test_single_wrong_readings_do_no_harm():
     mv = recording.mv.values.copy()
     mv[::97] = 0.0
     signals = {**recording.signals, Role.MV: replace(recording.mv, values=mv)}
-    found, _ = balanced(replace(recording, signals=signals))
-    assert found.S == pytest.approx(1.0, rel=0.15)
+    result, _ = balanced(replace(recording, signals=signals))
+    assert result.S == pytest.approx(1.0, rel=0.15)
 
 
 @pytest.mark.parametrize("slug", ["null", "actuator_lag", "viscous_drag", "underdamped_positioner"])
@@ -79,8 +79,8 @@ def test_a_process_valve_shows_none(slug):
     cases = draw_nulls(1, 6161) if slug == "null" else draw_effect(slug, 1, 6161)
     for case in cases:
         _, run = simulate_hidden(case)
-        found, _ = balanced(run.recording)
-        assert found is None
+        result, _ = balanced(run.recording)
+        assert result is None
 
 
 def test_a_drive_at_rest_shows_none():

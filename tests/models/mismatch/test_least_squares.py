@@ -75,16 +75,16 @@ def test_it_finds_what_made_a_noise_free_recording(S, J, theta):
     start = candidate(
         layout, S, J, {base_coordinate.ZERO: 0.2, base_coordinate.GAIN: -0.02}, dead_time=[theta]
     )
-    found = conclude(
+    result = conclude(
         evaluator, descend(evaluator, layout, everything(evaluator), start, 30)
     ).candidate
-    assert found[base_coordinate.S_PERCENT] == pytest.approx(4.0, abs=0.08)
-    assert found[base_coordinate.S_PERCENT] * found[base_coordinate.RATIO] == pytest.approx(
+    assert result[base_coordinate.S_PERCENT] == pytest.approx(4.0, abs=0.08)
+    assert result[base_coordinate.S_PERCENT] * result[base_coordinate.RATIO] == pytest.approx(
         1.2, abs=0.08
     )
-    assert found[layout.places["dead_time"]] == pytest.approx(2.6, abs=0.03)
-    assert found[base_coordinate.ZERO] == pytest.approx(0.0, abs=0.03)
-    assert found[base_coordinate.GAIN] == pytest.approx(0.0, abs=0.003)
+    assert result[layout.places["dead_time"]] == pytest.approx(2.6, abs=0.03)
+    assert result[base_coordinate.ZERO] == pytest.approx(0.0, abs=0.03)
+    assert result[base_coordinate.GAIN] == pytest.approx(0.0, abs=0.003)
 
 
 def test_what_made_a_noise_free_recording_is_left_alone():

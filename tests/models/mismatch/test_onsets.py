@@ -106,11 +106,11 @@ def test_what_happens_in_a_gap_is_not_seen(parts, seed, data):
     usable = np.ones(mv.size, dtype=bool)
     usable[first:last] = False
     mv[first:last] = mv[first - 1]
-    found, whole = seen(mv, usable), seen(noisy(place, seed))
-    assert not ((found.at >= first) & (found.at < last + 3)).any()
-    before, after = whole.at[whole.at < first - 1], whole.at[whole.at > last + 20]
-    np.testing.assert_array_equal(found.at[found.at < first - 1], before)
-    assert set(after) <= set(found.at)
+    result, complete = seen(mv, usable), seen(noisy(place, seed))
+    assert not ((result.at >= first) & (result.at < last + 3)).any()
+    before, after = complete.at[complete.at < first - 1], complete.at[complete.at > last + 20]
+    np.testing.assert_array_equal(result.at[result.at < first - 1], before)
+    assert set(after) <= set(result.at)
 
 
 def test_a_pause_is_no_rest():

@@ -34,9 +34,9 @@ def found_in(base=(), slugs=(), values=()):
     return off, fitted, after
 
 
-def slugs_of(found):
+def slugs_of(result):
     """The slugs of what is off."""
-    return [item.term.slug for item in found[0]]
+    return [item.term.slug for item in result[0]]
 
 
 @pytest.mark.parametrize(

@@ -228,7 +228,7 @@ def test_a_controller_that_scans_slowly_is_no_record_effect():
 
 
 @pytest.mark.parametrize(
-    ("op_s", "position_s", "said"),
+    ("op_s", "position_s", "text"),
     [
         (1, 1, ""),
         (5, 5, ""),
@@ -236,7 +236,7 @@ def test_a_controller_that_scans_slowly_is_no_record_effect():
         (2, 10, "OP changes every 2 s, the position every 10 s: each has its own scan."),
     ],
 )
-def test_the_scan_of_either_tag_is_said_where_they_differ(op_s, position_s, said):
+def test_the_scan_of_either_tag_is_said_where_they_differ(op_s, position_s, text):
     """In seconds of the plant, whatever the recording's own clock."""
     base, times = plant(), {Role.OP: op_s, Role.MV: position_s}
     samples = np.arange(len(base))
@@ -245,9 +245,9 @@ def test_the_scan_of_either_tag_is_said_where_they_differ(op_s, position_s, said
         for role, scan_s in times.items()
     }
     scanned = replace(base, signals={**base.signals, **signals})
-    assert said == scan_sentence(scanned)
+    assert text == scan_sentence(scanned)
     fast = scan_sentence(on_own_clock(replace(scanned, interval_s=0.001)))
-    assert re.sub(r"(\d) s", r"\1 ms", said) == fast
+    assert re.sub(r"(\d) s", r"\1 ms", text) == fast
 
 
 @given(period=st.integers(2, 30), stray=st.integers(0, 2), seed=st.integers(0, 2**16))

@@ -33,22 +33,22 @@ def screened(slug, seed, options=QUICK):
     return screen([Case(recording=simulated(slug, seed)[0])], options)[0]
 
 
-def numbers(said):
+def numbers(answer):
     """S, J and their intervals."""
-    return [(item.value, item.low, item.high) for item in (said.S, said.J)]
+    return [(item.value, item.low, item.high) for item in (answer.S, answer.J)]
 
 
 @pytest.mark.parametrize(("slug", "seed"), [("dead_time", 4012), ("travel_stop", 4001)])
 def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed):
     """S and J of the screening are the restated ones, nearer to the valve than the naive ones."""
-    found, (_, valve) = screened(slug, seed), simulated(slug, seed)
-    left_out = found.mismatch
+    result, (_, valve) = screened(slug, seed), simulated(slug, seed)
+    left_out = result.mismatch
     assert slug in left_out.effects[0].members
-    assert numbers(found) == numbers(left_out.restated)
+    assert numbers(result) == numbers(left_out.restated)
     naive, restated = left_out.naive.S.value, left_out.restated.S.value
     assert naive > 1.1 * valve.S
     assert abs(restated - valve.S) < 0.25 * abs(naive - valve.S)
-    assert found.S.low <= found.S.value <= found.S.high
+    assert result.S.low <= result.S.value <= result.S.high
 
 
 @pytest.mark.parametrize(
@@ -58,20 +58,20 @@ def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed)
 def test_the_restated_numbers_drive_the_verdict(S, J, terms):
     """A valve with little friction is not to be watched for what the hidden physics does."""
     recording = simulated_by_chain(S, J, samples=1200, **terms)
-    (found,), (blind,) = (screen([Case(recording=recording)], how) for how in (QUICK, BLIND))
-    assert [*terms] == [effect.slug for effect in found.mismatch.effects]
+    (result,), (blind,) = (screen([Case(recording=recording)], how) for how in (QUICK, BLIND))
+    assert [*terms] == [effect.slug for effect in result.mismatch.effects]
     assert Verdict.WATCH is blind.verdict
-    assert Verdict.HEALTHY is found.verdict
-    assert found.S.value == pytest.approx(S, abs=0.1)
+    assert Verdict.HEALTHY is result.verdict
+    assert result.S.value == pytest.approx(S, abs=0.1)
     assert blind.S.value > 1.5 * S
 
 
 def test_where_nothing_was_named_the_fits_own_numbers_stand():
     """A null keeps S and J of the stick-slip fit; the mismatch is carried all the same."""
-    found, blind = screened("null", 4001), screened("null", 4001, BLIND)
-    assert Finding.NONE is found.mismatch.finding
-    assert numbers(found) == numbers(blind)
-    assert found.verdict == blind.verdict
+    result, blind = screened("null", 4001), screened("null", 4001, BLIND)
+    assert Finding.NONE is result.mismatch.finding
+    assert numbers(result) == numbers(blind)
+    assert result.verdict == blind.verdict
 
 
 def test_switched_off_there_is_no_mismatch():
@@ -84,10 +84,10 @@ def test_switched_off_there_is_no_mismatch():
 def test_the_reason_tells_what_was_hidden_and_what_it_would_have_been_read_as():
     """The verdict's sentence names the physics in words, and the naive S where it misleads."""
     result = screened("travel_stop", 4001)
-    told = result.reason + result.advice
-    assert result.mismatch.effects[0].sentence in told
+    answer = result.reason + result.advice
+    assert result.mismatch.effects[0].sentence in answer
     naive = result.mismatch.naive.S.value
-    assert f"S and J alone would have read S as {naive:.1f} %" in told
+    assert f"S and J alone would have read S as {naive:.1f} %" in answer
 
 
 def test_the_screening_explains_the_recording_as_it_was_read():
@@ -104,7 +104,7 @@ def test_what_cannot_be_fitted_has_no_mismatch_and_a_reason():
     recording = simulated_by_chain(samples=900)
     blind = replace(
         recording,
-        signals={role: one for role, one in recording.signals.items() if role is not Role.MV},
+        signals={role: item for role, item in recording.signals.items() if role is not Role.MV},
     )
     stuck = rescaled(recording, np.full(900, 47.0))
     for item in screen([Case(recording=blind), Case(recording=stuck)], QUICK):

@@ -367,8 +367,8 @@ def test_a_stem_runs_the_same_in_any_company(seed, count):
     seen = record.next_up, record.next_down
     for i, stem in enumerate(stems.each):
         alone = followed(stem, p[rows[i]], record.mv, record.marks, seen, 0.35, scoring, 4)
-        for together, one in zip((out[:, i], late[i], losses[i]), alone, strict=True):
-            np.testing.assert_array_equal(together, one)
+        for together, item in zip((out[:, i], late[i], losses[i]), alone, strict=True):
+            np.testing.assert_array_equal(together, item)
     only, nothing = np.empty((count, 4)), np.empty((0, 0))
     follow(p, rows, *stems.first(count), record, scoring, only, nothing, nothing)
     np.testing.assert_array_equal(only, losses)

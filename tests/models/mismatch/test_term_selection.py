@@ -135,8 +135,8 @@ def test_there_are_no_more_rounds_than_terms_that_may_be_named():
 
 def went_on(evaluator, simple, rich):
     """``simple`` searched further in the coordinates of ``rich``."""
-    begun = conclude(evaluator, neutral(evaluator, simple, rich))
-    return conclude(evaluator, refit(evaluator, begun, CAREFUL))
+    started = conclude(evaluator, neutral(evaluator, simple, rich))
+    return conclude(evaluator, refit(evaluator, started, CAREFUL))
 
 
 def test_a_first_term_that_the_second_makes_needless_is_dropped():
@@ -180,9 +180,9 @@ def two(evaluator, which, S=3.5):
     return np.vstack([candidate(layout, S, J, {base_coordinate.ZERO: 0.3}) for J in (0.5, 2.0)])
 
 
-def score_of(slug, found, mean, t, values=None):
+def score_of(slug, result, mean, t, values=None):
     """A score of a term on The evaluator of ``found`` with a given advantage."""
-    evaluator = found.evaluator
+    evaluator = result.evaluator
     layout = evaluator.layout(hypothesis(slug))
     both = two(evaluator, hypothesis(slug))
     if values is not None:
@@ -194,11 +194,11 @@ def score_of(slug, found, mean, t, values=None):
 
 def test_what_is_too_small_to_matter_is_not_named_however_certain():
     """A dead time of 0.2 s is certain and no work order; 3 s are; 3 s by chance are not."""
-    evaluator, found = evaluator_of(simulated_by_chain()), named()
-    assert not passes(score_of("dead_time", found, 1.0, 20.0, 0.2), evaluator, 0)
-    assert passes(score_of("dead_time", found, 1.0, 20.0, 3.0), evaluator, 0)
-    assert not passes(score_of("dead_time", found, 0.5, 0.8, 3.0), evaluator, 0)
-    assert not passes(score_of("dead_time", found, 0.005, 20.0, 3.0), evaluator, 0)
+    evaluator, result = evaluator_of(simulated_by_chain()), named()
+    assert not passes(score_of("dead_time", result, 1.0, 20.0, 0.2), evaluator, 0)
+    assert passes(score_of("dead_time", result, 1.0, 20.0, 3.0), evaluator, 0)
+    assert not passes(score_of("dead_time", result, 0.5, 0.8, 3.0), evaluator, 0)
+    assert not passes(score_of("dead_time", result, 0.005, 20.0, 3.0), evaluator, 0)
 
 
 def test_the_simpler_of_two_that_are_as_good_comes_first():

@@ -333,17 +333,17 @@ def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
             )
         plain, other = (
             term.sentence(
-                {name: SpokenEstimate.of(one, unit) for name, one in own.items()}, "up", "down"
+                {name: SpokenEstimate.of(item, unit) for name, item in own.items()}, "up", "down"
             )
             for unit in (1.0, unit_s)
         )
         faster = [unit in plain for unit in ("%/s", "rad/s")]
-        said = times_said(plain), times_said(other)
-        assert len(said[0]) == len(said[1])
+        text = times_said(plain), times_said(other)
+        assert len(text[0]) == len(text[1])
         if not any(faster):
-            assert said[1] == pytest.approx([unit_s * item for item in said[0]], rel=0.02)
+            assert text[1] == pytest.approx([unit_s * item for item in text[0]], rel=0.02)
         elif faster[0]:
-            assert said[1] == pytest.approx([item / unit_s for item in said[0]], rel=0.02)
+            assert text[1] == pytest.approx([item / unit_s for item in text[0]], rel=0.02)
 
 
 @everywhere

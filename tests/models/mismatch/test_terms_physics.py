@@ -146,11 +146,11 @@ class Chain:
         x = z = (u[0] - self.zero + 0.5 * self.D - 50.0) / self.gain + 50.0
         p = before = float(u[0])
         moving, d, rest = False, 1.0, 0.0
-        whole = int(self.theta / dt)
-        part = self.theta / dt - whole
+        complete = int(self.theta / dt)
+        part = self.theta / dt - complete
         out = [float(u[0])]
         for k in range(1, n):
-            late = (1.0 - part) * u[max(k - whole, 0)] + part * u[max(k - whole - 1, 0)]
+            late = (1.0 - part) * u[max(k - complete, 0)] + part * u[max(k - complete - 1, 0)]
             old = p
             p = self.actuator(p, late, dt)
             seen = p - self.sagging(p - old, dt)
@@ -349,11 +349,11 @@ def test_play_takes_from_the_jump_after_a_reversal_and_not_after_a_restart():
     """The only trace by which play differs from a smaller J."""
     play = 0.8
     up = np.concatenate([np.full(3, 50.0), 50.0 + 0.05 * np.arange(1, 161), np.full(20, 58.0)])
-    again = 58.0 + 0.05 * np.arange(1, 101)
-    down = again[-1] - 0.05 * np.arange(1, 201)
-    op = np.concatenate([up, again, np.full(20, again[-1]), down])
+    repeated = 58.0 + 0.05 * np.arange(1, 101)
+    down = repeated[-1] - 0.05 * np.arange(1, 201)
+    op = np.concatenate([up, repeated, np.full(20, repeated[-1]), down])
     steps = np.abs(np.diff(simulated(op, {"lost_motion": [play]})))
-    restart = steps[up.size : up.size + again.size].max()
-    reversal = steps[up.size + again.size :].max()
+    restart = steps[up.size : up.size + repeated.size].max()
+    reversal = steps[up.size + repeated.size :].max()
     assert restart == pytest.approx(J, abs=0.06)
     assert reversal == pytest.approx(J - play, abs=0.06)

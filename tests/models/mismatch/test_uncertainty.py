@@ -52,18 +52,18 @@ def numbers(row, layout):
 
 def width(name, **how):
     """Width of the 95 % interval of a number."""
-    _, layout, _, found = drawn(**how)
-    low, high = np.percentile(numbers(found, layout)[name], (2.5, 97.5))
+    _, layout, _, result = drawn(**how)
+    low, high = np.percentile(numbers(result, layout)[name], (2.5, 97.5))
     return float(high - low)
 
 
 def test_draws_lie_within_the_limits_about_the_best():
     """One row for each replicate, inside the bounds; what is held stays held."""
-    _, layout, best, found = drawn()
-    assert (REPLICATES, layout.size) == found.shape
-    np.testing.assert_array_equal(layout.bounds.clip(found), found)
-    assert not found[:, base_coordinate.DELAY].any()
-    for name, values in numbers(found, layout).items():
+    _, layout, best, result = drawn()
+    assert (REPLICATES, layout.size) == result.shape
+    np.testing.assert_array_equal(layout.bounds.clip(result), result)
+    assert not result[:, base_coordinate.DELAY].any()
+    for name, values in numbers(result, layout).items():
         assert float(np.median(values)) == pytest.approx(numbers(best, layout)[name][0], abs=0.1)
 
 
@@ -78,8 +78,8 @@ def test_a_held_coordinate_is_not_drawn():
 
 def test_the_same_recording_gives_the_same_draws():
     """Draws are seeded."""
-    evaluator, layout, best, found = drawn()
-    np.testing.assert_array_equal(draws(evaluator, layout, best), found)
+    evaluator, layout, best, result = drawn()
+    np.testing.assert_array_equal(draws(evaluator, layout, best), result)
 
 
 @pytest.mark.parametrize("name", TRUTH)
@@ -88,11 +88,11 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(name):
     that is added to them, the dead time by more than 5 ms."""
     missed = 0
     for seed in range(1, 13):
-        _, layout, best, found = drawn(samples=900, seed=seed)
+        _, layout, best, result = drawn(samples=900, seed=seed)
         of_best = {key: float(value[0]) for key, value in numbers(best, layout).items()}
         level = 0.5 * (of_best["S"] + of_best["J"])
         error, slack = (0.0, 0.005) if name == "theta" else (MODEL_ERROR * level, 0.0)
-        of = estimate(numbers(found, layout)[name], of_best[name], PERCENT, error)
+        of = estimate(numbers(result, layout)[name], of_best[name], PERCENT, error)
         missed += not of.low - slack <= TRUTH[name] <= of.high + slack
     assert missed <= 2
 

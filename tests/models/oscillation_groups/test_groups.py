@@ -180,9 +180,9 @@ def test_loops_recorded_together_are_compared() -> None:
 def test_undated_loops_are_compared_within_a_file() -> None:
     """Nobody knows whether two files without dates are of one time."""
     values = noises(4) * 0.3 + wave(400.0)
-    one = [loop("A", values[0], None), loop("B", values[1], None)]
+    item = [loop("A", values[0], None), loop("B", values[1], None)]
     other = [loop("C", values[2], None, source="c.csv"), loop("D", values[3], None, source="d.csv")]
-    (group,) = plant_groups([*one, *other])
+    (group,) = plant_groups([*item, *other])
     assert {member.loop for member in group.members} == {"A", "B"}
 
 

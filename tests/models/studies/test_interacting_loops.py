@@ -22,11 +22,11 @@ def test_partitions_agree_whatever_their_names() -> None:
 
 def test_a_plant_is_the_same_by_seed_and_number() -> None:
     """Whichever others are made."""
-    one, other = plant_of(5151, 3), plant_of(5151, 3)
-    assert np.array_equal(one.pv, other.pv)
-    assert one.label == other.label
-    assert one.pv.shape == one.op.shape == one.sp.shape
-    assert 10 <= len(one.units) <= 40
+    item, other = plant_of(5151, 3), plant_of(5151, 3)
+    assert np.array_equal(item.pv, other.pv)
+    assert item.label == other.label
+    assert item.pv.shape == item.op.shape == item.sp.shape
+    assert 10 <= len(item.units) <= 40
 
 
 def test_a_plant_without_sources_has_no_truth_to_find() -> None:

@@ -161,7 +161,7 @@ def test_what_cannot_be_judged_says_why() -> None:
     rng = np.random.default_rng(1)
     noise = rng.standard_normal(1000)
     wave = 50.0 + 5.0 * np.sin(np.arange(1000) / 10.0)
-    said = {
+    text = {
         "PV is not": loop_of(wave, None),
         "only 100 samples": loop_of(wave[:100], noise[:100]),
         "PV stands at 3.5": loop_of(wave, np.full(1000, 3.5)),
@@ -169,7 +169,7 @@ def test_what_cannot_be_judged_says_why() -> None:
         "at its limit": loop_of(np.clip(wave, 45.0, 50.0), noise),
         "repeats its last": loop_of(wave, np.repeat(noise[:100], 10)),
     }
-    for reason, recording in said.items():
+    for reason, recording in text.items():
         answer = suspect(recording)
         assert answer.verdict is Suspicion.CANNOT_TELL
         assert reason in answer.reason

@@ -23,9 +23,9 @@ def url(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'store.db'}"
 
 
-def secret_in(said: str) -> str:
+def secret_in(text: str) -> str:
     """The secret of the link that a command printed."""
-    return re.search(r"/welcome\?link=([\w-]{43})", said)[1]
+    return re.search(r"/welcome\?link=([\w-]{43})", text)[1]
 
 
 def test_the_first_admin_gets_a_new_link_until_there_is_one(stemwatch, url: str) -> None:
@@ -55,16 +55,16 @@ def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
     assert ann.name == "Ann"
     assert stemwatch("accounts", "set-role", "Ann", "admin", "--db", url).status == 0
     assert stemwatch("accounts", "disable", "Bob", "--db", url).status == 0
-    said = stemwatch("accounts", "list", "--db", url).said
-    assert "Ann: admin" in said
-    assert "Bob: engineer, disabled" in said
+    text = stemwatch("accounts", "list", "--db", url).said
+    assert "Ann: admin" in text
+    assert "Bob: engineer, disabled" in text
     assert stemwatch("accounts", "enable", "Bob", "--db", url).status == 0
     with open_store(url) as store:
         assert len(store.audit.read(AuditFilter(action="manage users"))) == 5
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "text"),
     [
         (("list",), "--plant plant.toml or --db URL"),
         (("reset", "Nobody", "--db", "{url}"), "there is no user Nobody"),
@@ -72,10 +72,10 @@ def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
         (("disable", "Karl", "--db", "{url}"), "the only admin"),
     ],
 )
-def test_a_wrong_command_says_what_is_expected(stemwatch, url: str, words, said: str) -> None:
+def test_a_wrong_command_says_what_is_expected(stemwatch, url: str, words, text: str) -> None:
     """And ends with status 2."""
     with open_store(url) as store:
         make_user(store, "Karl", PASSWORD, "admin")
     outcome = stemwatch("accounts", *(word.format(url=url) for word in words))
     assert outcome.status == 2
-    assert said in outcome.said
+    assert text in outcome.said

@@ -131,15 +131,15 @@ def test_what_is_not_taken_costs_no_link(store: Store, ann: User, name, password
 def test_a_link_for_a_password_changes_that_and_nothing_else(store: Store, ann: User) -> None:
     """The role stays, whatever name is sent; every session ends, and only the last link works."""
     cookie = begin_session(store, ann.id, now=NOW)
-    made = [
+    created = [
         make_link(
             store, OneTimeLinkKind.PASSWORD, UserRole.ADMIN, made_by="A", now=NOW, user=ann.id
         )[0]
         for _ in range(2)
     ]
     with pytest.raises(LinkIsOver):
-        use_link(store, made[0], "Karl", "quite another phrase", NOW)
-    user = use_link(store, made[1], "Karl", "quite another phrase", NOW)
+        use_link(store, created[0], "Karl", "quite another phrase", NOW)
+    user = use_link(store, created[1], "Karl", "quite another phrase", NOW)
     assert (user.name, user.role) == ("Ann Berg", UserRole.ENGINEER)
     assert check(store, "Ann Berg", PASSWORD, NOW) is None
     assert check(store, "Ann Berg", "quite another phrase", NOW) is not None

@@ -113,7 +113,7 @@ def test_the_wait_grows_up_to_a_bound(count: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("one", "other", "same"),
+    ("item", "other", "same"),
     [
         ("192.0.2.1", "192.0.2.2", False),
         ("2001:db8::1", "2001:db8::ffff", True),
@@ -123,9 +123,9 @@ def test_the_wait_grows_up_to_a_bound(count: int) -> None:
         ("testclient", "other", False),
     ],
 )
-def test_one_machine_is_one_address(one: str, other: str, same: bool) -> None:
+def test_one_machine_is_one_address(item: str, other: str, same: bool) -> None:
     """Of IPv6 the whole network that a machine may pick from."""
-    assert (login.key_of_address(one) == login.key_of_address(other)) is same
+    assert (login.key_of_address(item) == login.key_of_address(other)) is same
 
 
 def test_the_store_keeps_no_name_that_was_tried(store: Store) -> None:

@@ -25,7 +25,7 @@ def hashed(real_passwords: None) -> str:
 
 
 @pytest.mark.parametrize(
-    ("password", "said"),
+    ("password", "text"),
     [
         ("short", "12 to 200 characters"),
         ("x" * 201, "12 to 200 characters"),
@@ -36,9 +36,9 @@ def hashed(real_passwords: None) -> str:
         ("karl berg 2026", "easily guessed"),
     ],
 )
-def test_a_weak_password_is_refused_with_what_is_expected(password: str, said: str) -> None:
+def test_a_weak_password_is_refused_with_what_is_expected(password: str, text: str) -> None:
     """Too short, too long, a name, a usual word, or one sign again and again."""
-    with pytest.raises(WeakPassword, match=said):
+    with pytest.raises(WeakPassword, match=text):
         check_password(password, "Karl Berg")
 
 

@@ -42,10 +42,10 @@ def test_every_operation_has_its_right() -> None:
 
 @given(ROLES, ROLES, OPERATIONS)
 def test_a_higher_role_may_all_that_a_lower_may(
-    one: UserRole, other: UserRole, what: Operation
+    item: UserRole, other: UserRole, what: Operation
 ) -> None:
     """Signed in by a password."""
-    lower, higher = sorted((one, other), key=lambda role: role.rank)
+    lower, higher = sorted((item, other), key=lambda role: role.rank)
     if CurrentUser(name="", role=lower, signed_in_by="").may(what):
         assert CurrentUser(name="", role=higher, signed_in_by="").may(what)
 
@@ -68,13 +68,13 @@ def test_the_scopes_of_a_role_are_those_it_can_use(role: UserRole) -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "signed"),
+    ("text", "signed"),
     [("", "Ann"), ("Ann", "Ann"), (" K.  Berg ", "K. Berg (through Ann)"), (" ", "Ann")],
 )
-def test_what_is_signed_always_names_who_is_signed_in(said: str, signed: str) -> None:
+def test_what_is_signed_always_names_who_is_signed_in(text: str, signed: str) -> None:
     """For whomever a program says that it acts."""
     assert (
-        CurrentUser(name="Ann", role=UserRole.ENGINEER, signed_in_by="").signature(said) == signed
+        CurrentUser(name="Ann", role=UserRole.ENGINEER, signed_in_by="").signature(text) == signed
     )
 
 

@@ -34,8 +34,8 @@ def test_a_session_and_its_forms_outlive_a_restart(store: Store, ann: User) -> N
     """The store is opened anew: the same cookie is let in, the same form is taken."""
     cookie = begin_session(store, ann.id, now=NOW)
     before = user_of_cookie(store, cookie, NOW)
-    with open_store(store.address) as again:
-        after = user_of_cookie(again, cookie, NOW)
+    with open_store(store.address) as repeated:
+        after = user_of_cookie(repeated, cookie, NOW)
     assert before == after
     assert after.form_token == form_token_of(cookie)
 
@@ -86,10 +86,10 @@ def test_a_new_password_and_a_disabled_user_end_every_session(store: Store, ann:
 def test_other_sessions_can_be_ended_and_one_kept(store: Store, ann: User) -> None:
     """Those of other users stay as well."""
     bob = store.accounts.add("Bob", UserRole.VIEWER, "hash", added_by="test", now=NOW)
-    kept, gone, his = (begin_session(store, who.id, now=NOW) for who in (ann, ann, bob))
+    kept, removed, his = (begin_session(store, who.id, now=NOW) for who in (ann, ann, bob))
     store.web_sessions.end_others(ann.id, user_of_cookie(store, kept, NOW).session)
     assert user_of_cookie(store, kept, NOW)
-    assert user_of_cookie(store, gone, NOW) is None
+    assert user_of_cookie(store, removed, NOW) is None
     assert user_of_cookie(store, his, NOW)
 
 

@@ -122,16 +122,16 @@ def test_many_valves_at_once_are_one_alert_of_their_device(
     (first,) = look(store, plant, NOW)
     later = NOW + timedelta(minutes=10)
     poll(store, plant, later, 6, dead=[f"V{n}.ZT" for n in range(6)])
-    (many,) = look(store, plant, later)
-    assert (many.valve, many.source) == (None, "plc")
-    assert "6 valves of plc" in many.text
-    assert "V0, V1, V2, V3, V4, V5" in many.text
+    (several,) = look(store, plant, later)
+    assert (several.valve, several.source) == (None, "plc")
+    assert "6 valves of plc" in several.text
+    assert "V0, V1, V2, V3, V4, V5" in several.text
     assert store.alerts.get(first.id).closed_why == JOINED
     last = later + timedelta(minutes=10)
     poll(store, plant, last, 6, dead=["V0.ZT"])
     (left,) = look(store, plant, last)
     assert left.valve == "V0"
-    assert store.alerts.get(many.id).closed is not None
+    assert store.alerts.get(several.id).closed is not None
 
 
 def test_a_device_that_is_silent_speaks_for_its_tags(either_store: Store, plant: Plant) -> None:

@@ -157,7 +157,7 @@ def test_one_that_leaves_its_baseline_is_its_own_alert(store: Store, plant: Plan
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "said"),
+    ("before", "after", "text"),
     [
         ((4.0, 3.5, 4.5), (0.5, 0.3, 0.7), "It helped"),
         ((0.5, 0.3, 0.7), (4.0, 3.5, 4.5), "It got worse"),
@@ -166,7 +166,7 @@ def test_one_that_leaves_its_baseline_is_its_own_alert(store: Store, plant: Plan
     ],
 )
 def test_the_run_after_maintenance_says_whether_it_helped(
-    store: Store, plant: Plant, before, after, said: str
+    store: Store, plant: Plant, before, after, text: str
 ) -> None:
     """Both intervals are named, once, whatever runs follow; before the next run nothing is said."""
 
@@ -187,7 +187,7 @@ def test_the_run_after_maintenance_says_whether_it_helped(
     look(2, after)
     look(3, before)
     (note,) = store.notes("V1")
-    assert said in note.note
+    assert text in note.note
     assert "packing renewed" in note.note
     assert note.who == "stemwatch"
 

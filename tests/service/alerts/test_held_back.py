@@ -62,13 +62,13 @@ def plant(tmp_path: Path) -> Plant:
     return load_plant(tmp_path / "plant.toml", environment={})
 
 
-def run(store: Store, plant: Plant, hour: int, found: dict[str, Mismatch | None]) -> int:
+def run(store: Store, plant: Plant, hour: int, result: dict[str, Mismatch | None]) -> int:
     """A run over all valves; what is not in ``found`` shows nothing beside stiction."""
     number = store.queue.put(RunToQueue(), software_version="1")
     store.queue.claim("w")
     store.queue.plan(number, plant.valves)
     for valve in plant.valves:
-        store.save(screened(valve, hour, found.get(valve, PLAIN)), number)
+        store.save(screened(valve, hour, result.get(valve, PLAIN)), number)
         store.queue.mark(number, valve, ValveState.DONE)
     return number
 
@@ -89,7 +89,7 @@ def test_what_chance_may_have_named_is_marked(either_store: Store, plant: Plant)
     assert len(tested) == 18
     assert hold_back(store, number) == tested
     remarks = {valve: store.screenings(valve)[0].held_back for valve in plant.valves}
-    assert {valve for valve, said in remarks.items() if said} == {"V02", "V03"}
+    assert {valve for valve, text in remarks.items() if text} == {"V02", "V03"}
     assert "across 18 valves chance alone may have named this" in remarks["V02"]
     mismatch = store.screenings("V02")[0].mismatch
     assert (mismatch.finding, mismatch.p_value) == (Finding.NAMED, 0.04)
@@ -137,8 +137,8 @@ def test_many_valves_are_gathered_as_one_by_one(either_store: Store, plant: Plan
     for seen in gathered(store, plant, list(plant.valves)):
         valve = seen.valve.id
         alone = store.screenings(valve, 9)
-        assert [one.id for one in seen.screenings] == [one.id for one in alone]
-        assert [one.window for one in seen.screenings] == [one.window for one in alone]
+        assert [item.id for item in seen.screenings] == [item.id for item in alone]
+        assert [item.window for item in seen.screenings] == [item.window for item in alone]
         assert seen.screenings[0].named is (valve == "V01")
         assert (seen.screenings[0].mismatch is None) is (valve not in ("V01", "V07"))
         assert (seen.at_baseline == S) is (valve == "V03")

@@ -77,18 +77,18 @@ class Server:
                 receivers.append(line.partition("<")[2].rstrip(">"))
 
     def _say(self, link: socket.socket, to: str, usual: str) -> str:
-        said = self._answer(to)
-        said = usual if said == "as usual" else said
-        if said is None:
+        text = self._answer(to)
+        text = usual if text == "as usual" else text
+        if text is None:
             self.over.wait(60)
             return ""
-        for byte in said.encode() if said.startswith("drop by drop") else b"":
+        for byte in text.encode() if text.startswith("drop by drop") else b"":
             link.sendall(bytes([byte]))
             if self.over.wait(0.1):
                 return ""
-        if said:
-            link.sendall(said.encode() + b"\r\n")
-        return said
+        if text:
+            link.sendall(text.encode() + b"\r\n")
+        return text
 
 
 @contextmanager
@@ -100,9 +100,9 @@ def serving(answer: Answer) -> Iterator[Server]:
         server.end()
 
 
-def at(step: str, said: str | None) -> Answer:
+def at(step: str, text: str | None) -> Answer:
     """As usual, but at one step."""
-    return lambda to: said if to.startswith(step) else "as usual"
+    return lambda to: text if to.startswith(step) else "as usual"
 
 
 def notifier(server: Server, *to: str, security: str = "none") -> MailNotifier:
@@ -126,50 +126,50 @@ def in_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("step", ["connect", "ehlo", "mail", "rcpt", "data", "taken"])
-@pytest.mark.parametrize("said", [None, "drop by drop" * 60], ids=["silent", "drop by drop"])
+@pytest.mark.parametrize("text", [None, "drop by drop" * 60], ids=["silent", "drop by drop"])
 def test_a_server_that_hangs_is_left_in_time(
-    in_a_second: None, step: str, said: str | None
+    in_a_second: None, step: str, text: str | None
 ) -> None:
     """Silent with the connection open, or with a byte now and then: the message has its time, and
     is tried again."""
-    began = time.monotonic()
-    with serving(at(step, said)) as server:
+    started = time.monotonic()
+    with serving(at(step, text)) as server:
         with pytest.raises(NotSent, match=r"127\.0\.0\.1") as caught:
             notifier(server).send("k", MESSAGE)
         assert not caught.value.final
-    assert time.monotonic() - began < 40.0, "each answer may take a minute"
+    assert time.monotonic() - started < 40.0, "each answer may take a minute"
 
 
 def test_a_server_that_hangs_before_it_is_encrypted_is_left_in_time(in_a_second: None) -> None:
     """One that takes the connection on the port for TLS, and says nothing."""
-    began = time.monotonic()
+    started = time.monotonic()
     with serving(at("connect", None)) as server, pytest.raises(NotSent):
         notifier(server, security="tls").send("k", MESSAGE)
-    assert time.monotonic() - began < 40.0
+    assert time.monotonic() - started < 40.0
 
 
 @pytest.mark.parametrize(
-    ("step", "said"),
+    ("step", "text"),
     [
         ("connect", "421 too busy"), ("connect", "554 not you"), ("connect", ""),
         ("mail", "451 later"), ("mail", ""), ("rcpt", "550 nobody"), ("rcpt", "421 closing"),
         ("data", "452 full"), ("data", ""), ("taken", "554 no spam"), ("taken", ""),
     ],
 )  # fmt: skip
-def test_what_a_server_refuses_is_tried_again(step: str, said: str) -> None:
+def test_what_a_server_refuses_is_tried_again(step: str, text: str) -> None:
     """At each step, in words or by breaking off; nothing hangs and nothing is taken for sent."""
-    with serving(at(step, said)) as server, pytest.raises(NotSent, match=r"127\.0\.0\.1") as caught:
+    with serving(at(step, text)) as server, pytest.raises(NotSent, match=r"127\.0\.0\.1") as caught:
         notifier(server).send("k", MESSAGE)
     assert not caught.value.final
 
 
-@pytest.mark.parametrize("said", ["421 closing", "500 what", "", None, "drop by drop" * 60])
+@pytest.mark.parametrize("text", ["421 closing", "500 what", "", None, "drop by drop" * 60])
 def test_a_mail_that_was_taken_is_not_sent_again(
-    monkeypatch: pytest.MonkeyPatch, said: str | None
+    monkeypatch: pytest.MonkeyPatch, text: str | None
 ) -> None:
     """Whatever the server says to the farewell: the mail is there."""
     monkeypatch.setattr(mail_module, "MESSAGE_S", 4.0)
-    with serving(at("quit", said)) as server:
+    with serving(at("quit", text)) as server:
         notifier(server).send("k", MESSAGE)
         assert server.mails == [[ANN]]
 

@@ -188,9 +188,9 @@ def test_a_password_needs_encryption_and_is_never_said(make: Make, monkeypatch) 
     try:
         monkeypatch.setenv("MAIL", SECRET)
         login = 'user = "u"\nsecret_variable = "MAIL"\n'
-        for security, said in (("none", "without encryption"), ("starttls", "127.0.0.1")):
+        for security, text in (("none", "without encryption"), ("starttls", "127.0.0.1")):
             notifier = make(mail(port, f'{login}security = "{security}"'))
-            with pytest.raises(NotSent, match=said) as caught:
+            with pytest.raises(NotSent, match=text) as caught:
                 notifier.send("k", HOSTILE)
             assert SECRET not in f"{caught.value}{notifier!r}"
     finally:

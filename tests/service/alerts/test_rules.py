@@ -61,8 +61,8 @@ def screening(number: int, verdict: Verdict = Verdict.HEALTHY, **changes) -> Jud
 
 def kinds(*newest_first: Verdict | JudgedScreening, **seen) -> tuple[list, list]:
     screenings = [
-        one if isinstance(one, JudgedScreening) else screening(99 - index, one)
-        for index, one in enumerate(newest_first)
+        item if isinstance(item, JudgedScreening) else screening(99 - index, item)
+        for index, item in enumerate(newest_first)
     ]
     raised, closed = apply_rules(ValveRecord(valve=VALVE, screenings=screenings, **seen), RULES)
     return [item.kind for item in raised], [cause.split(":")[0] for cause in closed]
@@ -89,8 +89,8 @@ STICKY, WELL, DUMB = Verdict.STICKY, Verdict.HEALTHY, Verdict.UNDETERMINED
 )
 def test_two_of_three_raise_and_three_without_close(verdicts, raised: bool, closed: bool) -> None:
     """One run is no alert, one good run is no repair, and a run without a verdict says nothing."""
-    found, over = kinds(*verdicts)
-    assert (AlertKind.STICKY in found, "sticky" in over) == (raised, closed)
+    result, over = kinds(*verdicts)
+    assert (AlertKind.STICKY in result, "sticky" in over) == (raised, closed)
 
 
 @given(
@@ -126,9 +126,9 @@ def test_growth_must_be_large_and_certain(now, before, grown: bool) -> None:
 
 def test_growth_is_told_with_both_intervals() -> None:
     """The text names what was and what is."""
-    many = [screening(n, S=percent(4.0)) for n in (2, 1)]
+    several = [screening(n, S=percent(4.0)) for n in (2, 1)]
     raised, _ = apply_rules(
-        ValveRecord(valve=VALVE, screenings=many, at_baseline=percent(1.0)), RULES
+        ValveRecord(valve=VALVE, screenings=several, at_baseline=percent(1.0)), RULES
     )
     (alert,) = raised
     assert alert.kind is AlertKind.GROWN
@@ -139,8 +139,8 @@ def test_growth_is_told_with_both_intervals() -> None:
 
 def test_leaving_the_baseline() -> None:
     """Following the baseline network worse than the limit in two of three runs."""
-    many = [screening(n) for n in (3, 2, 1)]
-    seen = ValveRecord(valve=VALVE, screenings=many, ratios={3: 4.0, 1: 5.0}, ratio_limit=3.0)
+    several = [screening(n) for n in (3, 2, 1)]
+    seen = ValveRecord(valve=VALVE, screenings=several, ratios={3: 4.0, 1: 5.0}, ratio_limit=3.0)
     raised, _ = apply_rules(seen, RULES)
     assert [item.kind for item in raised] == [AlertKind.BASELINE]
     assert "4.0 times worse" in raised[0].text
@@ -158,11 +158,11 @@ def test_leaving_the_baseline() -> None:
 )
 def test_a_run_that_was_not_compared_tells_nothing(ratios, raised: bool, closed: bool) -> None:
     """A valve that moves beyond what its baseline has seen is not back at its baseline."""
-    many = [screening(n) for n in (6, 5, 4, 3, 2, 1)]
-    found, over = apply_rules(
-        ValveRecord(valve=VALVE, screenings=many, ratios=ratios, ratio_limit=3.0), RULES
+    several = [screening(n) for n in (6, 5, 4, 3, 2, 1)]
+    result, over = apply_rules(
+        ValveRecord(valve=VALVE, screenings=several, ratios=ratios, ratio_limit=3.0), RULES
     )
-    assert (AlertKind.BASELINE in [item.kind for item in found]) is raised
+    assert (AlertKind.BASELINE in [item.kind for item in result]) is raised
     assert ("baseline:FIC-1" in over) is closed
 
 
@@ -181,10 +181,10 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
     raised, closed = kinds(*held_back)
     assert raised == []
     assert "mismatch" in closed
-    many = [screening(n, mismatch=mismatch, named=True) for n in (2, 1)]
+    several = [screening(n, mismatch=mismatch, named=True) for n in (2, 1)]
     confirmed = evidence(True, True, True)
-    assert apply_rules(ValveRecord(valve=VALVE, screenings=many), RULES)[0] == []
-    by_chance = ValveRecord(valve=VALVE, screenings=many, by_window=confirmed, stands=False)
+    assert apply_rules(ValveRecord(valve=VALVE, screenings=several), RULES)[0] == []
+    by_chance = ValveRecord(valve=VALVE, screenings=several, by_window=confirmed, stands=False)
     assert apply_rules(by_chance, RULES)[0] == []
     raised, _ = apply_rules(replace(by_chance, stands=True), RULES)
     check = catalogue()["lost_motion"].words.check
@@ -197,10 +197,10 @@ def evidence(*named: bool) -> EvidenceOfWeeks | None:
     return evidence_of_weeks(
         WindowEvidence(
             at=NOW + timedelta(days=day),
-            named=(("lost_motion",),) if one else (),
+            named=(("lost_motion",),) if item else (),
             scores=(EffectScore(slug="lost_motion", mean=0.0, t=0.0, strength=0.0),),
         )
-        for day, one in enumerate(named)
+        for day, item in enumerate(named)
     )
 
 
@@ -217,9 +217,9 @@ def test_an_effect_that_one_window_named_raises_and_closes_nothing() -> None:
 def test_friction_that_shows_twice_is_one_alert(slug: str, alone: bool) -> None:
     """On a valve that sticks, re-sticking at low speed has the same cause; play has another."""
     windows = [WindowEvidence(at=NOW + timedelta(days=day), named=((slug,),)) for day in range(3)]
-    many = [screening(n, STICKY) for n in (3, 2, 1)]
+    several = [screening(n, STICKY) for n in (3, 2, 1)]
     of_weeks = evidence_of_weeks(windows)
-    seen = ValveRecord(valve=VALVE, screenings=many, by_window=of_weeks, stands=True)
+    seen = ValveRecord(valve=VALVE, screenings=several, by_window=of_weeks, stands=True)
     raised, joined = one_per_cause(apply_rules(seen, RULES)[0], ())
     assert (AlertKind.MISMATCH in {item.kind for item in raised}) is alone
     assert ("mismatch:FIC-1" in joined) is not alone
@@ -248,16 +248,16 @@ def test_an_effect_of_friction_has_the_cause_of_a_sticking_stem() -> None:
 def test_an_effect_that_is_gone_closes_its_alert() -> None:
     """After windows on end without it."""
     well = [screening(n) for n in (4, 3, 2, 1)]
-    gone = evidence(*[True] * 4, *[False] * 6)
-    seen = ValveRecord(valve=VALVE, screenings=well, by_window=gone)
+    removed = evidence(*[True] * 4, *[False] * 6)
+    seen = ValveRecord(valve=VALVE, screenings=well, by_window=removed)
     assert "mismatch:FIC-1" in apply_rules(seen, RULES)[1]
 
 
 @pytest.mark.parametrize(("criticality", "severity"), [(3, "high"), (2, "medium"), (1, "low")])
 def test_urgency_follows_the_valve(criticality: int, severity: str) -> None:
     """The valve that the plant can least do without is the most urgent."""
-    many = [screening(n, STICKY) for n in (2, 1)]
-    seen = ValveRecord(valve=StoredValve(id="V", criticality=criticality), screenings=many)
+    several = [screening(n, STICKY) for n in (2, 1)]
+    seen = ValveRecord(valve=StoredValve(id="V", criticality=criticality), screenings=several)
     assert apply_rules(seen, RULES)[0][0].severity is AlertSeverity(severity)
 
 

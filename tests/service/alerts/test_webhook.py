@@ -90,17 +90,17 @@ def whole(link: socket.socket) -> bytes:
 
 def named(monkeypatch, *answers: list[str]) -> list[str]:
     """Makes the name ``hook.example`` lead to each of ``answers`` in turn; the names asked for."""
-    real, asked, left = socket.getaddrinfo, [], list(answers)
+    real, requested, left = socket.getaddrinfo, [], list(answers)
 
     def look_up(host, port, *rest, **more):
         if host != "hook.example":
             return real(host, port, *rest, **more)
-        asked.append(host)
+        requested.append(host)
         results = left.pop(0) if len(left) > 1 else left[0]
         return [item for address in results for item in real(address, port, *rest, **more)]
 
     monkeypatch.setattr(socket, "getaddrinfo", look_up)
-    return asked
+    return requested
 
 
 @pytest.mark.parametrize(
@@ -184,28 +184,28 @@ def test_a_receiver_that_dribbles_is_left(monkeypatch) -> None:
                 return
 
     with receiver(answer) as (port, _):
-        began = time.monotonic()
+        started = time.monotonic()
         with pytest.raises(NotSent):
             to(f"http://127.0.0.1:{port}/", allow_private=True).send("k", MESSAGE)
         stop.set()
-    assert time.monotonic() - began < 30.0, "the dribble lasts for a minute"
+    assert time.monotonic() - started < 30.0, "the dribble lasts for a minute"
 
 
 def certificate(folder: Path) -> tuple[Path, Path]:
     """A certificate for 127.0.0.1 that nobody trusts yet, and its key."""
-    made, key = folder / "cert.pem", folder / "key.pem"
+    created, key = folder / "cert.pem", folder / "key.pem"
     names = ["-subj", "/CN=127.0.0.1", "-addext", "subjectAltName=IP:127.0.0.1"]
     command = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2"]
-    files = ["-keyout", str(key), "-out", str(made)]
+    files = ["-keyout", str(key), "-out", str(created)]
     subprocess.run([*command, *files, *names], check=True, capture_output=True)
-    return made, key
+    return created, key
 
 
 def test_over_tls_the_certificate_is_checked(monkeypatch, tmp_path: Path) -> None:
     """Nothing is said to a receiver that cannot prove who it is; the body's signature is right."""
-    made, key = certificate(tmp_path)
+    created, key = certificate(tmp_path)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.load_cert_chain(made, key)
+    context.load_cert_chain(created, key)
 
     def wrap(link: socket.socket) -> socket.socket:
         return context.wrap_socket(link, server_side=True)
@@ -215,7 +215,7 @@ def test_over_tls_the_certificate_is_checked(monkeypatch, tmp_path: Path) -> Non
         with pytest.raises(NotSent, match="certificate verify failed"):
             notifier.send("k", MESSAGE)
         assert got == []
-        monkeypatch.setenv("SSL_CERT_FILE", str(made))
+        monkeypatch.setenv("SSL_CERT_FILE", str(created))
         notifier.send("k", MESSAGE)
     head, _, body = got[0].partition(b"\r\n\r\n")
     signed = hmac.new(SECRET.encode(), body, hashlib.sha256).hexdigest()

@@ -49,13 +49,16 @@ def test_a_record_gives_back_what_was_packed(tags, source, at_us, value) -> None
     reasons = [f"reason {i % 2}" for i in range(count)]
     quality = np.arange(count, dtype=np.uint8)
     written = one_instant(source, tags, at_us, np.full(count, value), quality, reasons)
-    (found,) = records(pack(written))
-    again = found.batch
+    (result,) = records(pack(written))
+    repeated = result.batch
     clean = [tag.encode("utf-8", "replace").decode() for tag in tags]
-    assert (again.source, list(again.tags)) == (source.encode("utf-8", "replace").decode(), clean)
-    assert again.reasons == tuple(reasons)
+    assert (repeated.source, list(repeated.tags)) == (
+        source.encode("utf-8", "replace").decode(),
+        clean,
+    )
+    assert repeated.reasons == tuple(reasons)
     for column in ("at_us", "values", "quality"):
-        np.testing.assert_array_equal(getattr(again, column), getattr(written, column))
+        np.testing.assert_array_equal(getattr(repeated, column), getattr(written, column))
 
 
 @given(st.integers(0, 2), st.data())
@@ -66,16 +69,16 @@ def test_damage_costs_its_own_record_only(hit: int, data) -> None:
     flip = data.draw(st.integers(1, 255))
     broken = bytearray(packed[hit])
     broken[place] ^= flip
-    whole = b"".join([*packed[:hit], bytes(broken), *packed[hit + 1 :]])
-    matching = [int(record.batch.at_us[0]) for record in records(whole)]
+    complete = b"".join([*packed[:hit], bytes(broken), *packed[hit + 1 :]])
+    matching = [int(record.batch.at_us[0]) for record in records(complete)]
     assert matching == [i for i in range(3) if i != hit]
 
 
 @given(st.integers(0, 400))
 def test_a_torn_end_hides_nothing_before_it(cut: int) -> None:
     """A record that was being written when the power went."""
-    one, two = pack(batch(1)), pack(batch(2))
-    as_list = list(records((one + two)[: len(one) + min(cut, len(two) - 1)]))
+    item, two = pack(batch(1)), pack(batch(2))
+    as_list = list(records((item + two)[: len(item) + min(cut, len(two) - 1)]))
     assert [int(each.batch.at_us[0]) for each in as_list] == [1]
 
 
@@ -90,23 +93,23 @@ def test_batches_come_out_in_order_until_they_are_acknowledged(tmp_path: Path) -
     spool.acknowledge(waiting[4].next)
     assert times(spool) == list(range(5, 12))
     spool.close()
-    again = Spool(tmp_path, **SMALL)
-    assert times(again) == list(range(5, 12))
-    again.append(batch(12))
-    assert times(again) == list(range(5, 13))
-    again.acknowledge(list(again.waiting())[-1].next)
-    assert times(again) == []
+    repeated = Spool(tmp_path, **SMALL)
+    assert times(repeated) == list(range(5, 12))
+    repeated.append(batch(12))
+    assert times(repeated) == list(range(5, 13))
+    repeated.acknowledge(list(repeated.waiting())[-1].next)
+    assert times(repeated) == []
     assert len(list(tmp_path.glob("*.spool"))) == 1
-    again.close()
+    repeated.close()
 
 
 def test_what_is_bad_keeps_its_reason(tmp_path: Path) -> None:
     """Values, quality and reasons, not only times."""
     spool = Spool(tmp_path)
     spool.append(batch(5))
-    (one,) = spool.waiting()
-    assert one.batch.reasons == ("", "", "no answer")
-    assert one.batch.quality.tolist() == [0, 0, 3]
+    (item,) = spool.waiting()
+    assert item.batch.reasons == ("", "", "no answer")
+    assert item.batch.quality.tolist() == [0, 0, 3]
     spool.close()
 
 
@@ -123,9 +126,9 @@ def test_a_full_spool_drops_the_oldest_and_says_how_much(tmp_path: Path, caplog)
     assert f"{spool.lost_samples} in all" in caplog.text
     assert "THE SPOOL IS FULL" in caplog.text
     spool.close()
-    again = Spool(tmp_path, **SMALL)
-    assert again.lost_samples == 3 * kept[0]
-    again.close()
+    repeated = Spool(tmp_path, **SMALL)
+    assert repeated.lost_samples == 3 * kept[0]
+    repeated.close()
 
 
 def test_what_the_store_has_is_not_counted_as_lost(tmp_path: Path) -> None:
@@ -148,11 +151,11 @@ def test_damage_on_disk_is_reported_once_and_passed(tmp_path: Path, caplog) -> N
     data = bytearray(path.read_bytes())
     data[data.index(MARK, 4) + 20] ^= 0xFF
     path.write_bytes(bytes(data))
-    again = Spool(tmp_path)
-    assert [times(again), times(again)] == [[0, 2], [0, 2]]
+    repeated = Spool(tmp_path)
+    assert [times(repeated), times(repeated)] == [[0, 2], [0, 2]]
     assert caplog.text.count("are no record") == 1
-    assert again.damaged_bytes > 0
-    again.close()
+    assert repeated.damaged_bytes > 0
+    repeated.close()
 
 
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b'{"segment": "x"}', b"\xff"])
@@ -162,9 +165,9 @@ def test_a_cursor_that_cannot_be_read_costs_nothing(tmp_path: Path, content: byt
     spool.append(batch(1))
     spool.close()
     (tmp_path / "cursor").write_bytes(content)
-    again = Spool(tmp_path)
-    assert times(again) == [1]
-    again.close()
+    repeated = Spool(tmp_path)
+    assert times(repeated) == [1]
+    repeated.close()
 
 
 def test_two_processes_do_not_share_a_spool(tmp_path: Path) -> None:

@@ -128,9 +128,9 @@ def test_a_mistake_costs_its_own_entry(tmp_path: Path, text: str, expected: str)
     """What is wrong is left out with a sentence; the valves and the rest stay, and no secret that
     somebody wrote into the file is repeated."""
     plant = load(tmp_path, VALVES + DEVICE + text)
-    said = "\n".join(map(str, plant.problems))
-    assert expected in said
-    assert "geheim" not in said
+    answer = "\n".join(map(str, plant.problems))
+    assert expected in answer
+    assert "geheim" not in answer
     assert set(plant.valves) == {"FIC-1", "FIC-2"}
 
 

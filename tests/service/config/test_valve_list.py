@@ -46,8 +46,8 @@ HEAD = "id,source,criticality,op,op_low,op_high,mv"
 def test_a_wrong_row_is_left_out_with_its_sentence(tmp_path: Path, row: str, expected: str) -> None:
     """File, line and column are named, and the rows before and after it are read."""
     rows = f"{HEAD}\nGOOD,s,2,GOOD.OP,,,\n"
-    listed = f"{rows}\n{row}\nLAST,s,,LAST.OP,,,\n"
-    plant = load_plant(write(tmp_path, LISTED, listed), environment={})
+    listing = f"{rows}\n{row}\nLAST,s,,LAST.OP,,,\n"
+    plant = load_plant(write(tmp_path, LISTED, listing), environment={})
     (problem,) = plant.problems
     assert str(problem).startswith(f"valves.csv, line 4: {expected}")
     assert ["GOOD", "LAST"] == list(plant.valves)

@@ -127,7 +127,7 @@ def test_files_are_written_beside_each_other(tmp_path):
     assert paper.read_bytes().startswith(b"%PDF")
 
 
-@pytest.mark.parametrize(("seconds", "said"), [(0.0, "0:00"), (65.4, "1:05"), (600.0, "10:00")])
-def test_times_are_minutes_and_seconds(seconds, said):
+@pytest.mark.parametrize(("seconds", "text"), [(0.0, "0:00"), (65.4, "1:05"), (600.0, "10:00")])
+def test_times_are_minutes_and_seconds(seconds, text):
     """As a watch shows them."""
-    assert clock(seconds) == said
+    assert clock(seconds) == text

@@ -1,4 +1,4 @@
-"""The browser of the pages' tests, and the demo as a process of its own."""
+"""The live demo as a process of its own."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from tests.service.live_demo.running_demo import Started
-from tests.service.web.conftest import browser as browser
 
 
 @pytest.fixture

@@ -49,8 +49,8 @@ class Started:
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             for line in self.lines.copy():
-                if found := re.search(pattern, line):
-                    return found
+                if result := re.search(pattern, line):
+                    return result
             if self.process.poll() is not None:
                 break
             time.sleep(0.1)
@@ -89,6 +89,6 @@ class Started:
 
     def _read(self) -> None:
         assert self.process.stdout is not None
-        with self.process.stdout as said:
-            for line in said:
+        with self.process.stdout as text:
+            for line in text:
                 self.lines.append(line.rstrip())

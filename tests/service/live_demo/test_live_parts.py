@@ -158,10 +158,10 @@ def test_mails_are_kept_as_files_and_listed_as_text(tmp_path: Path) -> None:
         "<script>alert(1)</script>",
     ]
     assert catcher.caught[0].text.strip() == "S is 4 % – look at the packing"
-    listed = catcher.list_file.read_text("utf-8")
-    assert "<script>" not in listed
-    assert listed.index("&lt;script&gt;") < listed.index("FIC-101 sticks")
-    assert "2 arrived" in listed
+    listing = catcher.list_file.read_text("utf-8")
+    assert "<script>" not in listing
+    assert listing.index("&lt;script&gt;") < listing.index("FIC-101 sticks")
+    assert "2 arrived" in listing
 
 
 def test_a_mail_that_is_too_large_is_refused(tmp_path: Path) -> None:
@@ -203,10 +203,10 @@ def test_a_service_that_cannot_start_ends_the_demo_with_a_sentence(tmp_path: Pat
         )
         await live_demo.run(asyncio.Event())
 
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
+    with socket.socket() as accepted:
+        accepted.bind(("127.0.0.1", 0))
+        accepted.listen()
+        port = accepted.getsockname()[1]
         with pytest.raises(OSError, match=r"the service ended with status 2.*service\.log"):
             asyncio.run(run(port))
     assert "cannot listen on" in (tmp_path / "demo" / "service.log").read_text("utf-8")

@@ -63,14 +63,14 @@ def test_which_valves_wear_is_said_by_tag_S_and_J() -> None:
     loops = demo_plant(1)[:3]
     usual = wear_of(loops, None, 600.0)
     assert usual == {loops[0].tag: Wear(S_percent=6.0, J_percent=2.4, over_s=600.0)}
-    asked = wear_of(loops, [f"{loops[1].tag}=4", f"{loops[2].tag}=3.5/1.5"], 60.0)
-    assert asked[loops[1].tag] == Wear(S_percent=4.0, over_s=60.0)
-    assert asked[loops[2].tag] == Wear(S_percent=3.5, J_percent=1.5, over_s=60.0)
+    requested = wear_of(loops, [f"{loops[1].tag}=4", f"{loops[2].tag}=3.5/1.5"], 60.0)
+    assert requested[loops[1].tag] == Wear(S_percent=4.0, over_s=60.0)
+    assert requested[loops[2].tag] == Wear(S_percent=3.5, J_percent=1.5, over_s=60.0)
     assert wear_of(loops, ["none"], 60.0) == {}
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "answer"),
     [
         ("FIC-101", "expected TAG=S or TAG=S/J"),
         ("FIC-101=a lot", "expected TAG=S or TAG=S/J"),
@@ -78,9 +78,9 @@ def test_which_valves_wear_is_said_by_tag_S_and_J() -> None:
         ("FIC-101=1/2", "0 <= J <= S"),
     ],
 )
-def test_wear_that_cannot_be_is_a_sentence(text: str, said: str) -> None:
+def test_wear_that_cannot_be_is_a_sentence(text: str, answer: str) -> None:
     """With what was found and what was expected."""
-    with pytest.raises(typer.BadParameter, match=said):
+    with pytest.raises(typer.BadParameter, match=answer):
         wear_of(demo_plant(1)[:2], [text], 600.0)
 
 

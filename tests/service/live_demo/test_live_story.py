@@ -98,8 +98,8 @@ def until(there: Callable[[], Any], seconds: float, started: Started, what: str)
     """What ``there`` gives as soon as it gives something."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        if found := there():
-            return found
+        if result := there():
+            return result
         time.sleep(0.5)
     return pytest.fail(f"{what} did not come:\n{started.everything()}")
 
@@ -121,8 +121,8 @@ def judged(reader: Reader, verdict: str) -> list[dict[str, Any]]:
 
 def marks(reader: Reader, kind: str) -> list[dict[str, Any]]:
     """What was noted of the wearing valve, of this kind."""
-    found = reader.ask(f"valve/history?id={WEARING}")["marks"]
-    return [mark for mark in found if mark["kind"] == kind]
+    result = reader.ask(f"valve/history?id={WEARING}")["marks"]
+    return [mark for mark in result if mark["kind"] == kind]
 
 
 def fill_in(form: Any, text: str) -> None:

@@ -40,12 +40,13 @@ def context(screenings: list[Screening], **changes: object) -> ReportContext:
     """The plant's context; every valve of criticality 3 with a stroke of 40 mm."""
     result = context_of(screenings)
     facts = {
-        valve: replace(one, criticality="3", stroke="40 mm") for valve, one in result.valves.items()
+        valve: replace(item, criticality="3", stroke="40 mm")
+        for valve, item in result.valves.items()
     }
     return replace(result, valves=facts, **changes)
 
 
-def earlier(found: Screening) -> list[PreviousFinding]:
+def earlier(result: Screening) -> list[PreviousFinding]:
     """Sticky for two weeks, healthy before."""
     verdicts = (Verdict.STICKY, Verdict.STICKY, Verdict.HEALTHY)
     return [
@@ -70,9 +71,9 @@ def longest() -> tuple[list[Screening], ReportContext, ValveHistory]:
     kinds = list(catalogue())
     matching = []
     for first in range(0, len(kinds), 3):
-        one = with_effects("W" * 60 + str(first), Verdict.STICKY)
-        assert one.mismatch is not None
-        effect = one.mismatch.effects[0]
+        item = with_effects("W" * 60 + str(first), Verdict.STICKY)
+        assert item.mismatch is not None
+        effect = item.mismatch.effects[0]
         effects = tuple(
             replace(
                 effect,
@@ -83,13 +84,13 @@ def longest() -> tuple[list[Screening], ReportContext, ValveHistory]:
             )
             for kind in kinds[first : first + 3]
         )
-        quality = replace(one.quality, reasons=("remark " * 90,))
-        mismatch = replace(one.mismatch, effects=effects)
+        quality = replace(item.quality, reasons=("remark " * 90,))
+        mismatch = replace(item.mismatch, effects=effects)
         matching.append(
-            replace(one, mismatch=mismatch, reason="long reason " * 150, quality=quality)
+            replace(item, mismatch=mismatch, reason="long reason " * 150, quality=quality)
         )
     report_context = context(matching)
-    facts = {valve: _long(one) for valve, one in report_context.valves.items()}
+    facts = {valve: _long(item) for valve, item in report_context.valves.items()}
     note = [Remark(valve="", at=BEGAN, note="packing renewed " * 60, who="")]
     background = replace(BACKGROUND, work=lambda _: note)
     return matching, replace(report_context, valves=facts), background

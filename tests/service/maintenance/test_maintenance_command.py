@@ -55,12 +55,12 @@ def test_screening_leaves_the_report_and_the_command_makes_it_again(stemwatch, s
     assert set(first) == {STICKY, BLIND}
     assert first[BLIND]["finding"] == "no_position"
     assert first[STICKY]["stroke"] == "40 mm"
-    again = tmp_path / "again"
-    process = stemwatch("maintenance-report", "--plant", stroked, "--out", again)
+    repeated = tmp_path / "again"
+    process = stemwatch("maintenance-report", "--plant", stroked, "--out", repeated)
     assert process.status == 0
     assert "1 of 3 valves needs work; 1 cannot be judged (1 with a work order" in process.out
-    assert orders(again / "work-orders.xlsx").keys() == first.keys()
-    assert orders(again / "work-orders.xlsx")[STICKY]["reference"] == first[STICKY]["reference"]
+    assert orders(repeated / "work-orders.xlsx").keys() == first.keys()
+    assert orders(repeated / "work-orders.xlsx")[STICKY]["reference"] == first[STICKY]["reference"]
 
 
 def test_the_command_says_what_it_needs(stemwatch, stroked, tmp_path):
@@ -115,8 +115,8 @@ def test_a_stroke_that_is_none_is_refused_with_what_was_expected(plant, text):
     with pytest.raises(ValueError, match="the full stroke with its unit"):
         parse_stroke(text)
     written = plant.read_text("utf-8")
-    marked = re.sub(rf'(id = "{STICKY}"\n)', rf'\1stroke = "{text}"\n', written)
-    plant.write_text(marked, encoding="utf-8")
+    marks = re.sub(rf'(id = "{STICKY}"\n)', rf'\1stroke = "{text}"\n', written)
+    plant.write_text(marks, encoding="utf-8")
     try:
         problems = load_plant(plant, environment={}).problems
     except PlantFileError as error:
@@ -153,14 +153,14 @@ FITS = """[...document.querySelectorAll('.sheet')].every(sheet => {
 def test_the_page_prints_one_sheet_per_valve(browser, tmp_path, make):
     """Also where every text is far too long; nothing is asked of any network, nothing is logged."""
     screenings = mixed()
-    made, background = context(screenings), BACKGROUND
+    created, background = context(screenings), BACKGROUND
     if make == "longest":
-        screenings, made, background = longest()
-    files = write_maintenance(screenings, made, tmp_path, background)
+        screenings, created, background = longest()
+    files = write_maintenance(screenings, created, tmp_path, background)
     page = browser.new_context(offline=True).new_page()
-    said: list[str] = []
-    page.on("console", lambda message: said.append(message.text))
-    page.on("request", lambda request: said.append(request.url))
+    text: list[str] = []
+    page.on("console", lambda message: text.append(message.text))
+    page.on("request", lambda request: text.append(request.url))
     page.set_viewport_size({"width": 695, "height": 1000})
     page.emulate_media(media="print")
     page.goto(files.html.as_uri())
@@ -170,4 +170,4 @@ def test_the_page_prints_one_sheet_per_valve(browser, tmp_path, make):
     page.emulate_media(media="screen")
     page.set_viewport_size({"width": 390, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    assert said == [files.html.as_uri()]
+    assert text == [files.html.as_uri()]

@@ -103,10 +103,10 @@ def test_the_pdf_is_the_same_for_the_same_book(whole):
 def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
     """Every kind of finding with every text far too long: nothing runs into the lines to sign, and
     the last word of each text is there."""
-    screenings, made, background = longest()
-    result = work_list_of(screenings, made, background)
+    screenings, created, background = longest()
+    result = work_list_of(screenings, created, background)
     assert all(
-        height_of(_sheet(TypeSize(SIZES[-1]), sheet, made)) > ROOM for sheet in result.sheets
+        height_of(_sheet(TypeSize(SIZES[-1]), sheet, created)) > ROOM for sheet in result.sheets
     )
     pdf = book_pdf(result, compress=False)
     text = text_of(pdf)
@@ -125,13 +125,13 @@ def test_a_page_is_set_in_the_largest_type_that_fits(whole):
 
 def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
     """No row is lost at a page's end."""
-    many = [frozen(f"PIC-{k}") for k in range(90)]
-    many += [screening(f"H-{k}", Verdict.HEALTHY, S=0.2, J=0.1, samples=60) for k in range(90)]
-    result = book(many)
+    several = [frozen(f"PIC-{k}") for k in range(90)]
+    several += [screening(f"H-{k}", Verdict.HEALTHY, S=0.2, J=0.1, samples=60) for k in range(90)]
+    result = book(several)
     pdf = book_pdf(result, compress=False)
     lists = pages(pdf) - 90
     assert lists >= 4
-    for item in many:
+    for item in several:
         assert f"({item.valve})".encode() in pdf
 
 
@@ -211,8 +211,8 @@ def test_work_orders_have_the_fields_of_a_notification(whole):
     header, *values = sheet.values
     assert list(header) == [field.name for field in FIELDS]
     assert len(values) == len(result)
-    told = [dict(zip(header, value, strict=True))["short_text"] for value in values]
-    assert told == [row["short_text"] for row in result]
+    answer = [dict(zip(header, value, strict=True))["short_text"] for value in values]
+    assert answer == [row["short_text"] for row in result]
 
 
 def test_no_cell_is_a_formula(whole):
@@ -265,6 +265,8 @@ def test_any_text_is_laid_out(text):
     changed = replace(screening(text or "FV-1", S=7.0), reason=text)
     blind = replace(frozen(f"{text} 2"), reason=f"Cannot tell: {text}")
     report_context = context([changed, blind])
-    facts = {valve: replace(one, description=text) for valve, one in report_context.valves.items()}
+    facts = {
+        valve: replace(item, description=text) for valve, item in report_context.valves.items()
+    }
     book = work_list_of([changed, blind], replace(report_context, valves=facts), BACKGROUND)
     assert pages(book_pdf(book, compress=False)) >= 2

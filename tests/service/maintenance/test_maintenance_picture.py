@@ -27,9 +27,9 @@ from stemwatch.service.maintenance.evidence_picture import NO_SAMPLES, NOTHING_T
 from tests.service.report.conftest import recording, screening, unknown, without_mv
 
 
-def drawn(found):
+def drawn(result):
     """The picture of a screening with its own samples."""
-    return picture_of(found, found.recording, UTC)
+    return picture_of(result, result.recording, UTC)
 
 
 def words(picture) -> list[str]:
@@ -78,9 +78,9 @@ def test_every_mark_lies_inside_the_picture():
             assert -0.1 <= y <= picture.height + 0.1
 
 
-def corners_of(found) -> tuple[tuple[float, float], ...]:
+def corners_of(result) -> tuple[tuple[float, float], ...]:
     """The corners of the stick band, in points."""
-    picture, _ = drawn(found)
+    picture, _ = drawn(result)
     bands = [
         mark for mark in picture.marks if isinstance(mark, DrawnArea) and len(mark.points) == 6
     ]

@@ -107,9 +107,9 @@ def test_what_stands_is_decided_over_all_valves_also_for_one(store, tmp_path):
     others = [short(f"H-{k}", Verdict.HEALTHY, S=0.2, mismatch=tested) for k in range(9)]
     looked(store, 0, valve, *others)
     assert report_of_store(store, tmp_path / "all").book.to_work_on == ()
-    one = report_of_store(store, tmp_path / "one", valves=["FV-1"], all_valves=True)
-    assert one.book.sheets[0].valve.stands is False
-    assert "held back" in one.html.read_text("utf-8")
+    item = report_of_store(store, tmp_path / "one", valves=["FV-1"], all_valves=True)
+    assert item.book.sheets[0].valve.stands is False
+    assert "held back" in item.html.read_text("utf-8")
 
 
 def test_work_on_a_valve_is_told(store, weeks, tmp_path):
@@ -152,8 +152,8 @@ def test_loops_before_and_after_the_last_work_are_laid_over_each_other(store, we
     del weeks
     runs = []
     for week, S in ((3, 6.25), (4, 0.31)):
-        found = screening("FV-3", Verdict.STICKY, S=S, J=0.4 * S)
-        moved = replace(found, recording=replace(found.recording, start=START + week * WEEK))
+        answer = screening("FV-3", Verdict.STICKY, S=S, J=0.4 * S)
+        moved = replace(answer, recording=replace(answer.recording, start=START + week * WEEK))
         run = store.begin_run(software_version="1")
         packed = pack_pictures(window_pictures(moved))
         store.save(moved.without_samples(), run, packed_pictures=packed)
@@ -164,12 +164,12 @@ def test_loops_before_and_after_the_last_work_are_laid_over_each_other(store, we
     assert before.book.done == ()
     assert "Before and after the last work" not in before.html.read_text("utf-8")
     after = report_of_store(store, tmp_path / "after", run=runs[1])
-    (one,) = after.book.done
-    assert one.sizes == ("6.25 → 0.31 %", "2.50 → 0.12 %")
-    assert one.drawing is not None
+    (item,) = after.book.done
+    assert item.sizes == ("6.25 → 0.31 %", "2.50 → 0.12 %")
+    assert item.drawing is not None
     assert after.book.done_title == "Before and after the last work"
-    assert "12 newest of 30" in replace(after.book, done=(one,) * 12, worked=30).done_title
-    dashes = {mark.dash for mark in one.drawing.marks if isinstance(mark, DrawnLine)}
+    assert "12 newest of 30" in replace(after.book, done=(item,) * 12, worked=30).done_title
+    dashes = {mark.dash for mark in item.drawing.marks if isinstance(mark, DrawnLine)}
     assert dashes == {(), BEFORE_DASH}  # told apart on a copy of a copy
     text = after.html.read_text("utf-8")
     part = text[text.index("Before and after the last work") :]

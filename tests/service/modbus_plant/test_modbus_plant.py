@@ -331,7 +331,7 @@ def test_no_value_is_no_number_in_the_registers() -> None:
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "text"),
     [
         (lambda: LivePlant([]), "received 0"),
         (lambda: LivePlant([loops()[0], loops()[0]]), "twice"),
@@ -341,9 +341,9 @@ def test_no_value_is_no_number_in_the_registers() -> None:
         (lambda: PlantServer(None, speed=0.0), "speed must be above 0"),
     ],
 )
-def test_what_cannot_be_served_is_refused(make, said: str) -> None:
+def test_what_cannot_be_served_is_refused(make, text: str) -> None:
     """With what was received."""
-    with pytest.raises(ValueError, match=re.escape(said)):
+    with pytest.raises(ValueError, match=re.escape(text)):
         make()
 
 
@@ -362,14 +362,14 @@ def test_a_port_that_is_taken_is_a_sentence() -> None:
 
 def test_serving_writes_a_plant_file_that_describes_itself(tmp_path: Path) -> None:
     """The devices are read with no problem, and the valves name the device as their source."""
-    found: list[tuple[int, Path]] = []
+    result: list[tuple[int, Path]] = []
 
     def ready(server: PlantServer, file: Path) -> None:
-        found.append((server.port, file))
+        result.append((server.port, file))
         raise KeyboardInterrupt  # as if someone had pressed Ctrl-C
 
     serve_plant(loops()[:1], tmp_path, port=0, every_s=0.5, ready=ready)
-    ((port, file),) = found
+    ((port, file),) = result
     data = tomllib.loads(file.read_text("utf-8"))
     read = read_devices(data["devices"])
     assert read.problems == ()

@@ -73,21 +73,21 @@ def outputs(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
 def test_the_finding_reads_the_same_everywhere(outputs: Outputs) -> None:
     """Reason and next step of each valve, whichever way it comes."""
     for valve in outputs.ranking:
-        said, name = valve.finding, valve.screening.valve
-        one, row = outputs.objects[name], outputs.rows[name]
-        assert bare(said.reason) == bare(one["reason"]) == bare(row["reason"])
-        assert bare(said.next_step) == bare(one["advice"]) == bare(row["advice"])
-        assert bare(said.reason) in outputs.report
-        assert bare(said.next_step) in outputs.report
+        answer, name = valve.finding, valve.screening.valve
+        item, row = outputs.objects[name], outputs.rows[name]
+        assert bare(answer.reason) == bare(item["reason"]) == bare(row["reason"])
+        assert bare(answer.next_step) == bare(item["advice"]) == bare(row["advice"])
+        assert bare(answer.reason) in outputs.report
+        assert bare(answer.next_step) in outputs.report
         line = Text.from_markup(views.verdict_line(valve.screening)).plain
-        assert bare(said.reason) in bare(line)
+        assert bare(answer.reason) in bare(line)
         if valve.stands is not False:
-            assert line.startswith(said.decision.verdict.value)
-        if said.decision.has_page:
-            assert bare(said.reason) in outputs.maintenance
-            assert bare(said.reason) in outputs.pdf
-        if said.decision.has_order:
-            assert bare(said.reason) in bare(outputs.orders[name]["long_text"])
+            assert line.startswith(answer.decision.verdict.value)
+        if answer.decision.has_page:
+            assert bare(answer.reason) in outputs.maintenance
+            assert bare(answer.reason) in outputs.pdf
+        if answer.decision.has_order:
+            assert bare(answer.reason) in bare(outputs.orders[name]["long_text"])
 
 
 def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> None:
@@ -149,14 +149,14 @@ def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: 
     mismatch = valve.screening.mismatch
     terminal = Console(width=200, file=io.StringIO(), record=True)
     terminal.print(explanation(Explained(source="a.csv", valve="FIC-9", mismatch=mismatch)))
-    told = {
+    answer = {
         "page": outputs.report,
         "terminal": bare(terminal.export_text()),
         "mail": bare(mail_about(valve.screening)),
         "json": bare(" ".join(outputs.objects["FIC-9"]["mismatch"]["effects"][0][key]
                               for key in ("sentence", "check"))),
     }  # fmt: skip
-    for where, text in told.items():
+    for where, text in answer.items():
         assert bare(effect.sentence) in text, where
         assert bare(effect.check) in text, where
     (sheet,) = [sheet for sheet in outputs.book.sheets if sheet.screening.valve == "FIC-9"]

@@ -40,7 +40,7 @@ def window(day, named, strength=0.5):
 
 
 def said(*named):
-    return evidence_of_weeks([window(day, one) for day, one in enumerate(named)]).sentences()
+    return evidence_of_weeks([window(day, item) for day, item in enumerate(named)]).sentences()
 
 
 @pytest.mark.parametrize(

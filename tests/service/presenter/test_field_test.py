@@ -59,8 +59,8 @@ def test_the_stick_slip_element_moves_at_the_step_that_is_told(S: float, J: floa
     match = re.search(r"step OP by ([\d.]+) % .* Expect about (\d+)", sentence)
     assert match is not None
     step = float(match[1])
-    counted, moved = steps_back(S, J, step)
-    assert counted == int(match[2])
+    counts, moved = steps_back(S, J, step)
+    assert counts == int(match[2])
     if "at once" in sentence:
         assert J - 0.01 <= moved <= J + step + 0.01
     else:

@@ -191,8 +191,8 @@ def test_order_severity_S_and_J_are_the_same(
     rows = _rows(files / "valves.csv")
     cells = _workbook(files / "valves.xlsx")
     table = views.summary([in_brief(item) for item in every_kind()])
-    for many in (objects, lines, rows, cells):
-        assert [item["valve"] for item in many] == order
+    for several in (objects, lines, rows, cells):
+        assert [item["valve"] for item in several] == order
     assert list(table.columns[1].cells) == order
     assert [int(row["rank"]) for row in rows] == list(range(1, len(order) + 1))
     report = (files / "report.html").read_text("utf-8")
@@ -200,14 +200,14 @@ def test_order_severity_S_and_J_are_the_same(
     page = pages.get("/").text
     assert [item for item in re.findall(r'<a href="/valve\?id=([^"#]+)"', page)] == order
     result = zip(ranking, objects, lines, rows, cells, strict=True)
-    for index, (valve, one, line, row, cell) in enumerate(result):
-        for severity in (one, line):
+    for index, (valve, item, line, row, cell) in enumerate(result):
+        for severity in (item, line):
             assert severity["severity"] == pytest.approx(valve.decision.severity)
         for severity in (row, cell):
             assert float(severity["severity (0 to 100)"]) == pytest.approx(valve.decision.severity)
-        assert line["confidence"] == one["confidence"] == valve.decision.confidence
+        assert line["confidence"] == item["confidence"] == valve.decision.confidence
         for name, column in (("S", 3), ("J", 4)):
-            value = one["stiction"][name]["value"]
+            value = item["stiction"][name]["value"]
             assert line[name]["value"] == value
             written = "" if value is None else pytest.approx(value)
             for table_row in (row, cell):
@@ -254,8 +254,8 @@ def test_what_belongs_to_the_machine_is_a_defect_nowhere(
 
 
 def _objects(files: Path) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = json.loads((files / "valves.json").read_text("utf-8"))
-    return found
+    result: list[dict[str, Any]] = json.loads((files / "valves.json").read_text("utf-8"))
+    return result
 
 
 def test_a_label_is_of_what_was_said(
@@ -280,9 +280,9 @@ def test_a_label_is_of_what_was_said(
     assert {valve: row["verdict"] for valve, row in exported.items()} == {
         valve: verdicts[valve] for valve in labels
     }
-    counted = text_of(pages.get("/feedback").text)
+    counts = text_of(pages.get("/feedback").text)
     for valve in labels:
-        assert f"seen at {valve}" in counted
+        assert f"seen at {valve}" in counts
 
 
 def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -> None:
@@ -295,20 +295,20 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
     plant = load_plant(tmp_path / "plant.toml")
     with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
         run = store.begin_run(software_version="1")
-        for one in windows:
-            store.save(one.without_samples(), run)
+        for item in windows:
+            store.save(item.without_samples(), run)
         store.finish_run(run)
         by_window = store.evidence([valve])[valve]
-        said = by_window.sentences(tz)
-        assert "first seen on 2026-03-03" in said[0]  # in UTC it is the second
+        answer = by_window.sentences(tz)
+        assert "first seen on 2026-03-03" in answer[0]  # in UTC it is the second
         facts = {valve: ValveFacts(by_window=by_window)}
         report_context = ReportContext(
             started=example_plant.NOW, zone="Asia/Singapore", valves=facts
         )
         files = write_report(windows[-1:], report_context, tmp_path / "report")
-        (one,) = json.loads(files.json.read_text("utf-8"))
-        assert [effect["sentence"] for effect in one["over_weeks"]] == list(
-            said[: len(one["over_weeks"])]
+        (item,) = json.loads(files.json.read_text("utf-8"))
+        assert [effect["sentence"] for effect in item["over_weeks"]] == list(
+            answer[: len(item["over_weeks"])]
         )
         book = report_of_store(store, tmp_path / "book", plant=plant, run=run).book
         (record,) = gathered(store, plant, [valve], {valve: (by_window, True)})
@@ -324,10 +324,10 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
                 verify=False, timeout=30.0,
             ).text  # fmt: skip
     html_texts = (files.html.read_text("utf-8"), page, book_html(book).decode())
-    for sentence in said:
+    for sentence in answer:
         for text in html_texts:
             assert sentence in text_of(text).replace("\N{NO-BREAK SPACE}", " ")
-    assert said[0] in alert.text
+    assert answer[0] in alert.text
 
 
 def _late_on(day: int, valve: str) -> Screening:

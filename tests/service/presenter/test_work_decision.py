@@ -61,8 +61,8 @@ def test_an_obstacle_is_known_by_the_sentence_that_the_models_give_it(made, kind
 
 def test_a_position_against_op_that_no_curve_follows_is_the_wrong_one():
     """The sentence is the models' own here too, where only a fit could find it."""
-    (found,) = reversed_obstacles(recording(100.0 - MV))
-    assert k.obstacle_kind(f"Cannot tell: {found.reason}.") == k.WRONG
+    (result,) = reversed_obstacles(recording(100.0 - MV))
+    assert k.obstacle_kind(f"Cannot tell: {result.reason}.") == k.WRONG
 
 
 def sticky(**changes) -> Screening:
@@ -70,14 +70,14 @@ def sticky(**changes) -> Screening:
     return replace(screening("FV-1", S=5.0, J=2.0, samples=60), **changes)
 
 
-def kinds_of(one: Screening, *, stands: bool | None) -> tuple[str, ...]:
+def kinds_of(item: Screening, *, stands: bool | None) -> tuple[str, ...]:
     """The kinds of the decision."""
-    return k.decide(one, stands=stands).kinds
+    return k.decide(item, stands=stands).kinds
 
 
-def needs_work(one: Screening, *, stands: bool | None) -> bool:
+def needs_work(item: Screening, *, stands: bool | None) -> bool:
     """Whether it counts as a valve that needs work."""
-    return k.decide(one, stands=stands).needs_work
+    return k.decide(item, stands=stands).needs_work
 
 
 @pytest.mark.parametrize("shape", list(Shape))
@@ -120,9 +120,9 @@ def test_what_belongs_to_the_machine_is_named_and_asks_for_no_work():
     decided = k.decide(healthy, stands=True)
     assert (decided.verdict, decided.kinds) == (Verdict.HEALTHY, (k.HEALTHY,))
     assert (decided.effects, decided.inherent) == ((), (machine,))
-    found = present(healthy, stands=True).found
-    assert found[-1] == "Motor drive belongs to such a machine and is no defect."
-    assert machine.sentence in " ".join(found)
+    result = present(healthy, stands=True).found
+    assert result[-1] == "Motor drive belongs to such a machine and is no defect."
+    assert machine.sentence in " ".join(result)
     both = replace(healthy, mismatch=replace(named(), effects=(machine, *others)))
     assert k.decide(both, stands=True).kinds == tuple(other.slug for other in others)
     assert needs_work(both, stands=True)
@@ -175,13 +175,13 @@ def test_valves_are_counted_as_valves_and_recordings_as_recordings():
     """One tag with three recordings is one valve: work wins, and one verdict is enough to judge."""
     healthy = sticky(verdict=Verdict.HEALTHY)
     blind = sticky(verdict=Verdict.UNDETERMINED, reason="Cannot tell: the recording is too short.")
-    made = [
+    created = [
         *[("FV-1", item) for item in (sticky(), healthy, blind)],
         *[("FV-2", item) for item in (blind, healthy)],
         *[("FV-3", item) for item in (blind, blind)],
         ("FV-4", sticky(verdict=Verdict.WATCH)),
     ]
-    counts = k.count_valves((valve, k.decide(one, stands=None)) for valve, one in made)
+    counts = k.count_valves((valve, k.decide(item, stands=None)) for valve, item in created)
     assert (counts.valves, counts.recordings) == (4, 8)
     assert counts.sentence == (
         "1 of 4 valves needs work; 1 to watch, 1 cannot be judged, 1 without work (8 recordings)."

@@ -85,7 +85,7 @@ def test_a_speed_limit_is_not_taken_for_stiction(screened: Screened) -> None:
     assert valve["stem_verdict"] in ("healthy", "watch")
     S = valve["stiction"]["S"]
     assert 0.0 <= S["low"] <= S["value"] <= S["high"] < 2.0
-    results = {name: one["value"] for name, one in valve["indicators"].items()}
+    results = {name: item["value"] for name, item in valve["indicators"].items()}
     assert results["naive_S_percent"] > 5.0
     assert 0.5 < results["dead_time_s"] < 1.5
     assert 2.0 < results["speed_falling_percent_per_s"] < 4.5
@@ -96,8 +96,8 @@ def test_a_speed_limit_is_not_taken_for_stiction(screened: Screened) -> None:
 def test_the_position_is_found_without_being_named(screened: Screened) -> None:
     """Without --op and --mv the same two columns are taken, and the same numbers come out."""
     _, (named,) = screened(*DAMADICS, "--mv", "LC74_20X_pct")
-    _, (found,) = screened("damadics")
-    assert named["stiction"] == found["stiction"]
+    _, (result,) = screened("damadics")
+    assert named["stiction"] == result["stiction"]
 
 
 def test_a_position_that_is_missing_is_not_made_up(screened: Screened) -> None:

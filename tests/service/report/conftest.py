@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -29,8 +27,6 @@ from stemwatch.service.report import (
     write_report,
 )
 
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 EARLIER = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 
@@ -185,18 +181,18 @@ def unknown(reason: str) -> Estimate:
 
 def without_mv(valve: str) -> Screening:
     """A valve whose stem position nobody records."""
-    whole = screening(valve, Verdict.UNDETERMINED, S=3.0, J=1.0, seed=5)
-    assert whole.recording is not None
-    signals: dict[Role, Signal] = dict(whole.recording.signals)
+    complete = screening(valve, Verdict.UNDETERMINED, S=3.0, J=1.0, seed=5)
+    assert complete.recording is not None
+    signals: dict[Role, Signal] = dict(complete.recording.signals)
     del signals[Role.MV]
-    return replace(whole, recording=replace(whole.recording, signals=signals))
+    return replace(complete, recording=replace(complete.recording, signals=signals))
 
 
 def unreadable(valve: str) -> Screening:
     """A valve whose source made no sense."""
-    whole = screening(valve, Verdict.UNDETERMINED, samples=10)
+    complete = screening(valve, Verdict.UNDETERMINED, samples=10)
     return replace(
-        whole,
+        complete,
         reason="exports/broken.csv: line 1: expected a header with a time column, found binary "
         "data; export the tags again as text.",
         advice="Export the tags again and rerun.",
@@ -274,19 +270,6 @@ def make_plant() -> Callable[[int], list[Screening]]:
 def mixed_plant() -> list[Screening]:
     """Twelve ordinary valves, one without MV, one that could not be read."""
     return [*plant(12), without_mv("PV-310"), unreadable("LV-404")]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    if CHROMIUM is None and os.environ.get("CI"):
-        pytest.fail("chromium is not on the PATH; continuous integration must have it")
-    if CHROMIUM is None:
-        pytest.skip("chromium is not on the PATH")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture

@@ -25,8 +25,8 @@ def limited(op: Floats) -> Floats:
 
 def pictures(op: Floats, mv: Floats) -> list[Picture]:
     """The strokes of a recording with a limit when falling."""
-    made = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
-    recording = Recording(valve="FV-1", signals=made, interval_s=1.0)
+    created = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
+    recording = Recording(valve="FV-1", signals=created, interval_s=1.0)
     mismatch: Mismatch = named()
     runs = FreeRuns(naive=op, extended=mv, heldout_from=op.size // 2)
     effects = mismatch.effects[:1]

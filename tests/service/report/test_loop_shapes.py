@@ -34,8 +34,8 @@ def bent(curve: StrokeCurve = BENT):
     )
 
 
-def shapes_of(found):
-    return loop_shapes(found, found.recording.op.values, found.recording.mv.values)
+def shapes_of(result):
+    return loop_shapes(result, result.recording.op.values, result.recording.mv.values)
 
 
 def test_the_curve_runs_through_the_middle_of_the_loop():

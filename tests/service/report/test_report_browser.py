@@ -88,8 +88,8 @@ def test_odd_recordings_are_drawn_too(browser, make_screening, make_context, tmp
     screening = make_screening("V" * 300)
     undated = replace(screening, recording=replace(screening.recording, start=None))
     flat = Signal.good(np.full(3600, 41.0), "OP")
-    gone = Signal.good(np.full(3600, np.nan), "MV")
-    signals = {Role.OP: flat, Role.MV: gone}
+    removed = Signal.good(np.full(3600, np.nan), "MV")
+    signals = {Role.OP: flat, Role.MV: removed}
     still = replace(
         screening, valve="flat", recording=replace(screening.recording, signals=signals)
     )

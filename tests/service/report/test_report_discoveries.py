@@ -48,7 +48,7 @@ REMARK = (
 def valves(make_screening):
     """A run with one strong finding, one weak one, and valves that show nothing."""
     screening = make_screening("FV", samples=200)
-    return [replace(screening, valve=f"FV-{k}", mismatch=one) for k, one in enumerate(MISMATCHES)]
+    return [replace(screening, valve=f"FV-{k}", mismatch=item) for k, item in enumerate(MISMATCHES)]
 
 
 @pytest.fixture
@@ -179,8 +179,8 @@ def test_the_strength_of_the_evidence_is_in_the_json():
     """How far beyond the limits an effect lies."""
     first = named().effects[0]
     strong = replace(first, evidence=replace(first.evidence, strength=7.5))
-    (one,) = json.loads(to_json([explained(replace(named(), effects=(strong,)))]))
-    assert one["effects"][0]["evidence"]["strength"] == 7.5
+    (item,) = json.loads(to_json([explained(replace(named(), effects=(strong,)))]))
+    assert item["effects"][0]["evidence"]["strength"] == 7.5
 
 
 def test_csv_and_workbook_mark_it(written):

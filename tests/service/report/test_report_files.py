@@ -57,14 +57,14 @@ def test_csv_xlsx_and_json_say_the_same(written):
     objects = json.loads(written.json.read_text("utf-8"))
     flat, sheet = csv_rows(written.csv), sheet_rows(written.xlsx)
     assert len(objects) == len(flat) == len(sheet) == 14
-    for one, row, cells in zip(objects, flat, sheet, strict=True):
-        assert one["valve"] == row["valve"] == cells["valve"]
-        assert one["verdict"] == row["verdict"] == cells["verdict"]
-        S = one["stiction"]["S"]["value"]
+    for item, row, cells in zip(objects, flat, sheet, strict=True):
+        assert item["valve"] == row["valve"] == cells["valve"]
+        assert item["verdict"] == row["verdict"] == cells["verdict"]
+        S = item["stiction"]["S"]["value"]
         # A workbook keeps 16 significant digits.
         assert S == (cells["S (%)"] and pytest.approx(cells["S (%)"], rel=1e-15))
         assert S == (float(row["S (%)"]) if row["S (%)"] else None)
-        assert one["reason"] == row["reason"] == cells["reason"]
+        assert item["reason"] == row["reason"] == cells["reason"]
 
 
 def test_the_worst_valve_stands_first(written):
@@ -192,9 +192,9 @@ def test_the_workbook_is_ready_to_work_with(written):
         "1/h",
         "%",
     }
-    told = [cell for row in book["Read me"].iter_rows(values_only=True) for cell in row]
-    assert "deadband plus stickband, percent of OP span" in told
-    assert "exports/notes.pdf" in told
+    answer = [cell for row in book["Read me"].iter_rows(values_only=True) for cell in row]
+    assert "deadband plus stickband, percent of OP span" in answer
+    assert "exports/notes.pdf" in answer
 
 
 def test_one_locked_file_does_not_cost_the_others(make_screening, make_context, tmp_path):
@@ -218,5 +218,7 @@ def test_a_report_can_be_written_again(make_screening, make_context, tmp_path):
     valves = [make_screening("FV-1", samples=50)]
     first = write_report(valves, make_context(valves), tmp_path)
     before = [path.read_bytes() for path in (first.html, first.csv, first.xlsx, first.json)]
-    again = write_report(valves, make_context(valves), tmp_path)
-    assert before == [path.read_bytes() for path in (again.html, again.csv, again.xlsx, again.json)]
+    repeated = write_report(valves, make_context(valves), tmp_path)
+    assert before == [
+        path.read_bytes() for path in (repeated.html, repeated.csv, repeated.xlsx, repeated.json)
+    ]

@@ -139,8 +139,8 @@ def test_an_undetermined_valve_leads_with_why_and_what_helps(make_screening, mak
     result = article(html_bytes(rank_valves([valve], context), context).decode(), "FV-1")
     first, _ = result.split("For the control engineer")
     places = [
-        first.index(said)
-        for said in (
+        first.index(text)
+        for text in (
             "Why there is no verdict",
             "What would help",
             "What can still be seen",

@@ -37,8 +37,8 @@ def explained_plant(make_screening):
     """One valve of every verdict, and one of which nothing was asked."""
     screening = make_screening("FV-9", samples=900)
     matching = [
-        replace(make_screening(f"FV-{k}", seed=k, samples=900), mismatch=one)
-        for k, one in enumerate(of_every_kind(screening.recording))
+        replace(make_screening(f"FV-{k}", seed=k, samples=900), mismatch=item)
+        for k, item in enumerate(of_every_kind(screening.recording))
     ]
     return [*matching, screening]
 
@@ -197,8 +197,8 @@ def explained_page(make_screening, make_context, tmp_path):
     """The page of ``stemwatch explain`` for one valve of every verdict."""
     read = make_screening("FV-1", samples=900).recording
     matching = [
-        Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=one, recording=read)
-        for k, one in enumerate(of_every_kind(read))
+        Explained(source=f"FV-{k}.csv", valve=f"FV-{k}", mismatch=item, recording=read)
+        for k, item in enumerate(of_every_kind(read))
     ]
     return write_pages(matching, make_context([]), tmp_path / "explained").html
 
@@ -240,9 +240,9 @@ def test_the_explained_page_zooms_and_prints(browser, explained_page):
     overlay.scroll_into_view_if_needed()
     overlay.locator(".plot-residual canvas").wait_for()
     overlay.get_by_role("button", name="Whole record").click()
-    whole = overlay.locator(".view b").inner_text()
+    complete = overlay.locator(".view b").inner_text()
     overlay.get_by_role("button", name="Zoom in").click()
-    assert overlay.locator(".view b").inner_text() != whole
+    assert overlay.locator(".view b").inner_text() != complete
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     plotted = page.locator("[data-plots]").count()
     assert page.locator("[data-plots] .plot-travel canvas").count() == plotted == 4

@@ -111,10 +111,10 @@ def test_all_that_is_said_of_a_valve_stands_in_the_page(make_screening, make_con
     """Reason, advice, S and J with intervals, still seen, decisions and digest are all there."""
     valves = [make_screening("FV-1"), make_screening("FV-2", Verdict.UNDETERMINED)]
     text = render(valves, make_context(valves)).replace("\N{NO-BREAK SPACE}", " ")
-    for said in (valves[0].reason, valves[0].advice, *valves[1].still_seen):
-        assert said in text
-    for said in ("5.20", "4.78 to 5.72", "MV was told by the tag mapping.", "reversals_per_h"):
-        assert said in text
+    for answer in (valves[0].reason, valves[0].advice, *valves[1].still_seen):
+        assert answer in text
+    for answer in ("5.20", "4.78 to 5.72", "MV was told by the tag mapping.", "reversals_per_h"):
+        assert answer in text
     assert valves[0].provenance.digest in text
     assert "S and J are not known: OP moved less than 0.5 %." in text
 
@@ -224,8 +224,8 @@ def luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def contrast(one: str, other: str) -> float:
-    high, low = sorted((luminance(one), luminance(other)), reverse=True)
+def contrast(item: str, other: str) -> float:
+    high, low = sorted((luminance(item), luminance(other)), reverse=True)
     return (high + 0.05) / (low + 0.05)
 
 

@@ -35,26 +35,32 @@ def spilled(screenings, plotted: int = MOST_PLOTTED) -> ResultSpill:
 def test_what_is_read_is_what_was_put(mixed_plant) -> None:
     """Screenings come back in the order of their places, without samples that no valve needs."""
     spill = spilled(mixed_plant)
-    assert [one.valve for one in spill] == [one.valve for one in mixed_plant]
-    for back, whole in zip(spill, mixed_plant, strict=True):
-        assert (back.verdict, back.S, back.reason) == (whole.verdict, whole.S, whole.reason)
-        assert back.indicators.keys() == whole.indicators.keys()
-        assert back.window == whole.window
-        assert back.seen == whole.seen
-        assert back.finite_share() == whole.finite_share()
+    assert [item.valve for item in spill] == [item.valve for item in mixed_plant]
+    for back, complete in zip(spill, mixed_plant, strict=True):
+        assert (back.verdict, back.S, back.reason) == (
+            complete.verdict,
+            complete.S,
+            complete.reason,
+        )
+        assert back.indicators.keys() == complete.indicators.keys()
+        assert back.window == complete.window
+        assert back.seen == complete.seen
+        assert back.finite_share() == complete.finite_share()
         if back.recording is not None:
             assert len(back.recording) <= EXCERPT_SAMPLES
-        assert (back.recording is None) == (whole.recording is None or not may_need_work(whole))
+        assert (back.recording is None) == (
+            complete.recording is None or not may_need_work(complete)
+        )
 
 
 def test_the_report_is_the_same_from_a_shelf(mixed_plant, make_context, tmp_path) -> None:
     """Packed results give byte for byte the report of those with all samples."""
     context = make_context(mixed_plant)
-    whole = write_report(mixed_plant, context, tmp_path / "whole")
+    complete = write_report(mixed_plant, context, tmp_path / "whole")
     spill = spilled(mixed_plant)
     from_spill = write_report(spill, context, tmp_path / "spill", spill.evidence)
     for name in ("html", "csv", "json"):
-        assert getattr(whole, name).read_bytes() == getattr(from_spill, name).read_bytes()
+        assert getattr(complete, name).read_bytes() == getattr(from_spill, name).read_bytes()
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

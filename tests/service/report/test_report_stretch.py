@@ -25,7 +25,7 @@ def cycling(samples: int = 7200, heldout: int | None = 4800, error=0.1, **signal
     phase = np.arange(samples) % CYCLE
     op = 50.0 + 4.0 * np.abs(phase - CYCLE / 2) / (CYCLE / 2)
     mv = op + 0.5
-    roles = {Role.OP: op, Role.MV: mv} | {Role(name): one for name, one in signals.items()}
+    roles = {Role.OP: op, Role.MV: mv} | {Role(name): item for name, item in signals.items()}
     unknown = Estimate.unknown("made up", "%")
     return Screening(
         valve="FV-1",
@@ -43,7 +43,7 @@ def cycling(samples: int = 7200, heldout: int | None = 4800, error=0.1, **signal
         traces=Traces(stiction=mv - error, heldout_from=heldout),
         recording=Recording(
             valve="FV-1",
-            signals={role: Signal.good(one, role.value) for role, one in roles.items()},
+            signals={role: Signal.good(item, role.value) for role, item in roles.items()},
             interval_s=0.5,
         ),
     )

@@ -35,19 +35,19 @@ def test_what_is_packed_comes_back_as_it_was_drawn() -> None:
     kept = pack_pictures(result)
     assert 1_000 < len(kept) < 40_000
     back = unpack_pictures(kept)
-    assert [one.title for one in back.effects] == [one.title for one in result.effects]
+    assert [item.title for item in back.effects] == [item.title for item in result.effects]
     assert len(back.effects) >= 5
-    for one, other in zip(result.effects, back.effects, strict=True):
-        assert (one.says, one.plot.spoken, one.plot.x_label) == (
+    for item, other in zip(result.effects, back.effects, strict=True):
+        assert (item.says, item.plot.spoken, item.plot.x_label) == (
             other.says,
             other.plot.spoken,
             other.plot.x_label,
         )
-        assert [note.text for note in one.plot.notes] == [note.text for note in other.plot.notes]
-        assert re.sub(r"[\d.-]+", "", str(one.svg)) == re.sub(r"[\d.-]+", "", str(other.svg))
-        for line, again in zip(one.plot.drawn, other.plot.drawn, strict=True):
+        assert [note.text for note in item.plot.notes] == [note.text for note in other.plot.notes]
+        assert re.sub(r"[\d.-]+", "", str(item.svg)) == re.sub(r"[\d.-]+", "", str(other.svg))
+        for line, repeated in zip(item.plot.drawn, other.plot.drawn, strict=True):
             span = np.nanmax(line.y) - np.nanmin(line.y) if np.isfinite(line.y).any() else 1.0
-            np.testing.assert_allclose(again.y, line.y, atol=1e-3 * max(span, 1e-9))
+            np.testing.assert_allclose(repeated.y, line.y, atol=1e-3 * max(span, 1e-9))
     assert result.loop is not None
     assert back.loop is not None
     np.testing.assert_allclose(back.loop.mv, result.loop.mv, atol=0.01)

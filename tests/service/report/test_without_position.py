@@ -44,9 +44,9 @@ def no_sign() -> WithoutPosition:
     )
 
 
-def without_mv(make_screening, valve: str, told: WithoutPosition) -> Screening:
+def without_mv(make_screening, valve: str, answer: WithoutPosition) -> Screening:
     """A valve without a verdict of which OP and PV say ``told``."""
-    return replace(make_screening(valve, Verdict.UNDETERMINED), without_position=told)
+    return replace(make_screening(valve, Verdict.UNDETERMINED), without_position=answer)
 
 
 def page_of(valves, make_context) -> str:
@@ -64,7 +64,7 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
         without_mv(make_screening, "FV-2", no_sign()),
     ]
     text = page_of(valves, make_context)
-    for said in (
+    for answer in (
         "By OP and PV alone: sticking suspected",
         suspected().reason,
         "a PV sensor that sticks",
@@ -72,7 +72,7 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
         "By OP and PV alone: no sign of sticking",
         suspected_sentence(["FV-1"]),
     ):
-        assert said in text, said
+        assert answer in text, answer
     assert "None of 2 valves needs work" in text
 
 
@@ -143,10 +143,10 @@ def test_whom_to_test_first_is_one_sentence():
 
 def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening, make_context):
     """One of three is chance; two of three are not."""
-    told = {"A": (suspected(), no_sign(), no_sign()), "B": (suspected(), suspected(), no_sign())}
+    answer = {"A": (suspected(), no_sign(), no_sign()), "B": (suspected(), suspected(), no_sign())}
     valves = [
         without_mv(make_screening, valve, item)
-        for valve, several in told.items()
+        for valve, several in answer.items()
         for item in several
     ]
     assert list(rank_valves(valves, make_context(valves)).suspected) == ["B"]

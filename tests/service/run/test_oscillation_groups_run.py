@@ -34,8 +34,8 @@ def test_a_run_over_loops_without_position_finds_their_group(stemwatch, tmp_path
     out = tmp_path / "report"
     for day in (0, 1):
         write_export(tmp_path / f"{day}.csv", START + timedelta(days=day))
-        asked = ("screen", tmp_path / f"{day}.csv", "--db", f"sqlite:///{tmp_path / 'kept.db'}")
-        assert stemwatch(*asked, "--out", out, "--workers", "1").status == 0
+        requested = ("screen", tmp_path / f"{day}.csv", "--db", f"sqlite:///{tmp_path / 'kept.db'}")
+        assert stemwatch(*requested, "--out", out, "--workers", "1").status == 0
     results = {load["valve"]: load for load in json.loads((out / "valves.json").read_text())}
     assert results["LIC104"]["oscillates_with"] == []
     for name in NAMES[:3]:

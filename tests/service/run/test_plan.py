@@ -98,8 +98,8 @@ def test_a_plants_options_hold_for_a_file_named_by_hand(folder: Path) -> None:
     """What the plant says of its source is used, and the command line's word goes before it."""
     plant = plant_in(folder, 'separator = ","\nzone = "Asia/Tokyo"')
     file = str(folder / "a.csv")
-    (said,) = make_plan(Request(sources=(file,), plant=plant)).tasks
-    assert (",", "Asia/Tokyo") == (said.read_options.separator, said.read_options.zone)
+    (answer,) = make_plan(Request(sources=(file,), plant=plant)).tasks
+    assert (",", "Asia/Tokyo") == (answer.read_options.separator, answer.read_options.zone)
     read_options = ReadOptions(zone="UTC")
     (overruled,) = make_plan(Request(sources=(file,), plant=plant, read_options=read_options)).tasks
     assert (",", "UTC") == (overruled.read_options.separator, overruled.read_options.zone)

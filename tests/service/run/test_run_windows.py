@@ -98,9 +98,9 @@ def test_the_same_window_again_is_no_change(screened, tmp_path: Path) -> None:
 def test_a_window_is_not_compared_with_itself(screened) -> None:
     """The window that the baseline comes from is said to be the baseline, and gets no ratio."""
     screened(*EARLY)
-    again = screened(*EARLY)
-    assert again["baseline"] == "This window is the baseline."
-    assert again["residuals"]["baseline"] is None
+    repeated = screened(*EARLY)
+    assert repeated["baseline"] == "This window is the baseline."
+    assert repeated["residuals"]["baseline"] is None
 
 
 def test_a_valve_keeps_its_first_baseline(screened, rows) -> None:
@@ -134,8 +134,8 @@ def test_maintenance_gives_a_new_baseline(stemwatch, screened, rows, plant: Path
     )
     assert active[0] == "first window after maintenance (sticky)"
     assert "06:15" in active[1]
-    again = screened(*LATE)
-    assert "before maintenance" not in again["baseline"]
+    repeated = screened(*LATE)
+    assert "before maintenance" not in repeated["baseline"]
 
 
 def test_a_window_before_the_maintenance_is_no_new_baseline(

@@ -42,24 +42,24 @@ class LastFirst:
 
 
 @pytest.fixture
-def found(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def result(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
     monkeypatch.setattr(execute, "PER_WORKER", 1)
     export = short_plant.parent / "export" / "historian.csv"
 
     def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:
-        told: list[tuple[str, int, int]] = []
+        answer: list[tuple[str, int, int]] = []
 
         def tell(screening: Screening, done: int, of: int) -> None:
-            told.append((screening.valve, done, of))
+            answer.append((screening.valve, done, of))
 
         with open_store(f"sqlite:///{tmp_path / name}.db") as store:
             how = RunNow(store=store, executor=executor, out=tmp_path / name)
             result = screen_now(Request(sources=(str(export),)), how, tell)
-        assert [one.valve for one in result.brief] == [one.valve for one in result.screenings]
+        assert [item.valve for item in result.brief] == [item.valve for item in result.screenings]
         assert isinstance(result.screenings, ResultSpill)
         plots = [result.screenings.evidence(index) for index in range(len(result.screenings))]
-        return [(_without_timing(screening), plots) for screening in result.screenings], told
+        return [(_without_timing(screening), plots) for screening in result.screenings], answer
 
     return screen
 
@@ -72,19 +72,19 @@ def _without_timing(screening: Screening) -> dict[str, Any]:
     return results
 
 
-def test_every_executor_finds_the_same(found, cluster: Cluster) -> None:
+def test_every_executor_finds_the_same(result, cluster: Cluster) -> None:
     """Every number, word, interval and plot is the same bit for bit, in this process, in two
     others and in a Dask cluster, though other networks train together."""
-    alone, _ = found(InProcess(), "alone")
-    together, told = found(LocalProcesses(2), "together")
-    far, _ = found(DaskCluster(cluster.host_and_port), "far")
+    alone, _ = result(InProcess(), "alone")
+    together, answer = result(LocalProcesses(2), "together")
+    far, _ = result(DaskCluster(cluster.host_and_port), "far")
     assert alone == together
     assert alone == far
-    assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in told)
+    assert ["FIC-104", "FIC-107", "FIC-113"] == sorted(valve for valve, _, _ in answer)
 
 
 def test_a_run_trains_the_networks_of_a_batch_together_on_a_gpu_that_is_there(
-    found, monkeypatch: pytest.MonkeyPatch
+    result, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The engine hands out batches that are worth a GPU, and the valves that have a fit go to it
     in one piece. Where the GPU works is put in its place here; all before it is as in a plant."""
@@ -100,35 +100,35 @@ def test_a_run_trains_the_networks_of_a_batch_together_on_a_gpu_that_is_there(
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
     monkeypatch.setattr(training, "LEAST_ON_GPU", 2)
     monkeypatch.setattr(training, "_train_on", on_a_gpu)
-    found(InProcess(), "gpu")
+    result(InProcess(), "gpu")
     assert trained == [("cuda", 2)]
 
 
 @pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
 def test_a_worker_killed_while_it_screens_changes_no_number(
-    found, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
+    result, cluster: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A worker of the cluster that dies amid a batch costs time: every number, word, interval and
     plot of every valve is the same bit for bit as without workers, and each valve comes once."""
-    alone, _ = found(InProcess(), "alone")
+    alone, _ = result(InProcess(), "alone")
     monkeypatch.setattr(execute, "CHUNK", 1)
     for attempt in range(ATTEMPTS):
-        screened = partial(found, DaskCluster(cluster.host_and_port), f"killed {attempt}")
-        lost, (killed, told) = cluster.kill_worker_amid("screen_tasks", screened)
+        screened = partial(result, DaskCluster(cluster.host_and_port), f"killed {attempt}")
+        lost, (killed, answer) = cluster.kill_worker_amid("screen_tasks", screened)
         assert [worker.poll() for worker in cluster.workers].count(-signal.SIGKILL) == 1
         if lost:
             break  # the signal came before the worker was done
         cluster.have(2)
     assert lost, f"no worker was killed amid its work in {ATTEMPTS} attempts"
     assert killed == alone
-    assert sorted(valve for valve, _, _ in told) == ["FIC-104", "FIC-107", "FIC-113"]
+    assert sorted(valve for valve, _, _ in answer) == ["FIC-104", "FIC-107", "FIC-113"]
 
 
-def test_the_order_of_work_does_not_show(found, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_order_of_work_does_not_show(result, monkeypatch: pytest.MonkeyPatch) -> None:
     """Results stand in the sources' order however they come in; progress counts as they come."""
     monkeypatch.setattr(execute, "CHUNK", 1)
-    forward, _ = found(InProcess(), "forward")
-    backward, told = found(LastFirst(), "backward")
+    forward, _ = result(InProcess(), "forward")
+    backward, answer = result(LastFirst(), "backward")
     assert forward == backward
-    assert [("FIC-113", 1, 3), ("FIC-107", 2, 3), ("FIC-104", 3, 3)] == told
+    assert [("FIC-113", 1, 3), ("FIC-107", 2, 3), ("FIC-104", 3, 3)] == answer

@@ -95,15 +95,15 @@ def _rows(store: Store, table: str) -> list[dict[str, Any]]:
     return sorted((_plain(dict(row)) for row in rows), key=repr)
 
 
-def _plain(found: Any) -> Any:
+def _plain(result: Any) -> Any:
     """``found`` without what is not compared, at any depth; JSON in a column is looked into."""
-    if isinstance(found, dict):
-        return {k: _plain(v) for k, v in found.items() if k not in NOT_COMPARED}
-    if isinstance(found, list):
-        return [_plain(item) for item in found]
-    if isinstance(found, str) and found.startswith(("{", "[")):
-        return _plain(json.loads(found))
-    return found
+    if isinstance(result, dict):
+        return {k: _plain(v) for k, v in result.items() if k not in NOT_COMPARED}
+    if isinstance(result, list):
+        return [_plain(item) for item in result]
+    if isinstance(result, str) and result.startswith(("{", "[")):
+        return _plain(json.loads(result))
+    return result
 
 
 def test_every_way_keeps_the_same(kept, cluster: Cluster) -> None:

@@ -38,10 +38,10 @@ def test_a_worker_makes_no_database(tmp_path: Path) -> None:
     """A worker on another machine sees no SQLite file: it says so and makes none."""
     address = DatabaseUrl(f"sqlite:///{tmp_path / 'stemwatch.db'}")
     stored = InStore(address=address, source="plc-1")
-    (found,) = screen_tasks([task(tmp_path / "plc-1", stored=stored)], Limits())
-    assert found.verdict is Verdict.UNDETERMINED
-    assert f"no database at {tmp_path / 'stemwatch.db'}" in found.reason
-    assert "PostgreSQL" in found.reason
+    (result,) = screen_tasks([task(tmp_path / "plc-1", stored=stored)], Limits())
+    assert result.verdict is Verdict.UNDETERMINED
+    assert f"no database at {tmp_path / 'stemwatch.db'}" in result.reason
+    assert "PostgreSQL" in result.reason
     assert list(tmp_path.iterdir()) == []
 
 
@@ -72,33 +72,33 @@ def test_there_is_a_screening_for_each_task_in_order(one_valve: Path, tmp_path: 
 
 def test_an_unread_task_knows_its_source_and_what_to_do(tmp_path: Path) -> None:
     """The screening of a file that is not there still names it and gives a next step."""
-    (found,) = screen_tasks([task(tmp_path / "gone.csv")], Limits())
-    assert str(tmp_path / "gone.csv") == found.provenance.source
-    assert "stemwatch inspect" in found.advice
-    assert found.S.value is None
-    assert found.S.reason
+    (result,) = screen_tasks([task(tmp_path / "gone.csv")], Limits())
+    assert str(tmp_path / "gone.csv") == result.provenance.source
+    assert "stemwatch inspect" in result.advice
+    assert result.S.value is None
+    assert result.S.reason
 
 
 def test_a_damaged_baseline_is_a_note(one_valve: Path) -> None:
     """Bytes that are no network cost the comparison only, and the note says to set a new one."""
     stored_baseline = StoredBaseline(network=b"no network", note="Baseline: of last year.")
-    (found,) = screen_tasks([task(one_valve, baseline=stored_baseline)], Limits())
-    assert found.verdict is Verdict.STICKY
-    assert found.baseline_note.startswith("Baseline: of last year. It cannot be read (")
-    assert found.baseline_note.endswith("set a new one.")
+    (result,) = screen_tasks([task(one_valve, baseline=stored_baseline)], Limits())
+    assert result.verdict is Verdict.STICKY
+    assert result.baseline_note.startswith("Baseline: of last year. It cannot be read (")
+    assert result.baseline_note.endswith("set a new one.")
 
 
 def test_tasks_and_their_screenings_can_travel(one_valve: Path) -> None:
     """Task and result survive the way to another process and back, recording and network too."""
     tasks = [task(one_valve)]
     assert tasks == pickle.loads(pickle.dumps(tasks))
-    (found,) = screen_tasks(tasks, Limits())
-    again = pickle.loads(pickle.dumps(found))
-    assert (found.S, found.J, found.reason) == (again.S, again.J, again.reason)
-    assert found.recording is not None
-    assert len(found.recording) == len(again.recording)
-    assert found.network is not None
-    assert found.network.to_bytes() == again.network.to_bytes()
+    (result,) = screen_tasks(tasks, Limits())
+    repeated = pickle.loads(pickle.dumps(result))
+    assert (result.S, result.J, result.reason) == (repeated.S, repeated.J, repeated.reason)
+    assert result.recording is not None
+    assert len(result.recording) == len(repeated.recording)
+    assert result.network is not None
+    assert result.network.to_bytes() == repeated.network.to_bytes()
 
 
 def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
@@ -106,18 +106,18 @@ def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
     recording = open_file(str(one_valve), ReadOptions()).read(task(one_valve).tags)
     curve, day = StrokeCurve(op=(50.0, 100.0), travel=(0.0, 100.0)), timedelta(days=1)
 
-    def earlier(days: int, found: StrokeCurve | None) -> EarlierCurve:
+    def earlier(days: int, result: StrokeCurve | None) -> EarlierCurve:
         start, end = recording.start, recording.end
-        return EarlierCurve(start=start - days * day, end=end - days * day, curve=found)
+        return EarlierCurve(start=start - days * day, end=end - days * day, curve=result)
 
     kept = (earlier(-1, None), earlier(0, None), earlier(1, curve), earlier(2, None))
-    asked = task(one_valve, earlier_curves=kept)
-    assert known_curve(asked, recording) == KnownCurve(curve)
-    assert case_of(asked).known_curve == KnownCurve(curve)
+    requested = task(one_valve, earlier_curves=kept)
+    assert known_curve(requested, recording) == KnownCurve(curve)
+    assert case_of(requested).known_curve == KnownCurve(curve)
     result = KnownCurve(None, given=True)
-    assert known_curve(replace(asked, given_curve=result), recording) == result
-    assert known_curve(replace(asked, earlier_curves=kept[:2]), recording) is None
-    assert known_curve(asked, replace(recording, start=None)) is None
+    assert known_curve(replace(requested, given_curve=result), recording) == result
+    assert known_curve(replace(requested, earlier_curves=kept[:2]), recording) is None
+    assert known_curve(requested, replace(recording, start=None)) is None
 
 
 def test_valves_of_one_small_file_are_dealt_to_all_workers(tmp_path: Path) -> None:

@@ -32,8 +32,8 @@ from tests.service.serve.running_service import SERVICE, Site, get, site_in, unt
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:
     """A folder for the service."""
-    with site_in(tmp_path) as made:
-        yield made
+    with site_in(tmp_path) as created:
+        yield created
 
 
 @pytest.fixture
@@ -77,9 +77,9 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
     assert get(address)[0] == 200
     assert json.loads(get(address + "healthz")[1])["ok"]
     result = csv_site.start("run-now", "FIC-104", "--who", "Ann")
-    said, _ = result.communicate(timeout=120)
-    assert "the service works on it" in said
-    assert "done, 1 of 1 valves (1 sticky)" in said
+    text, _ = result.communicate(timeout=120)
+    assert "the service works on it" in text
+    assert "done, 1 of 1 valves (1 sticky)" in text
     assert "FIC-104" in get(address)[1]
     process.send_signal(signal.SIGTERM)
     assert process.wait(timeout=40) == 0, csv_site.log()
@@ -89,10 +89,10 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
 def test_run_now_works_without_a_service(csv_site: Site) -> None:
     """Where no service runs the command does the run itself, report and all."""
     result = csv_site.start("run-now")
-    said, _ = result.communicate(timeout=180)
+    text, _ = result.communicate(timeout=180)
     assert result.returncode == 0, csv_site.log()
-    assert "this command does it" in said
-    assert "3 of 3 valves" in said
+    assert "this command does it" in text
+    assert "3 of 3 valves" in text
     with csv_site.store() as store:
         (run,) = store.queue.recent()
         assert run.state is RunState.DONE
@@ -113,9 +113,9 @@ def test_run_now_that_is_asked_to_stop_leaves_its_run_to_the_next(
         )
         cut.send_signal(number)
         cut.send_signal(number)
-        said, _ = cut.communicate(timeout=120)
+        text, _ = cut.communicate(timeout=120)
         assert cut.returncode == 1, csv_site.log()
-        assert "Run 1 is left" in said
+        assert "Run 1 is left" in text
         assert "Traceback" not in csv_site.log()
         result = csv_site.start("run-now")
         assert "3 of 3 valves" in result.communicate(timeout=600)[0]
@@ -192,11 +192,11 @@ def test_listening_to_other_machines_is_said(caplog) -> None:
         assert caplog.text == ""
     with listen("0.0.0.0", 0):
         assert "put a proxy with TLS before it" in caplog.text
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
+    with socket.socket() as accepted:
+        accepted.bind(("127.0.0.1", 0))
+        accepted.listen()
         with pytest.raises(CannotListen, match=r"cannot listen on .*--port"):
-            listen("127.0.0.1", taken.getsockname()[1])
+            listen("127.0.0.1", accepted.getsockname()[1])
 
 
 def test_the_simulated_plants_file_is_read(tmp_path: Path) -> None:

@@ -32,8 +32,8 @@ def csv_site(tmp_path: Path, plant: Path) -> Iterator[Site]:
     """The small plant of exports, with a service's settings."""
     patient = SERVICE.replace("valve_timeout_s = 60", "valve_timeout_s = 600")
     plant.write_text(patient + plant.read_text(encoding="utf-8"), encoding="utf-8")
-    with site_in(tmp_path) as made:
-        yield made
+    with site_in(tmp_path) as created:
+        yield created
 
 
 @contextmanager
@@ -48,10 +48,10 @@ def strangers(address: str, count: int) -> Iterator[None]:
             for link in list(links):
                 with suppress(BlockingIOError):
                     try:
-                        gone = link.recv(1000) is not None
+                        removed = link.recv(1000) is not None
                     except ConnectionError:
-                        gone = True
-                    if gone:
+                        removed = True
+                    if removed:
                         link.close()
                         links.remove(link)
             while len(links) < count and not stop.is_set():
@@ -80,7 +80,7 @@ def under_siege(
 ) -> None:
     """Pages answer and every run is done while strangers hold as many connections as they get."""
     process, address = site.serve(descriptors=descriptors)
-    began = time.monotonic()
+    started = time.monotonic()
     with site.store() as store, strangers(address, connections):
         for _ in range(runs):
             number = store.queue.put(
@@ -88,16 +88,16 @@ def under_siege(
             )
 
             def over(number: int = number) -> bool:
-                asked = time.monotonic()
+                requested = time.monotonic()
                 assert get(f"{address}valve?id=FIC-104")[0] == 200
-                assert time.monotonic() - asked < PATIENCE_S
+                assert time.monotonic() - requested < PATIENCE_S
                 time.sleep(0.5)
                 return store.run(number).finished is not None
 
             until(over, seconds=400, site=site)
             run = store.run(number)
             assert (run.state, run.done, run.set_aside) == (RunState.DONE, 1, 0), site.log()
-        while time.monotonic() - began < seconds:
+        while time.monotonic() - started < seconds:
             assert get(address)[0] == 200
             time.sleep(0.5)
     assert process.poll() is None

@@ -88,18 +88,18 @@ def database_like(template: str, server: str) -> Iterator[str]:
 @pytest.fixture
 def new_database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Callable[[str], str]]:
     """Gives URLs of empty databases: ``new_database("sqlite")``, ``new_database("postgresql")``."""
-    made: list[str] = []
+    created: list[str] = []
 
     def make(engine: str) -> str:
         if engine == "sqlite":
             return f"sqlite:///{tmp_path / uuid.uuid4().hex}.db"
         server = request.getfixturevalue("postgres_server")
-        made.append(f"stemwatch_test_{uuid.uuid4().hex[:12]}")
-        _administer(server, f'CREATE DATABASE "{made[-1]}"')
-        return make_url(server).set(database=made[-1]).render_as_string(hide_password=False)
+        created.append(f"stemwatch_test_{uuid.uuid4().hex[:12]}")
+        _administer(server, f'CREATE DATABASE "{created[-1]}"')
+        return make_url(server).set(database=created[-1]).render_as_string(hide_password=False)
 
     yield make
-    for name in made:
+    for name in created:
         server = request.getfixturevalue("postgres_server")
         _administer(server, f'DROP DATABASE "{name}" WITH (FORCE)')
 

@@ -51,16 +51,16 @@ def test_a_screening_comes_back_as_it_was_saved(
     screening = make_screening(without_position=SUSPECTED)
     run = begin(store)
     store.save(screening, run)
-    (found,) = store.screenings("FIC-101")
+    (result,) = store.screenings("FIC-101")
     names = (
         "valve verdict reason advice shape severity confidence S residuals quality still_seen "
         "baseline_note provenance seconds window without_position"
     )
     for name in names.split():
-        assert getattr(found, name) == getattr(screening, name), name
-    assert found.J.reason == "too few slips"
-    assert (found.run_id, found.software_version, found.settings_digest) == (run, "1.2", "d1")
-    assert found.at == START + timedelta(minutes=10)
+        assert getattr(result, name) == getattr(screening, name), name
+    assert result.J.reason == "too few slips"
+    assert (result.run_id, result.software_version, result.settings_digest) == (run, "1.2", "d1")
+    assert result.at == START + timedelta(minutes=10)
 
 
 def test_the_same_window_again_replaces_the_screening(
@@ -151,17 +151,17 @@ def test_any_screening_saved_twice_is_one_row_with_the_latest_values(
     first = store.save(make_screening(**before), run)
     screening = make_screening(**after)
     assert first == store.save(screening, run)
-    (found,) = store.screenings(valve)
+    (result,) = store.screenings(valve)
     assert store.previous_finding(screening) is None
-    assert (found.verdict, found.shape) == (screening.verdict, screening.shape)
-    assert found.reason == storable(screening.reason)
-    assert found.still_seen == tuple(map(storable, screening.still_seen))
-    assert found.severity == (screening.severity if math.isfinite(screening.severity) else 0.0)
-    assert set(found.residuals) == set(map(storable, screening.residuals))
+    assert (result.verdict, result.shape) == (screening.verdict, screening.shape)
+    assert result.reason == storable(screening.reason)
+    assert result.still_seen == tuple(map(storable, screening.still_seen))
+    assert result.severity == (screening.severity if math.isfinite(screening.severity) else 0.0)
+    assert set(result.residuals) == set(map(storable, screening.residuals))
     if screening.S.value is not None and math.isfinite(screening.S.value):
-        assert found.S.value == screening.S.value
+        assert result.S.value == screening.S.value
     else:
-        assert found.S.reason
+        assert result.S.reason
 
 
 def storable(text: str) -> str:
@@ -173,8 +173,8 @@ def test_a_screening_that_cannot_be_saved_does_not_cost_the_others(
 ) -> None:
     """One broken screening is reported with its reason; the rest is in the store."""
     broken = make_screening(valve="FIC-102", verdict="rusty")
-    many = [make_screening(valve="FIC-101"), broken, make_screening(valve="FIC-103")]
-    report = store.save_many(many, begin(store))
+    several = [make_screening(valve="FIC-101"), broken, make_screening(valve="FIC-103")]
+    report = store.save_many(several, begin(store))
     assert 2 == report.saved
     assert ["FIC-102"] == [failure.valve for failure in report.failures]
     assert "'rusty' is not a valid Verdict" in report.failures[0].reason
@@ -232,8 +232,8 @@ def test_the_ranking_has_each_valve_once_and_the_worst_first(
 def test_saving_the_valves_again_updates_them(store: Store, make_screening: MakeScreening) -> None:
     """The plant file's facts win; a screening alone never overwrites them; more than one
     statement's worth of valves is no trouble."""
-    many = [StoredValve(id=f"V{n:04}") for n in range(1200)]
-    store.save_valves(many)
+    several = [StoredValve(id=f"V{n:04}") for n in range(1200)]
+    store.save_valves(several)
     store.save_valves([StoredValve(id="V0007", description="Feed", area="east", criticality=3)])
     store.save(make_screening(valve="V0007"), begin(store))
     assert 1200 == len(store.valves())

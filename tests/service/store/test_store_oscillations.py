@@ -84,12 +84,12 @@ def test_the_same_window_again_replaces_its_groups(
     first = screened(store, make_screening, START)
     store.keep_oscillations(first, [group(), other])
     store.keep_oscillations(first, [group(), other])
-    again = screened(store, make_screening, START)
-    store.keep_oscillations(again, [replace(group(), outside=0.7)])
+    repeated = screened(store, make_screening, START)
+    store.keep_oscillations(repeated, [replace(group(), outside=0.7)])
     kept = store.oscillations(NOW)
     assert sorted((item.run_id, item.group.outside) for item in kept) == [
         (first, 0.1),
-        (again, 0.7),
+        (repeated, 0.7),
     ]
 
 

@@ -22,8 +22,8 @@ def test_pictures_live_and_go_with_their_screening(
     newest, oldest = (screening.id for screening in store.screenings(first.valve))
     assert store.packed_pictures(oldest) == b"one"
     assert store.packed_pictures(newest) == b""
-    again = store.save(first, run, packed_pictures=b"other")
-    assert (again, store.packed_pictures(again)) == (oldest, b"other")
+    repeated = store.save(first, run, packed_pictures=b"other")
+    assert (repeated, store.packed_pictures(repeated)) == (oldest, b"other")
     store.save(second, run)
     prune(store, RetentionDays(results_days=1), START + timedelta(days=400))
     assert [screening.id for screening in store.screenings(first.valve)] == [newest]
@@ -36,13 +36,13 @@ def test_work_has_the_windows_before_and_after_it(
     """The last before it and the latest after it; a window in which the work was done is neither,
     nor is one without pictures; work with no window after it says nothing yet."""
     run = store.begin_run(software_version="1")
-    made = [make_screening(start=START + day * 24 * HOUR) for day in range(6)]
-    valve = made[0].valve
+    created = [make_screening(start=START + day * 24 * HOUR) for day in range(6)]
+    valve = created[0].valve
     assert store.around_work(valve) is None
-    for day, one in enumerate(made):
-        store.save(one, run, packed_pictures=b"" if day == 5 else f"{day}".encode())
+    for day, item in enumerate(created):
+        store.save(item, run, packed_pictures=b"" if day == 5 else f"{day}".encode())
     assert store.around_work(valve) is None
-    middle = made[2].window[0]
+    middle = created[2].window[0]
     assert middle is not None
     store.record_maintenance(valve, middle + timedelta(seconds=1), "packing renewed", "K. Berg")
     store.record_maintenance(valve, START + timedelta(days=90), "not screened since", "")
@@ -50,5 +50,5 @@ def test_work_has_the_windows_before_and_after_it(
     assert around is not None
     assert (around.work.note, around.work.who) == ("packing renewed", "K. Berg")
     assert (around.before.packed, around.after.packed) == (b"1", b"4")
-    assert around.before.end == made[1].window[1]
-    assert around.after.S == made[4].S.value
+    assert around.before.end == created[1].window[1]
+    assert around.after.S == created[4].S.value

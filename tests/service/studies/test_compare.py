@@ -70,13 +70,13 @@ def test_the_model_that_made_the_record_is_among_the_best(compared):
 
 def test_every_model_and_every_network_has_a_row():
     """Fifteen models and three networks, each with marks or a sentence."""
-    told = []
+    answer = []
     comparison = compare(
-        made(700), 450, on_progress=lambda model, done, of: told.append((model, of))
+        made(700), 450, on_progress=lambda model, done, of: answer.append((model, of))
     )
     names = [row.model for row in comparison.rows]
     assert names == [*(model.name for model in EVERY), *(network.name for network in NETWORKS)]
-    assert told == [(name, 18) for name in names]
+    assert answer == [(name, 18) for name in names]
     assert all(row.training is not None or row.outcome for row in comparison.rows)
 
 

@@ -102,9 +102,9 @@ def test_a_loop_is_the_same_alone_and_in_company(followed: list[Followed]) -> No
 
 def test_progress_counts_loops_and_not_rows() -> None:
     """The caller hears of loops, whatever the number of ways."""
-    told: list[int] = []
-    run_drift(1, SEED, InProcess(), told.append, HEALTHY)
-    assert [1] == told
+    answer: list[int] = []
+    run_drift(1, SEED, InProcess(), answer.append, HEALTHY)
+    assert [1] == answer
 
 
 def test_a_loop_without_a_baseline_says_why() -> None:
@@ -127,8 +127,8 @@ def test_a_loop_without_a_baseline_says_why() -> None:
 )
 def test_the_score_is_the_median_of_the_last_three_scored_windows(ratios, score, refused) -> None:
     """Refused windows are passed over; one scored window is too few."""
-    one = of(ValveFate.UNCHANGED, *ratios)
-    assert (score, refused) == (one.score, one.refused)
+    item = of(ValveFate.UNCHANGED, *ratios)
+    assert (score, refused) == (item.score, item.refused)
 
 
 def test_scores_leave_out_valves_that_have_none() -> None:
@@ -149,10 +149,10 @@ def test_the_area_is_the_share_of_pairs_in_order(healthy, growing, expected) -> 
 
 def test_the_interval_of_a_perfect_area_is_not_empty() -> None:
     """At 1 the lower end solves 1 - A = 1.96 standard errors, and more valves bring it nearer."""
-    few, many = (auc(np.zeros(n).tolist(), np.ones(n).tolist()) for n in (5, 50))
-    assert few.low < many.low < 1.0
-    assert 1.0 == few.high == many.high
-    A, n = many.low, 50
+    few, several = (auc(np.zeros(n).tolist(), np.ones(n).tolist()) for n in (5, 50))
+    assert few.low < several.low < 1.0
+    assert 1.0 == few.high == several.high
+    A, n = several.low, 50
     variance = A * (1 - A) * (1 + (n - 1) * ((1 - A) / (2 - A) + A / (1 + A))) / n**2
     assert 1.0 - A == pytest.approx(1.959964 * np.sqrt(variance), rel=1e-6)
 
@@ -241,9 +241,9 @@ def test_the_json_can_be_counted_again() -> None:
     assert [item.score for item in MADE] == [row["score"] for row in written["followed"]]
     watch = written["limits"]["watch limit"]
     (growing,) = [row for row in watch["alarms"] if row["of"] == "growing stiction"]
-    counted = [r["score"] for r in written["followed"] if r["way"] == "growing stiction"]
+    counts = [r["score"] for r in written["followed"] if r["way"] == "growing stiction"]
     limit = Limits().baseline_ratio_watch
-    assert growing["alarms"] == sum(score is not None and score > limit for score in counted)
+    assert growing["alarms"] == sum(score is not None and score > limit for score in counts)
 
 
 def test_the_command_writes_its_json(tmp_path) -> None:

@@ -20,18 +20,18 @@ from stemwatch.service.studies.position_free import (
 @pytest.fixture(scope="module")
 def trained():
     """Networks of few loops: quick, and good for little."""
-    told: list[int] = []
-    training = run_training(60, 5151, InProcess(), told.append)
-    assert told[-1] == sum(map(len, items_of_training(60, 5151)))
+    answer: list[int] = []
+    training = run_training(60, 5151, InProcess(), answer.append)
+    assert answer[-1] == sum(map(len, items_of_training(60, 5151)))
     return training
 
 
 @pytest.mark.long
 def test_training_again_gives_the_same(trained) -> None:
     """One seed, one result."""
-    again = run_training(60, 5151, InProcess(), lambda _: None)
-    assert again.limits == trained.limits
-    for name, array in again.network.arrays.items():
+    repeated = run_training(60, 5151, InProcess(), lambda _: None)
+    assert repeated.limits == trained.limits
+    for name, array in repeated.network.arrays.items():
         assert np.array_equal(array, trained.network.arrays[name]), name
 
 

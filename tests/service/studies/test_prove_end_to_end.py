@@ -27,12 +27,12 @@ def proved(tmp_path_factory: pytest.TempPathFactory, stemwatch):
 
 def test_the_digest_is_printed_before_anything_else(proved) -> None:
     """The first line is the seal, and the kept truth has that digest."""
-    outcome, found, folder = proved
+    outcome, result, folder = proved
     first = outcome.out.strip().splitlines()[0]
     digest = re.search(r"Truth of 5 cases sealed, SHA-256 ([0-9a-f]{64})", first)
     assert digest
     assert digest[1] == hashlib.sha256((folder / "truth.json").read_bytes()).hexdigest()
-    assert digest[1] == found["digest"]
+    assert digest[1] == result["digest"]
 
 
 def test_the_tables_are_printed(proved) -> None:
@@ -44,18 +44,18 @@ def test_the_tables_are_printed(proved) -> None:
 
 def test_every_case_was_judged_from_its_file(proved) -> None:
     """One answer for each CSV file, and no case without a verdict."""
-    _, found, folder = proved
+    _, result, folder = proved
     files = sorted(path.name for path in folder.glob("*.csv"))
-    assert files == sorted(mark["said"]["file"] for mark in found["marks"])
-    assert [] == [m for m in found["marks"] if m["said"]["verdict"] == "not_testable"]
-    assert all(mark["said"]["seconds"] > 0.0 for mark in found["marks"])
+    assert files == sorted(mark["said"]["file"] for mark in result["marks"])
+    assert [] == [m for m in result["marks"] if m["said"]["verdict"] == "not_testable"]
+    assert all(mark["said"]["seconds"] > 0.0 for mark in result["marks"])
 
 
 def test_the_same_seed_gives_the_same_truth(proved, tmp_path) -> None:
     """The digest can be had again from the seed, by whoever doubts it."""
-    _, found, _ = proved
+    _, result, _ = proved
     cases = draw_cases(5, 31, concealment="short")
-    assert found["digest"] == write_cases(cases, 31, tmp_path, InProcess(), lambda _: None).digest
+    assert result["digest"] == write_cases(cases, 31, tmp_path, InProcess(), lambda _: None).digest
 
 
 def test_a_kept_folder_must_be_empty(stemwatch, tmp_path) -> None:

@@ -46,8 +46,8 @@ def marked(hidden=(), named=(), **changes) -> CaseMark:
 
 def rate(marks, group: str, name: str):
     """The rate of that group and name."""
-    (found,) = [item for item in headline(marks) if (item.group, item.name) == (group, name)]
-    return found
+    (result,) = [item for item in headline(marks) if (item.group, item.name) == (group, name)]
+    return result
 
 
 def test_rates_of_single_effects_count_what_was_excited_and_routine() -> None:
@@ -186,17 +186,17 @@ def biased(naive: float, restated: float | None) -> CaseMark:
 
 def test_errors_of_s_count_only_where_the_naive_one_is_off() -> None:
     """A naive value within 0.3 % of the truth is not biased; J without numbers has no row."""
-    (found,) = stiction_errors([biased(9.0, 5.5), biased(7.0, 5.1), biased(5.2, 8.0)])
-    assert ("S", 2) == (found.name, found.of)
-    assert (3.0, 0.3) == pytest.approx((found.naive, found.restated))
-    assert found.reached
+    (result,) = stiction_errors([biased(9.0, 5.5), biased(7.0, 5.1), biased(5.2, 8.0)])
+    assert ("S", 2) == (result.name, result.of)
+    assert (3.0, 0.3) == pytest.approx((result.naive, result.restated))
+    assert result.reached
 
 
 def test_a_restated_number_that_is_withheld_is_no_gain() -> None:
     """Where S is not restated, its error is the naive one."""
-    (found,) = stiction_errors([biased(9.0, None)])
-    assert pytest.approx(1.0) == found.ratio
-    assert not found.reached
+    (result,) = stiction_errors([biased(9.0, None)])
+    assert pytest.approx(1.0) == result.ratio
+    assert not result.reached
 
 
 def test_heldout_fits_are_medians_over_what_was_hidden() -> None:

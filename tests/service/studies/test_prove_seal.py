@@ -66,8 +66,8 @@ def test_a_tampered_truth_is_refused(place: int, letter: str) -> None:
 
 def test_another_truth_has_another_digest() -> None:
     """The smallest change of a number shows."""
-    one = case(1)
-    assert seal([one]).digest != seal([replace(one, S=one.S + 1e-12)]).digest
+    item = case(1)
+    assert seal([item]).digest != seal([replace(item, S=item.S + 1e-12)]).digest
 
 
 def test_a_truth_without_an_answer_is_not_scored() -> None:

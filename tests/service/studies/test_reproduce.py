@@ -55,11 +55,11 @@ def test_the_json_holds_every_network_with_the_papers_figures(written: dict[str,
 def test_each_target_says_what_was_found_and_whether_it_is_met(result: CaseResult) -> None:
     """The sine and, for four kinds of input, the median and four in five; numbers from ours."""
     own = next(item for item in result.results if item.network == OURS)
-    found = targets(result)
-    assert len(found) == 9
-    assert found[0].found == own.rmse[own.chosen]
-    assert [target.found for target in found[1::2]] == [item.median for item in own.unseen]
-    assert [target.met for target in found] == [target.found <= target.limit for target in found]
+    answer = targets(result)
+    assert len(answer) == 9
+    assert answer[0].found == own.rmse[own.chosen]
+    assert [target.found for target in answer[1::2]] == [item.median for item in own.unseen]
+    assert [target.met for target in answer] == [target.found <= target.limit for target in answer]
 
 
 def test_the_table_names_case_networks_and_targets(

@@ -15,11 +15,11 @@ WAY = "8 hours, stored every 60 s"
 def test_eight_hours_have_the_moves_of_the_first_in_each() -> None:
     """The set point of the first hour comes again; an hour alone is as it was."""
     valve = draw_valves(1, 8484)[1]
-    one, eight = recorded(valve), recorded(valve, 8)
-    assert len(eight) == pytest.approx(8 * len(one), abs=8)
+    item, eight = recorded(valve), recorded(valve, 8)
+    assert len(eight) == pytest.approx(8 * len(item), abs=8)
     set_point = next(values for role, values in eight.signals.items() if role.value == "sp").values
-    hour = len(one)
-    start = next(values for role, values in one.signals.items() if role.value == "sp").values
+    hour = len(item)
+    start = next(values for role, values in item.signals.items() if role.value == "sp").values
     assert np.array_equal(set_point[:hour], start)
     last = round(max(at for at, _ in valve.case.loop.setpoints)) + 5
     assert set_point[hour + last] == set_point[last]
@@ -51,7 +51,7 @@ def test_a_bound_of_S_holds_where_S_is_not_below_it() -> None:
 def test_where_no_valve_has_an_S_the_table_says_so(stemwatch, monkeypatch) -> None:
     """Not "nan": no S and no J."""
     monkeypatch.setattr(robustness, "run_robustness", lambda *_: [answer(None), answer(None)])
-    said = stemwatch("robustness", "--valves", 2, "--seed", 8484, "--way", WAY).said
-    assert "no S" in said
-    assert "no J" in said
-    assert "nan" not in said
+    text = stemwatch("robustness", "--valves", 2, "--seed", 8484, "--way", WAY).said
+    assert "no S" in text
+    assert "no J" in text
+    assert "nan" not in text

@@ -33,13 +33,13 @@ def test_both_formats_hold_the_same(tmp_path: Path) -> None:
     """Every sample of every valve is the same from Parquet and from CSV, across midnight."""
     parquet, csv = written(tmp_path / "p", "parquet"), written(tmp_path / "c", "csv")
     assert list(parquet) == list(csv) == ["FV-00001", "FV-00002", "FV-00003"]
-    for valve, one in parquet.items():
+    for valve, item in parquet.items():
         other = csv[valve]
-        assert (one.start, one.interval_s, len(one)) == (other.start, other.interval_s, 1800)
-        assert one.start == PLAN.start
+        assert (item.start, item.interval_s, len(item)) == (other.start, other.interval_s, 1800)
+        assert item.start == PLAN.start
         for role in (Role.OP, Role.MV, Role.PV, Role.SP):
             assert np.array_equal(
-                one.signals[role].values, other.signals[role].values, equal_nan=True
+                item.signals[role].values, other.signals[role].values, equal_nan=True
             )
     dates = sorted(path.name for path in (tmp_path / "p" / "parquet").iterdir())
     assert dates == ["date=2026-03-01", "date=2026-03-02"]

@@ -73,8 +73,8 @@ def test_a_seed_that_intervals_were_calibrated_with_is_said(stemwatch) -> None:
 
 def test_the_same_seed_gives_the_same_marks(marked: list[Marked]) -> None:
     """A trial can be repeated, timings aside."""
-    again = run_trial(4, 3, InProcess(), lambda _: None, narx=False)
-    assert [replace(m, seconds=0.0) for m in marked] == [replace(m, seconds=0.0) for m in again]
+    repeated = run_trial(4, 3, InProcess(), lambda _: None, narx=False)
+    assert [replace(m, seconds=0.0) for m in marked] == [replace(m, seconds=0.0) for m in repeated]
 
 
 def test_the_batch_of_a_valve_changes_no_mark(marked: list[Marked]) -> None:
@@ -87,19 +87,19 @@ def test_the_batch_of_a_valve_changes_no_mark(marked: list[Marked]) -> None:
 
 def test_progress_tells_how_many_are_done() -> None:
     """The caller hears of every batch, at the end of all loops."""
-    told: list[int] = []
-    run_trial(2, 5, InProcess(), told.append, narx=False)
-    assert told == [3]
+    answer: list[int] = []
+    run_trial(2, 5, InProcess(), answer.append, narx=False)
+    assert answer == [3]
 
 
 def test_rates_count_each_valve_in_its_groups(marked: list[Marked]) -> None:
     """The verdicts of a group add up to the group, for all healthy, all sticking and each story."""
-    counted = list(rates(marked))
+    counts = list(rates(marked))
     for name, size in (("all healthy", 4), ("all sticking", 2)):
-        group = [(count, of) for group, _, count, of in counted if group == name]
+        group = [(count, of) for group, _, count, of in counts if group == name]
         assert size == sum(count for count, _ in group)
         assert {size} == {of for _, of in group}
-    stories = sum(count for group, _, count, _ in counted if not group.startswith("all "))
+    stories = sum(count for group, _, count, _ in counts if not group.startswith("all "))
     assert stories == len(marked)
 
 

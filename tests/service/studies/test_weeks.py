@@ -48,11 +48,11 @@ def valve(hidden, *named, S=4.0):
 
 def test_false_alarms_are_valves_on_which_anything_was_ever_confirmed():
     """One that is gone again was false all the same; one window alone is none."""
-    gone = valve((), "dead_time", "dead_time", *[""] * 8)
+    removed = valve((), "dead_time", "dead_time", *[""] * 8)
     once = valve((), "dead_time", *[""] * 9)
-    counted = count_over([gone, once], 10)
-    assert (counted.false, counted.nulls) == (1, 2)
-    assert count_over([gone, once], 1).false == 0
+    counts = count_over([removed, once], 10)
+    assert (counts.false, counts.nulls) == (1, 2)
+    assert count_over([removed, once], 1).false == 0
 
 
 def test_effects_are_counted_by_class_and_wrong_names_apart():
@@ -60,15 +60,15 @@ def test_effects_are_counted_by_class_and_wrong_names_apart():
     right = valve(("flow_force",), "flow_force", "flow_force", "", "")
     wrong = valve(("flow_force",), "dead_time", "dead_time", "", "")
     missed = valve(("flow_force",), "", "", "", "flow_force")
-    counted = count_over([right, wrong, missed], 4)
-    assert (counted.found, counted.valves) == (1, 3)
-    assert (counted.right, counted.named) == (1, 2)
+    counts = count_over([right, wrong, missed], 4)
+    assert (counts.found, counts.valves) == (1, 3)
+    assert (counts.right, counts.named) == (1, 2)
 
 
 def test_s_and_j_of_one_window_and_of_all_together():
     """Where an effect is confirmed; the truth 4.0 lies in both intervals."""
-    one, together = size_errors([valve(("flow_force",), "flow_force", "flow_force", "flow_force")])
-    assert (one.holds, one.of) == (6, 6)
+    item, together = size_errors([valve(("flow_force",), "flow_force", "flow_force", "flow_force")])
+    assert (item.holds, item.of) == (6, 6)
     assert (together.holds, together.of) == (2, 2)
     assert together.median == pytest.approx(0.1)
 
@@ -96,9 +96,9 @@ def test_nothing_hidden_stays_nothing_in_later_windows():
 def test_a_late_command_is_confirmed_and_nothing_else(stemwatch):
     """Two valves over three windows each, one with nothing hidden."""
     followed = follow(1, 3, 1, 3, 7171, InProcess(), effects=("dead_time",))
-    counted = count_over(followed, 3)
-    assert (counted.false, counted.nulls) == (0, 1)
-    assert (counted.found, counted.valves) == (1, 1)
+    counts = count_over(followed, 3)
+    assert (counts.false, counts.nulls) == (0, 1)
+    assert (counts.found, counts.valves) == (1, 1)
     assert simulate_hidden(windows_of(draw_nulls(1, 5151)[0], 2)[1])[1].recording.mv is not None
     outcome = stemwatch(
         "prove-weeks", "--nulls", 1, "--days", 2, "--valves", 0, "--seed", 5151, "--workers", 1

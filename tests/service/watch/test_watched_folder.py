@@ -84,9 +84,9 @@ def test_an_export_is_taken_in_and_read_back_the_same(
 ) -> None:
     """A valve's recording from the store is the one that the file gives."""
     drop(folder, "monday.csv", export.read_bytes())
-    (taken,) = twice(folder)
-    assert taken.accepted
-    assert taken.samples > 0
+    (accepted,) = twice(folder)
+    assert accepted.accepted
+    assert accepted.samples > 0
     assert [path.name for path in (folder.folder / "done").iterdir()] == ["monday.csv"]
     tags = watched.valve_tags(STICKY)
     (source,) = watched.sources
@@ -106,9 +106,9 @@ def test_a_valve_is_screened_from_the_store(
     drop(folder, "monday.csv", export.read_bytes())
     twice(folder)
     tasks = [task for task in make_plan(Request(plant=watched)).tasks if task.tags.valve == STICKY]
-    (found,) = screen_tasks(tasks, watched.limits)
-    assert found.verdict is Verdict.STICKY
-    assert found.provenance.layout == "samples in the store"
+    (result,) = screen_tasks(tasks, watched.limits)
+    assert result.verdict is Verdict.STICKY
+    assert result.provenance.layout == "samples in the store"
     empty = Window(start=datetime(2030, 1, 1, tzinfo=UTC))
     task = replace(tasks[0], window=empty)
     (nothing,) = screen_tasks([task], watched.limits)
@@ -153,7 +153,7 @@ def test_a_fresh_file_rests_first(watched: Plant, store: Store, export: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "text"),
     [
         (b"", "empty"),
         (b"\x00\x01\x02" * 100, ""),
@@ -162,7 +162,7 @@ def test_a_fresh_file_rests_first(watched: Plant, store: Store, export: Path) ->
     ],
 )
 def test_what_cannot_be_taken_is_rejected_with_its_reason(
-    folder: WatchedFolder, store: Store, content: bytes, said: str
+    folder: WatchedFolder, store: Store, content: bytes, text: str
 ) -> None:
     """The file lies in rejected beside a note, and the others are taken in all the same."""
     drop(folder, "bad.csv", content)
@@ -171,7 +171,7 @@ def test_what_cannot_be_taken_is_rejected_with_its_reason(
     rejected = folder.folder / "rejected"
     note = (rejected / "bad.csv.why.txt").read_text(encoding="utf-8")
     assert note.strip() == file.note
-    assert said in note
+    assert text in note
     assert len(note) > 20
     assert (rejected / "bad.csv").read_bytes() == content
     assert store.sources.taken(file.digest).note == file.note
@@ -313,8 +313,8 @@ def test_a_reader_that_is_killed_is_tried_once_more(
     monkeypatch.setattr(module, "take_in", killed)
     drop(folder, "monday.csv", export.read_bytes())
     assert [*twice(folder)] == []
-    (taken,) = folder.look()
-    assert taken.accepted
+    (accepted,) = folder.look()
+    assert accepted.accepted
     deaths += ["it ended with -9"] * 2
     drop(folder, "other.csv", export.read_bytes() + b"\n")
     assert [*twice(folder)] == []

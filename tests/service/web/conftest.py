@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 from collections.abc import Callable, Iterator
@@ -20,8 +19,6 @@ from tests.service.store.conftest import sqlite_template as sqlite_template
 from tests.service.web import example_plant
 from tests.service.web.signed_in import cookie_of
 
-CHROMIUM = shutil.which("chromium")
-ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--no-first-run"]
 PATIENCE_S = 30.0  # with a machine that has other tests to run
 
 
@@ -36,9 +33,9 @@ def store(sqlite_template: Path, tmp_path: Path) -> Iterator[Store]:
 @pytest.fixture(scope="session")
 def _made_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("made") / "store.db"
-    with open_store(f"sqlite:///{path}") as made:
-        example_plant.fill(made)
-        example_plant.write_samples(made)
+    with open_store(f"sqlite:///{path}") as created:
+        example_plant.fill(created)
+        example_plant.write_samples(created)
     return path
 
 
@@ -102,20 +99,6 @@ def send(client: httpx.Client) -> Callable[..., httpx.Response]:
         return client.post(path, data={"mark": mark[1], **fields})
 
     return post
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium without a window."""
-    if CHROMIUM is None and os.environ.get("CI"):
-        pytest.fail("chromium is not on the PATH; continuous integration must have it")
-    if CHROMIUM is None:
-        pytest.skip("chromium is not on the PATH")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
-        yield chromium
-        chromium.close()
 
 
 @pytest.fixture

@@ -78,7 +78,7 @@ def screening(
         "J": estimate(J),
         "residuals": {"stiction": Residual(rmse=0.1, normalised=0.1), "baseline": None},
         "quality": DataQuality(grade="C" if S is None else "B", reasons=("One gap of 40 s.",)),
-        "indicators": {name: one for name, one in indicators(S, J).items() if one is not None},
+        "indicators": {name: item for name, item in indicators(S, J).items() if item is not None},
         "recording": recording,
         "provenance": Provenance(source="store", digest="ab" * 32, layout="samples of the store"),
         "seconds": 0.4,
@@ -111,11 +111,11 @@ def fill(store: Store, *, months: int = 3) -> None:
         at = NOW - timedelta(days=14 * (2 * months - 1 - step))
         run = store.begin_run(software_version="0.1")
         grown = (1 + step) / (2 * months)
-        made = [
+        created = [
             screening(valve, verdict, S and S * grown, J and J * grown, at=at)
             for valve, (verdict, S, J) in FOUND.items()
         ]
-        store.save_many(made, run)
+        store.save_many(created, run)
         store.finish_run(run)
     store.set_baseline(
         STICKY, b"network", window=(NOW - timedelta(days=120),) * 2, reason="healthy"

@@ -20,8 +20,8 @@ JSON = {"content-type": "application/json"}
 
 def alert_of(live, valve=STICKY):
     """The open alert of a valve."""
-    (found,) = open_alerts(live.store, valve)
-    return found
+    (result,) = open_alerts(live.store, valve)
+    return result
 
 
 def test_acknowledging_keeps_who_and_why(live, send, client):
@@ -70,7 +70,7 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
 
 
 @pytest.mark.parametrize(
-    ("fields", "status", "said"),
+    ("fields", "status", "text"),
     [
         ({"alert": "999999", "how": "acknowledge"}, 404, "there is no alert 999999"),
         ({"alert": "x", "how": "acknowledge"}, 422, "the number of an alert"),
@@ -80,11 +80,11 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
         ({"alert": "1", "how": "snooze", "hours": "-3"}, 422, "a number of hours"),
     ],
 )
-def test_a_wrong_form_is_refused_with_a_sentence(send, fields, status, said):
+def test_a_wrong_form_is_refused_with_a_sentence(send, fields, status, text):
     """Nothing is changed, and the reader is told what was expected."""
     answer = send("/alerts/settle", **fields)
     assert answer.status_code == status
-    assert said in answer.text
+    assert text in answer.text
 
 
 def test_maintenance_is_recorded_in_the_plants_time(live, send, client):

@@ -137,8 +137,8 @@ def test_command_counts_and_exports_the_same_labels(filled: Store, tmp_path) -> 
     """The file is what the page gives."""
     filled.add_feedback(last(filled, STICKY), NOW, Judgement.RIGHT, "glazed packing", "K. Berg")
     file = tmp_path / "labels.csv"
-    asked = ["feedback", "--db", str(filled.address), "--out", str(file)]
-    result = CliRunner().invoke(app, asked, env={"COLUMNS": "250"})
+    requested = ["feedback", "--db", str(filled.address), "--out", str(file)]
+    result = CliRunner().invoke(app, requested, env={"COLUMNS": "250"})
     assert result.exit_code == 0, result.output
     assert "1 findings were judged: 1 right, 0 wrong, 0 partly right." in result.output
     assert file.read_text(encoding="utf-8") == labels_csv(filled.feedback())

@@ -50,8 +50,8 @@ class Asking:
             transport = httpx.ASGITransport(self._app)
             async with httpx.AsyncClient(
                 transport=transport, base_url="http://localhost", cookies=self._cookies
-            ) as one:
-                return await one.request(method, path, **what)
+            ) as item:
+                return await item.request(method, path, **what)
 
         return asyncio.run(ask())
 

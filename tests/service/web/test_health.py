@@ -42,9 +42,9 @@ def plant(tmp_path: Path) -> Plant:
     return loaded
 
 
-def said(found: list[Check]) -> dict[str, str]:
+def said(result: list[Check]) -> dict[str, str]:
     """What the parts that do not work say, by name."""
-    return {item.name: item.says for item in found if not item.ok}
+    return {item.name: item.says for item in result if not item.ok}
 
 
 def test_a_service_that_works_is_alive_ready_and_healthy(live: Site, client_of) -> None:
@@ -118,12 +118,12 @@ def test_a_part_that_has_ended_is_named(store: Store, plant: Plant) -> None:
     ended.start()
     ended.join()
     scheduler = Scheduler(store, "UTC")
-    (found,) = [
+    (result,) = [
         health_check
         for health_check in health_checks(store, plant, scheduler, [ended])
         if health_check.name == "runner"
     ]
-    assert (found.ok, found.vital) == (False, True)
+    assert (result.ok, result.vital) == (False, True)
 
 
 def test_a_database_that_cannot_be_written_is_a_reason(store: Store, plant: Plant) -> None:
@@ -137,13 +137,13 @@ def test_a_database_that_cannot_be_written_is_a_reason(store: Store, plant: Plan
     raw.close()
     with pytest.raises(StoreError, match="full"):
         store.add_note("FIC-101", datetime.now(UTC), "x" * 1_000_000)
-    (found,) = [
+    (result,) = [
         health_check
         for health_check in health_checks(store, plant, scheduler)
         if health_check.name == "store"
     ]
-    assert (found.ok, found.vital) == (False, True)
-    assert found.says == "the database cannot be written; the log says why"
+    assert (result.ok, result.vital) == (False, True)
+    assert result.says == "the database cannot be written; the log says why"
     raw = store.transactions.readers.raw_connection()
     raw.execute("PRAGMA max_page_count = 1000000")
     raw.close()

@@ -77,8 +77,8 @@ def test_a_body_whose_length_is_given_twice_is_refused_before_it_is_read(address
     with talking(address, head) as link:
         link.sendall(CHUNK)
         text = ""
-        while "twice" not in text and (found := link.recv(4096)):
-            text += found.decode()
+        while "twice" not in text and (result := link.recv(4096)):
+            text += result.decode()
     assert text.startswith("HTTP/1.1 400 ")
     assert "gives the length of its body twice" in text
 
@@ -132,10 +132,10 @@ def test_half_a_header_is_waited_for_only_so_long(address, monkeypatch) -> None:
     """A letter now and then sets no new deadline; the answer says why the connection ends."""
     monkeypatch.setattr(http_server, "HEADER_S", 0.5)
     with talking(address, "GET / HTTP/1.1\r\nHost: 127") as link:
-        began = time.monotonic()
+        started = time.monotonic()
         link.settimeout(0.1)
         result = b""
-        while not result and time.monotonic() - began < PATIENCE_S:
+        while not result and time.monotonic() - started < PATIENCE_S:
             try:
                 result = link.recv(100)
             except TimeoutError:
@@ -180,8 +180,8 @@ def test_an_answer_waits_only_so_long_for_its_reader(monkeypatch) -> None:
         time.sleep(2.0)
         got = 0
         try:
-            while found := link.recv(2**20):
-                got += len(found)
+            while result := link.recv(2**20):
+                got += len(result)
         except ConnectionError:
             pass
         assert got < 64 * 2**20
@@ -194,11 +194,11 @@ def test_a_slow_reader_gets_all_of_an_answer(monkeypatch) -> None:
         serving_app(_long_answer, fresh=True) as base,
         httpx.stream("GET", base, trust_env=False, timeout=PATIENCE_S) as answer,
     ):
-        began, got = time.monotonic(), 0
+        started, got = time.monotonic(), 0
         for piece in answer.iter_raw(2**20):
             got += len(piece)
             time.sleep(0.04)
-        assert time.monotonic() - began > 2.0
+        assert time.monotonic() - started > 2.0
         assert got == 64 * 2**20
 
 

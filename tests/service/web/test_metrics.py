@@ -181,12 +181,12 @@ def test_the_docs_list_every_metric_and_no_other(site: Site) -> None:
     """Who writes rules looks the names up there."""
     Spool(site.plant.beside("spool")).close()
     site.store.queue.finish(site.store.queue.going()[0].id, RunState.DONE)
-    told = {
+    answer = {
         name
         for name, _ in read(replace(site, checks=lambda: [Check(name="x", ok=True, vital=True)]))
     }
-    listed = set(re.findall(r"^\| `(stemwatch_\w+)`", DOCS.read_text(encoding="utf-8"), re.M))
-    assert listed == told
+    listing = set(re.findall(r"^\| `(stemwatch_\w+)`", DOCS.read_text(encoding="utf-8"), re.M))
+    assert listing == answer
 
 
 def test_the_example_rules_ask_for_metrics_that_there_are() -> None:
@@ -194,10 +194,10 @@ def test_the_example_rules_ask_for_metrics_that_there_are() -> None:
     yaml = pytest.importorskip("yaml")
     rules = yaml.safe_load(RULES.read_text(encoding="utf-8"))["groups"][0]["rules"]
     docs = DOCS.read_text(encoding="utf-8")
-    listed = set(re.findall(r"`(stemwatch_\w+)`", docs))
+    listing = set(re.findall(r"`(stemwatch_\w+)`", docs))
     assert len({rule["alert"] for rule in rules}) == len(rules) > 8
     for rule in rules:
-        assert set(re.findall(r"stemwatch_\w+", rule["expr"])) <= listed, rule
+        assert set(re.findall(r"stemwatch_\w+", rule["expr"])) <= listing, rule
         assert rule["annotations"]["summary"], rule
         assert rule["labels"]["severity"] in ("critical", "warning")
         assert rule["expr"].count("(") == rule["expr"].count(")")

@@ -37,8 +37,8 @@ def test_describes_itself(model):
 def test_says_how_well_its_source_is_known(model):
     """A paper that was not read again is said to be quoted from memory, and what is the product's
     own is said to be so."""
-    said = ("from memory", "this product", "checked numerically")
-    assert any(words in model.source for words in said)
+    text = ("from memory", "this product", "checked numerically")
+    assert any(words in model.source for words in text)
 
 
 @every
@@ -147,11 +147,11 @@ def test_a_name_that_is_none_is_answered_with_those_that_are():
 
 def test_a_parameter_checks_itself():
     """A default outside the bounds, and a logarithm of zero, are refused where they are written."""
-    told = {"unit": "%", "meaning": "a level"}
+    answer = {"unit": "%", "meaning": "a level"}
     with pytest.raises(ValueError, match="a: expected lower <= default <= upper"):
-        Parameter(name="a", lower=0.0, upper=1.0, default=2.0, **told)
+        Parameter(name="a", lower=0.0, upper=1.0, default=2.0, **answer)
     with pytest.raises(ValueError, match="a: a logarithmic parameter needs lower above 0"):
-        Parameter(name="a", lower=0.0, upper=1.0, default=0.5, logarithmic=True, **told)
+        Parameter(name="a", lower=0.0, upper=1.0, default=0.5, logarithmic=True, **answer)
 
 
 def test_names_are_unique():

@@ -184,8 +184,8 @@ def test_choudhury_without_offset_is_the_canonical_element(signals, name):
 def test_both_readings_agree_on_sweeps(signals, model, name, S, J):
     """I8: after the first slips, on sweeps without repeated samples."""
     op = signals[name]
-    found, expected = run(model, op, S, J), run(CANONICAL, op, S, J)
-    np.testing.assert_allclose(found[300:], expected[300:], atol=1e-9)
+    result, expected = run(model, op, S, J), run(CANONICAL, op, S, J)
+    np.testing.assert_allclose(result[300:], expected[300:], atol=1e-9)
 
 
 @everywhere

@@ -60,8 +60,8 @@ def test_a_network_simulates_the_recording(network, fits):
 @every
 def test_a_network_repeats_itself(network, recording, fits):
     """The same recording gives the same run, also where the element is fitted on the way."""
-    again = fit_network(network, recording, TRAIN_UNTIL)
-    np.testing.assert_array_equal(again.simulated, fits[network.name].simulated)
+    repeated = fit_network(network, recording, TRAIN_UNTIL)
+    np.testing.assert_array_equal(repeated.simulated, fits[network.name].simulated)
 
 
 @every
@@ -108,8 +108,8 @@ def test_memory_beats_a_static_map(fits):
 
 def test_the_row_of_the_table_is_told(fits):
     """S 4 % and J 1.5 % are an undershoot, and the outcome says so."""
-    told = "Layers of Table 1 for undershoot, by the fitted S "
-    assert [fits[n.name].outcome.startswith(told) for n in NETWORKS] == [True, True, False]
+    answer = "Layers of Table 1 for undershoot, by the fitted S "
+    assert [fits[n.name].outcome.startswith(answer) for n in NETWORKS] == [True, True, False]
 
 
 def test_a_run_that_diverges_is_told():

@@ -185,8 +185,8 @@ def test_classical_and_karnopp_agree():
     """A band of a millionth of a metre per second is no more than a way to find rest."""
     op = zigzag(200.0, 1.0)
     for valve in (on_bench(SET_A), on_bench(SET_B), LIGHT):
-        found, expected = run(karnopp(valve), op, 1.0), run(classical(valve), op, 1.0)
-        assert np.max(np.abs(found - expected)) < 0.05
+        result, expected = run(karnopp(valve), op, 1.0), run(classical(valve), op, 1.0)
+        assert np.max(np.abs(result - expected)) < 0.05
 
 
 def test_dahl_has_no_jump():
@@ -318,9 +318,11 @@ def band_and_jump(valve, ramp=1.0, interval_s=0.05):
     moved[: up.size + 5] = False
     S = up[-1] - down[int(np.argmax(moved)) - up.size]
     held = np.concatenate((up, np.full(200, up[-1]), up[-1] + np.arange(0.0, 20.0, 0.05)))
-    again = run(karnopp(valve), held, interval_s, y0=0.0)[up.size + 199 :]
-    slip = int(np.argmax(np.diff(again) > 0.01))
-    return float(S), float(again[slip + 1 + round(0.3 / interval_s)] - again[slip] - 0.3 * ramp)
+    repeated = run(karnopp(valve), held, interval_s, y0=0.0)[up.size + 199 :]
+    slip = int(np.argmax(np.diff(repeated) > 0.01))
+    return float(S), float(
+        repeated[slip + 1 + round(0.3 / interval_s)] - repeated[slip] - 0.3 * ramp
+    )
 
 
 @pytest.mark.parametrize("kinetic_share", [0.6, 0.8333])

@@ -51,9 +51,9 @@ def trained(case: PaperCase) -> tuple[Trained, int]:
 
 def errors_on(case: PaperCase, inputs: list[Floats]) -> Floats:
     """RMSE of the chosen network's free runs."""
-    found, chosen = trained(case)
+    result, chosen = trained(case)
     truths = [case.respond(u) for u in inputs]
-    runs = simulate(found.step, found.weights[[chosen]], inputs, truths)[0]
+    runs = simulate(result.step, result.weights[[chosen]], inputs, truths)[0]
     return rmse(runs, np.stack(truths))
 
 
@@ -62,8 +62,8 @@ def errors_on(case: PaperCase, inputs: list[Floats]) -> Floats:
 def test_the_papers_sine_is_followed_within_a_two_hundredth(case: PaperCase) -> None:
     """RMSE at most 0.005 of the amplitude, in the free run."""
     u, y = sine_of(case)
-    found, chosen = trained(case)
-    run = simulate(found.step, found.weights[[chosen]], [u], [y])[0, 0]
+    result, chosen = trained(case)
+    run = simulate(result.step, result.weights[[chosen]], [u], [y])[0, 0]
     assert rmse(run, y) <= 0.005
 
 
@@ -88,10 +88,10 @@ def test_four_in_five_new_inputs_are_followed_closely(case: PaperCase) -> None:
 @by_case
 def test_training_betters_the_start_on_its_record(case: PaperCase) -> None:
     """The chosen seed's free run over the record is better than any start's."""
-    found, _ = trained(case)
+    result, _ = trained(case)
     u = training_input()
     y = case.respond(u)
-    before, after = (run_errors(found.step, w, u, y) for w in (found.starts, found.weights))
+    before, after = (run_errors(result.step, w, u, y) for w in (result.starts, result.weights))
     assert after.min() < before.min()
 
 
@@ -161,5 +161,5 @@ def test_more_seeds_leave_the_first_start_as_it_is() -> None:
     case = CASES[1]
     u, y = sine_of(case)
     with one_thread():
-        one, two = (train_from_fitted(u, y, (0.6, 0.3), seeds) for seeds in (1, 2))
-    assert np.array_equal(one.starts[0], two.starts[0])
+        item, two = (train_from_fitted(u, y, (0.6, 0.3), seeds) for seeds in (1, 2))
+    assert np.array_equal(item.starts[0], two.starts[0])

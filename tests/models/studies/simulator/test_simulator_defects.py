@@ -294,6 +294,6 @@ _EVERYTHING = replace(
 def test_half_the_step_gives_the_same_stroke(valve: SimulatedValve) -> None:
     """With every defect at once, and with bristles, 1 ms and 0.5 ms agree to 0.05 % of travel."""
     loop = _played(valve, _RAMP, upsets=Upsets(growth=0.5))
-    whole, half = (simulate_loop(loop, seed=4, step_s=step).stem for step in (1e-3, 5e-4))
-    assert np.percentile(np.abs(whole - half), 98) < 0.05
-    assert np.ptp(whole) > 8.0
+    complete, half = (simulate_loop(loop, seed=4, step_s=step).stem for step in (1e-3, 5e-4))
+    assert np.percentile(np.abs(complete - half), 98) < 0.05
+    assert np.ptp(complete) > 8.0

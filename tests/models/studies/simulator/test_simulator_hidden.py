@@ -74,8 +74,8 @@ def _short(case: HiddenCase) -> HiddenCase:
 def test_a_case_depends_on_its_place_and_the_seed_alone() -> None:
     """The first cases of a longer draw are those of a shorter one, and another seed differs."""
     for draw in (draw_hidden, draw_nulls, draw_unknown):
-        few, many = draw(5, 3), draw(9, 3)
-        assert few == many[:5]
+        few, several = draw(5, 3), draw(9, 3)
+        assert few == several[:5]
         assert few != draw(5, 4)
     assert draw_effect("dead_time", 2, 3) == draw_effect("dead_time", 4, 3)[:2]
 
@@ -83,10 +83,10 @@ def test_a_case_depends_on_its_place_and_the_seed_alone() -> None:
 def test_the_same_case_gives_the_same_record() -> None:
     """Simulating a case twice gives one recording to the bit and one excitation."""
     case = _short(draw_hidden(2, 1)[1])
-    (first, run), (second, again) = simulate_hidden(case), simulate_hidden(case)
+    (first, run), (second, repeated) = simulate_hidden(case), simulate_hidden(case)
     assert first == second
     for role, signal in run.recording.signals.items():
-        np.testing.assert_array_equal(signal.values, again.recording.signals[role].values)
+        np.testing.assert_array_equal(signal.values, repeated.recording.signals[role].values)
 
 
 def test_the_mixture_is_as_promised() -> None:

@@ -105,9 +105,9 @@ def test_half_the_step_gives_the_same_stroke(gain: float) -> None:
         manual=(ManualSpan(start_s=-1.0, stop_s=1e6, knots=turns),),
         duration_s=240.0,
     )
-    whole, half = _halved(loop)
-    assert np.percentile(np.abs(whole - half), 98) < 0.03
-    assert np.abs(np.diff(whole)).sum() > 30.0
+    complete, half = _halved(loop)
+    assert np.percentile(np.abs(complete - half), 98) < 0.03
+    assert np.abs(np.diff(complete)).sum() > 30.0
 
 
 def test_half_the_step_gives_the_same_limit_cycle() -> None:
@@ -121,18 +121,18 @@ def test_half_the_step_gives_the_same_limit_cycle() -> None:
         setpoints=((2.0, 51.5),),
         duration_s=600.0,
     )
-    whole, half = _halved(loop)
-    slips = [np.sum(np.abs(np.diff(stem)) > 1.0) for stem in (whole, half)]
+    complete, half = _halved(loop)
+    slips = [np.sum(np.abs(np.diff(stem)) > 1.0) for stem in (complete, half)]
     assert abs(slips[0] - slips[1]) <= 1
     assert slips[0] > 10
-    assert np.median(np.abs(whole - half)) < 0.1
+    assert np.median(np.abs(complete - half)) < 0.1
 
 
 def test_half_the_step_gives_the_same_healthy_loop() -> None:
     """On a healthy valve, where no slip can fall one sample later, the agreement is 0.02 %."""
-    whole, half = _halved(replace(_STICKY, valve=SimulatedValve(S=0.3, J=0.0), duration_s=240.0))
-    assert np.max(np.abs(whole - half)) < 0.02
-    assert np.ptp(whole) > 2.0
+    complete, half = _halved(replace(_STICKY, valve=SimulatedValve(S=0.3, J=0.0), duration_s=240.0))
+    assert np.max(np.abs(complete - half)) < 0.02
+    assert np.ptp(complete) > 2.0
 
 
 def test_a_standing_stem_holds_any_force_below_breakaway() -> None:

@@ -97,10 +97,10 @@ def test_a_badly_tuned_loop_rings() -> None:
 def test_the_same_seed_gives_the_same_recording() -> None:
     """Two runs of one seed are equal to the last bit; another seed differs."""
     loop = replace(_FLOW, valve=SimulatedValve(S=4.0, J=2.0), duration_s=300.0)
-    first, again, other = (simulate_loop(loop, seed) for seed in (7, 7, 8))
+    first, repeated, other = (simulate_loop(loop, seed) for seed in (7, 7, 8))
     for role, signal in first.recording.signals.items():
-        np.testing.assert_array_equal(signal.values, again.recording.signals[role].values)
-    assert first.truth == again.truth
+        np.testing.assert_array_equal(signal.values, repeated.recording.signals[role].values)
+    assert first.truth == repeated.truth
     assert not np.array_equal(first.recording.op.values, other.recording.op.values)
 
 

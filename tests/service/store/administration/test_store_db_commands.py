@@ -40,7 +40,7 @@ def report_of(folder: Path) -> tuple[Any, str, str]:
 def without_seconds(value: Any) -> Any:
     """The same value without any ``seconds``, at every depth, also inside JSON that is text."""
     if isinstance(value, dict):
-        return {key: without_seconds(one) for key, one in value.items() if key != "seconds"}
+        return {key: without_seconds(item) for key, item in value.items() if key != "seconds"}
     if isinstance(value, list):
         return [without_seconds(item) for item in value]
     if isinstance(value, str) and value.startswith("{"):
@@ -87,8 +87,10 @@ def results_of(url: str) -> dict[str, list[dict[str, object]]]:
 
 def test_a_report_is_compared_with_its_numbers() -> None:
     """What the comparison leaves out is only how long something took."""
-    told = [{"valve": "A", "seconds": 1, "in": {"seconds": 2, "S": 3.1}, "text": '{"seconds": 1}'}]
-    assert without_seconds(told) == [{"valve": "A", "in": {"S": 3.1}, "text": {}}]
+    answer = [
+        {"valve": "A", "seconds": 1, "in": {"seconds": 2, "S": 3.1}, "text": '{"seconds": 1}'}
+    ]
+    assert without_seconds(answer) == [{"valve": "A", "in": {"S": 3.1}, "text": {}}]
 
 
 def test_copy_says_what_came_and_no_password(
@@ -104,10 +106,10 @@ def test_copy_says_what_came_and_no_password(
     assert outcome.status == 0, outcome.said
     assert "screenings 2" in outcome.said
     assert "geheim" not in outcome.said
-    again = stemwatch("db", "copy")
-    assert again.status == 2
-    assert "is not empty" in again.said
-    assert "geheim" not in again.said
+    repeated = stemwatch("db", "copy")
+    assert repeated.status == 2
+    assert "is not empty" in repeated.said
+    assert "geheim" not in repeated.said
 
 
 def test_a_backup_crosses_over(stemwatch, new_database: NewDatabase, tmp_path: Path) -> None:

@@ -131,8 +131,8 @@ def test_every_variable_offers_what_can_be_chosen(reader: Connection, name: str)
 
 def test_the_annotations_find_runs(reader: Connection) -> None:
     """Annotations have a time and a text."""
-    (one,) = DASHBOARD["annotations"]["list"]
-    columns, rows = rows_of(reader, one["target"]["rawSql"])
+    (item,) = DASHBOARD["annotations"]["list"]
+    columns, rows = rows_of(reader, item["target"]["rawSql"])
     assert columns == ["time", "text"]
     assert rows
 
@@ -141,8 +141,10 @@ def test_every_query_asks_only_the_views() -> None:
     """Tables may change; the dashboard must not notice."""
     queries = [panel["targets"][0]["rawSql"] for panel in PANELS.values()]
     queries += [variable["query"] for variable in VARIABLES.values()]
-    asked = {name for sql in queries for name in re.findall(r"\b(?:FROM|JOIN) +([a-z_0-9]+)", sql)}
-    assert {name for name in asked if not re.fullmatch(r"stemwatch_[a-z]+_v1", name)} == set()
+    requested = {
+        name for sql in queries for name in re.findall(r"\b(?:FROM|JOIN) +([a-z_0-9]+)", sql)
+    }
+    assert {name for name in requested if not re.fullmatch(r"stemwatch_[a-z]+_v1", name)} == set()
 
 
 def test_the_reader_reads_views_and_nothing_else(

@@ -102,9 +102,9 @@ def test_opening_again_keeps_everything(
 ) -> None:
     """Opening a store that is up to date changes nothing in it."""
     store.save(make_screening(), store.begin_run(software_version="1"))
-    with open_store(store_url) as again:
-        assert store.valves() == again.valves()
-        assert store.screenings("FIC-101") == again.screenings("FIC-101")
+    with open_store(store_url) as repeated:
+        assert store.valves() == repeated.valves()
+        assert store.screenings("FIC-101") == repeated.screenings("FIC-101")
 
 
 def test_a_newer_schema_is_refused(store: Store, store_url: str) -> None:

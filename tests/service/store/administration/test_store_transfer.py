@@ -239,11 +239,11 @@ def test_where_batches_end_makes_no_difference_to_a_digest(
     rows: list[tuple[object, ...]], cut: int
 ) -> None:
     """The same rows in one batch or in two have one digest."""
-    whole, parts = Digest(TABLE), Digest(TABLE)
-    whole.update(batch_of(TABLE, rows))
+    complete, parts = Digest(TABLE), Digest(TABLE)
+    complete.update(batch_of(TABLE, rows))
     for part in (rows[:cut], rows[cut:]):
         parts.update(batch_of(TABLE, part))
-    assert (whole.rows, whole.hexdigest()) == (parts.rows, parts.hexdigest())
+    assert (complete.rows, complete.hexdigest()) == (parts.rows, parts.hexdigest())
 
 
 @settings(deadline=None)

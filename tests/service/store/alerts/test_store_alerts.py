@@ -30,7 +30,7 @@ def found(cause: str = "sticky:FIC-1", **changes) -> RaisedAlert:
 def test_a_cause_has_one_open_alert(store: Store, store_url: str) -> None:
     """However many processes find it at the same time, people see it once."""
     with closing(open_store(store_url)) as other, ThreadPoolExecutor(6) as pool:
-        opened = list(pool.map(lambda one: one.alerts.raise_all([found()]), [store, other] * 6))
+        opened = list(pool.map(lambda item: item.alerts.raise_all([found()]), [store, other] * 6))
     assert sorted(map(len, opened)) == [0] * 11 + [1]
     (alert,) = store.alerts.in_state("open", datetime.now(UTC))
     assert (alert.cause, alert.valve, alert.closed) == ("sticky:FIC-1", "FIC-1", None)
@@ -97,7 +97,8 @@ def test_an_alert_is_told_of_once(store: Store, store_url: str) -> None:
     with closing(open_store(store_url)) as other, ThreadPoolExecutor(4) as pool:
         did = list(
             pool.map(
-                lambda one: one.deliveries.put(messages, "k", numbers), [store, other, store, other]
+                lambda item: item.deliveries.put(messages, "k", numbers),
+                [store, other, store, other],
             )
         )
     assert sorted(did) == [False, False, False, True]
@@ -113,9 +114,9 @@ def test_a_message_is_one_processs_until_it_is_sent(store: Store) -> None:
     assert (first.key, first.attempts) == ("k", 1)
     assert store.deliveries.claim() is None
     store.deliveries.failed(first.id, "refused", datetime.now(UTC) - SOON)
-    again = store.deliveries.claim()
-    assert (again.id, again.attempts, again.error) == (first.id, 2, "refused")
-    store.deliveries.sent(again.id)
+    repeated = store.deliveries.claim()
+    assert (repeated.id, repeated.attempts, repeated.error) == (first.id, 2, "refused")
+    store.deliveries.sent(repeated.id)
     assert store.deliveries.claim() is None
     assert store.deliveries.recent()[0].sent is not None
 

@@ -29,10 +29,10 @@ def test_two_services_never_get_the_same_run(store: Store, store_url: str) -> No
         put(store, schedule=f"s{minute}", due=DUE)
     with closing(open_store(store_url)) as other, ThreadPoolExecutor(8) as pool:
         stores = [store, other] * 16
-        claimed = list(pool.map(lambda one: one[1].queue.claim(f"w{one[0]}"), enumerate(stores)))
-    counted = Counter(run.id for run in claimed if run is not None)
-    assert len(counted) == 24
-    assert set(counted.values()) == {1}
+        claimed = list(pool.map(lambda item: item[1].queue.claim(f"w{item[0]}"), enumerate(stores)))
+    counts = Counter(run.id for run in claimed if run is not None)
+    assert len(counts) == 24
+    assert set(counts.values()) == {1}
 
 
 def test_an_instant_of_a_schedule_is_queued_once(store: Store) -> None:
@@ -66,8 +66,8 @@ def test_a_silent_worker_loses_its_run_and_a_living_one_keeps_it(store: Store) -
     put(store, who="Ann")
     run = store.queue.claim("dead")
     assert store.queue.claim("next") is None
-    taken = store.queue.claim("next", silent_after=NOT_AT_ALL)
-    assert (taken.id, taken.started) == (run.id, run.started)
+    accepted = store.queue.claim("next", silent_after=NOT_AT_ALL)
+    assert (accepted.id, accepted.started) == (run.id, run.started)
     assert store.queue.beat(run.id, "dead") is None
     assert store.queue.beat(run.id, "next").id == run.id
 
@@ -164,11 +164,11 @@ def test_schedules_of_the_file_follow_the_file(store: Store) -> None:
 
 def test_a_run_whose_process_was_killed_is_taken_over_at_once(store: Store, monkeypatch) -> None:
     """It waits for nobody; the run of a process that may live waits until that has been silent."""
-    gone, alive = put(store, who="Ann"), put(store, who="Ann")
+    removed, alive = put(store, who="Ann"), put(store, who="Ann")
     store.queue.claim("killed")
     store.queue.claim("alive")
     monkeypatch.setattr(queue, "has_ended", lambda owner: owner == "killed")
-    assert store.queue.claim("next").id == gone
+    assert store.queue.claim("next").id == removed
     assert store.queue.claim("next") is None
     assert store.queue.beat(alive, "alive") is not None
 

@@ -61,9 +61,9 @@ def test_a_sample_whose_time_came_twice_makes_the_first_one_bad(store: Store) ->
     """The only one that takes another's place, with its reason; those beside it stay, and so does
     all of it when the batch comes again."""
     store.samples.write(batch("OP", [0, 1, 2], [10, 11, 12]))
-    again = batch("OP", [1, 3], [np.nan, 13], quality=[Quality.MISSING, 0], reason=CAME_TWICE)
+    repeated = batch("OP", [1, 3], [np.nan, 13], quality=[Quality.MISSING, 0], reason=CAME_TWICE)
     for _ in range(2):
-        store.samples.write(again)
+        store.samples.write(repeated)
         samples = store.samples.read("plc", "OP")
         assert samples.quality.tolist() == [0, Quality.MISSING, 0, 0]
         assert np.array_equal(samples.values, [10, np.nan, 12, 13], equal_nan=True)

@@ -32,8 +32,8 @@ def on_day(day: float, mismatch: Mismatch, valve: str = "FIC-1", changed: str = 
     result = screening(valve, Verdict.HEALTHY, samples=60)
     assert result.recording is not None
     recording = replace(result.recording, start=BEGAN + day * DAY)
-    found = replace(mismatch, scores=SCORES)
-    return replace(result, mismatch=found, recording=recording, changed=changed)
+    answer = replace(mismatch, scores=SCORES)
+    return replace(result, mismatch=answer, recording=recording, changed=changed)
 
 
 def save(store: Store, *screenings: Screening) -> None:
@@ -45,14 +45,14 @@ def save(store: Store, *screenings: Screening) -> None:
 def test_each_window_comes_back_with_what_it_named_and_scored(store: Store) -> None:
     """Both, in order of time, with S and J restated; the mismatch itself is stored without the
     scores."""
-    found, nothing = named(), nothing_left()
-    save(store, on_day(1, nothing), on_day(0, found))
+    result, nothing = named(), nothing_left()
+    save(store, on_day(1, nothing), on_day(0, result))
     first, second = store.evidence(["FIC-1"])["FIC-1"].windows
     assert first.names(SLUG)
     assert second.named == ()
     assert first.scores == second.scores == SCORES
     assert first.S is not None
-    assert first.S.value == pytest.approx(found.restated.S.value)
+    assert first.S.value == pytest.approx(result.restated.S.value)
     assert first.start == BEGAN
     mismatch = store.screenings("FIC-1", 1)[0].mismatch
     assert mismatch is not None

@@ -67,8 +67,8 @@ MISMATCH = Mismatch(
 def test_a_mismatch_comes_back_without_its_samples(store: Store, make_screening) -> None:
     """All that was found beside S and J survives the database but the free runs."""
     store.save(make_screening(mismatch=MISMATCH), store.begin_run(software_version="1"))
-    (found,) = store.screenings("FIC-101")
-    assert found.mismatch == replace(MISMATCH, runs=None)
+    (result,) = store.screenings("FIC-101")
+    assert result.mismatch == replace(MISMATCH, runs=None)
     with store.transactions.reading() as session:
         row = session.execute(text("SELECT mismatch_finding, mismatch_slugs FROM screenings")).one()
     assert row[0] == "named"
@@ -97,7 +97,7 @@ def test_what_belongs_to_the_machine_counts_nowhere_as_a_defect(
     assert said() == ["healthy", "healthy", "healthy", "False"]
     with store.transactions.writing("as an older version") as session:
         (row,) = session.scalars(select(ScreeningRow))
-        row.mismatch = {key: one for key, one in row.mismatch.items() if key != "defects"}
+        row.mismatch = {key: item for key, item in row.mismatch.items() if key != "defects"}
     assert said() == ["defective", "defective", "defective", "True"]
 
 
@@ -107,9 +107,9 @@ def test_the_curves_of_the_last_windows_are_known(store: Store, make_screening) 
     first = make_screening(mismatch=replace(MISMATCH, stroke_curve=curve))
     begin, end = first.window
     windows = [(begin + timedelta(days=day), end + timedelta(days=day)) for day in range(3)]
-    for day, found in enumerate((curve, None, curve)):
+    for day, result in enumerate((curve, None, curve)):
         recording = replace(first.recording, start=windows[day][0])
-        mismatch = replace(MISMATCH, stroke_curve=found)
+        mismatch = replace(MISMATCH, stroke_curve=result)
         store.save(replace(first, recording=recording, mismatch=mismatch), run)
     assert [
         (earlier_curve.start, earlier_curve.end)

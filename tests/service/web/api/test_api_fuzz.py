@@ -57,17 +57,17 @@ class Api:
         """Call an operation with whatever its description allows and more; the statuses that
         came back. Fails where an answer is not as described."""
         method, path = name.split()
-        found: set[int] = set()
+        result: set[int] = set()
 
         @FEW
         @given(case=self.schema[path][method].as_strategy())
         def every(case: schemathesis.Case) -> None:
             answer = case.call(headers={**HOST, **headers})
             case.validate_response(answer, checks=CHECKS)
-            found.add(answer.status_code)
+            result.add(answer.status_code)
 
         every()
-        return found
+        return result
 
 
 @pytest.fixture(scope="module", params=["sqlite", pytest.param("pg", marks=pytest.mark.postgres)])

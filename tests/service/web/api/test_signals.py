@@ -200,11 +200,11 @@ def test_the_stored_numbers_are_enough_to_run_the_model_again(live):
     read = reader_of(live.store)
     window = SignalWindow(valve=STICKY, start=NOW - timedelta(hours=1), stop=NOW).window
     recording = read(STICKY, window)
-    (found,) = screen([Case(recording=recording)])
-    numbers = {name: one.value for name, one in found.indicators.items()}
-    again = fitted_run(recording, numbers)
-    rmse = np.sqrt(np.nanmean((again - recording.mv.values) ** 2))
-    assert rmse < 0.1 + 1.5 * found.residuals["stiction"].rmse  # MV swings over 12 %
+    (result,) = screen([Case(recording=recording)])
+    numbers = {name: item.value for name, item in result.indicators.items()}
+    repeated = fitted_run(recording, numbers)
+    rmse = np.sqrt(np.nanmean((repeated - recording.mv.values) ** 2))
+    assert rmse < 0.1 + 1.5 * result.residuals["stiction"].rmse  # MV swings over 12 %
 
 
 def test_the_fitted_loop_goes_through_the_curve_from_op_to_stroke(live):
@@ -241,10 +241,10 @@ def test_every_indicator_of_a_screening_has_its_words(live):
     assert len(indicators) > 12
     restored = {
         name: indicator_of(
-            name, TrendPoint(at=NOW, value=one.value, low=one.low, high=one.high, unit=one.unit)
+            name, TrendPoint(at=NOW, value=item.value, low=item.low, high=item.high, unit=item.unit)
         )
-        for name, one in indicators.items()
+        for name, item in indicators.items()
     }
-    assert {name: (one.meaning, one.worse) for name, one in indicators.items()} == {
-        name: (again.meaning, again.worse) for name, again in restored.items()
+    assert {name: (item.meaning, item.worse) for name, item in indicators.items()} == {
+        name: (repeated.meaning, repeated.worse) for name, repeated in restored.items()
     }

@@ -64,8 +64,8 @@ def app(live) -> FastAPI:
 
 def test_every_route_declares_its_right(app):
     """A route without a line in the table fails here; so does a line without a route."""
-    found = {f"{method} {path}" for method, path in routes_of(app.routes)}
-    assert sorted(found) == sorted(ROUTE_OPERATIONS)
+    result = {f"{method} {path}" for method, path in routes_of(app.routes)}
+    assert sorted(result) == sorted(ROUTE_OPERATIONS)
     assert {*ROUTE_OPERATIONS.values()} == {*Operation} - {Operation.UNDECLARED}
 
 
@@ -132,7 +132,7 @@ def test_nobody_gets_what_the_table_does_not_allow(live, app, role, way):
         due = expected(name, current_user, is_form="data" in sent)
         if due:
             assert answer.status_code in due, name
-            others = {one for mine, one in NAMES.items() if mine is not role}
+            others = {item for mine, item in NAMES.items() if mine is not role}
             assert not [data for data in (STICKY, *others) if data in answer.text], name
         elif PERMISSIONS[operation].least is not None:
             assert answer.status_code not in (401, 403), name

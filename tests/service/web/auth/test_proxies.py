@@ -24,7 +24,7 @@ async def who(request: Request) -> PlainTextResponse:
 
 
 @pytest.mark.parametrize(
-    ("proxies", "said", "seen"),
+    ("proxies", "text", "seen"),
     [
         ((), SAID, "127.0.0.1 http"),
         (("192.0.2.1",), SAID, "127.0.0.1 http"),
@@ -34,12 +34,12 @@ async def who(request: Request) -> PlainTextResponse:
         (("127.0.0.1",), {}, "127.0.0.1 http"),
     ],
 )
-def test_only_named_proxies_are_believed(proxies, said, seen) -> None:
+def test_only_named_proxies_are_believed(proxies, text, seen) -> None:
     """Any program of the machine could write the headers; and of several addresses in it, the
     one that the proxy itself has seen counts."""
     app = Starlette(routes=[Route("/", who)])
     with serving_app(app, proxies=proxies) as base:
-        assert httpx.get(base, headers=said).text == seen
+        assert httpx.get(base, headers=text).text == seen
 
 
 def test_a_proxy_that_is_not_named_is_said(live: Site, client_of, tmp_path, caplog) -> None:

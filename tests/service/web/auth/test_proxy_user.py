@@ -174,7 +174,7 @@ def test_a_token_and_a_session_work_beside_it(
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "answer"),
     [
         ('user_header = "X-Remote-User"', "trusted_proxies as well"),
         ('user_header = "Cookie"\ntrusted_proxies = ["127.0.0.1"]', "a header of its own"),
@@ -188,11 +188,11 @@ def test_a_token_and_a_session_work_beside_it(
     ],
 )
 def test_a_plant_file_that_would_believe_anybody_is_refused(
-    tmp_path: Path, text: str, said: str
+    tmp_path: Path, text: str, answer: str
 ) -> None:
     """The service does not start with it; each mistake is said with its line."""
     file = tmp_path / "plant.toml"
     file.write_text(f"[service]\n{text}\n", encoding="utf-8")
     with pytest.raises(PlantFileError) as refused:
         load_plant(file, environment={})
-    assert said in str(refused.value)
+    assert answer in str(refused.value)

@@ -86,9 +86,9 @@ def test_a_session_that_was_laid_down_is_not_taken_over(stranger: Browser) -> No
     """Whatever cookie a browser brings, a login gives it a new one."""
     stranger.client.cookies.set(NAME, "laid-down")
     given = stranger.sign_in("Ann").headers["set-cookie"]
-    again = stranger.sign_in("Ann").headers["set-cookie"]
+    repeated = stranger.sign_in("Ann").headers["set-cookie"]
     assert "laid-down" not in given
-    assert given != again
+    assert given != repeated
 
 
 def test_a_login_ends_the_session_that_the_browser_had(stranger: Browser, live: Site) -> None:
@@ -165,9 +165,9 @@ def test_a_form_that_was_opened_before_a_restart_is_taken_after_it(live: Site, c
     """Session and mark belong to the browser and the store, not to a process."""
     before = Browser(client_of(live))
     mark, cookies = mark_in(before.client.get("/runs").text), dict(before.client.cookies)
-    again = serving(live)
+    repeated = serving(live)
     with (
-        again as base,
+        repeated as base,
         httpx.Client(base_url=base, trust_env=False, verify=False, timeout=30) as after,
     ):
         after.cookies.update(cookies)
@@ -233,8 +233,8 @@ def test_a_token_is_shown_once_and_revoked(stranger: Browser, live: Site) -> Non
         assert (me["name"], me["role"], me["scopes"]) == ("Ann", "engineer", ["read"])
         (token,) = live.store.api_tokens.all()
         stranger.send("/account", "/account/tokens/revoke", token=str(token.id))
-        again = httpx.get(f"{base}/api/v1/me", headers=headers, trust_env=False)
-    assert again.status_code == 401
+        repeated = httpx.get(f"{base}/api/v1/me", headers=headers, trust_env=False)
+    assert repeated.status_code == 401
 
 
 def test_nobody_makes_or_revokes_what_is_not_theirs(stranger: Browser, live: Site) -> None:
@@ -247,8 +247,8 @@ def test_nobody_makes_or_revokes_what_is_not_theirs(stranger: Browser, live: Sit
     assert odd.status_code == 422
     make_token(live.store, user_of(live), "the admin's", [Scope.READ], now=NOW)
     (token,) = live.store.api_tokens.all()
-    gone = stranger.send("/account", "/account/tokens/revoke", token=str(token.id))
-    assert gone.status_code == 404
+    removed = stranger.send("/account", "/account/tokens/revoke", token=str(token.id))
+    assert removed.status_code == 404
     assert live.store.api_tokens.all()[0].revoked is None
 
 

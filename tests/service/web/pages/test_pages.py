@@ -27,7 +27,7 @@ def page_of(client, valve: str) -> str:
 def test_a_valves_page_says_what_was_found_and_what_is_known(client):
     """Finding, numbers with intervals, alerts, notes, work, baseline, tags: all of it."""
     text = page_of(client, STICKY)
-    for said in (
+    for answer in (
         f"The stem of {STICKY} was looked at.",
         "4.00 %",
         "3.60 to 4.40",
@@ -38,7 +38,7 @@ def test_a_valves_page_says_what_was_found_and_what_is_known(client):
         f"{STICKY}.ZT",
         "2026-03-30 13:00 to 14:00 (Europe/Berlin)",
     ):
-        assert said in text
+        assert answer in text
 
 
 def test_a_valve_without_a_verdict_says_why(client):
@@ -156,7 +156,7 @@ def test_the_history_has_limits_points_and_marks(client):
 
 
 @pytest.mark.parametrize(
-    ("start", "stop", "said"),
+    ("start", "stop", "text"),
     [
         ("2026-03-30T12:00:00Z", "2026-03-30T11:00:00Z", "at least a second"),
         ("2026-01-01T00:00:00Z", "2026-03-30T11:00:00Z", "at most 31 days"),
@@ -166,12 +166,12 @@ def test_the_history_has_limits_points_and_marks(client):
     ],
 )
 @pytest.mark.parametrize("what", ["signals", "loop"])
-def test_a_window_that_makes_no_sense_is_refused(client, what, start, stop, said):
+def test_a_window_that_makes_no_sense_is_refused(client, what, start, stop, text):
     """With a sentence that says which window is expected."""
     fields = {"id": STICKY, "start": start, "stop": stop}
     answer = client.get(f"/api/v1/valve/{what}", params=fields)
     assert answer.status_code == 422
-    assert said in answer.json()["detail"]
+    assert text in answer.json()["detail"]
 
 
 def test_json_of_the_api_is_strict(live, client):

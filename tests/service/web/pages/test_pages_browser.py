@@ -140,20 +140,20 @@ def test_zooming_asks_for_more_and_stands_in_the_address(opened):
     page = drawn(opened.page(valve_path(STICKY)))
     box = page.locator(".plot-travel .u-over").bounding_box()
     before = page.locator(".view b").inner_text()
-    with page.expect_response("**/signals?*") as asked:
+    with page.expect_response("**/signals?*") as requested:
         page.mouse.move(box["x"] + 100, box["y"] + 60)
         page.mouse.down()
         page.mouse.move(box["x"] + 200, box["y"] + 60, steps=4)
         page.mouse.up()
-    assert asked.value.json()["bucket_s"] == 0.0
+    assert requested.value.json()["bucket_s"] == 0.0
     changed = "before => document.querySelector('.view b').textContent !== before"
     page.wait_for_function(changed, arg=before)
     fields = parse_qs(urlsplit(page.url).query)
     first, last = float(fields["from"][0]), float(fields["to"][0])
     assert 0 < last - first < 3600
     assert fields["id"] == [STICKY]
-    again = drawn(opened.page(page.url.removeprefix(opened.base)))
-    assert again.locator(".view b").inner_text() == page.locator(".view b").inner_text()
+    repeated = drawn(opened.page(page.url.removeprefix(opened.base)))
+    assert repeated.locator(".view b").inner_text() == page.locator(".view b").inner_text()
 
 
 def test_the_keyboard_alone_moves_and_zooms_the_plots(opened):

@@ -146,7 +146,7 @@ def test_an_address_says_all_of_what_is_wanted(
     text, areas, verdicts, levels, sort, descending, page
 ):
     """From a view to its address and back nothing is lost, whatever is written in it."""
-    wanted = RankingFilter(
+    expected = RankingFilter(
         text=text,
         areas=tuple(areas),
         verdicts=tuple(verdicts),
@@ -156,18 +156,18 @@ def test_an_address_says_all_of_what_is_wanted(
         page=page,
     )
     try:
-        address = link(wanted)
+        address = link(expected)
     except UnicodeEncodeError:
         return  # a lone surrogate is in no address
-    assert wanted_of(QueryParams(urlsplit(address).query)) == wanted
+    assert wanted_of(QueryParams(urlsplit(address).query)) == expected
 
 
 @given(st.dictionaries(st.sampled_from(["q", "area", "verdict", "sort", "page"]), st.text()))
 def test_an_address_that_makes_no_sense_is_the_plain_ranking(fields):
     """Whatever stands in an address, something can be shown."""
-    wanted = wanted_of(QueryParams(list(fields.items())))
-    assert wanted.sort in SORTS
-    assert wanted.page >= 1
+    expected = wanted_of(QueryParams(list(fields.items())))
+    assert expected.sort in SORTS
+    assert expected.page >= 1
 
 
 def test_a_new_filter_begins_at_the_first_page():

@@ -118,7 +118,7 @@ def test_the_file_does_not_touch_schedules_of_other_names(site: Site, client_of)
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "text"),
     [
         ({"cron": "at noon"}, "five cron fields"),
         ({"cron": ""}, "neither cron nor every_s"),
@@ -133,11 +133,11 @@ def test_the_file_does_not_touch_schedules_of_other_names(site: Site, client_of)
         ({"valves": "FIC-999"}, "there is no valve"),
     ],
 )
-def test_a_schedule_that_cannot_hold_is_refused(site: Site, client_of, changes, said) -> None:
+def test_a_schedule_that_cannot_hold_is_refused(site: Site, client_of, changes, text) -> None:
     """With what was found and what is expected; nothing is changed."""
     refused = sender(client_of(site))("/settings/schedule", **NIGHTLY | changes)
     assert refused.status_code == 422
-    assert said in refused.text
+    assert text in refused.text
     assert len(site.store.schedules.all()) == 1
 
 
@@ -158,7 +158,7 @@ def test_a_limit_that_is_set_holds_from_the_next_run_on(site: Site, client_of) -
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "said"),
+    ("name", "text", "answer"),
     [
         ("watch_S_percent", "2.5", "watch_S_percent &lt;= sticky_S_percent"),
         ("watch_S_percent", "much", "expected a number"),
@@ -168,12 +168,12 @@ def test_a_limit_that_is_set_holds_from_the_next_run_on(site: Site, client_of) -
         ("min_samples", "5000", "fitted_samples of at least min_samples"),
     ],
 )
-def test_a_limit_that_cannot_hold_is_refused(site: Site, client_of, name, text, said) -> None:
+def test_a_limit_that_cannot_hold_is_refused(site: Site, client_of, name, text, answer) -> None:
     """A limit must be a number and must not contradict the others, the file's included."""
     before = site.limits
     refused = sender(client_of(site))("/settings/limits", **{name: text})
     assert refused.status_code == 422
-    assert said in refused.text
+    assert answer in refused.text
     assert site.limits == before
 
 

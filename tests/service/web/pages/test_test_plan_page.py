@@ -45,8 +45,8 @@ def test_plan_is_shown_with_its_sheet_and_as_one_page_to_print(
     """Sentences, picture, table, and the same as PDF."""
     page = client.get("/valve/test-plan", params={"id": STICKY, **QUICK})
     assert page.status_code == 200
-    for said in ("is found with a probability of", "stemwatch never writes to a plant", "<svg"):
-        assert said in page.text
+    for text in ("is found with a probability of", "stemwatch never writes to a plant", "<svg"):
+        assert text in page.text
     paper = client.get("/valve/test-plan/sheet", params={"id": STICKY, **QUICK})
     assert paper.headers["content-type"] == "application/pdf"
     assert paper.content.startswith(b"%PDF")
