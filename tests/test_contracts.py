@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 import shutil
 import subprocess
 import sys
@@ -181,6 +182,16 @@ def _imported(path: Path) -> Iterator[str]:
 def _is_file(module: str) -> bool:
     place = REPOSITORY.joinpath(*module.removeprefix("stemwatch.").split("."))
     return place.with_suffix(".py").is_file() or (place / "__init__.py").is_file()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _trees_stay() -> Iterator[None]:
+    """A thousand trees are kept; going through them again and again to find garbage took half of
+    the time."""
+    gc.disable()
+    yield
+    _tree.cache_clear()
+    gc.enable()
 
 
 @cache

@@ -129,9 +129,10 @@ def test_every_page_is_reached_from_the_readme() -> None:
     assert {f"docs/{page.name}" for page in DOCS.glob("*.md")} - linked == set()
 
 
-def test_every_place_that_the_architecture_names_is_there() -> None:
-    """Files and functions of "Where does it come from?": a reader looks them up."""
-    section = _page("architecture.md").split("## Where does it come from?")[1].split("\n## ")[0]
+@pytest.mark.parametrize("title", ["The walk of one sample", "Where does it come from?"])
+def test_every_place_that_the_architecture_names_is_there(title: str) -> None:
+    """Files and functions in the tables: a reader looks them up."""
+    section = _page("architecture.md").split(f"## {title}\n")[1].split("\n## ")[0]
     rows = [row.split("|")[2] for row in section.splitlines() if row.startswith("| ")][1:]
     assert len(rows) > 12
     for row in rows:

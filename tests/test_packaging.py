@@ -55,6 +55,7 @@ def test_the_wheel_holds_every_file_of_the_three_folders(wheel: zipfile.ZipFile)
     assert expected == in_order
 
 
+@pytest.mark.long
 def test_a_source_archive_makes_the_same_wheel(
     sources: Path, wheel: zipfile.ZipFile, tmp_path: Path
 ) -> None:
@@ -68,6 +69,7 @@ def test_a_source_archive_makes_the_same_wheel(
     assert _contents(wheel) == _contents(_wheel(unpacked, tmp_path / "again"))
 
 
+@pytest.mark.long
 def test_a_checkout_without_links_makes_the_same_wheel(
     wheel: zipfile.ZipFile, tmp_path: Path
 ) -> None:

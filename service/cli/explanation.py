@@ -111,10 +111,10 @@ def _numbers(mismatch: Mismatch) -> Table:
     for name in ("", "S, %", "J, %", "fit, %", "rmse, %"):
         table.add_column(name, justify="right" if name else "left", no_wrap=bool(name))
     heldout = mismatch.heldout
-    rows = (
-        ("S and J alone", mismatch.naive, heldout.fit_naive, heldout.rmse_naive),
-        ("restated", mismatch.restated, heldout.fit_extended, heldout.rmse_extended),
-    )
+    rows = [("S and J alone", mismatch.naive, heldout.fit_naive, heldout.rmse_naive)]
+    if mismatch.effects:  # restated with what was named, and so only where something was
+        restated = mismatch.restated, heldout.fit_extended, heldout.rmse_extended
+        rows.append(("restated", *restated))
     for name, stiction, fit, rmse in rows:
         table.add_row(name, _number(stiction.S), _number(stiction.J), figure(fit), figure(rmse, 2))
     table.caption = _caption(mismatch) or None
@@ -132,7 +132,8 @@ def _number(estimate: Estimate) -> str:
 def _caption(mismatch: Mismatch) -> str:
     """The interval of the gain, the network and the noise floor, as on the page."""
     heldout, parts = mismatch.heldout, []
-    if finite(heldout.gain_low) is not None and finite(heldout.gain_high) is not None:
+    known = finite(heldout.gain_low) is not None and finite(heldout.gain_high) is not None
+    if known and mismatch.effects:
         parts.append(
             f"fit grows by {figure(heldout.gain_low, 2)} to {figure(heldout.gain_high, 2)} points"
         )

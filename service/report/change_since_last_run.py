@@ -55,7 +55,8 @@ def change_since_last_run(
     """The change from ``before`` to ``now``, whose verdict on the valve is ``verdict``: by verdict,
     else by the trend of S over ``weeks`` where it has one, else by S, else by severity.
 
-    S that rises by less than its interval from run to run still rises over weeks.
+    S that rises by less than its interval from run to run still rises over weeks; where the verdict
+    changes the way that S goes over weeks, both are said.
     """
     if before is None:
         return Change(direction="new", words="first look")
@@ -63,15 +64,18 @@ def change_since_last_run(
     if verdict not in _GRAVITY or previous_verdict not in _GRAVITY:
         return Change(direction="unknown", words=f"was {previous_verdict.value}")
     if verdict != previous_verdict:
-        worse = _GRAVITY[verdict] > _GRAVITY[previous_verdict]
-        return Change(
-            direction="worse" if worse else "better",
-            words=f"{'worse' if worse else 'better'}, was {previous_verdict.value}",
-        )
+        direction = "worse" if _GRAVITY[verdict] > _GRAVITY[previous_verdict] else "better"
+        words = f"{direction}, was {previous_verdict.value}"
+        if weeks is not None and weeks.is_change and _direction(weeks) == direction:
+            words += f"; {weeks.words}"
+        return Change(direction=direction, words=words)
     if weeks is not None and weeks.is_change:
-        direction = "worse" if weeks.per_month > 0.0 else "better"
-        return Change(direction=direction, words=f"{direction}, {weeks.words}")
+        return Change(direction=_direction(weeks), words=f"{_direction(weeks)}, {weeks.words}")
     return _within_a_verdict(now, before)
+
+
+def _direction(weeks: TrendOverWeeks) -> str:
+    return "worse" if weeks.per_month > 0.0 else "better"
 
 
 def _within_a_verdict(now: HasSize, before: PreviousFinding) -> Change:

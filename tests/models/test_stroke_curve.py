@@ -85,7 +85,7 @@ WAYS = {
 }
 
 
-SHORT = ("upper half of a split range", "equal percentage", "counting the other way")
+SHORT = ("equal percentage", "counting the other way")
 
 
 @cache

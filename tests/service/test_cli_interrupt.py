@@ -39,7 +39,13 @@ ENDS = {
 
 
 @pytest.mark.parametrize(
-    ("workers", "by"), [(1, "Ctrl-C"), (2, "Ctrl-C"), (2, "SIGTERM"), (2, "SIGKILL")]
+    ("workers", "by"),
+    [
+        pytest.param(1, "Ctrl-C", marks=pytest.mark.long),
+        (2, "Ctrl-C"),
+        pytest.param(2, "SIGTERM", marks=pytest.mark.long),
+        (2, "SIGKILL"),
+    ],
 )
 def test_an_interrupted_run_leaves_a_usable_database(
     stemwatch, one_valve: Path, tmp_path: Path, workers: int, by: str

@@ -143,6 +143,7 @@ def test_two_recordings_of_one_valve_have_anchors_of_their_own(tmp_path):
     assert len(set(write_pages(twice, CONTEXT, tmp_path).maps)) == 4
 
 
+@pytest.mark.long
 def test_the_page_stays_small_for_a_large_plant():
     """Beyond the limit there are findings and maps, and no overlay."""
     read = recording(samples=60)

@@ -29,4 +29,7 @@ def test_the_tutorial_does_what_it_says(
     assert [file for file in files if not (tmp_path / "tutorial/report" / file).is_file()] == []
     valves = json.loads((tmp_path / "tutorial/report/valves.json").read_text("utf-8"))
     sticky = {valve["valve"] for valve in valves if valve["verdict"] == "sticky"}
-    assert {"FIC-104", "FIC-106"} <= sticky
+    assert {"FIC-104"} <= sticky
+    (explained,) = json.loads((tmp_path / "tutorial/explained/explain.json").read_text("utf-8"))
+    assert explained["valve"] == "FIC-115"
+    assert "when falling" in explained["sentence"]

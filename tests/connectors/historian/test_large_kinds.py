@@ -80,19 +80,30 @@ def comma_apart(layout: str) -> Kind:
     return Kind(layout=layout, separator=";", decimal=",")
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+WRITTEN = {
+    "plain": Kind(),
+    "quoted": Kind(quoted="all"),
+    "words quoted": Kind(quoted="words", end="\r\n"),
+    "packed": Kind(packed=True),
+    "cp1252": Kind(encoding="cp1252", cells=((0.4, "12°"),)),
+    "utf-16": Kind(encoding="utf-16"),
+    "by tag": Kind(by_tag=True),
+}
+
+
 @pytest.mark.parametrize(
-    "way",
+    ("layout", "way"),
     [
-        Kind(),
-        Kind(quoted="all"),
-        Kind(quoted="words", end="\r\n"),
-        Kind(packed=True),
-        Kind(encoding="cp1252", cells=((0.4, "12°"),)),
-        Kind(encoding="utf-16"),
-        Kind(by_tag=True),
+        # Every layout and every way in every run, all of their pairs in the long one.
+        pytest.param(
+            layout,
+            WRITTEN[way],
+            marks=[pytest.mark.long] if way != "plain" and (row + place) % 4 else [],
+            id=f"{way}-{layout}",
+        )
+        for place, way in enumerate(WRITTEN)
+        for row, layout in enumerate(LAYOUTS)
     ],
-    ids=["plain", "quoted", "words quoted", "packed", "cp1252", "utf-16", "by tag"],
 )
 def test_every_layout_is_read_in_pieces_and_gives_the_same(layout: str, way: Kind) -> None:
     """Values, quality, decisions and problems."""

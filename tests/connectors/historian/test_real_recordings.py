@@ -21,6 +21,7 @@ def only(path: Path) -> Recording:
     return source.read(valve)
 
 
+@pytest.mark.long
 def test_lists_and_notes_are_told_from_recordings(recordings: Path) -> None:
     """Labels and readme are skipped with a reason; everything else is taken."""
     sources = find_sources([recordings])

@@ -73,7 +73,15 @@ def test_single_wrong_readings_do_no_harm():
     assert result.S == pytest.approx(1.0, rel=0.15)
 
 
-@pytest.mark.parametrize("slug", ["null", "actuator_lag", "viscous_drag", "underdamped_positioner"])
+@pytest.mark.parametrize(
+    "slug",
+    [
+        "null",
+        pytest.param("actuator_lag", marks=pytest.mark.long),
+        pytest.param("viscous_drag", marks=pytest.mark.long),
+        "underdamped_positioner",
+    ],
+)
 def test_a_process_valve_shows_none(slug):
     """Its stem slips between two samples, or is slow without any inertia that shows."""
     cases = draw_nulls(1, 6161) if slug == "null" else draw_effect(slug, 1, 6161)

@@ -109,7 +109,14 @@ def test_a_stop_that_was_reached_is_testable():
 
 
 @pytest.mark.parametrize(
-    "slug", ["dead_time", "rate_limit", "supply_sag", "lost_motion", "dwell_dependent_breakaway"]
+    "slug",
+    [
+        "dead_time",
+        "rate_limit",
+        pytest.param("supply_sag", marks=pytest.mark.long),
+        "lost_motion",
+        pytest.param("dwell_dependent_breakaway", marks=pytest.mark.long),
+    ],
 )
 def test_what_a_plant_shows_is_not_refused(slug):
     """An effect that moved the reading of a force-balance plant in an hour is left to be tested."""

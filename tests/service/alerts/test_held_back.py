@@ -124,6 +124,7 @@ def test_no_alert_comes_of_what_is_held_back(either_store: Store, plant: Plant) 
     assert alert.text.endswith(present_effect(EFFECT).check)
 
 
+@pytest.mark.long
 def test_many_valves_are_gathered_as_one_by_one(either_store: Store, plant: Plant) -> None:
     """What the rules see of each valve is what the store says of it alone: the last screenings
     newest first, S at the baseline, the ratios, and the words of the newest finding."""

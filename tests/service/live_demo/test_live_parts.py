@@ -193,6 +193,7 @@ def test_the_fitter_comes_once_for_each_record(tmp_path: Path) -> None:
         assert fitter.look() == ["FIC-101", "FIC-102"]
 
 
+@pytest.mark.long
 def test_a_service_that_cannot_start_ends_the_demo_with_a_sentence(tmp_path: Path) -> None:
     """Where the port is taken, its log is named; the folder is free again."""
     import socket

@@ -46,6 +46,7 @@ def test_it_serves_what_its_plant_file_says_until_ctrl_c(tmp_path: Path) -> None
             started.kill()
 
 
+@pytest.mark.long
 def test_in_the_background_of_a_script_it_ends_on_sigterm(tmp_path: Path) -> None:
     """There Ctrl-C is ignored, so that SIGTERM must not be handed on as that."""
     command = ("simulate", "--modbus", "--what", "healthy", "--count", "1", "--port", "0")

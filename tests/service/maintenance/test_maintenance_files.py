@@ -123,6 +123,7 @@ def test_a_page_is_set_in_the_largest_type_that_fits(whole):
         assert height_of(story) == height_of(_sheet(TypeSize(SIZES[0]), sheet, whole.context))
 
 
+@pytest.mark.long
 def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
     """No row is lost at a page's end."""
     several = [frozen(f"PIC-{k}") for k in range(90)]

@@ -72,6 +72,7 @@ def _without_timing(screening: Screening) -> dict[str, Any]:
     return results
 
 
+@pytest.mark.long
 def test_every_executor_finds_the_same(result, cluster: Cluster) -> None:
     """Every number, word, interval and plot is the same bit for bit, in this process, in two
     others and in a Dask cluster, though other networks train together."""

@@ -122,6 +122,7 @@ def test_run_now_that_is_asked_to_stop_leaves_its_run_to_the_next(
         assert [item.state for item in store.queue.recent()] == [RunState.DONE, RunState.DONE]
 
 
+@pytest.mark.long
 def test_a_live_plant_is_collected_across_a_kill(live_site: Site) -> None:
     """Samples reach the store; after SIGKILL the next start goes on, finishes the run that was
     begun, and no sample is there twice or out of its place."""

@@ -246,6 +246,7 @@ def test_the_json_can_be_counted_again() -> None:
     assert growing["alarms"] == sum(score is not None and score > limit for score in counts)
 
 
+@pytest.mark.long
 def test_the_command_writes_its_json(tmp_path) -> None:
     """Two loops in this process: the file holds every row, the calibration is of another seed."""
     app = typer.Typer()

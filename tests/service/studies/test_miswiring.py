@@ -47,6 +47,7 @@ def test_every_kind_changes_op_or_position_and_nothing_else(seen):
         assert same == (kind == AS_IT_IS), kind
 
 
+@pytest.mark.long
 def test_valves_stick_and_do_not_in_turn_and_are_mixed_up_with_the_other_kind():
     """Half of the valves stick, from two draws, and none depends on how many there are."""
     drawn = draw_miswired(8, 5)

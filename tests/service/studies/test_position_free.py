@@ -35,6 +35,7 @@ def test_training_again_gives_the_same(trained) -> None:
         assert np.array_equal(array, trained.network.arrays[name]), name
 
 
+@pytest.mark.long
 def test_the_limits_are_in_order(trained) -> None:
     """No sign below what is suspected, both scores."""
     limits = trained.limits
@@ -42,6 +43,7 @@ def test_the_limits_are_in_order(trained) -> None:
     assert 0.0 < limits.shows_from <= 1.0
 
 
+@pytest.mark.long
 def test_every_family_is_asked_and_counted(trained) -> None:
     """Every loop once, in one of three answers."""
     answers = run_position_free(trained, 4, 5151, InProcess(), lambda _: None)

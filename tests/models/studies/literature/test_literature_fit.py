@@ -59,10 +59,10 @@ def test_the_jumps_of_each_direction_trade_with_the_zero(recorded, command):
     ("name", "sharp"),
     [
         ("classical", {"static_n": 0.02, "kinetic_n": 0.1}),
-        ("karnopp", {"static_n": 0.02, "kinetic_n": 0.1}),
+        pytest.param("karnopp", {"static_n": 0.02, "kinetic_n": 0.1}, marks=pytest.mark.long),
         ("dahl", {"kinetic_n": 0.02, "viscous_ns_per_m": 0.2}),
         ("lugre", {"static_n": 0.02, "kinetic_n": 0.15}),
-        ("mueller", {"static_n": 0.02}),
+        pytest.param("mueller", {"static_n": 0.02}, marks=pytest.mark.long),
     ],
 )
 def test_a_force_balance_finds_its_own_friction(recorded, command, name, sharp):

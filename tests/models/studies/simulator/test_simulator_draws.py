@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import pytest
 
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import demo_plant, draw_healthy, draw_sticky, simulate_loop
@@ -74,6 +75,7 @@ def test_the_demo_plant_is_complete() -> None:
     assert set(Shape) == {loop.valve.shape for loop in loops if not loop.valve.healthy}
 
 
+@pytest.mark.long
 def test_the_demo_recordings_show_their_trouble() -> None:
     """What the story of a demonstration valve says is in its recording."""
     loops = {loop.story: loop for loop in demo_plant(seed=1)}

@@ -57,6 +57,7 @@ def screened(stemwatch, plant: Path, out: Path, url: str, *window: str) -> Any:
     return report_of(out)
 
 
+@pytest.mark.long
 def test_one_site_on_two_engines_gives_one_report(
     stemwatch, tmp_path: Path, new_database: NewDatabase
 ) -> None:

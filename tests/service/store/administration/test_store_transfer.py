@@ -41,11 +41,10 @@ WAYS = [
     ("sqlite", "sqlite"),
     *(
         pytest.param(*way, marks=pytest.mark.postgres)
-        for way in (
-            ("sqlite", "postgresql"), ("postgresql", "sqlite"), ("postgresql", "postgresql")
-        )
+        for way in (("sqlite", "postgresql"), ("postgresql", "sqlite"))
     ),
-]  # fmt: skip
+    pytest.param("postgresql", "postgresql", marks=[pytest.mark.postgres, pytest.mark.long]),
+]
 
 
 def rows_of(url: str) -> dict[str, list[dict[str, object]]]:

@@ -93,7 +93,13 @@ def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
 
 
 @pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
-@pytest.mark.parametrize("role", UserRole)
+@pytest.mark.parametrize(
+    "role",
+    [
+        pytest.param(role, marks=[pytest.mark.long] if role is UserRole.ENGINEER else [])
+        for role in UserRole
+    ],
+)
 def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: UserRole) -> None:
     """No failure, no undescribed status, no field of another shape; and whoever lacks the right
     is refused whatever is sent."""
