@@ -56,6 +56,11 @@ NEXT = {
 }
 
 LONGER = "Record a longer window, or one in which OP reverses more often."
+STEPPED = (
+    "See that OP is what this valve is told (its own tag, in percent of its stroke) and that the "
+    "position is its own. If so, record a stretch in which OP is stepped up and down, each step "
+    "held until the stem rests, and screen that."
+)
 FASTER = (
     "Have OP and position archived faster, without averages and exception reports, and screen it "
     "again."
@@ -75,6 +80,7 @@ class DecisionEvidence:
     following: Residual | None  # stick-slip model, resynchronised at each block of time
     typical_percent: float  # 100 (1 - median |residual| / median |MV - median MV|), the same run
     narx: Residual | None
+    unseen: Residual | None  # a free run of S and J alone, where what they leave has no name
     sigma: float  # measurement noise of the position, percent
     slow: str  # what is slow beside friction, a sentence, or nothing
     baseline: Residual | None  # the baseline network's, on this window
@@ -235,6 +241,23 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
     return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
 
 
+def _not_followed(evidence: DecisionEvidence, limits: Limits) -> str | None:
+    """Why a small S tells nothing of this valve, or ``None`` where it does.
+
+    S is small, but the free run with it is far from the part that was not fitted, and what is left
+    has no name: the stem moves by something else, or OP is not its command.
+    """
+    residual = evidence.unseen
+    if residual is None or residual.fit_percent >= limits.min_fit_percent:
+        return None
+    if residual.rmse <= max(3.0 * evidence.sigma, NEGLIGIBLE_PERCENT):
+        return None
+    return (
+        "a free run with S and J does not follow the part of the recording that was not fitted "
+        f"(fit {residual.fit_percent:.0f} %), and nothing that would explain it was found"
+    )
+
+
 def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
@@ -275,7 +298,8 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
 
     sticky: even the low end of S reaches the limit, and a valve without friction fits worse on
     data that neither model was fitted to. watch: S itself reaches the lower limit, or the valve
-    has moved away from its baseline. healthy: even the high end of S stays below the sticky limit.
+    has moved away from its baseline. healthy: even the high end of S stays below the sticky limit,
+    and a free run follows what was not fitted, or what it leaves has a name.
     """
     unexplained = _unexplained(evidence, limits)
     if unexplained is not None:
@@ -310,6 +334,9 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
             f"S is probably {_percent(S)} but may be {_percent(high)}{because}",
             FASTER if because else LONGER,
         )
+    not_followed = _not_followed(evidence, limits)
+    if not_followed is not None:
+        return _cannot_tell(not_followed, STEPPED, numbers_hold=False)
     return _healthy(evidence, limits)
 
 

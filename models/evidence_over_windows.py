@@ -53,6 +53,7 @@ OF_FRICTION = frozenset(
         "growing_stiction",
         "low_speed_restick",
         "position_dependent_friction",
+        "slip_overshoot",
     }
 )
 FRICTION_GONE = 0.5  # of S in the windows that name such an effect: with less it cannot be there
@@ -252,12 +253,12 @@ def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | 
 def _friction_with(slug: str, windows: Sequence[WindowEvidence]) -> float:
     """The median S of the windows that name an effect of friction itself, percent; 0 for any
     other."""
-    known = [
+    known_scores = [
         window.S.value
         for window in windows
         if window.names(slug) and window.S is not None and window.S.value is not None
     ]
-    return float(np.median(known)) if known and slug in OF_FRICTION else 0.0
+    return float(np.median(known_scores)) if known_scores and slug in OF_FRICTION else 0.0
 
 
 def _is_free(S: Estimate | None, felt: float) -> bool:

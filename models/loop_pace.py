@@ -60,9 +60,9 @@ def at_loop_pace(recording: Recording, samples: int) -> Recording:
         return recording
     if len(recording) > CHOOSE_BEYOND * samples:
         recording = _at_scans_of_op(recording)
-    every = _between_turns(recording, samples)
-    why = "OP turns round so slowly that nothing of its way is lost, and more of it is fitted"
-    return recording if every == 1 else _read(recording, 0, every, why)
+    stride = _between_turns(recording, samples)
+    reason = "OP turns round so slowly that nothing of its way is lost, and more of it is fitted"
+    return recording if stride == 1 else _read(recording, 0, stride, reason)
 
 
 def _at_scans_of_op(recording: Recording) -> Recording:
@@ -70,20 +70,20 @@ def _at_scans_of_op(recording: Recording) -> Recording:
     period, change = refresh_period(recording.op.values)
     if period < LEAST_APART or len(recording) < FEWEST_SCANS * period:
         return recording
-    why = "OP is held as long between the scans of its controller"
-    return _read(recording, (change - 1) % period, period, why)
+    reason = "OP is held as long between the scans of its controller"
+    return _read(recording, (change - 1) % period, period, reason)
 
 
-def _read(recording: Recording, first: int, every: int, why: str) -> Recording:
+def _read(recording: Recording, first: int, stride: int, reason: str) -> Recording:
     """Every so manyth sample from the ``first`` on."""
     part = recording.part(first, len(recording))
     signals = {
-        role: replace(signal, values=signal.values[::every], quality=signal.quality[::every])
+        role: replace(signal, values=signal.values[::stride], quality=signal.quality[::stride])
         for role, signal in part.signals.items()
     }
-    interval_s = every * part.interval_s
-    said = f"One sample of {every} is read, every {duration(1.0, interval_s, 'g')}: {why}."
-    decisions = (*part.provenance.decisions, said)
+    interval_s = stride * part.interval_s
+    sentence = f"One sample of {stride} is read, every {duration(1.0, interval_s, 'g')}: {reason}."
+    decisions = (*part.provenance.decisions, sentence)
     provenance = replace(part.provenance, decisions=decisions)
     return replace(part, signals=signals, interval_s=interval_s, provenance=provenance)
 
@@ -98,17 +98,17 @@ def _between_turns(recording: Recording, samples: int) -> int:
     op = recording.op.values[recording.usable]
     if reversals(op, stretch.turn_percent).size <= stretch.turns:
         return 1
-    most = len(recording) // samples
-    apart = recording.mv.values[recording.usable] - op
-    low, high = np.percentile(apart, BAND)
+    longest_stride = len(recording) // samples
+    difference = recording.mv.values[recording.usable] - op
+    low, high = np.percentile(difference, BAND)
     least = max(TURN_SHARE * float(high - low), NOISES * noise_sigma(op), SMALLEST_TURN_PERCENT)
     turns = reversals(op, least)
     if turns.size >= FEWEST_TURNS:
-        most = min(most, int(np.median(np.diff(turns))) // LEFT_OF_A_TURN)
-    return _round(most) if most >= LEAST_APART else 1
+        longest_stride = min(longest_stride, int(np.median(np.diff(turns))) // LEFT_OF_A_TURN)
+    return _round(longest_stride) if longest_stride >= LEAST_APART else 1
 
 
-def _round(most: int) -> int:
+def _round(largest: int) -> int:
     """The largest of 1, 2, 5, 10, 20 and so on that is not above ``most``."""
-    decade = int(10 ** (len(str(most)) - 1))
-    return max(step * decade for step in STEPS if step * decade <= most)
+    decade = int(10 ** (len(str(largest)) - 1))
+    return max(step * decade for step in STEPS if step * decade <= largest)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.narx.example import NarxFit
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.recording import Floats, Recording
@@ -52,6 +52,15 @@ def better_of(stiction: Residual | None, mismatch: Mismatch | None) -> Residual 
     if rmse is None or fit is None or rmse >= stiction.rmse:
         return stiction
     return Residual(rmse=rmse, normalised=1.0 - fit / 100.0)
+
+
+def of_unknown(mismatch: Mismatch | None) -> Residual | None:
+    """The free run of S and J on unseen samples where they leave something that has no name; else
+    ``None``."""
+    if mismatch is None or mismatch.finding is not Finding.UNKNOWN:
+        return None
+    rmse, fit = mismatch.heldout.rmse_naive, mismatch.heldout.fit_naive
+    return None if rmse is None or fit is None else Residual(rmse=rmse, normalised=1.0 - fit / 100)
 
 
 def typical_percent(fit: StickSlipFit) -> float:

@@ -433,6 +433,7 @@ def _with_verdict(
         jumps_evident=events.evident,
         following=residual.better_of(residual.of_stiction(fit, resynced=True), mismatch),
         narx=residuals["narx"],
+        unseen=residual.of_unknown(mismatch),
         typical_percent=residual.typical_percent(fit),
         sigma=fit.evaluator.problem.sigma,
         slow=slowness(fit) if mismatch is None else beside_friction(mismatch),

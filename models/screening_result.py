@@ -210,7 +210,8 @@ class PreviousFinding:
 
     ``at`` is the instant it stands for (the end of its window, or when it was saved), ``run`` the
     number of its run. ``S`` and ``J`` in percent of OP span, ``None`` where they were not known.
-    ``finding`` is a value of ``mismatch.findings.Finding``, ``effects`` the slugs that were named.
+    ``finding`` is a value of ``mismatch.findings.Finding``, ``effects`` the slugs that were named,
+    then or by the windows of weeks; ``defects`` those of them that stood and ask for work.
     """
 
     at: datetime
@@ -221,8 +222,7 @@ class PreviousFinding:
     J: float | None = None
     finding: str | None = None
     effects: tuple[str, ...] = ()
-    defects: tuple[str, ...] | None = None  # those of them to mend; ``None``: all
-    held_back: bool = False  # the effects did not stand among all valves of their run
+    defects: tuple[str, ...] | None = None  # ``None``: all
 
 
 def _copy(trace: Floats, first: int, last: int) -> Floats:

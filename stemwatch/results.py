@@ -340,7 +340,7 @@ def screened(screenings: Sequence[Screening]) -> tuple[list[ScreenedValve], Disc
     """Each screening, with whether its effects stand after false-discovery control over all."""
     run = discoveries([screening.mismatch for screening in screenings])
     valves = [
-        ScreenedValve(screening, stands, run.remark if stands is False else "")
+        ScreenedValve(screening, stands, run.remark() if stands is False else "")
         for screening, stands in zip(screenings, run.standing, strict=True)
     ]
     return valves, run
@@ -350,7 +350,7 @@ def explained(results: Sequence[Explained]) -> tuple[list[ExplainedValve], Disco
     """Each explanation, with whether its effects stand after false-discovery control over all."""
     run = discoveries([explained.mismatch for explained in results])
     valves = [
-        ExplainedValve(explained, stands, run.remark if stands is False else "")
+        ExplainedValve(explained, stands, run.remark() if stands is False else "")
         for explained, stands in zip(results, run.standing, strict=True)
     ]
     return valves, run

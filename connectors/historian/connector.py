@@ -89,19 +89,19 @@ class TextExportSettings(SourceSettings):
     @model_validator(mode="after")
     def _one_place(self) -> Self:
         if (self.path is None) == (self.folder is None):
-            found = "nothing" if self.path is None else "both path and folder"
+            found_text = "nothing" if self.path is None else "both path and folder"
             expected = (
                 "a file or pattern such as exports/*.csv, relative to the plant file; or folder "
                 "instead, for exports that are dropped there"
             )
-            raise contradiction(("path",), found, expected)
+            raise contradiction(("path",), found_text, expected)
         return self
 
     @model_validator(mode="after")
     def _two_marks(self) -> Self:
         if self.separator is not None and self.separator == self.decimal:
-            found = f"{self.decimal!r}, which is also the separator"
-            raise contradiction(("decimal",), found, "two different marks")
+            found_text = f"{self.decimal!r}, which is also the separator"
+            raise contradiction(("decimal",), found_text, "two different marks")
         return self
 
     def read_options(self) -> dict[str, Any]:

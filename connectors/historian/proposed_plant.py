@@ -40,17 +40,20 @@ def sources_of(
     file."""
     paths: dict[str, list[Inspection]] = {}
     one_valve = _tags_have_one_valve([inspection for _, inspection in seen])
-    below = "" if all(path.parent == folder for path, _ in seen) else "**/"
+    subfolders = "" if all(path.parent == folder for path, _ in seen) else "**/"
     for path, inspection in seen:
         ending = "".join(path.suffixes[-2:]) if path.suffix == ".gz" else path.suffix
-        every = f"{glob.escape(folder.as_posix())}/{below}*{ending}"
-        one = every if one_valve else glob.escape(path.as_posix())
-        paths.setdefault(one, []).append(inspection)
+        pattern = f"{glob.escape(folder.as_posix())}/{subfolders}*{ending}"
+        pattern_of_one = pattern if one_valve else glob.escape(path.as_posix())
+        paths.setdefault(pattern_of_one, []).append(inspection)
     return [
         ProposedSource(
-            "historian" if len(paths) == 1 else f"historian {number}", path, tuple(many), options
+            "historian" if len(paths) == 1 else f"historian {number}",
+            path,
+            tuple(tags_of_file),
+            options,
         )
-        for number, (path, many) in enumerate(paths.items(), start=1)
+        for number, (path, tags_of_file) in enumerate(paths.items(), start=1)
     ]
 
 
@@ -59,7 +62,7 @@ def _tags_have_one_valve(inspections: Sequence[Inspection]) -> bool:
     for tag in (tag for inspection in inspections for tag in inspection.tags):
         if tag.role == Role.OP:
             valves.setdefault(tag.tag, set()).add(tag.valve)
-    return all(len(many) == 1 for many in valves.values())
+    return all(len(sources) == 1 for sources in valves.values())
 
 
 def plant_toml(sources: Sequence[ProposedSource], curves: Mapping[str, str] = NO_CURVES) -> str:
@@ -85,16 +88,16 @@ def _tags(inspections: Sequence[Inspection]) -> list[TagInspection]:
     """Each tag of each valve once, over the range that all files show."""
     tags: dict[tuple[str, str], TagInspection] = {}
     for tag in (tag for inspection in inspections for tag in inspection.tags):
-        known = tags.get((tag.valve, tag.tag))
-        tags[tag.valve, tag.tag] = tag if known is None else _wider(known, tag)
+        inspection = tags.get((tag.valve, tag.tag))
+        tags[tag.valve, tag.tag] = tag if inspection is None else _wider(inspection, tag)
     return list(tags.values())
 
 
-def _wider(one: TagInspection, other: TagInspection) -> TagInspection:
-    lows = [low for low in (one.low, other.low) if low is not None]
-    highs = [high for high in (one.high, other.high) if high is not None]
-    role = one.role or other.role
-    return replace(one, low=min(lows, default=None), high=max(highs, default=None), role=role)
+def _wider(first: TagInspection, other: TagInspection) -> TagInspection:
+    lows = [low for low in (first.low, other.low) if low is not None]
+    highs = [high for high in (first.high, other.high) if high is not None]
+    role = first.role or other.role
+    return replace(first, low=min(lows, default=None), high=max(highs, default=None), role=role)
 
 
 def _text(value: str) -> str:
@@ -114,8 +117,8 @@ def _zone_line(inspections: Sequence[Inspection]) -> str:
 def _option_lines(options: Mapping[str, Any]) -> list[str]:
     """How a person said that the file is read; the zone has a line of its own."""
     return [
-        f"{name} = {json.dumps(said, ensure_ascii=False)}"
-        for name, said in options.items()
+        f"{name} = {json.dumps(value, ensure_ascii=False)}"
+        for name, value in options.items()
         if name != "zone"
     ]
 

@@ -173,17 +173,17 @@ class _Looked:
         return -round(telling_power, 2), self.programme.duration_s
 
 
-def _looked_at(place: _Place, programme: Programme) -> _Looked | None:
+def _looked_at(bench: _Place, programme: Programme) -> _Looked | None:
     """What the programme tells; ``None`` where it upsets PV more than is allowed."""
-    runs = place.runs(programme)
-    predicted = np.array([runs.predicted(model) for model in place.models])
-    upset, allowed = place.upset(predicted), allowed_upset(place.question, place.limits)
+    runs = bench.runs(programme)
+    predicted = np.array([runs.predicted(model) for model in bench.models])
+    upset, allowed = bench.upset(predicted), allowed_upset(bench.question, bench.limits)
     if upset is not None and allowed is not None and upset > allowed:
         return None
-    return _Looked(programme, predicted, place.gains(runs, predicted), upset)
+    return _Looked(programme, predicted, bench.gains(runs, predicted), upset)
 
 
-def _longer(place: _Place, programme: Programme, moves: list[Move]) -> Iterator[_Looked | None]:
+def _longer(bench: _Place, programme: Programme, moves: list[Move]) -> Iterator[_Looked | None]:
     """``programme`` and one more of ``moves``, where time is left for it.
 
     Each is made once: no model is the valve, and what one move tells by a fluke another does not.
@@ -192,21 +192,21 @@ def _longer(place: _Place, programme: Programme, moves: list[Move]) -> Iterator[
         if move in programme.moves:
             continue
         longer = programme.plus(move)
-        if longer.duration_s <= place.limits.duration_s + 1e-9:
-            yield _looked_at(place, longer)
+        if longer.duration_s <= bench.limits.duration_s + 1e-9:
+            yield _looked_at(bench, longer)
 
 
-def _concluded(place: _Place, best: _Looked) -> DesignedTest:
-    runs = place.runs(best.programme)
+def _concluded(bench: _Place, best: _Looked) -> DesignedTest:
+    runs = bench.runs(best.programme)
     rng = np.random.default_rng(1975)
-    wins = np.zeros((len(place.models),) * 2)
-    for (i, model), _ in product(enumerate(place.models), range(REPLICATES)):
+    wins = np.zeros((len(bench.models),) * 2)
+    for (i, model), _ in product(enumerate(bench.models), range(REPLICATES)):
         wins[i, int(np.argmin(runs.costs(runs.answered(model, rng))))] += 1.0 / REPLICATES
     return DesignedTest(
         programme=best.programme,
-        models=place.models,
-        interval_s=place.interval_s,
-        change=best.programme.changes(place.interval_s),
+        models=bench.models,
+        interval_s=bench.interval_s,
+        change=best.programme.changes(bench.interval_s),
         predicted=best.predicted,
         gains=best.gains,
         wins=wins,

@@ -16,9 +16,9 @@ import numpy as np
 
 from stemwatch.models.excitation import swing
 from stemwatch.models.field_test.programme import RESOLUTION
-from stemwatch.models.field_test.rival_runs import SLOW, RivalFit, RivalRuns
+from stemwatch.models.field_test.rival_runs import RivalFit, RivalRuns
 from stemwatch.models.mismatch.flow import as_position
-from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
+from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording, Signal

@@ -32,7 +32,8 @@ class PlanKind(StrEnum):
 class FieldTestPlan:
     """The plan for one valve, within ``limits``, from OP at ``op`` percent.
 
-    ``op_known`` says whether that is where OP was last seen. ``undecided`` are pairs of rivals that
+    ``op_known`` says whether that is where OP was last seen. ``rivals`` are those that the test is
+    for, ``too_slow`` those that no test of minutes shows. ``undecided`` are pairs of rivals that
     even this test does not tell apart; ``wider`` the limits within which one would, with its
     probability, where such were found. ``reason`` says why there is no test.
     """
@@ -42,6 +43,7 @@ class FieldTestPlan:
     op: float
     op_known: bool
     rivals: tuple[str, ...] = ()
+    too_slow: tuple[str, ...] = ()
     test: DesignedTest | None = None
     undecided: tuple[tuple[str, str], ...] = ()
     wider: TestLimits | None = None
@@ -71,24 +73,38 @@ def plan_test(
         op=MIDDLE if start_op is None else round(start_op, 1),
         op_known=start_op is not None,
         rivals=open_question.rivals,
+        too_slow=open_question.slow,
         allowed_upset=allowed_upset(open_question, limits),
         question=open_question,
     )
+    if len(open_question.quick) > 1:
+        rivals = tuple(model.slug for model in open_question.quick)
+        planned = _planned(replace(plan, rivals=rivals), open_question.quick)
+        return replace(planned, undecided=(*planned.undecided, *_with_slow(open_question)))
     if len(open_question.models) > 1:
-        return _planned(plan, open_question.models)
+        reason = "what grows or drifts over a whole recording does not show in minutes"
+        cannot = replace(plan, kind=PlanKind.CANNOT_TELL, reason=reason)
+        return replace(cannot, undecided=_with_slow(open_question))
     if judged:
         return plan
-    rivals = tuple(_stem(slug, *levels) for slug, levels in ((FREE, HEALTHY), (STICKS, STICKY)))
+    stems = tuple(_stem(slug, *levels) for slug, levels in ((FREE, HEALTHY), (STICKS, STICKY)))
     # Nothing was fitted: the scatter is what is usual, and the curve is not known either.
     typical = replace(open_question, scatter=0.08 * 0.5 * sum(STICKY), restick=0.0)
-    bump = replace(plan, rivals=tuple(model.slug for model in rivals), question=typical)
-    planned = _planned(bump, rivals, (MoveKind.STAIRCASE,))
+    bump = replace(plan, rivals=(FREE, STICKS), question=typical)
+    planned = _planned(bump, stems, (MoveKind.STAIRCASE,))
     return replace(planned, kind=PlanKind.BUMP) if planned.kind is PlanKind.TELLS else planned
 
 
 def _stem(slug: str, S: float, J: float) -> RivalModel:
     base = (S, J / S, 0.0, 0.0, 0.0, 0.0)
     return RivalModel(slug=slug, base=(base, base), terms={})
+
+
+def _with_slow(question: OpenQuestion) -> tuple[tuple[str, str], ...]:
+    """The pairs that no test tells apart, because one of the two only shows in a longer time."""
+    slugs = question.rivals
+    pairs = ((slugs[j], slugs[i]) for i in range(len(slugs)) for j in range(i))
+    return tuple(pair for pair in pairs if not set(question.slow).isdisjoint(pair))
 
 
 def _planned(

@@ -26,7 +26,7 @@ from stemwatch.models.mismatch.evaluator import (
     make_evaluator,
 )
 from stemwatch.models.mismatch.least_squares import descend
-from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
+from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Words
 from stemwatch.models.mismatch.terms import catalogue
@@ -42,7 +42,6 @@ LOGARITHM_OF_SAMPLES = 3.0  # what one more coordinate costs; 20 samples that te
 # What a recording leaves open of a number at least, either way: shares, and of the base percent.
 OPEN_SHARE = 0.1
 OPEN_BASE = np.array([0.0, 0.05, 0.2, 0.01, 0.0, 0.0])
-SLOW = frozenset({"growing_stiction", "sensor_drift"})  # whose size is that over a whole record
 NO_ADVICE = FieldAdvice(title="", steps=(), parts=(), damage="", cause="", part="")
 SCATTER_HOLD_S = 10.0  # of rest, for which one level of breakaway is drawn
 

@@ -31,7 +31,7 @@ from stemwatch.models.mismatch.findings import (
     Effect,
     HeldOutFit,
 )
-from stemwatch.models.mismatch.held_out import HeldOutComparison, show
+from stemwatch.models.mismatch.held_out import FirstPart, HeldOutComparison, show
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -101,8 +101,9 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     named = named_effects(case, terms)
     pinned: set[str] = set()
     worse = ""
+    first_part = FirstPart(named.evaluator)
     while True:
-        hypothesis, proposed = _whole_record(case, named, terms, pinned)
+        hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
         stand = {effect.slug for effect in hypothesis.effects}
         if stand and not hypothesis.shown.heldout.improves:
             worse = worse or _worse(hypothesis)
@@ -124,7 +125,11 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
 
 
 def _whole_record(
-    case: PreparedRecording, named: Named, terms: dict[str, Term], pinned: set[str]
+    case: PreparedRecording,
+    named: Named,
+    terms: dict[str, Term],
+    pinned: set[str],
+    first_part: FirstPart,
 ) -> tuple[AcceptedHypothesis, set[str]]:
     """The hypothesis ``named`` on the whole record, and the slugs of all that it holds: terms that
     were needed, and the reading's errors. ``pinned`` are errors of the reading that it must not
@@ -147,7 +152,7 @@ def _whole_record(
         if DRIVE in layout.places
         else [score.term for score in named.needed]
     )
-    comparison = show(evaluator, layout, in_turn, case.ceiling, of_drive)
+    comparison = show(evaluator, layout, in_turn, case.ceiling, of_drive, first_part)
     effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
     proposed = {candidate.slug for candidate in candidates}
     hypothesis = AcceptedHypothesis(
@@ -263,7 +268,7 @@ def _effects(
             effect(
                 evaluator,
                 reading.term,
-                (reading.term.slug,),
+                reading.members,
                 values_of(reading.term.slug, best),
                 np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
                 reading.advantage,

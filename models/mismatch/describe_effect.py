@@ -88,7 +88,10 @@ def effect(
     """One accepted term, told. ``without_term`` is the best model that lacks it."""
     unit_s = evaluator.problem.unit_s
     own_estimates = estimates(term, values, candidate_draws, evaluator.problem.interval_s)
-    spoken_estimates = {name: SpokenEstimate.of(one, unit_s) for name, one in own_estimates.items()}
+    spoken_estimates = {
+        name: SpokenEstimate.of(own_estimate, unit_s)
+        for name, own_estimate in own_estimates.items()
+    }
     return Effect(
         slug=term.slug,
         members=members,

@@ -16,10 +16,11 @@ from itertools import accumulate, chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
-from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow, used
+from stemwatch.models.mismatch.kernel import LANES, WIDTH, Record, Scoring, follow, used
 from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary, Term
 from stemwatch.models.recording import Bools, Floats
@@ -45,15 +46,28 @@ _NOTHING = np.empty((0, 0))
 
 def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
     """Candidates, ``counts`` of them in each lot, in as few batches as run side by side, of nearly
-    equal sizes; of each batch the lots, by number, and which part of each."""
+    equal numbers of whole vectors; of each batch the lots, by number, and which part of each."""
     total, ends = sum(counts), list(accumulate(counts, initial=0))
-    parts = -(-total // LANES)
-    for begin, end in pairwise(total * part // parts for part in range(parts + 1)):
+    parts, vectors = -(-total // LANES), -(-total // WIDTH)
+    cuts = [min(vectors * part // parts * WIDTH, total) for part in range(parts + 1)]
+    for begin, end in pairwise(cuts):
         yield [
             (batch_number, slice(max(begin - first, 0), min(end, last) - first))
             for batch_number, (first, last) in enumerate(pairwise(ends))
             if first < end and begin < last
         ]
+
+
+@njit(cache=True)
+def _means(losses: Floats, blocks: Bools, counts: Floats) -> Floats:
+    """(m,) the sums of ``losses`` (m, n_blocks) over some blocks, a sample."""
+    samples, means = 0.0, np.zeros(losses.shape[0])
+    for block in range(counts.size):
+        if blocks[block]:
+            samples += counts[block]
+            for row in range(means.size):
+                means[row] += losses[row, block]
+    return means / max(samples, 1.0)
 
 
 @dataclass(frozen=True)
@@ -235,16 +249,18 @@ class Evaluator:
         requests_of_layout = defaultdict(list)
         for request in asks:
             request.losses = np.empty((request.candidates.shape[0], self.problem.n_blocks))
-            requests_of_layout[request.reads, request.layout.kind].append(request)
-        for (reads, _), group in requests_of_layout.items():
+            requests_of_layout[request.layout.kind].append(request)
+        for group in requests_of_layout.values():
+            # Those that read first, so that few batches are kept sample by sample.
+            group.sort(key=lambda request: not request.reads)
             for batch in batches([request.candidates.shape[0] for request in group]):
-                self._serve([(group[i], part) for i, part in batch], reads=reads)
+                self._serve([(group[i], part) for i, part in batch])
 
-    def _serve(self, parts: list[tuple[RunRequest, slice]], *, reads: bool) -> None:
+    def _serve(self, parts: list[tuple[RunRequest, slice]]) -> None:
         """Run up to LANES candidates, and hand each part of an ask what is its own."""
-        ends = np.cumsum([part.stop - part.start for _, part in parts]).tolist()
+        ends = list(accumulate(part.stop - part.start for _, part in parts))
         runs = self._first(ends[-1])
-        if not reads:
+        if not any(request.reads for request, _ in parts):
             runs = RunResults(_NOTHING, _NOTHING, runs.losses)
         pieces = [(request.layout, request.candidates[part]) for request, part in parts]
         self._follow(pieces, self.marks, self.window, runs)
@@ -263,8 +279,7 @@ class Evaluator:
 
     def mean_loss(self, losses: Floats, blocks: Bools) -> Floats:
         """(m,) the mean over the samples of some blocks of losses (m, n_blocks)."""
-        within = np.where(blocks, losses, 0.0)
-        return np.asarray(within.sum(1) / max(float(self.counts[blocks].sum()), 1.0))
+        return _means(losses, blocks, self.counts)
 
     @cached_property
     def counts(self) -> Floats:

@@ -51,24 +51,26 @@ class Forces:
         rows."""
         keys: list[_Key] = []
         making: dict[_Key, tuple[Shaping, Floats]] = {}
+        made = self._made
         for shaping, values in shapings:
-            data, size = values.tobytes(), values.shape[1] * values.itemsize
-            for i, row in enumerate(values):
-                key = shaping.slugs, data[i * size : (i + 1) * size]
+            slugs, data, size = shaping.slugs, values.tobytes(), values.shape[1] * values.itemsize
+            for i, begin in enumerate(range(0, len(data), size)):
+                key = slugs, data[begin : begin + size]
                 keys.append(key)
-                if key not in self._made:
-                    making[key] = shaping, row
-        if making:
-            in_use = set(keys)
-            for key, (shaping, row) in making.items():
-                self._made[key] = self._make(self._room(in_use), shaping.terms, row)
-        return np.array([self._made[key] for key in keys])
+                row = made.pop(key, None)
+                if row is None:
+                    making[key] = shaping, values[i]
+                else:
+                    made[key] = row  # the last to make room, now that it is in use again
+        for key, (shaping, own) in making.items():
+            made[key] = self._make(self._room(), shaping.terms, own)
+        return np.array([made[key] for key in keys])
 
-    def _room(self, in_use: set[_Key]) -> int:
-        """A row that is free, or the oldest that is not in use."""
+    def _room(self) -> int:
+        """A row that is free, or that of the force that was not asked for the longest."""
         if len(self._made) < self.rows.shape[0]:
             return len(self._made)
-        return self._made.pop(next(old for old in self._made if old not in in_use))
+        return self._made.pop(next(iter(self._made)))
 
     def _make(self, row: int, terms: Sequence[tuple[Term, slice]], values: Floats) -> int:
         """The force of coordinates ``values`` (k,) into ``row``."""

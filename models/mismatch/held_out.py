@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,12 +45,37 @@ class HeldOutComparison:
         return replace(self, heldout=self.heldout.of_naive_alone(), runs=runs)
 
 
+class FirstPart:
+    """S and J fitted to the first part of a record, with which every hypothesis begins there: once,
+    however many hypotheses are shown."""
+
+    def __init__(self, evaluator: Evaluator) -> None:
+        self.evaluator = evaluator
+        self.blocks = evaluator.problem.training_blocks()
+        self.naive_only = naive_evaluator(evaluator)
+
+    @cached_property
+    def naive(self) -> Floats:
+        """(6,) S and J alone, as others fit them."""
+        return conclude(self.naive_only, fit_naive(self.naive_only, self.blocks))
+
+    @cached_property
+    def base(self) -> Fitted:
+        """S, J and the reading, with the breakaways where they were seen."""
+        evaluator = self.evaluator
+        layout = evaluator.layout(TermSet())
+        starts = np.vstack((_few_candidates(evaluator), beyond_command(evaluator.summary, 0.0)))
+        found = search(evaluator, layout, self.blocks, layout.bounds.clip(starts), CAREFUL)
+        return _on_both(layout, conclude(evaluator, found).candidate)
+
+
 def show(
     evaluator: Evaluator,
     layout: CoordinateLayout,
     terms: Sequence[Term],
     ceiling: Floats | None,
     starts: Floats | None = None,
+    first_part: FirstPart | None = None,
 ) -> HeldOutComparison:
     """Fit naive and extended to the first part only, run both freely over the whole record.
 
@@ -57,23 +83,24 @@ def show(
 
     ``ceiling`` (n,) is the free run of a network that was fitted to the same first part. With
     ``starts`` (m, size), which know the first part alone, the final hypothesis begins there.
+    ``first_part`` is what other hypotheses of this record were shown with.
     """
     problem = evaluator.problem
-    train = problem.training_blocks()
-    naive_only = naive_evaluator(evaluator)
-    simple = conclude(naive_only, fit_naive(naive_only, train))
+    if first_part is None or first_part.evaluator is not evaluator:
+        first_part = FirstPart(evaluator)
+    train, naive_only, simple = first_part.blocks, first_part.naive_only, first_part.naive
     naive = naive_only.simulate(naive_layout(naive_only), simple)
     if starts is None:
-        trained = conclude(evaluator, _trained(evaluator, layout, terms, train))
+        trained = conclude(evaluator, _trained(first_part, layout, terms))
     else:
         trained = conclude(
             evaluator, search(evaluator, layout, train, layout.bounds.clip(starts), CAREFUL)
         ).candidate
     candidate = _running_free(evaluator, layout, terms, train, trained, simple)
     extended = evaluator.simulate(layout, candidate)
-    first = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
-    late = evaluator.measured & (np.arange(problem.op.size) >= first)
-    runs = FreeRuns(naive=naive, extended=extended, heldout_from=first)
+    begin = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
+    late = evaluator.measured & (np.arange(problem.op.size) >= begin)
+    runs = FreeRuns(naive=naive, extended=extended, heldout_from=begin)
     heldout = _heldout(evaluator, runs, late, ceiling)
     assimilated, _ = evaluator.assimilated(layout, trained)
     return HeldOutComparison(heldout, runs, _fit(problem.mv[late], assimilated[late]))
@@ -88,22 +115,19 @@ def _fit(mv: Floats, run: Floats) -> float | None:
 
 
 def _trained(
-    evaluator: Evaluator, layout: CoordinateLayout, terms: Sequence[Term], train: Bools
+    first_part: FirstPart, layout: CoordinateLayout, terms: Sequence[Term]
 ) -> Search[Floats]:
     """The extended model fitted to the first part: from a grid of S and J on, term after term, as
     it was found, but from no number that has seen the rest."""
-    base = evaluator.layout(TermSet())
-    starts = np.vstack((_few_candidates(evaluator), beyond_command(evaluator.summary, 0.0)))
-    fit = yield from search(evaluator, base, train, base.bounds.clip(starts), CAREFUL)
-    fitted = _on_both(base, fit.candidate)
+    evaluator, train, fitted = first_part.evaluator, first_part.blocks, first_part.base
     for term in terms:
-        rich = fitted.layout.hypothesis.plus(term)
-        S = float(fit.candidate[base_coordinate.S_PERCENT])
-        beginning = beginnings(term, S, S * float(fit.candidate[base_coordinate.RATIO]))
-        starts = widened(evaluator, rich, fitted, term, beginning)
-        fit = yield from search(evaluator, evaluator.layout(rich), train, starts, CAREFUL)
-        fitted = _on_both(evaluator.layout(rich), fit.candidate)
-    start = layout.bounds.clip(fit.candidate[None, :])  # a gain that is no finding is held at 1
+        rich = evaluator.layout(fitted.layout.hypothesis.plus(term))
+        S, ratio = fitted.candidates[0, [base_coordinate.S_PERCENT, base_coordinate.RATIO]]
+        beginning = beginnings(term, float(S), float(S * ratio))
+        starts = widened(evaluator, rich.hypothesis, fitted, term, beginning)
+        fit = yield from search(evaluator, rich, train, starts, CAREFUL)
+        fitted = _on_both(rich, fit.candidate)
+    start = layout.bounds.clip(fitted.candidates[:1])  # a gain that is no finding is held at 1
     fit = yield from search(evaluator, layout, train, start, CAREFUL)
     return fit.candidate
 

@@ -203,6 +203,7 @@ PHYSICS = (
     "underdamped_positioner",
     "viscous_drag",
     "low_speed_restick",
+    "slip_overshoot",
     "flow_force",
     "sensor_drift",
     "growing_stiction",
@@ -218,9 +219,11 @@ _QUICK_EFFECTS = (
     "underdamped_positioner",
 )
 
+_RESTING = ("low_speed_restick", "slip_overshoot")  # that show where a moving stem sticks again
+
 SLOWEST_SAMPLING_S = 5.0  # at which an effect of a few seconds leaves a trace
 # What a stem does within samples: how it sticks again, how long it rested before it let go.
-_BETWEEN_SAMPLES = ("low_speed_restick", "dwell_dependent_breakaway")
+_BETWEEN_SAMPLES = ("low_speed_restick", "slip_overshoot", "dwell_dependent_breakaway")
 # Share of the samples at which OP bends by more than a tenth of its swing: then its turns fall
 # between samples. At most 0.010 in 92 simulated loops at 1 s, at least 0.020 in 32 of them at 5 s
 # and 0.039 at 10 s.
@@ -314,7 +317,7 @@ def _untested_moves(seen: Exercised) -> Refusals:
     up, down = seen.moves
     if up + down < LEAST_MOVES:
         reason = f"the stem moved only {times(up + down)}, and this shows while it moves"
-        for slug in (*_QUICK_EFFECTS, "zero_shift", "lost_motion", "low_speed_restick"):
+        for slug in (*_QUICK_EFFECTS, "zero_shift", "lost_motion", *_RESTING):
             yield slug, reason
     if min(up, down) < 1:
         moved_way = "rose" if up < down else "fell"
@@ -343,12 +346,12 @@ def _speeds(seen: Exercised) -> Refusals:
             f"{times(seen.openings)}; the air supply was never drawn on",
         )
     if seen.slow_s < LEAST_SLOW_S:
-        yield (
-            "low_speed_restick",
+        reason = (
             f"OP crept slower than {rate(SLOW_PERCENT_PER_S[1], seen.unit_s, 'g')} for only "
             f"{duration(seen.slow_s, seen.unit_s)}; stepping along slow "
-            "ramps cannot show without them",
+            "ramps cannot show without them"
         )
+        yield from ((slug, reason) for slug in _RESTING)
 
 
 def _slips(seen: Exercised) -> Refusals:

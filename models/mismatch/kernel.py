@@ -71,7 +71,7 @@ _STANDS_BELOW = 0.01  # percent per second
 _PATIENCE_S = 120.0  # how long an assimilated run waits for a breakaway that the recording shows
 _FULL = 1e200  # of a product of losses, before its logarithm is taken
 _AHEAD = 64  # samples of the forces that are laid out by lane at once
-_WIDTH = 4  # lanes of a vector; an odd lane would be done alone
+WIDTH = 8  # lanes of a vector; an odd lane would be done alone
 _U = np.uint64
 # Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
@@ -348,6 +348,39 @@ def _rise(s: Floats, numbers: Floats, breakaway: Floats) -> None:
 
 
 @njit(cache=True)
+def _tabled(numbers: Floats) -> tuple[bool, bool, bool]:
+    """Whether some stem has tables over place, rest and time."""
+    by_place, by_rest, by_time = False, False, False
+    for q in numbers:
+        by_place |= q[stem_number.BY_PLACE] != 0.0
+        by_rest |= q[stem_number.BY_REST] != 0.0
+        by_time |= q[stem_number.BY_TIME] != 0.0
+    return by_place, by_rest, by_time
+
+
+@njit(cache=True)
+def _vary(
+    s: Floats,
+    numbers: Floats,
+    tables: tuple[Floats, Floats, Floats, Floats],
+    tabled: tuple[bool, bool, bool],
+    lanes: np.uint64,
+    k: int,
+) -> None:
+    """Levels and wandering of every lane at sample ``k``."""
+    (friction, force, breakaway, wander), (by_place, by_rest, by_time) = tables, tabled
+    if by_place:
+        _look_up(s, numbers, friction, force)
+    if by_rest:
+        _rise(s, numbers, breakaway)
+    if by_time:
+        for lane in range(numbers.shape[0]):
+            if numbers[lane, stem_number.BY_TIME] != 0.0:
+                s[_WANDER + _U(lane)] = wander[lane, k]
+    _set_levels(s, lanes, k)
+
+
+@njit(cache=True)
 def _start(
     s: Floats, lanes: int, t: float, seen: tuple[float, float, float], laid_force: Floats
 ) -> int:
@@ -507,10 +540,11 @@ def follow(
     friction, pushing, breakaway, wander = tables
     tabled = friction, pushing, breakaway, wander
     n, m, scale, patience = mv.size, rows.size, 1.0 / (delta * delta), int(_PATIENCE_S / dt)
-    lanes = (m + _WIDTH - 1) // _WIDTH * _WIDTH
+    lanes = (m + WIDTH - 1) // WIDTH * WIDTH
     s, laid_out, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
-    varied, timed, heavy = used(numbers)
+    (varied, timed, heavy), by = used(numbers), _tabled(numbers)
+    each = varied or timed  # sample must be looked at
     weighty = numbers[: m if heavy else 0]
     losses[:] = 0.0
     early_late[:, : 0 if window > 0.0 else n] = 0.0
@@ -532,24 +566,23 @@ def follow(
             early_late[:, k : k + 1] = 0.0
             k += 1
             continue
-        if varied:
-            _look_up(s, numbers, friction, pushing)
-            _rise(s, numbers, breakaway)
-            _set_levels(s, _U(lanes), k)
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
         end = k + 1
-        if not (up or down or mark != 0 or varied or timed or heavy):
+        if not (up or down or mark != 0 or heavy):
             last_sample = min(n, k - k % _AHEAD + _AHEAD)
             end = _end_of_alike(k, last_sample, marks, block, next_up[k], next_down[k], patience)
         near_up = _share_near_onset(next_up[k], k, n, window, patience)
         near_onset = near_up, _share_near_onset(next_down[k], k, n, window, patience)
-        for lane in range(m if up or down else 0):
-            before[lane] = s[_BEFORE + _U(lane)]
-        _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
-        started_at, (k, charged_more) = (
-            k,
-            _move(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, end),
-        )
+        before[:m] = s[_BEFORE : _BEFORE + _U(m)]
+        started_at, charged_more = k, _I(0)
+        while k < end and charged_more == 0:
+            if each:
+                _vary(s, numbers, tabled, by, _U(lanes), k)
+            _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
+            until = k + 1 if each else end
+            k, charged_more = _move(
+                s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, until
+            )
         full += charged_more
         _after_heavy(s, weighty)
         if up or down:

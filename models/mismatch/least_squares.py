@@ -40,18 +40,18 @@ def descend(
         return SearchResult(start.copy(), float(evaluator.mean_loss(only.losses, blocks)[0]))
     seen = _seen(evaluator, blocks)
     best = SearchResult(start.copy(), np.inf)
-    free = layout.bounds.high > layout.bounds.low
-    free[base_coordinate.RESTICK] = (
-        False  # a stem sticks or does not: there is nothing to differentiate
-    )
+    low, high = layout.bounds.low, layout.bounds.high
+    free = high > low
+    # A stem sticks or does not: there is nothing to differentiate.
+    free[base_coordinate.RESTICK] = False
+    index = np.flatnonzero(free)
     for _ in range(rounds):
-        slopes = _Slopes(evaluator, layout, seen, best.candidate, free)
+        slopes = _Slopes(evaluator, layout, seen, best.candidate, index)
         yield [slopes]
         current_loss = float(evaluator.mean_loss(slopes.losses[:1], blocks)[0])
         best = SearchResult(best.candidate, current_loss)
-        trial = RunRequest(
-            layout, _trials(layout, best.candidate, slopes.normal, slopes.slope, free)
-        )
+        trials = _trials(best.candidate, slopes.normal, slopes.slope, index, low, high, _DAMPING)
+        trial = RunRequest(layout, trials)
         yield [trial]
         values = evaluator.mean_loss(trial.losses, blocks)
         i = int(np.argmin(values))
@@ -79,15 +79,27 @@ def _seen(evaluator: Evaluator, blocks: Bools) -> _Seen:
     return _Seen(np.flatnonzero(block >= 0), at_onsets)
 
 
-def _steps(layout: CoordinateLayout, candidate: Floats) -> Floats:
-    """(size,) steps of the differences, turned inwards at an upper limit."""
-    low, high = layout.bounds.low, layout.bounds.high
-    steps = np.maximum(_STEP_SHARE * np.abs(candidate), _STEP_RANGE * (high - low))
-    steps[: base_coordinate.N_BASE] = _BASE_STEPS
-    steps[base_coordinate.S_PERCENT] = max(
-        _BASE_STEPS[0], 0.01 * candidate[base_coordinate.S_PERCENT]
-    )
-    return np.where(candidate + steps > high, -steps, steps)
+@njit(cache=True)
+def _moved(
+    candidate: Floats, index: Samples, low: Floats, high: Floats, usual: Floats
+) -> tuple[Floats, Floats]:
+    """Steps (k,) of the differences along the coordinates ``index`` (k,), turned inwards at an
+    upper limit, and (1 + k, size) the candidate and the candidate after each step.
+
+    ``usual`` (6,) are the steps of the base's own coordinates.
+    """
+    steps = np.empty(index.size)
+    moved = np.empty((index.size + 1, candidate.size))
+    moved[0] = candidate
+    for row in range(index.size):
+        i = index[row]
+        step = max(_STEP_SHARE * abs(candidate[i]), _STEP_RANGE * (high[i] - low[i]))
+        if i < usual.size:
+            step = usual[i]
+        steps[row] = -step if candidate[i] + step > high[i] else step
+        moved[row + 1] = candidate
+        moved[row + 1, i] += steps[row]
+    return steps, moved
 
 
 @njit(cache=True)
@@ -149,13 +161,13 @@ class _Slopes(RunRequest):
         layout: CoordinateLayout,
         seen: _Seen,
         candidate: Floats,
-        free: Bools,
+        index: Samples,
     ) -> None:
         self.evaluator, self.seen = evaluator, seen
-        index = np.flatnonzero(free)
-        self.steps = _steps(layout, candidate)[index]
-        moved = candidate[None].repeat(index.size + 1, 0)
-        moved[np.arange(1, index.size + 1), index] += self.steps
+        low, high = layout.bounds.low, layout.bounds.high
+        usual, wide = _BASE_STEPS.copy(), 0.01 * candidate[base_coordinate.S_PERCENT]
+        usual[base_coordinate.S_PERCENT] = max(usual[base_coordinate.S_PERCENT], wide)
+        self.steps, moved = _moved(candidate, index, low, high, usual)
         self.normal = self.slope = self._rows = np.empty((0, 0))
         super().__init__(layout, moved)
 
@@ -183,18 +195,51 @@ class _Slopes(RunRequest):
             self._rows = np.empty((0, 0))
 
 
+@njit(cache=True, error_model="numpy")
+def _solve(a: Floats, b: Floats) -> None:
+    """The solution of ``a x = b``, ``a`` (k, k) and ``b`` (k,), in the place of ``b``; ``a`` is
+    written over. By elimination without pivots, which a positive definite matrix does not need."""
+    k = b.size
+    for i in range(k):
+        for j in range(i + 1, k):
+            share = a[j, i] / a[i, i]
+            for at in range(i + 1, k):
+                a[j, at] -= share * a[i, at]
+            b[j] -= share * b[i]
+    for i in range(k - 1, -1, -1):
+        for at in range(i + 1, k):
+            b[i] -= a[i, at] * b[at]
+        b[i] /= a[i, i]
+
+
+@njit(cache=True)
 def _trials(
-    layout: CoordinateLayout, candidate: Floats, normal: Floats, slope: Floats, free: Bools
+    candidate: Floats,
+    normal: Floats,
+    slope: Floats,
+    index: Samples,
+    low: Floats,
+    high: Floats,
+    damping: Floats,
 ) -> Floats:
-    """(3, size) where the damped steps lead."""
-    diagonal = np.diag(normal)
-    floor = 1e-9 * max(float(diagonal.max(initial=0.0)), 1e-12)
-    damped = normal[None].repeat(len(DAMPING), 0)
-    # Every so many elements of a square matrix lie on its diagonal.
-    damped.reshape(len(DAMPING), -1)[:, :: diagonal.size + 1] += (
-        _DAMPING[:, None] * diagonal + floor
-    )
-    steps = np.linalg.solve(damped, slope[:, None])
-    trials = candidate[None].repeat(len(DAMPING), 0)
-    trials[:, free] += steps[:, :, 0]
-    return layout.bounds.clip(trials)
+    """(dampings, size) where the damped steps lead: ``normal + damping diag(normal)`` times the
+    step is ``slope``, over the coordinates ``index`` (k,), within the limits.
+    """
+    k = index.size
+    floor = 0.0
+    for i in range(k):
+        floor = max(floor, normal[i, i])
+    floor = 1e-9 * max(floor, 1e-12)
+    trials = np.empty((damping.size, candidate.size))
+    a, step = np.empty((k, k)), np.empty(k)
+    for way in range(damping.size):
+        a[:], step[:] = normal, slope
+        for i in range(k):
+            a[i, i] += damping[way] * normal[i, i] + floor
+        _solve(a, step)
+        trials[way] = candidate
+        for i in range(k):
+            trials[way, index[i]] += step[i]
+        for i in range(candidate.size):
+            trials[way, i] = min(max(trials[way, i], low[i]), high[i])
+    return trials

@@ -64,12 +64,12 @@ def doubt(
     return ""
 
 
-def _agree(one: Estimate, other: Estimate, open_percent: float) -> bool:
+def _agree(first: Estimate, other: Estimate, open_percent: float) -> bool:
     """True where two estimates of one number do not contradict each other."""
-    if one.value is None or other.value is None:
+    if first.value is None or other.value is None:
         return True
-    gap = max(one.low or 0.0, other.low or 0.0) - min(one.high or 0.0, other.high or 0.0)
-    return gap <= 0.0 or abs(one.value - other.value) <= ALIKE_PERCENT + open_percent
+    gap = max(first.low or 0.0, other.low or 0.0) - min(first.high or 0.0, other.high or 0.0)
+    return gap <= 0.0 or abs(first.value - other.value) <= ALIKE_PERCENT + open_percent
 
 
 def _as_good_by_free_runs(

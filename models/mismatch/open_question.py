@@ -13,6 +13,9 @@ from dataclasses import dataclass
 from stemwatch.models.process_response import ProcessResponse
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
+# Effects whose size is that over a whole record: a test of minutes sees one moment of them.
+SLOW = frozenset({"growing_stiction", "sensor_drift"})
+
 
 @dataclass(frozen=True, kw_only=True)
 class RivalModel:
@@ -57,3 +60,13 @@ class OpenQuestion:
     def rivals(self) -> tuple[str, ...]:
         """The effects that are left to be told apart; empty for S and J alone."""
         return tuple(model.slug for model in self.models)
+
+    @property
+    def quick(self) -> tuple[RivalModel, ...]:
+        """The rivals that a test of minutes may tell apart."""
+        return tuple(model for model in self.models if model.slug not in SLOW)
+
+    @property
+    def slow(self) -> tuple[str, ...]:
+        """The effects that only a longer time shows."""
+        return tuple(slug for slug in self.rivals if slug in SLOW)

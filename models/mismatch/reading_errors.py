@@ -1,7 +1,9 @@
 """The reading's own numbers, which every hypothesis has: findings only where materially off.
 
 A zero error, a span error and a stem that sticks again at speed are fitted along with everything.
-Each is a finding where the hypothesis is clearly worse on unseen blocks of time without it.
+Each is a finding where the hypothesis is clearly worse on unseen blocks of time without it. A stem
+that sticks again at speed is said to do so at low speed only where one that sticks at every speed,
+because its slips overshoot, is worse; else the record does not tell the two apart.
 """
 
 from __future__ import annotations
@@ -12,10 +14,12 @@ import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing
+from stemwatch.models.mismatch.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.term_selection import AS_GOOD
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
@@ -26,17 +30,25 @@ COORDINATES = {
     "zero_shift": (base_coordinate.ZERO, 0.0),
     "low_speed_restick": (base_coordinate.RESTICK, 0.12),
 }
+RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
 DRIFT = "sensor_drift"
 LEAST_ZERO = 0.4  # percent, all through a drift
 
 
 @dataclass(frozen=True)
 class ReadingError:
-    """A number of the reading that is materially off."""
+    """A number of the reading that is materially off; ``beside`` are slugs of what the record does
+    not tell from it."""
 
     term: Term
     advantage: Advantage
     without: Fitted  # the hypothesis with the number held at neutral
+    beside: tuple[str, ...] = ()
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """The slugs that explain it as well, its own first."""
+        return (self.term.slug, *self.beside)
 
 
 def pinned(layout: CoordinateLayout, coordinate: int, largest: float) -> CoordinateLayout:
@@ -48,6 +60,8 @@ def pinned(layout: CoordinateLayout, coordinate: int, largest: float) -> Coordin
 
 def values_of(slug: str, candidate: Floats) -> Floats:
     """(1,) the coordinate of a reading's term in a candidate."""
+    if slug == OVERSHOOT:
+        return np.array([RESTICK_REACH])
     return np.asarray(candidate[[COORDINATES[slug][0]]])
 
 
@@ -64,7 +78,7 @@ def findings(
             continue
         reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest)
         if reading_error is not None:
-            offs.append(reading_error)
+            offs.append(_at_every_speed(evaluator, fitted, reading_error, terms))
         elif slug == "span_error":
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
@@ -88,6 +102,25 @@ def without_error(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest
     layout = pinned(fitted.layout, coordinate, largest)
     start = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
     return conclude(evaluator, refit(evaluator, start, CAREFUL))
+
+
+def _at_every_speed(
+    evaluator: Evaluator, fitted: Fitted, found: ReadingError, terms: dict[str, Term]
+) -> ReadingError:
+    """``found``; of a stem that sticks at low speed, but for all the record shows at every speed,
+    that its slips overshoot."""
+    overshoot = terms.get(OVERSHOOT)
+    if found.term.slug != RESTICK or overshoot is None:
+        return found
+    low, high = fitted.layout.bounds.low.copy(), fitted.layout.bounds.high.copy()
+    low[base_coordinate.RESTICK] = high[base_coordinate.RESTICK] = RESTICK_REACH
+    layout = replace(fitted.layout, bounds=Bounds(low, high))
+    begun = conclude(evaluator, scored(layout, layout.bounds.clip(fitted.candidates)))
+    always = conclude(evaluator, refit(evaluator, begun, CAREFUL))
+    if gain(evaluator, always, fitted).t >= AS_GOOD:
+        return found
+    advantage = gain(evaluator, found.without, always)
+    return ReadingError(overshoot, advantage, found.without, (RESTICK,))
 
 
 def _dropped(

@@ -103,10 +103,10 @@ def _filled(samples: Floats) -> Floats:
     return np.asarray(samples.sum(axis=0) ** 2 / np.maximum((samples**2).sum(axis=0), 1.0))
 
 
-def _scatter(replicates: Floats, usual: Floats) -> Floats:
+def _scatter(replicates: Floats, usual_scatter: Floats) -> Floats:
     """(c,) standard deviation about ``usual`` over the replicates in which the cell was drawn."""
     finite = np.isfinite(replicates)
-    square = np.where(finite, (replicates - usual) ** 2, 0.0).sum(axis=0)
+    square = np.where(finite, (replicates - usual_scatter) ** 2, 0.0).sum(axis=0)
     return np.asarray(np.sqrt(square / np.maximum(finite.sum(axis=0), 1)))
 
 

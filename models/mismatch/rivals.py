@@ -22,7 +22,7 @@ MOST_RIVALS = 4
 SUSPECTED = 0.4
 
 
-def left_open(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> OpenQuestion:
+def left_open(evaluator: Evaluator, named: Named, effects_named: Sequence[str]) -> OpenQuestion:
     """The models that were left after ``named``, of which the effects ``standing`` are published.
 
     Where an effect was named together with others that it cannot be told from, these; where
@@ -30,8 +30,8 @@ def left_open(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> Op
     """
     problem = evaluator.problem
     return OpenQuestion(
-        models=_rivals(evaluator, named, standing)[:MOST_RIVALS],
-        published=_model("", named.fitted) if standing else None,
+        models=_rivals(evaluator, named, effects_named)[:MOST_RIVALS],
+        published=_model("", named.fitted) if effects_named else None,
         unit_s=problem.unit_s,
         interval=problem.interval_s,
         duration=problem.op.size * problem.interval_s,
@@ -41,11 +41,13 @@ def left_open(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> Op
     )
 
 
-def _rivals(evaluator: Evaluator, named: Named, standing: Sequence[str]) -> tuple[RivalModel, ...]:
+def _rivals(
+    evaluator: Evaluator, named: Named, effects_named: Sequence[str]
+) -> tuple[RivalModel, ...]:
     for needed in named.needed:
-        if needed.term.slug in standing and len(needed.members) > 1:
+        if needed.term.slug in effects_named and len(needed.members) > 1:
             return tuple(_model(score.slug, score.fitted) for score in needed.stage.accepted)
-    if standing or not named.stages:
+    if effects_named or not named.stages:
         return ()
     first = named.stages[0]
     suspected = [score for score in first.scores if _suspected(evaluator, score)]

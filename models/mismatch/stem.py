@@ -55,7 +55,7 @@ PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 
 _NEUTRAL = np.zeros(N_NUMBERS)
 _NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH, TOP_SPEED]] = 1.0, -np.inf, np.inf, np.inf
-_FLAGS = [BY_PLACE, BY_REST, BY_TIME]  # that switch the tables on
+_FLAGS = slice(BY_PLACE, BY_TIME + 1)  # that switch the tables on
 EVENT = 3.0  # samples that a breakaway counts for
 
 
@@ -116,6 +116,9 @@ class Stems:
     def clear(self, count: int) -> None:
         """The first ``count`` canonical again: the tables only where they were used."""
         q, tables = self.numbers[:count], self.tables
+        if not q[:, _FLAGS].any():
+            q[:] = _NEUTRAL
+            return
         switched = (tables.friction, tables.force), (tables.breakaway,), (tables.wander,)
         for row, flag in np.argwhere(q[:, _FLAGS]):
             for table in switched[flag]:

@@ -45,7 +45,7 @@ class Telltale:
     x: Floats
     y: Floats
     rising: Bools
-    says: str
+    caption: str
     laws: tuple[Law, ...] = ()
     groups: tuple[str, str] = ("rising", "falling")
     joined: bool = False
@@ -121,7 +121,7 @@ def _of_speed(error: Floats, speed: Floats, caption: str, law: Law) -> Telltale:
         x=error,
         y=speed,
         rising=error > 0.0,
-        says=caption,
+        caption=caption,
         laws=(law,),
     )
 
@@ -173,7 +173,7 @@ def _late(moves: Moves) -> Telltale:
         x=shifts,
         y=likeness,
         rising=np.ones(SHIFTS, dtype=bool),
-        says=(
+        caption=(
             "The correlation of the stem's moves from sample to sample with those of OP, the "
             "longer ago the farther to the right; what else slows the stem moves the peak as well."
         ),
@@ -216,7 +216,7 @@ def _by_place(moves: Moves, caption: str, *laws: Law) -> Telltale:
         x=moves.mv,
         y=_difference(moves),
         rising=_is_rising(moves),
-        says=caption,
+        caption=caption,
         laws=laws,
     )
 
@@ -263,7 +263,7 @@ def _stopped(moves: Moves) -> Telltale:
         x=op,
         y=moves.mv,
         rising=_is_rising(moves),
-        says="At a stop the position is flat while OP goes on.",
+        caption="At a stop the position is flat while OP goes on.",
         laws=laws,
     )
 
@@ -275,7 +275,7 @@ def _by_time(moves: Moves) -> Telltale:
         x=np.arange(moves.op.size, dtype=np.float64) * (moves.interval_s / 60.0),
         y=_difference(moves),
         rising=_is_rising(moves),
-        says="What changes with time moves or widens the band between rising and falling.",
+        caption="What changes with time moves or widens the band between rising and falling.",
     )
 
 
@@ -290,7 +290,7 @@ def _by_speed(moves: Moves) -> Telltale:
         x=x,
         y=y,
         rising=x > 0.0,
-        says=(
+        caption=(
             "A stem that slides has the speed of its command; one that sticks again and again "
             "stands, or jumps at a higher speed."
         ),
@@ -310,7 +310,7 @@ def _slips(moves: Moves) -> Telltale | None:
         x=rest_s.astype(np.float64),
         y=np.abs(jumps.sizes),
         rising=jumps.sizes > 0.0,
-        says="Each point is one slip of the stem from rest.",
+        caption="Each point is one slip of the stem from rest.",
     )
 
 
@@ -344,7 +344,7 @@ _SHOWN: Mapping[str, Callable[[Moves], Telltale | None]] = MappingProxyType(
         "span_error": _span,
         "travel_stop": _stopped,
         **dict.fromkeys(("sensor_drift", "growing_stiction", "stem_creep"), _by_time),
-        "low_speed_restick": _by_speed,
+        **dict.fromkeys(("low_speed_restick", "slip_overshoot"), _by_speed),
         **dict.fromkeys(("asymmetric_slip", "lost_motion", "dwell_dependent_breakaway"), _slips),
     }
 )

@@ -20,8 +20,10 @@ from stemwatch.models.mismatch.base_fit import BaseFit
 from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
 from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
+    GLANCE,
     LOOK,
     POLISH,
+    FitEffort,
     Fitted,
     better,
     crossfit,
@@ -112,14 +114,16 @@ class Named:
 
 
 def screened(
-    evaluator: Evaluator, simple: Fitted, terms: Iterable[Term]
+    evaluator: Evaluator, simple: Fitted, terms: Iterable[Term], effort: FitEffort = LOOK
 ) -> Search[list[TermScore]]:
     """Every term on top of ``simple``, best first."""
-    scores = yield from run_together(_looked_at(evaluator, simple, term) for term in terms)
+    scores = yield from run_together(_looked_at(evaluator, simple, term, effort) for term in terms)
     return _ordered(scores)
 
 
-def _looked_at(evaluator: Evaluator, simple: Fitted, term: Term) -> Search[TermScore]:
+def _looked_at(
+    evaluator: Evaluator, simple: Fitted, term: Term, effort: FitEffort
+) -> Search[TermScore]:
     """A first look at one term on top of ``simple``."""
     rich = simple.layout.hypothesis.plus(term)
     losses_of_simple = own_losses(evaluator, simple)
@@ -127,7 +131,7 @@ def _looked_at(evaluator: Evaluator, simple: Fitted, term: Term) -> Search[TermS
         evaluator,
         evaluator.layout(rich),
         _starts(evaluator, simple, term, rich),
-        LOOK,
+        effort,
         losses_of_simple,
     )
     neutral_fit = yield from neutral(evaluator, simple, rich)
@@ -185,7 +189,7 @@ def reduced(evaluator: Evaluator, rich: Fitted, simple: TermSet) -> Floats:
 
 
 def refined(
-    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term]
+    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term], effort: FitEffort = LOOK
 ) -> Search[tuple[Fitted, list[TermScore]]]:
     """All ``terms`` on top of ``simple``, the best of them searched with care, and ``simple``
     restarted from each of these.
@@ -194,9 +198,11 @@ def refined(
     finds a better one, everything is done once more from there.
     """
     for _ in range(ATTEMPTS):
-        looked = yield from screened(evaluator, simple, terms)
+        looked = yield from screened(evaluator, simple, terms, effort)
         promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
-        careful = yield from run_together(_careful(evaluator, simple, score) for score in promising)
+        careful = yield from run_together(
+            _careful(evaluator, simple, score, effort) for score in promising
+        )
         scores = [*careful, *looked[len(promising) :]]
         restarted = yield from _restarted(evaluator, simple, scores[:REFINED])
         moved = gain(evaluator, simple, restarted).mean
@@ -207,19 +213,21 @@ def refined(
     return simple, _ordered(nested)
 
 
-def _careful(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[TermScore]:
+def _careful(
+    evaluator: Evaluator, simple: Fitted, score: TermScore, looked: FitEffort
+) -> Search[TermScore]:
     """A score searched with care.
 
     The first look began from the best starts; this also begins from those that come next.
     """
     layout = score.fitted.layout
     starts = _starts(evaluator, simple, score.term, layout.hypothesis)
-    even, odd_blocks = yield from ranked(evaluator, layout, starts)
+    even, odd_blocks = yield from ranked(evaluator, layout, starts, looked.keep + CAREFUL.keep - 1)
     further = [
         np.vstack((a.candidate, b.candidate))
-        for a, b in zip(even[LOOK.keep :], odd_blocks[LOOK.keep :], strict=True)
+        for a, b in zip(even[looked.keep :], odd_blocks[looked.keep :], strict=True)
     ]
-    fitted = yield from refit(evaluator, score.fitted, CAREFUL, *further[: CAREFUL.keep - 1])
+    fitted = yield from refit(evaluator, score.fitted, CAREFUL, *further)
     return TermScore(score.term, fitted, score.advantage)
 
 
@@ -304,7 +312,8 @@ def name(base: BaseFit, terms: Sequence[Term]) -> Named:
     stages: list[SelectionStage] = []
     first = simple
     for stage in range(MOST_TERMS):
-        simple, scores = conclude(evaluator, refined(evaluator, simple, terms_left))
+        effort = LOOK if stage == 0 else GLANCE
+        simple, scores = conclude(evaluator, refined(evaluator, simple, terms_left, effort))
         if stage == 0:
             first = simple
         accepted_scores = accepted(evaluator, scores, stage)

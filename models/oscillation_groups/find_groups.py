@@ -78,11 +78,11 @@ def find_groups(
     return sorted(groups, key=lambda group: -sum(group.shares))
 
 
-def _counts(one: LoopOscillation, limits: GroupLimits) -> bool:
+def _counts(peak: LoopOscillation, limits: GroupLimits) -> bool:
     return (
-        one.regularity >= limits.regularity
-        and one.prominence >= limits.prominence
-        and one.share >= limits.share
+        peak.regularity >= limits.regularity
+        and peak.prominence >= limits.prominence
+        and peak.share >= limits.share
     )
 
 
@@ -93,19 +93,19 @@ def _near(a: float, b: float, relative: float) -> bool:
 def _around(
     first: LoopOscillation,
     spectra: LoopSpectra,
-    left: Complexes,
+    remaining: Complexes,
     seen: Sequence[LoopOscillation],
     limits: GroupLimits,
 ) -> FoundGroup | None:
     """The group of an oscillation; ``None`` where fewer than two loops show it by themselves."""
     band = spectra.within(first.frequency * (1.0 - BAND), first.frequency * (1.0 + BAND))
-    parts = left[:, band]
+    parts = remaining[:, band]
     power = (np.abs(parts) ** 2).sum(axis=1)
     reference = parts[first.loop] / max(float(np.sqrt(power[first.loop])), 1e-12)
-    near = [one for one in seen if _near(one.frequency, first.frequency, _ALIKE)]
-    own = np.zeros(parts.shape[0], dtype=bool)
-    own[[one.loop for one in near]] = True
-    in_group: Bools = own
+    near_peaks = [peak for peak in seen if _near(peak.frequency, first.frequency, _ALIKE)]
+    of_group = np.zeros(parts.shape[0], dtype=bool)
+    of_group[[one.loop for one in near_peaks]] = True
+    in_group: Bools = of_group
     basis = _basis(reference)
     for _ in range(4):
         common = (np.abs(parts @ basis.conj()) ** 2).sum(axis=1)
@@ -117,7 +117,7 @@ def _around(
         basis = _basis(vectors[0])
     reference = basis[:, 0]
     members = np.flatnonzero(in_group)
-    regular = [peak.regularity for peak in near if in_group[peak.loop]] or [first.regularity]
+    regular = [peak.regularity for peak in near_peaks if in_group[peak.loop]] or [first.regularity]
     weights = np.abs(reference) ** 2
     frequency = float(weights @ spectra.frequencies[band] / weights.sum())
     return FoundGroup(

@@ -28,10 +28,10 @@ class OscillationWindow:
 def is_same_oscillation(group: OscillationGroup, earlier: OscillationGroup) -> bool:
     """Whether ``earlier`` is the oscillation of ``group`` in a window before: half of the loops of
     both are in both (Jaccard), and the periods are within a quarter of each other."""
-    loops, before = ({member.loop for member in one.members} for one in (group, earlier))
+    loops, before = ({member.loop for member in either.members} for either in (group, earlier))
     shared = len(loops & before) / len(loops | before)
-    apart = abs(math.log(group.period_s / earlier.period_s))
-    return shared >= SAME_LOOPS and apart <= SAME_PERIOD
+    period_ratio = abs(math.log(group.period_s / earlier.period_s))
+    return shared >= SAME_LOOPS and period_ratio <= SAME_PERIOD
 
 
 def continued(group: OscillationGroup, earlier: Iterable[OscillationGroup]) -> OscillationGroup:
@@ -41,16 +41,18 @@ def continued(group: OscillationGroup, earlier: Iterable[OscillationGroup]) -> O
     start = group.start
     if start is None:
         return group
-    known = [
-        one
-        for one in earlier
-        if one.start is not None
-        and one.start < start <= one.start + timedelta(seconds=one.duration_s) + LINKED_WITHIN
-        and is_same_oscillation(group, one)
+    earlier_groups = [
+        earlier_group
+        for earlier_group in earlier
+        if earlier_group.start is not None
+        and earlier_group.start
+        < start
+        <= earlier_group.start + timedelta(seconds=earlier_group.duration_s) + LINKED_WITHIN
+        and is_same_oscillation(group, earlier_group)
     ]
-    if not known:
+    if not earlier_groups:
         return group
-    before = max(known, key=lambda one: str(one.start))
+    before = max(earlier_groups, key=lambda one: str(one.start))
     return replace(
         group,
         windows=before.windows + 1,

@@ -356,23 +356,23 @@ def _resticking(evaluator: StickSlipEvaluator, base: Floats, blocks: Bools) -> S
 
 
 def fit_stickslip(
-    recording: Recording, unsure_degree: int = 0, look: FirstLook | None = None
+    recording: Recording, unsure_degree: int = 0, first: FirstLook | None = None
 ) -> StickSlipFit:
     """Fit the three hypotheses and choose; raises ``ValueError`` without MV or usable samples.
 
     The choice is made on the held-out part: ``both`` is kept only where it beats ``sticking``
     (then the actuator matters) and ``actuator`` (then friction matters) block by block.
-    ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``), ``look`` the
-    first look at this recording where there was one.
+    ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``), ``first``
+    the first look at this recording where there was one.
     """
-    problem = make_problem(recording) if look is None else look.evaluator.problem
+    problem = make_problem(recording) if first is None else first.evaluator.problem
     problem = replace(problem, unsure_degree=unsure_degree)
     if not problem.scored.any():
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
-    if look is None:
+    if first is None:
         evaluator, base = first_look(problem)
     else:
-        evaluator, base = replace(look.evaluator, problem=problem), look.base
+        evaluator, base = replace(first.evaluator, problem=problem), first.base
     train = problem.training_blocks()
     evaluator = _resticking(evaluator, base, train)
     trained = _fit_all(evaluator, train, base)

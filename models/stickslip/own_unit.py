@@ -14,10 +14,12 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+from numba import njit
 
 from stemwatch.models.fit_window import choose_fit_window
-from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.onsets import Samples
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 UNITS = (4, 16, 64)  # samples
@@ -68,8 +70,9 @@ def _best(
     problem: FitProblem, answers: tuple[tuple[float, float], ...], speeds: tuple[float, ...]
 ) -> tuple[float, Floats]:
     """The least residual of any stem of the grid, standard deviation, and the stem (10,)."""
-    both_scored = problem.scored[OVER:] & problem.scored[:-OVER]
-    mv = _moves(problem.mv, both_scored)
+    ends = np.flatnonzero(problem.scored[OVER:] & problem.scored[:-OVER]) + OVER
+    mv = problem.mv[ends] - problem.mv[ends - OVER]
+    mv -= mv.mean()
     least, best = np.inf, np.zeros(kernel.N_PARAMETERS)
     out = np.empty(problem.op.size)
     answers_tried = [(delay, lag, np.inf) for delay, lag in answers] + [
@@ -78,16 +81,10 @@ def _best(
     for width, (delay, lag, speed) in product(WIDTHS, answers_tried):
         stem = _stem(width * problem.swing, delay, lag, speed)
         kernel.simulate(problem.op, problem.op, problem.start, 1.0, stem, out)
-        remaining = _share_left(_moves(out, both_scored), mv)
+        remaining = _share_left(out, ends, OVER, mv)
         if remaining < least:
             least, best = remaining, stem
     return least, best
-
-
-def _moves(stem: Floats, both_scored: Bools) -> Floats:
-    """(m,) moves over ``OVER`` samples where both ends are scored (``both_scored``), centred."""
-    moves = (stem[OVER:] - stem[:-OVER])[both_scored]
-    return np.asarray(moves - moves.mean())
 
 
 def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:
@@ -100,8 +97,15 @@ def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:
     return stem
 
 
-def _share_left(stem: Floats, mv: Floats) -> float:
-    """Standard deviation of ``mv`` (n,) about its straight line in ``stem`` (n,), both centred."""
-    power = float(stem @ stem)
-    slope = float(stem @ mv) / power if power > 0.0 else 0.0
-    return float(np.std(mv - slope * stem))
+@njit(cache=True)
+def _share_left(stem: Floats, ends: Samples, over: int, mv: Floats) -> float:
+    """Standard deviation of moves ``mv`` (m,), centred, about their straight line in those of a
+    ``stem`` (n,) over the same ``over`` samples, which end at ``ends`` (m,)."""
+    mean, square, both, own = 0.0, 0.0, 0.0, 0.0
+    for i in range(ends.size):
+        move = stem[ends[i]] - stem[ends[i] - over]
+        mean, square = mean + move, square + move * move
+        both, own = both + move * mv[i], own + mv[i] * mv[i]
+    power = square - mean * mean / ends.size
+    remaining = own - both * both / power if power > 0.0 else own
+    return float(np.sqrt(max(remaining, 0.0) / ends.size))

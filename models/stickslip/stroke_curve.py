@@ -190,11 +190,11 @@ def curve_of_points(text: str) -> StrokeCurve | None:
         points.append((float(match[1].replace(",", ".")), float(match[2].replace(",", "."))))
     if len(points) < 2:
         raise ValueError(f"{len(points)} points; a curve has two at least")
-    for (before, reached), (after, further) in pairwise(points):
+    for (before, travel_reached), (after, further) in pairwise(points):
         if after <= before:
             raise ValueError(f"OP {after:g} after OP {before:g}")
-        if (further - reached) * (points[-1][1] - points[0][1]) < 0.0:
-            raise ValueError(f"travel {further:g} after {reached:g}, so that it turns round")
+        if (further - travel_reached) * (points[-1][1] - points[0][1]) < 0.0:
+            raise ValueError(f"travel {further:g} after {travel_reached:g}, so that it turns round")
     for number in (number for point in points for number in point):
         if not WITHIN_PERCENT[0] <= number <= WITHIN_PERCENT[1]:
             raise ValueError(f"{number:g}, which is no percent")

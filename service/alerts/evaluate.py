@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from zoneinfo import ZoneInfo
 
-from stemwatch.models.false_discovery import significant
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
 from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, cause, one_per_cause
 from stemwatch.service.config import Plant
@@ -29,16 +28,11 @@ def over_weeks(
     store: Store, run_id: int, valves: Sequence[str]
 ) -> dict[str, tuple[EvidenceOfWeeks, bool]]:
     """What the windows of weeks say together of those of ``valves`` on which an effect is followed,
-    and whether what is confirmed stands among all valves of the run: of those that stand, few are
-    expected to be due to chance (``models.false_discovery``). Raises ``StoreError``."""
+    and whether what is confirmed stands among all valves of the run, as was marked when the run
+    ended. Raises ``StoreError``."""
+    confirmed = store.confirmed_in_run(run_id)
     evidence = store.evidence(valves)
-    others = len(store.tested_of_run(run_id)) - len(evidence)
-    p_values = [of_valve.p_value for of_valve in evidence.values()]
-    stands_of_each = significant([*p_values, *[None] * max(others, 0)])
-    return {
-        valve: (evidence[valve], stands)
-        for valve, stands in zip(evidence, stands_of_each, strict=False)
-    }
+    return {valve: (of_valve, valve in confirmed) for valve, of_valve in evidence.items()}
 
 
 def gathered(
@@ -53,9 +47,9 @@ def gathered(
     depth = max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3
     for first in range(0, len(valves), AT_ONCE):
         part = valves[first : first + AT_ONCE]
-        known = store.recent(part, depth, RATIO)
+        histories = store.recent(part, depth, RATIO)
         for valve in part:
-            recent = known[valve]
+            recent = histories[valve]
             of_weeks, stands = by_window.get(valve, (None, False))
             yield ValveRecord(
                 valve=_facts(plant, valve),
@@ -115,10 +109,10 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     ended: list[str] = []
     joined_now: list[str] = []
     for seen in gathered(store, plant, valves_done, over_weeks(store, run_id, valves_done)):
-        found, closed = apply_rules(seen, plant.alerts)
-        of_valve, spoken_for = one_per_cause(found, open_before - set(closed))
+        raised_now, closed = apply_rules(seen, plant.alerts)
+        of_valve, spoken_for = one_per_cause(raised_now, open_before - set(closed))
         raised += of_valve
-        joined_now += [one for one in spoken_for if one in open_before]
+        joined_now += [cause_now for cause_now in spoken_for if cause_now in open_before]
         ended += [one for one in closed if one in open_before]
         joined_now += [one for one in _causes_by_kind(of_valve) if one in open_before]
     for valve in awaiting_aftermath(store, valves_done):
@@ -143,8 +137,8 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
 def _causes_by_kind(raised: Iterable[RaisedAlert]) -> list[str]:
     """The causes that alerts would have by their kind alone, where they have another: an alert that
     is open under such a one is part of the alert now."""
-    both = [(cause(alert.kind, alert.valve or ""), alert.cause) for alert in raised]
-    return [by_kind for by_kind, now in both if by_kind != now]
+    cause_pairs = [(cause(alert.kind, alert.valve or ""), alert.cause) for alert in raised]
+    return [by_kind for by_kind, now in cause_pairs if by_kind != now]
 
 
 def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[RaisedAlert]]:
@@ -217,11 +211,11 @@ def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> Raised
 def _ended_causes(causes: set[str], seen: set[str], plant: Plant) -> set[str]:
     """Common causes that a run saw enough valves of to say that they are over."""
     ended: set[str] = set()
-    for one in causes:
-        *_, group_kind, name = one.split(":", 3)
+    for cause_over in causes:
+        *_, group_kind, name = cause_over.split(":", 3)
         members = {
             v.id for v in plant.valves.values() if (group_kind, name) in _places(plant, v.id)
         }
         if len(members & seen) * 2 > len(members):
-            ended.add(one)
+            ended.add(cause_over)
     return ended

@@ -98,7 +98,11 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
         elif verdict is AlertDecision.CLEAR:
             closed.append(cause(kind, record.valve.id))
     if _is_friction(record):  # not over, though the stem does not stick beyond its limit
-        closed = [one for one in closed if one != cause(AlertKind.STICKY, record.valve.id)]
+        closed = [
+            closed_cause
+            for closed_cause in closed
+            if closed_cause != cause(AlertKind.STICKY, record.valve.id)
+        ]
     return raised, closed
 
 

@@ -56,8 +56,10 @@ def inspect(
     seen = [(source.path, source.inspect()) for source in files]
     _show([inspection for _, inspection in seen])
     if json_file is not None:
-        found = [inspection.to_dict() for _, inspection in seen]
-        text = json.dumps(found if file.is_dir() else found[0], indent=1, ensure_ascii=False)
+        inspections = [inspection.to_dict() for _, inspection in seen]
+        text = json.dumps(
+            inspections if file.is_dir() else inspections[0], indent=1, ensure_ascii=False
+        )
         json_file.write_text(text + "\n", encoding="utf-8")
     sources = _sources(file, seen, write, options)
     proposed = plant_toml(sources, _curves(files))
@@ -88,26 +90,26 @@ def _files_of(file: Path, options: ReadOptions) -> list[HistorianFile]:
 
     if not file.is_dir():
         return [HistorianFile(file, options)]
-    found = find_sources([file])
-    for path, why in found.skipped:
-        views.say(f"{escape(str(path))}: {escape(why)}")
-    if not found.paths:
+    sources = find_sources([file])
+    for path, reason in sources.skipped:
+        views.say(f"{escape(str(path))}: {escape(reason)}")
+    if not sources.paths:
         raise typer.BadParameter(f"there is no recording in {file}", param_hint="FILE")
-    return [HistorianFile(path, options) for path in found.paths]
+    return [HistorianFile(path, options) for path in sources.paths]
 
 
 def _show(inspections: Sequence[Inspection]) -> None:
     """Facts of each file; its tags unless a file before has the same ones."""
     from stemwatch.service.cli import views
 
-    shown: set[frozenset[str]] = set()
+    shown_tags: set[frozenset[str]] = set()
     for inspection in inspections:
         names = frozenset(tag.tag for tag in inspection.tags)
         facts, tags = views.inspection_tables(inspection)
         views.out.print(facts)
-        if names in shown:
+        if names in shown_tags:
             continue
-        shown.add(names)
+        shown_tags.add(names)
         views.out.print(tags)
         for line in views.inspection_remarks(inspection):
             views.out.print(line, highlight=False)
@@ -126,12 +128,12 @@ def _sources(
     from stemwatch.connectors.historian.options import given_options
     from stemwatch.connectors.historian.proposed_plant import ProposedSource, sources_of
 
-    given = given_options(options)
+    options_given = given_options(options)
     if file.is_dir():
         relative = [(_seen_from(write, path), inspection) for path, inspection in seen]
-        return sources_of(relative, _seen_from(write, file), given)
+        return sources_of(relative, _seen_from(write, file), options_given)
     path = glob.escape(_seen_from(write, file).as_posix())
-    return [ProposedSource("historian", path, (seen[0][1],), given)]
+    return [ProposedSource("historian", path, (seen[0][1],), options_given)]
 
 
 def _seen_from(plant_file: Path | None, export: Path) -> Path:
@@ -145,10 +147,10 @@ def _seen_from(plant_file: Path | None, export: Path) -> Path:
 def _curves(files: Sequence[HistorianFile]) -> dict[str, str]:
     """The lines that give the curves from OP to stroke, for valves whose position is certain; of a
     valve in several files by the first that shows one."""
-    found: dict[str, str] = {}
+    curves: dict[str, str] = {}
     for source in files:
-        found = _curves_in(source) | found
-    return found
+        curves = _curves_in(source) | curves
+    return curves
 
 
 def _curves_in(source: HistorianFile) -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -11,8 +12,6 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from stemwatch.service.studies.weeks import FollowedValve
 
 DEVELOPED_WITH = (5151, 6161, 7171, 8181, 8383, 9393)
@@ -29,12 +28,17 @@ def prove_weeks(
     seed: o.Seed = 2042,
     workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
     json_file: o.JsonFile = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(help="Keep what each window says in this folder, and go on from there."),
+    ] = None,
 ) -> None:
     """Count what windows of weeks confirm on simulated valves, rightly and wrongly.
 
     Valves with nothing hidden over daily windows, and valves with each effect of the catalogue over
     some windows. The defaults are a quick look; --nulls 100 --days 30 --valves 4 --windows 8 is a
-    study and takes hours.
+    study and takes hours: with --keep it may be stopped, and goes on when it is called again, with
+    fewer valves or more. A folder belongs to one version of the program.
     """
     from rich.progress import Progress
 
@@ -50,6 +54,8 @@ def prove_weeks(
         )
     if seed in DEVELOPED_WITH:
         views.say(f"Seed {seed} was looked at while the rule was made: this is not blind.")
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
     slugs = tuple(effect or PHYSICS)
     with Progress(console=views.err) as progress:
         bar = progress.add_task("valves", total=nulls + valves * len(slugs))
@@ -62,6 +68,7 @@ def prove_weeks(
             choose_executor(workers),
             lambda windows_done: progress.update(bar, completed=windows_done),
             slugs,
+            keep,
         )
     _print(followed, days, windows)
     if json_file is not None:

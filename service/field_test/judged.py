@@ -52,14 +52,14 @@ def result_of(
     judgement: TestJudgement, valve: str, window: tuple[datetime | None, datetime | None]
 ) -> TestResult:
     """The words of a ``judgement`` of ``valve``, whose test lies in ``window``."""
-    title, headline, remarks = _WORDS[judgement.outcome](judgement)
+    title, headline, closing_remarks = _WORDS[judgement.outcome](judgement)
     return TestResult(
         valve=valve,
         judgement=judgement,
         window=window,
         title=f"{valve}: {title}",
         headline=headline,
-        remarks=remarks,
+        remarks=closing_remarks,
         rivals=_rivals(judgement),
     )
 

@@ -46,7 +46,7 @@ def picture_of_test(sheet: TestSheet) -> Drawing | None:
         )
         marks.append(DrawnText((x, panel.top - 2.0), str(number), 6.5, "middle", bold=True))
     caption = f"OP of the test over time, and MV for {', '.join(sheet.rivals)}."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption)
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), caption=caption)
 
 
 def picture_of_result(
@@ -55,7 +55,7 @@ def picture_of_result(
     """OP dashed, the recorded MV in grey, and MV as each rival follows it."""
     _, marks = _traces(op, interval_s, rivals, followed, mv)
     caption = f"OP and MV of the test as recorded, and MV as {', '.join(rivals)} would follow."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption)
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), caption=caption)
 
 
 def _traces(

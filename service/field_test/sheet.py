@@ -157,7 +157,7 @@ def sheet_of(plan: FieldTestPlan, valve: str) -> TestSheet:
         )
     if test is None:
         sentence = f"No test within these limits can tell {joined(names)} apart: {plan.reason}."
-        closing_remarks = (*_wider(plan), LAST_WORD)
+        closing_remarks = (*_wider(plan), *_over_weeks(plan), LAST_WORD)
         return TestSheet(
             valve=valve, plan=plan, title=title, headline=sentence, remarks=closing_remarks
         )
@@ -219,6 +219,7 @@ def _remarks_on_test(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
     for first, second in plan.undecided:
         yield f"This test does not tell {rival_name(first)} from {rival_name(second)}."
     yield from _wider(plan)
+    yield from _over_weeks(plan)
     process = plan.question.process
     if test.upset is None:
         reason = "" if process is None else process.gain.reason or ""
@@ -245,7 +246,7 @@ def _remarks_on_test(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
 
 
 def _wider(plan: FieldTestPlan) -> Iterator[str]:
-    if plan.kind is not PlanKind.CANNOT_TELL:
+    if plan.kind is not PlanKind.CANNOT_TELL or set(plan.too_slow) & set(plan.rivals):
         return
     wider = plan.wider
     if wider is None:
@@ -259,6 +260,16 @@ def _wider(plan: FieldTestPlan) -> Iterator[str]:
         f"probability of about {100.0 * min(plan.wider_probability or 0.0, 0.95):.0f} % "
         f"(--amplitude {wider.amplitude:g} --minutes {wider.duration_s / 60.0:g})."
     )
+
+
+def _over_weeks(plan: FieldTestPlan) -> Iterator[str]:
+    """What would tell a rival that shows in no test of minutes."""
+    if plan.too_slow:
+        yield (
+            f"What would tell {joined(tuple(map(rival_name, plan.too_slow)))}: windows of weeks. "
+            "Record the valve as it runs, each time as long as this recording or longer; screened "
+            "into one database, its page then shows how S changes and what the windows agree on."
+        )
 
 
 def _before(plan: FieldTestPlan, test: DesignedTest) -> Iterator[str]:
@@ -383,6 +394,7 @@ def to_object(sheet: TestSheet) -> dict[str, Any]:
         "valve": sheet.valve,
         "kind": plan.kind.value,
         "rivals": list(plan.rivals),
+        "too_slow": list(plan.too_slow),
         "headline": sheet.headline,
         "remarks": list(sheet.remarks),
         "limits": {

@@ -56,12 +56,12 @@ Mark = DrawnLine | DrawnArea | DrawnText
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """``marks`` in the order in which they are drawn; ``says`` is for those who do not see it."""
+    """``marks`` in the order of drawing; ``caption`` is for those who do not see it."""
 
     width: float
     height: float
     marks: tuple[Mark, ...]
-    says: str
+    caption: str
 
 
 def hatching(area: DrawnArea) -> tuple[DrawnLine, ...]:
@@ -97,7 +97,9 @@ def svg_of(drawing: Drawing) -> Markup:
     marks = Markup("").join(_mark(mark) for mark in drawing.marks)
     return Markup(
         '<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{says}">{inside}</svg>'
-    ).format(width=drawing.width, height=drawing.height, says=printable(drawing.says), inside=marks)
+    ).format(
+        width=drawing.width, height=drawing.height, says=printable(drawing.caption), inside=marks
+    )
 
 
 def _mark(mark: Mark) -> Markup:

@@ -65,7 +65,7 @@ def picture_of(
         caption += " Beside it MV against OP, with the stick band of S and J."
         if screening.stroke_curve is not None:
             caption += " The curve from OP to stroke goes through it."
-    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), says=caption), reason
+    return Drawing(width=WIDTH, height=HEIGHT, marks=tuple(marks), caption=caption), reason
 
 
 def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
@@ -100,16 +100,16 @@ def _over_time(
         traces.append(DrawnTrace("model", simulated[part], 1.0, MODEL_DASH))
     if mv is not None:
         traces.append(DrawnTrace("MV", mv.values[part], 1.2))
-    below = None
+    pv_signal = None
     if mv is None and pv is not None and np.isfinite(pv.values[part]).any():
-        below = pv.in_process_unit()
+        pv_signal = pv.in_process_unit()
     unit = op.unit if mv is None or mv.unit == op.unit else f"{op.unit}, {mv.unit}"
-    height = HEIGHT - TOP - FOOT - (66.0 if below is not None else 0.0)
+    height = HEIGHT - TOP - FOOT - (66.0 if pv_signal is not None else 0.0)
     marks = _panel_over_time(recording, part, traces, unit, TOP, (width, height))
-    if below is not None:
-        shown = [DrawnTrace("PV", below.values[part], 1.2)]
+    if pv_signal is not None:
+        drawn_traces = [DrawnTrace("PV", pv_signal.values[part], 1.2)]
         marks += _panel_over_time(
-            recording, part, shown, below.unit, TOP + height + 36.0, (width, 30.0)
+            recording, part, drawn_traces, pv_signal.unit, TOP + height + 36.0, (width, 30.0)
         )
     names = ", ".join(trace.name for trace in traces)
     return marks, f"{names} over time."
@@ -124,7 +124,7 @@ def _panel_over_time(
     size: tuple[float, float],
 ) -> list[Mark]:
     seconds = recording.time_s[part] - recording.time_s[part.start]
-    scale, what = (60.0, "min") if seconds[-1] > 300.0 else (1.0, "s")
+    scale, time_unit = (60.0, "min") if seconds[-1] > 300.0 else (1.0, "s")
     low, high = span(*[trace.values for trace in traces])
     panel = Panel(
         left=LEFT,
@@ -136,7 +136,7 @@ def _panel_over_time(
         y0=low,
         y1=high,
     )
-    marks = panel.frame(what, printable(unit))
+    marks = panel.frame(time_unit, printable(unit))
     kept_samples = telling_samples([trace.values for trace in traces], POINTS * len(traces))
     for trace in traces:
         marks += panel.lines(
@@ -168,9 +168,9 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
     comparable = recording.mv.unit == recording.op.unit
     shapes = loop_shapes(screening, op, mv) if comparable else LoopShapes()
     band, curve = shapes.band, shapes.curve
-    drawn = [shape for shape in (band, curve) if shape is not None]
-    (x0, x1) = span(op, *(shape[:, 0] for shape in drawn))
-    (y0, y1) = span(mv, *(shape[:, 1] for shape in drawn))
+    lines = [shape for shape in (band, curve) if shape is not None]
+    (x0, x1) = span(op, *(shape[:, 0] for shape in lines))
+    (y0, y1) = span(mv, *(shape[:, 1] for shape in lines))
     if comparable:
         (x0, x1), (y0, y1) = equally_long((x0, x1), (y0, y1), LOOP_WIDTH / (HEIGHT - TOP - FOOT))
     panel = Panel(

@@ -42,7 +42,10 @@ def book_html(work_list: WorkList) -> bytes:
             Markup("") if sheet.picture is None else svg_of(sheet.picture)
             for sheet in work_list.sheets
         ],
-        drawn=[None if one.drawing is None else svg_of(one.drawing) for one in work_list.done],
+        drawn=[
+            None if compared.drawing is None else svg_of(compared.drawing)
+            for compared in work_list.done
+        ],
         levels=LEVEL_NAME,
         hint=HINT,
         styles=Markup(_resource(STYLE)),

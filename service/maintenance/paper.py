@@ -132,9 +132,9 @@ class PlainDocument(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no 
         width = WIDTH / max(len(self._signs), 1)
         canvas.setLineWidth(0.6)
         for index, title in enumerate(self._signs):
-            left = MARGIN + index * width
-            canvas.line(left, FOOT, left + width - 8.0, FOOT)
-            write(canvas, title, left, FOOT - 8.0)
+            x = MARGIN + index * width
+            canvas.line(x, FOOT, x + width - 8.0, FOOT)
+            write(canvas, title, x, FOOT - 8.0)
 
 
 def folio(canvas: Any, context: ReportContext) -> None:
@@ -184,10 +184,10 @@ class TypeSize:
     def text(self, text: str, share: float = 1.0, *, bold: bool = False, **style: Any) -> Paragraph:
         """A paragraph in ``share`` of the size; every letter in a font that has it."""
         points = self.size * share
-        look = ParagraphStyle(
+        paragraph_style = ParagraphStyle(
             "text", fontName=BOLD if bold else REGULAR, fontSize=points, leading=1.24 * points
         )
-        return Paragraph(markup(text, bold), ParagraphStyle("text", look, **style))
+        return Paragraph(markup(text, bold), ParagraphStyle("text", paragraph_style, **style))
 
     def heading(self, text: str) -> Flowable:
         """A small heading over a thin rule."""
@@ -246,9 +246,9 @@ BARE = [
 
 def markup(text: str, bold: bool) -> str:
     """``text`` as reportlab's markup: runs of letters that the page's font lacks name theirs."""
-    own = BOLD if bold else REGULAR
+    font_name = BOLD if bold else REGULAR
     return "".join(
-        escape(letters) if font == own else f'<font name="{font}">{escape(letters)}</font>'
+        escape(letters) if font == font_name else f'<font name="{font}">{escape(letters)}</font>'
         for font, letters in runs(prose(cut(text, LONGEST)), bold)
     )
 

@@ -225,15 +225,15 @@ def _work_done(
     work, drawing = compared.around.work, compared.drawing
     ends = [instant(one.end, context.tz) for one in (compared.around.before, compared.around.after)]
     windows = f"The window until {ends[0]}, and the latest one, until {ends[1]}."
-    said = [
+    sentences = [
         t.text(cut(work.valve, LONGEST_NAME), bold=True, spaceBefore=3.0),
         t.text(f"{instant(work.at, context.tz)}: {cut(work.note, LONGEST_CELL)}"),
         t.text(f"S {compared.sizes[0]}, J {compared.sizes[1]}", bold=True),
-        t.text(f"{windows} {compared.says}" if explain and drawing else windows, 0.86),
+        t.text(f"{windows} {compared.caption}" if explain and drawing else windows, 0.86),
     ]
     if drawing is None:
-        return said
-    return [t.columns(said, [PaperPicture(drawing, (WIDTH - GAP) / 2)])]
+        return sentences
+    return [t.columns(sentences, [PaperPicture(drawing, (WIDTH - GAP) / 2)])]
 
 
 def _fitting(sheet: WorkSheet, context: ReportContext) -> list[Any]:

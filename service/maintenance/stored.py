@@ -15,7 +15,7 @@ from stemwatch.service.config import Plant
 from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
-from stemwatch.service.presenter.false_discoveries import tested
+from stemwatch.service.presenter.false_discoveries import p_in_run, tested
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples
@@ -140,15 +140,24 @@ def report_of_store(
         plant=plant.name if plant is not None else "",
         zone=zone or (plant.zone if plant is not None else None) or "UTC",
         valves=facts_of(store, plant, chosen),
-        p_elsewhere=_p_elsewhere(screenings, valves),
+        p_elsewhere=_p_elsewhere(store, screenings, valves),
     )
     background = background_of(store, plant, run)
     return write_maintenance(chosen, context, out_dir, background, everything=all_valves)
 
 
-def _p_elsewhere(restored: list[Restored], valves: Collection[str]) -> tuple[float | None, ...]:
+def _p_elsewhere(
+    store: Store, restored: list[Restored], valves: Collection[str]
+) -> tuple[float | None, ...]:
     """The p values of the valves that were tested and are not in the report."""
-    others = [
-        screening.mismatch for screening in restored if valves and screening.valve not in valves
-    ]
-    return tuple(other.p_value for other in others if tested(other))
+    others = [screening for screening in restored if valves and screening.valve not in valves]
+    by_window = store.evidence([screening.valve for screening in others])
+    return tuple(
+        p_in_run(
+            screening.mismatch.p_value,
+            defects=bool(screening.mismatch.defects),
+            by_window=by_window.get(screening.valve),
+        )
+        for screening in others
+        if tested(screening.mismatch)
+    )

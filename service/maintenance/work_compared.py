@@ -39,7 +39,7 @@ class WorkCompared:
     around: AroundWork
     before: WindowLoop | None
     after: WindowLoop | None
-    says: str = (
+    caption: str = (
         "A typical stretch of each window; one percent is as long along both axes. The wider the "
         "loop, the more the stem sticks."
     )
@@ -84,7 +84,7 @@ class WorkCompared:
             width=WIDTH,
             height=HEIGHT,
             marks=tuple(marks),
-            says="MV against OP in the window before the work and in the latest one after it.",
+            caption="MV against OP in the window before the work and in the latest one after it.",
         )
 
 
@@ -100,7 +100,7 @@ def compare(around: AroundWork) -> WorkCompared:
 def newest_first(works: Sequence[AroundWork]) -> tuple[WorkCompared, ...]:
     """The ``MOST_SHOWN`` newest, in the order in which a planner looks for them."""
     ordered = sorted(works, key=lambda one: one.work.at, reverse=True)
-    return tuple(compare(one) for one in ordered[:MOST_SHOWN])
+    return tuple(compare(around) for around in ordered[:MOST_SHOWN])
 
 
 def _legend() -> list[Mark]:

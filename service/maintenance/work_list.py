@@ -52,9 +52,9 @@ class WorkList:
     @property
     def done_title(self) -> str:
         """What stands over ``done``."""
-        some = self.worked > len(self.done)
-        more = f" ({len(self.done)} newest of {self.worked})" if some else ""
-        return f"Before and after the last work{more}"
+        only_newest = self.worked > len(self.done)
+        count_text = f" ({len(self.done)} newest of {self.worked})" if only_newest else ""
+        return f"Before and after the last work{count_text}"
 
     @property
     def counts(self) -> str:
@@ -71,11 +71,10 @@ def work_list_of(
 ) -> WorkList:
     """The book of a run. With ``everything`` each valve gets a page, healthy ones too."""
     ranked = rank_valves(screenings, context)
-    discoveries = discovered(ranked, context)
     sheets, others = [], []
     for valve in ranked:
         if everything or valve.decision.has_page:
-            sheets.append(work_sheet_of(valve, discoveries, background, context.tz))
+            sheets.append(work_sheet_of(valve, background, context.tz))
         else:
             screening = valve.screening
             brief = ValveWithoutPage(
@@ -89,7 +88,7 @@ def work_list_of(
         others=tuple(others),
         counted=ranked.counts,
         context=context,
-        discovered=discoveries.sentence,
+        discovered=discovered(ranked, context).sentence,
         done=newest_first(works),
         worked=len(works),
         run=background.run,

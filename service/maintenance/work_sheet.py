@@ -20,7 +20,7 @@ from stemwatch.service.maintenance.evidence_picture import picture_of
 from stemwatch.service.maintenance.first_seen import FirstSeen
 from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
-from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT, Discoveries
+from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
 from stemwatch.service.presenter.finding import PresentedFinding, field_test
 from stemwatch.service.presenter.wording import (
     figure,
@@ -51,6 +51,10 @@ MEANING = {
 FALSE_STICKY = (2, 240, "0.2 to 3.0 %")
 FALSE_EFFECT = (0, 52, "0 to 6.9 %")
 FALSE_EFFECT_SCATTERED = (3, 64, "1.6 to 13 %")
+STANDS = (
+    "What is named beside friction stands among all valves of the run: of such findings at most "
+    f"{LEVEL_PERCENT} are expected to be due to chance."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,10 +145,8 @@ class WorkSheet:
         return self.finding.decision.has_order
 
 
-def work_sheet_of(
-    valve: RankedValve, discoveries: Discoveries, background: ValveHistory, zone: tzinfo
-) -> WorkSheet:
-    """The page of ``valve``; ``discoveries`` says what stands in the run."""
+def work_sheet_of(valve: RankedValve, background: ValveHistory, zone: tzinfo) -> WorkSheet:
+    """The page of ``valve``."""
     screening, finding = valve.screening, valve.finding
     kinds = finding.decision.kinds
     earlier = background.earlier(screening)
@@ -164,7 +166,7 @@ def work_sheet_of(
         since=since,
         since_said=_since(since, valve, background, zone),
         past=tuple(earlier[:MOST_PAST]),
-        sure=how_sure(screening, finding.decision, valve.stands, discoveries, since),
+        sure=how_sure(valve, since),
         priority=priority(
             finite(finding.decision.severity) or 0.0, valve.facts.criticality, valve.trend
         ),
@@ -258,17 +260,12 @@ def brief_of(valve: RankedValve) -> str:
     return f"{valve.finding.meaning}{size_clause}; trend: {valve.trend.words}"
 
 
-def how_sure(
-    screening: Screening,
-    decision: WorkDecision,
-    stands: bool | None,
-    discoveries: Discoveries,
-    first_seen: FirstSeen,
-) -> tuple[str, ...]:
+def how_sure(valve: RankedValve, first_seen: FirstSeen) -> tuple[str, ...]:
     """One sentence for each source of doubt, the nearest first."""
-    sentences = [_confidence(decision), _seen_often(first_seen), _wrong_of_sticky(screening)]
-    if stands is not None:
-        sentences.append(_discovery_sentence(stands, discoveries))
+    screening = valve.screening
+    sentences = [_confidence(valve.decision), _seen_often(first_seen), _wrong_of_sticky(screening)]
+    if valve.stands is not None:
+        sentences.append(valve.finding.held_back or STANDS)
         sentences.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
         sentences.append(_rate("the same with a stickband that scatters", *FALSE_EFFECT_SCATTERED))
     sentences.append(_data(screening))
@@ -297,15 +294,6 @@ def _rate(statement: str, count: int, total: int, interval: str) -> str:
     return (
         f"Published false alarms: {statement}: {count} of {total} ({100 * count / total:.1f} %, "
         f"{interval})."
-    )
-
-
-def _discovery_sentence(stands: bool, discoveries: Discoveries) -> str:
-    if not stands:
-        return discoveries.remark
-    return (
-        f"What is named beside friction stands among all valves of the run: of such findings at "
-        f"most {LEVEL_PERCENT} are expected to be due to chance."
     )
 
 

@@ -55,20 +55,20 @@ def write_maintenance(
 
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
-    book = work_list_of(screenings, context, background, everything=everything)
+    work_list = work_list_of(screenings, context, background, everything=everything)
     files = MaintenanceFiles(
         html=folder / HTML,
         pdf=folder / PDF,
         xlsx=folder / ORDERS_XLSX,
         csv=folder / ORDERS_CSV,
-        book=book,
+        book=work_list,
     )
     put_all(
         {
-            files.html: book_html(book),
-            files.pdf: book_pdf(book),
-            files.xlsx: orders_xlsx(book),
-            files.csv: orders_csv(book),
+            files.html: book_html(work_list),
+            files.pdf: book_pdf(work_list),
+            files.xlsx: orders_xlsx(work_list),
+            files.csv: orders_csv(work_list),
         }
     )
     return files

@@ -43,6 +43,12 @@ class EvidenceOfWeeks:
         return tuple(finding for finding in self.findings if finding.holds)
 
     @property
+    def decides(self) -> bool:
+        """Whether the valve has a history: an effect was looked for in more windows than one, so
+        that work follows what they say together and not what the newest says alone."""
+        return any(finding.of > 1 for finding in self.findings)
+
+    @property
     def first_seen(self) -> tuple[LastingFinding, ...]:
         """The findings that one window has named and no other has confirmed."""
         return tuple(

@@ -2,6 +2,9 @@
 
 Among many valves chance alone names something on a few. Of the effects that stand, at most
 ``LEVEL`` are expected to be due to chance (``models.false_discovery``); the others are held back.
+
+Where a valve has a history, its windows decide and not the newest of them: what they confirm brings
+its p value to the run, named in this window or not, and what only this window names is held back.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ from typing import TypeGuard
 
 from stemwatch.models.false_discovery import LEVEL, significant
 from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.wording import valves_counted
 
 LEVEL_PERCENT = f"{100.0 * LEVEL:g} %"
@@ -22,14 +26,17 @@ class Discoveries:
     """What stands among all valves of a run.
 
     ``standing`` has one entry for each mismatch that was asked about: true where its effects
-    stand, false where they are held back, ``None`` where nothing was named. ``tested``, ``named``
-    and ``held_back`` count valves of the whole run.
+    stand, false where they are held back, ``None`` where nothing was named or is confirmed.
+    ``confirmed`` has beside each the slugs that stand because windows of weeks confirm them,
+    ``None`` where the valve has no history that decides. ``tested``, ``named`` and ``held_back``
+    count valves of the whole run.
     """
 
     standing: tuple[bool | None, ...]
     tested: int
     named: int
     held_back: int
+    confirmed: tuple[tuple[str, ...] | None, ...] = ()
 
     @property
     def sentence(self) -> str:
@@ -52,9 +59,13 @@ class Discoveries:
             f"{'them' if several else 'it'}."
         )
 
-    @property
-    def remark(self) -> str:
-        """What stands beside a finding that is held back."""
+    def remark(self, by_window: EvidenceOfWeeks | None = None) -> str:
+        """What stands beside a finding that is held back; ``by_window`` is the valve's history."""
+        if by_window is not None and by_window.decides and not by_window.confirmed:
+            return (
+                "Held back: the windows of the last weeks do not confirm this. Plan no work on it "
+                "alone; see whether the next recording names it again."
+            )
         return (
             f"Held back: across {valves_counted(self.tested)} chance alone may have named this. "
             "Plan no work on it alone; see whether the next recording names it again."
@@ -62,18 +73,27 @@ class Discoveries:
 
 
 def discoveries(
-    mismatches: Sequence[Mismatch | None], elsewhere: Sequence[float | None] = ()
+    mismatches: Sequence[Mismatch | None],
+    elsewhere: Sequence[float | None] = (),
+    by_window: Sequence[EvidenceOfWeeks | None] | None = None,
 ) -> Discoveries:
     """What stands of ``mismatches``, one entry for each valve of a run.
 
-    ``elsewhere`` has ``Mismatch.p_value`` of the run's other valves that were tested. A valve that
-    was not fitted or not testable (``tested``) had no chance to name anything and does not count.
-    An effect without a p value, as an older version stored it, is held back.
+    ``elsewhere`` has the p values of the run's other valves that were tested, ``by_window`` the
+    history of each of these. A valve that was not fitted or not testable (``tested``) had no chance
+    to name anything and does not count. An effect without a p value, as an older version stored it,
+    is held back.
     """
-    p_values = [mismatch.p_value for mismatch in mismatches if tested(mismatch)]
+    histories = [None] * len(mismatches) if by_window is None else by_window
+    p_values = [
+        p_in_run(mismatch.p_value, defects=bool(mismatch.defects), by_window=history)
+        for mismatch, history in zip(mismatches, histories, strict=True)
+        if tested(mismatch)
+    ]
     verdicts = iter(significant([*p_values, *elsewhere]))
     stands_of_each = tuple(
-        _named(mismatch, next(verdicts)) if tested(mismatch) else None for mismatch in mismatches
+        _standing(mismatch, history, next(verdicts)) if tested(mismatch) else None
+        for mismatch, history in zip(mismatches, histories, strict=True)
     )
     # The verdicts that are left are those of ``elsewhere``.
     others = [stood for stood, p in zip(verdicts, elsewhere, strict=True) if p is not None]
@@ -83,7 +103,31 @@ def discoveries(
         tested=len(p_values) + len(elsewhere),
         named=sum(outcomes),
         held_back=len(outcomes) - sum(outcomes),
+        confirmed=tuple(
+            confirmed_slugs(history, stands=stands is True)
+            for history, stands in zip(histories, stands_of_each, strict=True)
+        ),
     )
+
+
+def p_in_run(
+    newest: float | None, *, defects: bool, by_window: EvidenceOfWeeks | None
+) -> float | None:
+    """The p value that a valve brings to its run: of what its windows confirm, and where it has no
+    history that decides, of what the ``newest`` window names. ``defects``: that names some."""
+    if by_window is None or not by_window.decides:
+        return newest
+    if by_window.confirmed:
+        return by_window.p_value
+    return None if defects else newest
+
+
+def confirmed_slugs(by_window: EvidenceOfWeeks | None, *, stands: bool) -> tuple[str, ...] | None:
+    """What a valve's windows confirm, where that ``stands`` in its run; ``None`` where it has no
+    history that decides."""
+    if by_window is None or not by_window.decides:
+        return None
+    return tuple(finding.slug for finding in by_window.confirmed) if stands else ()
 
 
 def tested(mismatch: Mismatch | None) -> TypeGuard[Mismatch]:
@@ -91,5 +135,6 @@ def tested(mismatch: Mismatch | None) -> TypeGuard[Mismatch]:
     return mismatch is not None and mismatch.finding is not Finding.NOT_TESTABLE
 
 
-def _named(mismatch: Mismatch, stood: bool) -> bool | None:
-    return stood if mismatch.effects else None
+def _standing(mismatch: Mismatch, history: EvidenceOfWeeks | None, stood: bool) -> bool | None:
+    confirmed = confirmed_slugs(history, stands=True)
+    return stood if mismatch.effects or confirmed else None

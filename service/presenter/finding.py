@@ -16,7 +16,6 @@ from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
-from stemwatch.service.presenter.false_discoveries import Discoveries
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, other_members
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
@@ -109,14 +108,18 @@ class PresentedFinding:
 
 
 def present(
-    screening: Screening, *, stands: bool | None, run: Discoveries | None = None
+    screening: Screening,
+    *,
+    stands: bool | None,
+    confirmed: tuple[str, ...] | None = None,
+    held_back: str = "",
 ) -> PresentedFinding:
     """The words of ``screening``.
 
-    ``stands`` is whether its effects stand among all valves of the run, ``run`` what was found in
-    all of it.
+    ``stands`` is whether its effects stand among all valves of the run, ``held_back`` why they do
+    not, ``confirmed`` what the windows of weeks confirm (``work_decision.decide``).
     """
-    decision = decide(screening, stands=stands)
+    decision = decide(screening, stands=stands, confirmed=confirmed)
     mismatch = screening.mismatch
     return PresentedFinding(
         decision=decision,
@@ -128,7 +131,7 @@ def present(
         beside_friction=_measured_beside(screening),
         effects=() if mismatch is None else present_effects(mismatch),
         otherwise=_otherwise(mismatch, decision.kinds, stands),
-        held_back=run.remark if run is not None and stands is False else "",
+        held_back=held_back,
     )
 
 
@@ -176,15 +179,27 @@ def _evidence(effect: Effect) -> str:
 
 
 def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
-    """The screening's reason, each effect that stands, and which of them are no defects."""
+    """The screening's reason, each effect that stands, what other windows confirm, and which of the
+    effects are no defects."""
     sentences, named_effects = [screening.reason], (*decision.effects, *decision.inherent)
     sentences += not_yet_said((effect.sentence for effect in named_effects), screening.reason)
+    if decision.lasting:
+        sentences.append(confirmed_by_others(decision.lasting))
     if decision.inherent:
         sentences.append(belong_to_machine(decision.inherent))
     mismatch = screening.mismatch
     if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
         sentences += not_yet_said([mismatch.sentence], screening.reason)
     return tuple(sentences)
+
+
+def confirmed_by_others(slugs: Sequence[str]) -> str:
+    """That the windows of weeks confirm the effects ``slugs``, which this one does not name."""
+    names = effect_names(slugs)
+    return (
+        f"{names[:1].upper()}{names[1:]}: confirmed by the windows of the last weeks; this one "
+        "alone does not name it."
+    )
 
 
 def belong_to_machine(effects: Sequence[Effect]) -> str:
@@ -229,8 +244,11 @@ def _steps_for(S: float, step: float) -> int:
 def _next_step(screening: Screening, decision: WorkDecision) -> str:
     """The screening's advice. A valve that does not stick but has an effect that wants work gets
     that effect's: to look for the cause elsewhere would be wrong."""
-    if decision.verdict is Verdict.DEFECTIVE:
+    if decision.verdict is Verdict.DEFECTIVE and decision.effects:
         return present_effect(decision.effects[0]).check
+    if decision.verdict is Verdict.DEFECTIVE:
+        words = term_words(decision.lasting[0])
+        return screening.advice if words is None else words.check
     return " ".join(filter(None, (screening.advice, field_test(screening))))
 
 

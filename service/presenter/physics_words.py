@@ -111,8 +111,14 @@ def left_to_tell(mismatch: Mismatch) -> str:
     question = mismatch.open_question
     if question is None or len(question.models) < 2:
         return ""
+    if len(question.quick) < 2:
+        return (
+            f"No test of minutes tells {joined(rival_names(question.rivals))} apart: windows of "
+            "weeks do."
+        )
+    quick = (model.slug for model in question.quick)
     return (
-        f"A test of some minutes may tell {joined(rival_names(question.rivals))} apart: "
+        f"A test of some minutes may tell {joined(rival_names(quick))} apart: "
         "`stemwatch plan-test` plans it."
     )
 

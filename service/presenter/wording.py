@@ -98,20 +98,22 @@ def prose(text: str) -> str:
     return re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", printable(text))
 
 
-def not_yet_said(sentences: Iterable[str], said: str) -> list[str]:
+def not_yet_said(sentences: Iterable[str], text: str) -> list[str]:
     """Those of ``sentences`` that ``said`` does not already contain, word for word."""
-    known = said.casefold()
-    return [sentence for sentence in sentences if sentence.strip(" .").casefold() not in known]
+    text_folded = text.casefold()
+    return [
+        sentence for sentence in sentences if sentence.strip(" .").casefold() not in text_folded
+    ]
 
 
 def duration(seconds: float) -> str:
     """A duration in the one or two units in which people say it."""
     if seconds < 120:
         return f"{figure(seconds)} s"
-    whole = timedelta(seconds=round(seconds))
-    hours, minutes = whole.seconds // 3600, whole.seconds % 3600 // 60
-    if whole.days:
-        return f"{whole.days} d {hours} h" if hours else f"{whole.days} d"
+    rounded = timedelta(seconds=round(seconds))
+    hours, minutes = rounded.seconds // 3600, rounded.seconds % 3600 // 60
+    if rounded.days:
+        return f"{rounded.days} d {hours} h" if hours else f"{rounded.days} d"
     if hours:
         return f"{hours} h {minutes} min" if minutes else f"{hours} h"
     return f"{minutes} min"

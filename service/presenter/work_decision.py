@@ -2,9 +2,10 @@
 whether the valve needs work. Every output asks here: report, tables, pages, PDF, mail, terminal.
 
 A valve needs work where its stem sticks, or where a material effect beside friction was named that
-stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. An
-effect that belongs to the machine, as a motor's lag, is named and asks for nothing. Valves
-to watch and those that cannot be judged are counted apart.
+stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. Where
+the valve has a history, that is what its windows of the last weeks confirm, whatever the newest of
+them names. An effect that belongs to the machine, as a motor's lag, is named and asks for nothing.
+Valves to watch and those that cannot be judged are counted apart.
 """
 
 from __future__ import annotations
@@ -107,7 +108,8 @@ class WorkDecision:
     ``verdict`` is the word that every output shows; ``kinds`` has the kind to act on first at its
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
-    how such a machine is made.
+    how such a machine is made. ``lasting`` has the slugs of defects that the windows of weeks
+    confirm and this one does not name: work is planned on them too.
     """
 
     verdict: Verdict
@@ -116,6 +118,7 @@ class WorkDecision:
     confidence: float | None = None
     effects: tuple[Effect, ...] = ()
     inherent: tuple[Effect, ...] = ()
+    lasting: tuple[str, ...] = ()
 
     @property
     def state(self) -> WorkState:
@@ -143,31 +146,45 @@ class WorkDecision:
         return self.needs_work or (self.has_page and self.state is WorkState.NOT_JUDGED)
 
 
-def decide(screening: Screening, *, stands: bool | None) -> WorkDecision:
+def decide(
+    screening: Screening, *, stands: bool | None, confirmed: tuple[str, ...] | None = None
+) -> WorkDecision:
     """The decision on ``screening``.
 
     ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
-    named): effects that are held back are no finding.
+    named): effects that are held back are no finding. ``confirmed`` are the slugs that the windows
+    of the last weeks confirm, ``None`` where the valve has no history that decides.
     """
     mismatch = screening.mismatch
-    standing = () if mismatch is None or stands is False else mismatch.effects
-    effects = tuple(effect for effect in standing if not effect.inherent)
+    named_effects = () if mismatch is None or stands is False else mismatch.effects
+    effects = tuple(effect for effect in named_effects if not effect.inherent)
+    lasting: tuple[str, ...] = ()
+    if confirmed is not None and mismatch is not None:
+        effects = tuple(effect for effect in effects if not _class_of(effect).isdisjoint(confirmed))
+        named_now = frozenset[str]().union(*map(_class_of, effects))
+        lasting = tuple(slug for slug in confirmed if slug not in named_now)
     kinds = kinds_of(
         screening.verdict,
         shape=screening.shape,
         reason=screening.reason,
-        named=tuple(effect.slug for effect in effects),
+        named=(*(effect.slug for effect in effects), *lasting),
         finding=None if mismatch is None else mismatch.finding,
     )
-    verdict = overall_verdict(screening.verdict, named=bool(effects))
+    verdict = overall_verdict(screening.verdict, named=bool(effects or lasting))
     return WorkDecision(
         verdict=verdict,
         kinds=kinds,
         severity=severity_of(screening.verdict, screening.severity, kinds),
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,
-        inherent=tuple(effect for effect in standing if effect.inherent),
+        inherent=tuple(effect for effect in named_effects if effect.inherent),
+        lasting=lasting,
     )
+
+
+def _class_of(effect: Effect) -> frozenset[str]:
+    """The effect's slug and those that its window could not tell from it."""
+    return frozenset({effect.slug, *effect.members})
 
 
 def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
@@ -182,7 +199,7 @@ def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
 def verdict_before(past: PreviousFinding) -> Verdict:
     """The verdict on the valve that an earlier screening ended in."""
     defects = past.effects if past.defects is None else past.defects
-    return overall_verdict(past.verdict, named=bool(defects) and not past.held_back)
+    return overall_verdict(past.verdict, named=bool(defects))
 
 
 def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:
@@ -194,7 +211,7 @@ def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:
 def obstacle_kind(reason: str) -> str:
     """The kind of an undetermined verdict by its ``reason``; ``recording`` for all that no work
     at the valve would mend."""
-    return next((kind for said, kind in SAID_OF if said in reason), RECORDING)
+    return next((kind for sentence_part, kind in SAID_OF if sentence_part in reason), RECORDING)
 
 
 def kinds_of(
@@ -230,11 +247,13 @@ def severity_of(verdict: Verdict, measured: float | None, kinds: tuple[str, ...]
     effect beside friction have one of their own, because the screening ranks them by what it could
     not measure.
     """
-    own = [SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)]
+    own_severities = [
+        SEVERITY_OF.get(kind, OTHER_SEVERITY) for kind in kinds if _has_own_severity(kind)
+    ]
     judged = finite(measured)
-    if judged is not None and (verdict is not Verdict.UNDETERMINED or not own):
-        own.append(judged)
-    return min(max(own), 100.0) if own else math.nan
+    if judged is not None and (verdict is not Verdict.UNDETERMINED or not own_severities):
+        own_severities.append(judged)
+    return min(max(own_severities), 100.0) if own_severities else math.nan
 
 
 def _has_own_severity(kind: str) -> bool:
@@ -280,15 +299,17 @@ class WorkCounts:
     @property
     def rest(self) -> str:
         """The other valves, those that cannot be judged among them; empty where there are none."""
-        said = []
+        clauses = []
         if self.watch:
-            said.append(f"{self.watch} to watch")
+            clauses.append(f"{self.watch} to watch")
         if self.not_judged:
-            why = f" ({self.orders} with a work order to find out why)" if self.orders else ""
-            said.append(f"{self.not_judged} cannot be judged{why}")
+            reason_clause = (
+                f" ({self.orders} with a work order to find out why)" if self.orders else ""
+            )
+            clauses.append(f"{self.not_judged} cannot be judged{reason_clause}")
         if self.no_work:
-            said.append(f"{self.no_work} without work")
-        return ", ".join(said)
+            clauses.append(f"{self.no_work} without work")
+        return ", ".join(clauses)
 
     @property
     def sentence(self) -> str:
@@ -316,14 +337,14 @@ def count_valves(decided: Iterable[tuple[str, WorkDecision]]) -> WorkCounts:
         states[valve] = min(states.get(valve, decision.state), decision.state, key=rank.index)
         if decision.has_order and not decision.needs_work:
             ordered.add(valve)
-    many = {
+    counts = {
         state: [v for v, its_state in states.items() if its_state is state] for state in WorkState
     }
     return WorkCounts(
         recordings=recordings,
-        needs_work=len(many[WorkState.NEEDS_WORK]),
-        watch=len(many[WorkState.WATCH]),
-        not_judged=len(many[WorkState.NOT_JUDGED]),
-        no_work=len(many[WorkState.NO_WORK]),
-        orders=len(ordered.intersection(many[WorkState.NOT_JUDGED])),
+        needs_work=len(counts[WorkState.NEEDS_WORK]),
+        watch=len(counts[WorkState.WATCH]),
+        not_judged=len(counts[WorkState.NOT_JUDGED]),
+        no_work=len(counts[WorkState.NO_WORK]),
+        orders=len(ordered.intersection(counts[WorkState.NOT_JUDGED])),
     )

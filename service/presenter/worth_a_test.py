@@ -20,9 +20,9 @@ TITLES = {
 }
 
 
-def suspicion_title(told: WithoutPosition) -> str:
+def suspicion_title(suspicion: WithoutPosition) -> str:
     """The heading over what OP and PV alone say."""
-    return TITLES[told.verdict]
+    return TITLES[suspicion.verdict]
 
 
 def worth_a_test(screening: Screening) -> bool:

@@ -60,19 +60,22 @@ def strength_bars(group: OscillationGroup) -> Markup:
 def windows_bars(windows: Sequence[OscillationWindow], zone: tzinfo) -> Markup:
     """The mean share of the variance of its loops in each window, the oldest first; the first and
     the last window are dated, each says its share to a reader who points at it."""
-    said = [
-        f"until {instant(one.at, zone)}: {share(one.variance_share)}, period "
-        f"{duration(one.period_s)}, {one.source or 'none of the loops'} first"
-        for one in windows
+    titles_of_windows = [
+        f"until {instant(window.at, zone)}: {share(window.variance_share)}, period "
+        f"{duration(window.period_s)}, {window.source or 'none of the loops'} first"
+        for window in windows
     ]
-    name = f"Share of the variance in {len(windows)} windows, {said[0]} to {said[-1]}"
-    return _bars([one.variance_share for one in windows], name, said)
+    name = (
+        f"Share of the variance in {len(windows)} windows, {titles_of_windows[0]} to "
+        f"{titles_of_windows[-1]}"
+    )
+    return _bars([one.variance_share for one in windows], name, titles_of_windows)
 
 
-def _bars(levels: Sequence[float], name: str, said: Sequence[str]) -> Markup:
+def _bars(levels: Sequence[float], name: str, bar_titles: Sequence[str]) -> Markup:
     top = max(max(levels), 1e-9)
     width = BAR * max(len(levels), FEWEST_BARS)
-    titles = [f"<title>{escape(printable(sentence))}</title>" for sentence in said]
+    titles = [f"<title>{escape(printable(sentence))}</title>" for sentence in bar_titles]
     bars = "".join(
         f'<rect class="heat" x="{BAR * index}" y="{HEIGHT * (1.0 - level / top):.1f}" '
         f'width="{BAR - 2}" height="{max(HEIGHT * level / top, 0.5):.1f}">{title}</rect>'

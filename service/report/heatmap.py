@@ -75,8 +75,8 @@ def _description(residuals: ResidualMap, name: str) -> str:
     if not cells:
         return f"{name}: no samples."
     worst, column, row = max(cells)
-    place = f"{column}, {_travel(residuals.travel_edges, row)}".rstrip(", ")
-    return f"{name}: the largest rms, {figure(worst, 2)} % of span, is at {place}."
+    cell_place = f"{column}, {_travel(residuals.travel_edges, row)}".rstrip(", ")
+    return f"{name}: the largest rms, {figure(worst, 2)} % of span, is at {cell_place}."
 
 
 def _travel(edges: Sequence[float], row: int) -> str:

@@ -106,7 +106,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         counts=counts,
         work=work_counts(ranked),
         ranked=ranked,
-        valves=_plotted(ranked, counts, discoveries.remark),
+        valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
         told=told_limit(counts),
         suspected=suspected_sentence(suspected(ranked)),
@@ -129,14 +129,12 @@ def plot_limit(counts: dict[Verdict, int]) -> int:
     return min(max(valves_with_plots, ALWAYS_PLOTTED), MOST_PLOTTED)
 
 
-def _plotted(
-    ranked: Sequence[RankedValve], counts: dict[Verdict, int], remark: str
-) -> Iterator[PlottedValve]:
+def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> Iterator[PlottedValve]:
     limit, limit_text = plot_limit(counts), told_limit(counts)
-    return (_plot(valve, limit, remark) for valve in islice(ranked, limit_text))
+    return (_plot(valve, limit) for valve in islice(ranked, limit_text))
 
 
-def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
+def _plot(valve: RankedValve, limit: int) -> PlottedValve:
     plotted = valve.rank <= limit
     evidence = (valve.evidence or plots_of(valve.screening)) if plotted else NOTHING_DRAWN
     if not plotted:
@@ -147,7 +145,7 @@ def _plot(valve: RankedValve, limit: int, remark: str) -> PlottedValve:
     else:
         no_samples = "There is nothing to plot: no samples could be read."
         reason = no_samples if evidence.chart is None else ""
-    mismatch = _view(valve, evidence, remark if valve.stands is False else "")
+    mismatch = _view(valve, evidence, valve.finding.held_back)
     return PlottedValve(valve=valve, chart=evidence.chart, why_not=reason, mismatch=mismatch)
 
 

@@ -218,6 +218,7 @@ def to_contract(
     screening: Screening,
     *,
     stands: bool | None = None,
+    confirmed: tuple[str, ...] | None = None,
     by_window: EvidenceOfWeeks | None = None,
     zone: tzinfo = UTC,
     groups: Sequence[OscillationGroup] = (),
@@ -225,10 +226,11 @@ def to_contract(
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
-    windows of the last weeks say together, ``groups`` which loops
+    windows of the last weeks say together, ``confirmed`` what of it stands, ``groups`` which loops
     oscillate together. Days in sentences are those of ``zone``, as in a report.
     """
-    mismatch, presented = screening.mismatch, present(screening, stands=stands)
+    mismatch = screening.mismatch
+    presented = present(screening, stands=stands, confirmed=confirmed)
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,

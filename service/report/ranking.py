@@ -35,7 +35,8 @@ class RankedValve:
     """One screening in its place. ``rank`` counts from 1; ``anchor`` is unique in the report.
 
     ``stands`` is whether its effects stand among all valves of the run; ``None`` where nothing
-    was named; ``finding`` is the finding in the words that every output uses.
+    was named; ``confirmed`` what the windows of weeks confirm; ``finding`` is the finding in the
+    words that every output uses.
     """
 
     rank: int
@@ -45,6 +46,7 @@ class RankedValve:
     trend: Change
     finding: PresentedFinding
     stands: bool | None = None
+    confirmed: tuple[str, ...] | None = None
     plots: Callable[[], ValvePlots | None] = lambda: None
 
     @property
@@ -79,14 +81,21 @@ class Ranking(Sequence[RankedValve]):
     ) -> None:
         self._screenings, self._context, self._evidence = screenings, context, evidence
         notes = [light(screening) for screening in screenings]
-        run = discoveries([note.mismatch for note in notes], context.p_elsewhere)
+        run = discoveries(
+            [note.mismatch for note in notes],
+            context.p_elsewhere,
+            [context.facts(note.valve).by_window for note in notes],
+        )
         decided = [
-            decide(note, stands=stands) for note, stands in zip(notes, run.standing, strict=True)
+            decide(note, stands=stands, confirmed=confirmed)
+            for note, stands, confirmed in zip(notes, run.standing, run.confirmed, strict=True)
         ]
         keys = [_key(note, decision) for note, decision in zip(notes, decided, strict=True)]
         self._order = sorted(range(len(notes)), key=lambda index: keys[index])
         self.discovered: Discoveries = replace(
-            run, standing=tuple(run.standing[index] for index in self._order)
+            run,
+            standing=tuple(run.standing[index] for index in self._order),
+            confirmed=tuple(run.confirmed[index] for index in self._order),
         )
         self.verdicts = tuple(decision.verdict for decision in decided)
         self.counts = count_valves(
@@ -115,7 +124,9 @@ class Ranking(Sequence[RankedValve]):
         index = self._order[rank]
         screening = self._screenings[index]
         facts = self._context.facts(screening.valve)
-        finding = present(screening, stands=self.discovered.standing[rank], run=self.discovered)
+        stands, confirmed = self.discovered.standing[rank], self.discovered.confirmed[rank]
+        remark = self.discovered.remark(facts.by_window) if stands is False else ""
+        finding = present(screening, stands=stands, confirmed=confirmed, held_back=remark)
         return RankedValve(
             rank=rank + 1,
             anchor=self._anchors[rank],
@@ -125,7 +136,8 @@ class Ranking(Sequence[RankedValve]):
                 screening, finding.decision.verdict, facts.previous, facts.weeks
             ),
             finding=finding,
-            stands=self.discovered.standing[rank],
+            stands=stands,
+            confirmed=confirmed,
             plots=partial(self._evidence, index),
         )
 
@@ -143,7 +155,11 @@ def discovered(ranked: Sequence[RankedValve], context: ReportContext) -> Discove
     """What stands of all that was named in the run of ``ranked``."""
     if isinstance(ranked, Ranking):
         return ranked.discovered
-    return discoveries([valve.screening.mismatch for valve in ranked], context.p_elsewhere)
+    return discoveries(
+        [valve.screening.mismatch for valve in ranked],
+        context.p_elsewhere,
+        [valve.facts.by_window for valve in ranked],
+    )
 
 
 def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:

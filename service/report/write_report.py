@@ -96,6 +96,7 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
         contract = to_contract(
             valve.screening,
             stands=valve.stands,
+            confirmed=valve.confirmed,
             by_window=valve.facts.by_window,
             zone=context.tz,
             groups=context.groups,

@@ -19,12 +19,16 @@ from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
 from stemwatch.service.maintenance.stored import background_of
 from stemwatch.service.maintenance.write_maintenance import WORK_FILES
-from stemwatch.service.presenter.false_discoveries import Discoveries
+from stemwatch.service.presenter.false_discoveries import (
+    Discoveries,
+    confirmed_slugs,
+    p_in_run,
+)
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
 from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
 from stemwatch.service.run.execute import Executed, Run
 from stemwatch.service.run.spill import WorstScreenings
-from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+from stemwatch.service.store.screenings.false_discoveries import StandingMark, TestedScreening
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
@@ -33,26 +37,31 @@ NotRead = Sequence[tuple[str, str]]
 
 def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
     """Control false discoveries over the run: mark named effects that do not stand among all its
-    valves. Returns every screening that was tested.
+    valves, and what the windows of weeks confirm of those with a history. Returns every screening
+    that was tested, each with the p value that its valve brings to the run.
 
     Repeating the call changes nothing. Raises ``StoreError``.
     """
-    tested = store.tested_of_run(run_id)
+    newest = store.tested_of_run(run_id)
+    by_window = store.evidence([screening.valve for screening in newest])
+    tested = [
+        replace(
+            one,
+            p_value=p_in_run(one.p_value, defects=one.defects, by_window=by_window.get(one.valve)),
+        )
+        for one in newest
+    ]
     stands_of_each = significant([screening.p_value for screening in tested])
-    pairs = list(zip(tested, stands_of_each, strict=True))
-    named = sum(screening.named and holds_up for screening, holds_up in pairs)
-    held_back = {
-        screening.screening for screening, holds_up in pairs if screening.named and not holds_up
-    }
-    sentence = Discoveries(
-        standing=(), tested=len(tested), named=named, held_back=len(held_back)
-    ).remark
-    marks = {
-        screening.screening: sentence if screening.screening in held_back else ""
-        for screening in tested
-        if screening.named
-    }
-    store.note_held_back(run_id, marks)
+    found = Discoveries(standing=(), tested=len(tested), named=sum(stands_of_each), held_back=0)
+    marks = {}
+    for screening, stands in zip(tested, stands_of_each, strict=True):
+        history = by_window.get(screening.valve)
+        held_back = screening.named and not stands
+        marks[screening.screening] = StandingMark(
+            held_back=found.remark(history) if held_back else "",
+            confirmed=confirmed_slugs(history, stands=stands),
+        )
+    store.note_standing(run_id, marks)
     return tested
 
 

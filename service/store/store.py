@@ -57,7 +57,7 @@ from stemwatch.service.store.screenings import (
     restored,
     screenings,
 )
-from stemwatch.service.store.screenings.false_discoveries import TestedScreening
+from stemwatch.service.store.screenings.false_discoveries import StandingMark, TestedScreening
 from stemwatch.service.store.screenings.feedback import Feedback, Judgement
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
 from stemwatch.service.store.screenings.oscillations import KeptOscillation
@@ -372,19 +372,29 @@ class Store:
             valve: evidence_of_weeks(windows_of_valve)
             for valve, windows_of_valve in windows.items()
         }
-        return {valve: of_it for valve, of_it in evidence_of_valve.items() if of_it is not None}
+        return {
+            valve: evidence_found
+            for valve, evidence_found in evidence_of_valve.items()
+            if evidence_found is not None
+        }
 
     def tested_of_run(self, run_id: int) -> list[TestedScreening]:
         """The screenings of a run in which an effect beside S and J could have been found."""
         with self.transactions.reading() as session:
             return false_discoveries.read_tested(session, run_id)
 
-    def note_held_back(self, run_id: int, remarks: Mapping[int, str]) -> None:
-        """Store, by screening number, why its named effects do not stand after false-discovery
-        control over the run; an empty remark removes an earlier one."""
-        if remarks:
+    def confirmed_in_run(self, run_id: int) -> set[str]:
+        """The valves of a run on which the windows of weeks confirm an effect that stands among all
+        of them, once that was marked."""
+        with self.transactions.reading() as session:
+            return false_discoveries.read_confirmed(session, run_id)
+
+    def note_standing(self, run_id: int, marks: Mapping[int, StandingMark]) -> None:
+        """Store, by screening number, what stands after false-discovery control over the run; a
+        mark that says nothing removes an earlier one."""
+        if marks:
             with self.transactions.writing(f"marking what run {run_id} found") as session:
-                false_discoveries.write_remarks(session, remarks)
+                false_discoveries.write_marks(session, marks)
 
     def keep_oscillations(
         self, run_id: int, groups: Sequence[OscillationGroup]
@@ -405,8 +415,8 @@ class Store:
         """The groups that oscillate at present of which ``loop`` is a member, without pictures."""
         since = now - timedelta(days=oscillations.SHOWN_DAYS)
         with self.transactions.reading("reading the oscillations of a loop") as session:
-            kept = oscillations.read_oscillations(session, since, loop, pictures=False)
-        return [one.group for one in kept if not one.over]
+            kept_oscillations = oscillations.read_oscillations(session, since, loop, pictures=False)
+        return [oscillation.group for oscillation in kept_oscillations if not oscillation.over]
 
     def previous_finding(
         self, screening: Screening, now: datetime | None = None

@@ -6,9 +6,12 @@ catalogue over some windows, through ``explain`` and ``models.evidence_over_wind
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +21,15 @@ from stemwatch.models.evidence_over_windows import (
     lasting_findings,
     pooled_stiction,
 )
+from stemwatch.models.mismatch.findings import EffectScore
 from stemwatch.models.studies.simulator.hidden import (
     PHYSICS,
     HiddenCase,
     draw_effect,
     draw_nulls,
+    simulate_hidden,
 )
+from stemwatch.models.studies.simulator.hidden.draws import windows_of
 from stemwatch.service.executors import Executor, map_in_order
 
 _BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
@@ -31,10 +37,12 @@ _BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
 
 @dataclass(frozen=True)
 class WatchedValve:
-    """One valve to follow over ``windows`` windows, for a worker."""
+    """One valve to follow over ``windows`` windows, for a worker. What they say is kept in
+    ``file``, where one is given, window by window: what was begun goes on from there."""
 
     case: HiddenCase
     windows: int
+    file: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,14 +75,20 @@ def follow(
     executor: Executor,
     on_progress: Callable[[int], None] = lambda _: None,
     effects: Sequence[str] = PHYSICS,
+    keep: Path | None = None,
 ) -> list[FollowedValve]:
     """``nulls`` valves with nothing hidden over ``days`` windows, and ``valves`` with each of
-    ``effects`` over ``windows``. ``on_progress`` hears how many valves are done."""
-    jobs = [WatchedValve(case, days) for case in draw_nulls(nulls, seed)]
+    ``effects`` over ``windows``. ``on_progress`` hears how many valves are done. What windows say
+    is kept in the folder ``keep``, and is not explained again."""
+
+    def watched(name: str, case: HiddenCase, count: int) -> WatchedValve:
+        return WatchedValve(case, count, None if keep is None else keep / f"{seed}-{name}.jsonl")
+
+    jobs = [watched(f"null-{n}", case, days) for n, case in enumerate(draw_nulls(nulls, seed))]
     jobs += [
-        WatchedValve(case, windows)
+        watched(f"{slug}-{n}", case, windows)
         for slug in effects
-        for case in (draw_effect(slug, valves, seed) if valves else ())
+        for n, case in enumerate(draw_effect(slug, valves, seed) if valves else ())
     ]
     return map_in_order(executor, _follow, [(job,) for job in jobs], on_progress)
 
@@ -84,27 +98,63 @@ def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
 
 
 def _followed(job: WatchedValve) -> FollowedValve:
-    from stemwatch.models.mismatch.explain import explain
-    from stemwatch.models.studies.simulator.hidden import simulate_hidden
-    from stemwatch.models.studies.simulator.hidden.draws import windows_of
-
-    windows, testable = [], 0
+    windows = _kept(job.file)[: job.windows]
     for index, case in enumerate(windows_of(job.case, job.windows)):
-        recording, run = simulate_hidden(case)
-        mismatch = explain(run.recording)
-        window_end = _BEGIN + timedelta(days=index)
-        window = WindowEvidence.of(mismatch, window_end, start=window_end - timedelta(hours=1))
-        testable += recording.excited and all(window.looked_for(slug) for slug in case.hidden)
-        windows.append(window)
+        if index >= len(windows):
+            windows.append(_explained(case, index))
+            _keep(job.file, windows[-1])
     valve = job.case.loop.valve
     return FollowedValve(
         hidden=job.case.hidden,
         concealment=job.case.concealment,
         S=valve.S_read,
         J=valve.J_read,
-        testable=testable,
-        windows=tuple(windows),
+        testable=sum(could for _, could in windows),
+        windows=tuple(window for window, _ in windows),
     )
+
+
+# What a window says, and whether what is hidden could have shown in it.
+Said = tuple[WindowEvidence, bool]
+
+
+def _explained(case: HiddenCase, day: int) -> Said:
+    from stemwatch.models.mismatch.explain import explain
+
+    shown, run = simulate_hidden(case)
+    at = _BEGIN + timedelta(days=day)
+    window = WindowEvidence.of(explain(run.recording), at, start=at - timedelta(hours=1))
+    return window, shown.excited and all(window.looked_for(slug) for slug in case.hidden)
+
+
+def _keep(file: Path | None, said: Said) -> None:
+    """One line more: times in ISO 8601, estimates and scores as objects."""
+    if file is None:
+        return
+    window, could = said
+    line = json.dumps({**asdict(window), "could": could}, default=datetime.isoformat)
+    with file.open("a", encoding="utf-8") as kept:
+        kept.write(line + "\n")
+
+
+def _kept(file: Path | None) -> list[Said]:
+    """What was kept; a last line that was cut off is written again."""
+    if file is None or not file.is_file():
+        return []
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    whole = [line for line in lines if line.endswith("\n")]
+    if len(whole) < len(lines):
+        file.write_text("".join(whole), encoding="utf-8")
+    return [_read(json.loads(line)) for line in whole]
+
+
+def _read(kept: dict[str, Any]) -> Said:
+    could = bool(kept.pop("could"))
+    kept |= {name: Estimate(**kept[name]) for name in ("S", "J") if kept[name] is not None}
+    kept |= {name: datetime.fromisoformat(kept[name]) for name in ("at", "start")}
+    kept["named"] = tuple(tuple(members) for members in kept["named"])
+    kept["scores"] = tuple(EffectScore(**score) for score in kept["scores"])
+    return WindowEvidence(**kept), could
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from stemwatch.models.stickslip.breakaways import (
 from stemwatch.models.stickslip.fit import S_and_J, fit_stickslip
 from stemwatch.models.stickslip.interval import bootstrap, interval
 from stemwatch.models.stickslip.problem import make_problem
-from stemwatch.models.studies.simulator import draw_healthy, simulate_loop
+from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import draw_nulls
 
@@ -178,3 +178,16 @@ def test_a_direction_in_two_bunches_is_no_stray():
     assert kept.all()
     assert mean == pytest.approx(4.5)
     assert np.isfinite([spread, error]).all()
+
+
+@pytest.mark.parametrize(("interval_s", "read"), [(1.0, True), (0.1, False)])
+def test_slips_that_take_longer_than_a_sample_are_left_to_the_fit(interval_s, read):
+    """At 10 Hz the first sample of a slip is two thirds of it: J was 3.3 % and S 8.4 %."""
+    loop = draw_sticky(2, 7171)[1]
+    archive = replace(loop.archive, interval_s=interval_s)
+    duration_s = 700.0 if interval_s < 1.0 else 3600.0
+    fast = simulate_loop(replace(loop, duration_s=duration_s, archive=archive), 7_171_001).recording
+    fit = fit_stickslip(replace(fast, interval_s=1.0))
+    assert (fit.breakaways is not None) == read
+    assert loop.valve.J == pytest.approx(fit.J, abs=0.2)
+    assert loop.valve.S == pytest.approx(fit.S, abs=0.6)

@@ -32,6 +32,7 @@ def evidence(S=5.0, half=0.3, J=2.0, **changed) -> DecisionEvidence:
         following=GOOD_FIT,
         typical_percent=90.0,
         narx=None,
+        unseen=None,
         sigma=0.03,
         slow="",
         baseline=None,
@@ -45,6 +46,7 @@ MOVED = LIMITS.baseline_ratio_watch
 FAR, NEAR = Residual(rmse=0.51, normalised=0.2), Residual(rmse=0.49, normalised=0.2)
 POOR_FIT = {"typical_percent": 10.0, "friction_mean": 0.4, "friction_t": 3.0}
 POOR = Residual(rmse=3.0, normalised=0.95)
+POOR_RUN = Residual(rmse=1.1, normalised=1.1)
 WORSE = Residual(rmse=3.0, normalised=1.05)  # than a constant
 NO_FRICTION = {"friction_mean": 0.0, "friction_t": 0.0}
 TABLE = [
@@ -72,6 +74,11 @@ TABLE = [
     (evidence(0.3, 0.1, baseline_ratio=9.0, baseline=NEAR), Verdict.HEALTHY),  # too small to matter
     (evidence(0.3, 0.1, baseline_ratio=9.0), Verdict.HEALTHY),
     (replace(evidence(), S=Estimate.unknown("no draws", unit="%")), Verdict.UNDETERMINED),
+    (evidence(0.3, 0.1, unseen=Residual(rmse=0.7, normalised=0.61)), Verdict.UNDETERMINED),
+    (evidence(0.3, 0.1, unseen=Residual(rmse=0.7, normalised=0.59)), Verdict.HEALTHY),
+    (evidence(0.3, 0.1, unseen=Residual(rmse=0.49, normalised=1.2)), Verdict.HEALTHY),  # small
+    (evidence(0.3, 0.1, sigma=0.4, unseen=POOR_RUN), Verdict.HEALTHY),  # hardly more than noise
+    (evidence(5.0, unseen=POOR_RUN), Verdict.STICKY),  # slips come late: sticking is seen anyway
 ]
 NARX = Residual(rmse=0.5, normalised=0.15)
 

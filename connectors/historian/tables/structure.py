@@ -146,8 +146,8 @@ def _time_by_header(headers: Sequence[list[str]], sample: Sequence[list[str]]) -
                 return (column,)
     if sample and sample[0]:
         values = parse_numbers([row[0] for row in sample], ".")
-        known = values[np.isfinite(values)]
-        if known.size and _rises(sample, 0) and np.median(known) > 3e8:
+        finite = values[np.isfinite(values)]
+        if finite.size and _rises(sample, 0) and np.median(finite) > 3e8:
             return (0,)
     return ()
 

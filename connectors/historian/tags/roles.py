@@ -87,8 +87,8 @@ def _propose(
             ),
         )
     confirmed = ", as its description says" if described is role else ""
-    remark = f"by its name {name.word.upper()!r}{confirmed}"
-    return replace(candidate, role=role, valve=valve, remark=remark)
+    reason = f"by its name {name.word.upper()!r}{confirmed}"
+    return replace(candidate, role=role, valve=valve, remark=reason)
 
 
 def described_role(description: str) -> Role | None:
@@ -105,10 +105,10 @@ def described_role(description: str) -> Role | None:
 def _propose_mv(candidate: Candidate, described: Role | None, mv_is_output: bool) -> Candidate:
     if described is Role.OP:
         evidence = "by the layout and " if mv_is_output else "by "
-        remark = (
+        reason = (
             f"MV is the controller output here, {evidence}its description {candidate.description!r}"
         )
-        return replace(candidate, role=Role.OP, remark=remark)
+        return replace(candidate, role=Role.OP, remark=reason)
     return replace(candidate, remark=_ASK_MV)
 
 
@@ -121,8 +121,8 @@ def _propose_cv(candidate: Candidate, everyone: Sequence[Candidate]) -> Candidat
         and roles_of_loop & {Role.MV, Role.PV}
         and Role.OP not in roles_of_loop
     ):
-        remark = "CV in percent beside the same loop's position or PV: the controller output"
-        return replace(candidate, role=Role.OP, remark=remark)
+        reason = "CV in percent beside the same loop's position or PV: the controller output"
+        return replace(candidate, role=Role.OP, remark=reason)
     return replace(candidate, remark=_ASK_CV)
 
 
@@ -136,8 +136,8 @@ def _pair_positions(candidates: list[Candidate]) -> list[Candidate]:
                 valve for valve in outputs if number(valve) == number(candidate.valve) != ""
             ]
             if len(same_number) == 1:
-                remark = f"position transmitter with the number of {same_number[0]}"
-                candidate = replace(candidate, valve=same_number[0], remark=remark)
+                reason = f"position transmitter with the number of {same_number[0]}"
+                candidate = replace(candidate, valve=same_number[0], remark=reason)
         out.append(candidate)
     return out
 

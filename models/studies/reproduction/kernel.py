@@ -133,8 +133,8 @@ def _forward(weights: Floats, sizes: Indices, codes: Indices, units: Floats) -> 
         wide = sizes[layer]
         for unit in range(sizes[layer + 1]):
             total = weights[offset + wide]
-            for at in range(wide):
-                total += weights[offset + at] * units[layer, at]
+            for index in range(wide):
+                total += weights[offset + index] * units[layer, index]
             units[layer + 1, unit] = _squash(codes[layer], total)
             offset += wide + 1
     answer: float = units[len(codes), 0]
@@ -162,13 +162,13 @@ def _backward(
         slopes[layer, :wide] = 0.0
         for unit in range(sizes[layer + 1]):
             at_unit, first = slopes[layer + 1, unit], offset + unit * (wide + 1)
-            for at in range(wide):
-                row[first + at] = at_unit * units[layer, at]
-                slopes[layer, at] += at_unit * weights[first + at]
+            for index in range(wide):
+                row[first + index] = at_unit * units[layer, index]
+                slopes[layer, index] += at_unit * weights[first + index]
             row[first + wide] = at_unit
         if layer > 0:
-            for at in range(wide):
-                slopes[layer, at] *= _slope(codes[layer - 1], units[layer, at])
+            for index in range(wide):
+                slopes[layer, index] *= _slope(codes[layer - 1], units[layer, index])
 
 
 @njit(cache=True)

@@ -41,7 +41,7 @@ class Picture:
 
     title: str
     plot: SmallPlot
-    says: str = ""
+    caption: str = ""
 
     @property
     def svg(self) -> Markup:
@@ -161,7 +161,7 @@ def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
     for number, stroke in enumerate(strokes, start=1):
         plot = _stroke(seen, stroke, limit)
         which_stroke = "The only stroke" if most_strokes == 1 else f"One of {most_strokes} strokes"
-        yield Picture(title=f"Stroke {number}", plot=plot, says=f"{which_stroke} {caption}")
+        yield Picture(title=f"Stroke {number}", plot=plot, caption=f"{which_stroke} {caption}")
 
 
 def _largest(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
@@ -251,11 +251,11 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
     return SmallPlot(
         x_label="time from the turn of OP, s",
         y_label="percent",
-        spoken=(
+        description=(
             f"A move of OP from {figure(float(seen.op[first]))} to {figure(float(seen.op[last]))} "
             "percent with the recorded position and both models."
         ),
-        drawn=lines,
+        lines=lines,
         notes=notes,
     )
 
@@ -272,8 +272,8 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
     plot = SmallPlot(
         x_label="time, s",
         y_label="percent",
-        spoken="OP, OP later by the dead time, and MV over a typical stretch.",
-        drawn=[
+        description="OP, OP later by the dead time, and MV over a typical stretch.",
+        lines=[
             Drawn("op", "OP", time, seen.op[sample_index], dashed=True),
             Drawn("sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[sample_index]),
             Drawn("mv", "MV, recorded", time, seen.mv[sample_index]),
@@ -283,7 +283,7 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
     yield Picture(
         title="OP, later by the dead time, over MV",
         plot=plot,
-        says="Where the delay is right, MV turns where the shifted OP turns.",
+        caption="Where the delay is right, MV turns where the shifted OP turns.",
     )
 
 
@@ -312,8 +312,8 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
         plot = SmallPlot(
             x_label="OP, %",
             y_label="MV, %",
-            spoken=f"MV against OP, recorded and {name}.",
-            drawn=[
+            description=f"MV against OP, recorded and {name}.",
+            lines=[
                 Drawn("mv", "recorded", seen.op[part], seen.mv[part]),
                 Drawn(kind, name, seen.op[part], run[part]),
             ],
@@ -324,7 +324,7 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
         yield Picture(
             title=f"MV against OP: {name}",
             plot=plot,
-            says="A typical stretch; one percent is as long along both axes.",
+            caption="A typical stretch; one percent is as long along both axes.",
         )
 
 
@@ -364,8 +364,8 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
     plot = SmallPlot(
         x_label=recorded.x_label,
         y_label=recorded.y_label,
-        spoken=f"{recorded.y_label} against {recorded.x_label}: {recorded.says}",
-        drawn=lines,
+        description=f"{recorded.y_label} against {recorded.x_label}: {recorded.caption}",
+        lines=lines,
         limits=None if recorded.joined else (*_bulk(recorded.x), *_bulk(recorded.y)),
         width=740,
         height=300,
@@ -373,36 +373,42 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
     yield Picture(
         title=f"What shows it: {effect_name(effect.slug)}",
         plot=plot,
-        says=f"{recorded.says} Points are recorded; lines through the models are medians."
+        caption=f"{recorded.caption} Points are recorded; lines through the models are medians."
         if not recorded.joined
-        else recorded.says,
+        else recorded.caption,
     )
 
 
-def _points(found: Telltale) -> Iterator[Drawn]:
-    if found.joined:
-        yield Drawn("mv", "recorded", found.x, found.y)
+def _points(seen_telltale: Telltale) -> Iterator[Drawn]:
+    if seen_telltale.joined:
+        yield Drawn("mv", "recorded", seen_telltale.x, seen_telltale.y)
         return
-    stride = -(-found.x.size // MOST_POINTS)
-    kept_points = np.arange(0, found.x.size, stride)
+    stride = -(-seen_telltale.x.size // MOST_POINTS)
+    kept_points = np.arange(0, seen_telltale.x.size, stride)
     for kind, name, group in (
-        ("mv", found.groups[0], found.rising),
-        ("pv", found.groups[1], ~found.rising),
+        ("mv", seen_telltale.groups[0], seen_telltale.rising),
+        ("pv", seen_telltale.groups[1], ~seen_telltale.rising),
     ):
         chosen = kept_points[group[kept_points]]
         if chosen.size:
-            yield Drawn(kind, f"recorded, {name}", found.x[chosen], found.y[chosen], dots=True)
+            yield Drawn(
+                kind,
+                f"recorded, {name}",
+                seen_telltale.x[chosen],
+                seen_telltale.y[chosen],
+                dots=True,
+            )
 
 
-def _course(found: Telltale, reference: Telltale) -> tuple[Floats, Floats]:
+def _course(seen_telltale: Telltale, reference: Telltale) -> tuple[Floats, Floats]:
     """Medians of a cloud over even parts of what the recording covers."""
-    if found.joined:
-        return found.x, found.y
+    if seen_telltale.joined:
+        return seen_telltale.x, seen_telltale.y
     edges = np.linspace(*_bulk(reference.x), BINS + 1)
-    bin_of_point = np.digitize(found.x, edges) - 1
+    bin_of_point = np.digitize(seen_telltale.x, edges) - 1
     x, y = 0.5 * (edges[1:] + edges[:-1]), np.full(BINS, np.nan)
     for k in range(BINS):
-        in_bin = found.y[bin_of_point == k]
+        in_bin = seen_telltale.y[bin_of_point == k]
         if in_bin.size >= FEWEST_IN_BIN:
             y[k] = np.median(in_bin)
     return x, y

@@ -24,13 +24,13 @@ SLIDE_POINTS = 40  # of a slide along a bent curve
 @dataclass(frozen=True)
 class LoopShapes:
     """``curve`` (k, 2) and the corners of ``band`` (m, 2), OP and MV in percent; ``None`` where
-    there is none. ``says`` is the curve's sentence, with the plant file's line for it."""
+    there is none. ``caption`` is the curve's sentence, with the plant file's line for it."""
 
     curve: Floats | None = None
     band: Floats | None = None
-    says: str = ""
+    caption: str = ""
 
-    def drawn(self) -> list[dict[str, Any]]:
+    def lines(self) -> list[dict[str, Any]]:
         """Both as plain types for a page's scripts, the band first."""
         named = (("band", BAND, self.band), ("curve", CURVE, self.curve))
         return [
@@ -47,10 +47,10 @@ class LoopShapes:
 
 def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
     """The curve and the band over the samples ``op`` (n,) and ``mv`` (n,) in percent."""
-    known, curve = np.isfinite(op) & np.isfinite(mv), screening.stroke_curve
-    if not known.any():
+    both_finite, curve = np.isfinite(op) & np.isfinite(mv), screening.stroke_curve
+    if not both_finite.any():
         return LoopShapes()
-    op, mv = op[known], mv[known]
+    op, mv = op[both_finite], mv[both_finite]
     if curve is None:
         return LoopShapes(band=_band(screening, op, mv, op))
     command = curve.command(op)
@@ -63,7 +63,7 @@ def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
     curve_sentence, proposal = curve.sentence(), curve.proposal()
     if proposal:
         curve_sentence += f" In the plant file: {proposal}"
-    return LoopShapes(curve=line, band=band, says=curve_sentence)
+    return LoopShapes(curve=line, band=band, caption=curve_sentence)
 
 
 def _zero(command: Floats, mv: Floats) -> float:

@@ -45,12 +45,12 @@ class Note:
 
 @dataclass(frozen=True)
 class SmallPlot:
-    """Everything that one small plot shows; ``spoken`` is what a screen reader says."""
+    """Everything that one small plot shows; ``description`` is what a screen reader says."""
 
     x_label: str
     y_label: str
-    spoken: str
-    drawn: Sequence[Drawn]
+    description: str
+    lines: Sequence[Drawn]
     notes: Sequence[Note] = ()
     equal: bool = False  # one percent is as long along both axes
     width: int = WIDTH
@@ -75,12 +75,12 @@ class SmallPlot:
             Markup(
                 '<svg class="small-plot" viewBox="0 0 {} {}" width="{}" height="{}" role="img" '
                 'aria-label="{}">'
-            ).format(self.width, self.height, self.width, self.height, printable(self.spoken)),
+            ).format(self.width, self.height, self.width, self.height, printable(self.description)),
             *self._axes(x_low, x_high, y_low, y_high),
             Markup('<svg x="{}" y="{}" width="{}" height="{}" viewBox="{} {} {} {}">').format(
                 LEFT, TOP, inner_x, inner_y, LEFT, TOP, inner_x, inner_y
             ),
-            *(_line(line, *at(line.x, line.y)) for line in self.drawn),
+            *(_line(line, *at(line.x, line.y)) for line in self.lines),
             Markup("</svg>"),
         ]
         for note in self.notes:
@@ -93,8 +93,8 @@ class SmallPlot:
         return Markup("").join(parts)
 
     def _limits(self) -> tuple[float, float, float, float]:
-        x = np.concatenate([line.x[np.isfinite(line.x)] for line in self.drawn] or [np.zeros(1)])
-        y = np.concatenate([line.y[np.isfinite(line.y)] for line in self.drawn] or [np.zeros(1)])
+        x = np.concatenate([line.x[np.isfinite(line.x)] for line in self.lines] or [np.zeros(1)])
+        y = np.concatenate([line.y[np.isfinite(line.y)] for line in self.lines] or [np.zeros(1)])
         return (*_widened(x), *_widened(y))
 
     def _axes(self, x_low: float, x_high: float, y_low: float, y_high: float) -> list[Markup]:
@@ -120,7 +120,7 @@ class SmallPlot:
 
     def _legend(self) -> Markup:
         order = dict.fromkeys(
-            (line.kind, line.label, line.dots, line.dashed) for line in self.drawn if line.label
+            (line.kind, line.label, line.dots, line.dashed) for line in self.lines if line.label
         )
         items = [
             Markup(

@@ -151,8 +151,8 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
             {"role": role, "of": axis, "label": label, "values": packed(trace[kept_samples])}
             for (role, axis, label), trace in zip(labels, axis_values[1:], strict=False)
         ],
-        "shapes": shapes.drawn(),
-        "says": printable(shapes.says),
+        "shapes": shapes.lines(),
+        "says": printable(shapes.caption),
     }
 
 

@@ -73,8 +73,8 @@ def before_and_after(before: WindowLoop, after: WindowLoop) -> SmallPlot:
     return SmallPlot(
         x_label="OP, %",
         y_label="MV, %",
-        spoken="MV against OP in the window before the work and in the latest one after it.",
-        drawn=[
+        description="MV against OP in the window before the work and in the latest one after it.",
+        lines=[
             Drawn(BEFORE, "before the work", before.op, before.mv, dashed=True),
             Drawn(AFTER, "after it", after.op, after.mv),
         ],
@@ -96,11 +96,11 @@ def pack_pictures(pictures: WindowPictures) -> bytes:
     return zlib.compress(json.dumps(as_json, separators=(",", ":"), allow_nan=False).encode(), 9)
 
 
-def unpack_pictures(kept: bytes) -> WindowPictures:
+def unpack_pictures(packed_bytes: bytes) -> WindowPictures:
     """The pictures of ``pack_pictures``; none where a newer version wrote them."""
-    if not kept:
+    if not packed_bytes:
         return WindowPictures()
-    as_json = json.loads(zlib.decompress(kept))
+    as_json = json.loads(zlib.decompress(packed_bytes))
     if as_json["version"] != VERSION:
         return WindowPictures()
     loop = as_json["loop"]
@@ -114,10 +114,10 @@ def _picture_as_json(picture: Picture) -> dict[str, Any]:
     plot = picture.plot
     return {
         "title": picture.title,
-        "says": picture.says,
+        "says": picture.caption,
         "x": plot.x_label,
         "y": plot.y_label,
-        "spoken": plot.spoken,
+        "spoken": plot.description,
         "notes": [[note.x, note.y, note.text] for note in plot.notes],
         "equal": plot.equal,
         "size": [plot.width, plot.height],
@@ -132,7 +132,7 @@ def _picture_as_json(picture: Picture) -> dict[str, Any]:
                 "dots": line.dots,
                 "dashed": line.dashed,
             }
-            for line in plot.drawn
+            for line in plot.lines
         ],
     }
 
@@ -142,14 +142,14 @@ def _picture(as_json: dict[str, Any]) -> Picture:
     plot = SmallPlot(
         x_label=as_json["x"],
         y_label=as_json["y"],
-        spoken=as_json["spoken"],
+        description=as_json["spoken"],
         notes=tuple(Note(*note) for note in as_json["notes"]),
         equal=as_json["equal"],
         width=as_json["size"][0],
         height=as_json["size"][1],
         limits=None if limits is None else (limits[0], limits[1], limits[2], limits[3]),
         legend=as_json["legend"],
-        drawn=tuple(
+        lines=tuple(
             Drawn(
                 line["kind"],
                 line["label"],
@@ -161,4 +161,4 @@ def _picture(as_json: dict[str, Any]) -> Picture:
             for line in as_json["drawn"]
         ),
     )
-    return Picture(title=as_json["title"], plot=plot, says=as_json["says"])
+    return Picture(title=as_json["title"], plot=plot, caption=as_json["says"])

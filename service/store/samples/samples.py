@@ -222,10 +222,10 @@ class SampleStore:
             numbers = list(session.scalars(select(TagRow.id)))
         for number in numbers:
             with self._transactions.writing("removing old samples") as session:
-                gone = session.execute(
+                rows_removed = session.execute(
                     delete(SampleRow).where(SampleRow.tag_id == number, SampleRow.at_us < before_us)
                 )
-                removed += gone.rowcount  # type: ignore[attr-defined]  # a DELETE has one
+                removed += rows_removed.rowcount  # type: ignore[attr-defined]  # a DELETE has one
         return removed
 
     def _prepare(self, batch: SampleBatch) -> frozenset[int]:

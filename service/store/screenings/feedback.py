@@ -13,8 +13,12 @@ from sqlalchemy.orm import Session
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.screenings.false_discoveries import remark_of
-from stemwatch.service.store.screenings.named_effects import KEY, defects_of
+from stemwatch.service.store.screenings.named_effects import (
+    KEY,
+    confirmed_of,
+    defects_of,
+    remark_of,
+)
 from stemwatch.service.store.screenings.tables import FeedbackRow, ScreeningRow
 
 MOST_SHOWN = 500
@@ -62,6 +66,9 @@ def write_feedback(
         raise StoreError(f"there is no screening {screening}")
     effects = [] if remark_of(row.mismatch) else list(row.mismatch_slugs or ())
     defects = effects and defects_of(effects, (row.mismatch or {}).get(KEY))
+    confirmed = confirmed_of(row.evidence)
+    if confirmed is not None:
+        effects, defects = list(dict.fromkeys((*effects, *confirmed))), confirmed
     session.add(
         FeedbackRow(
             valve=row.valve,

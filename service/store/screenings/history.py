@@ -12,8 +12,7 @@ from sqlalchemy.orm import Session
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.screenings.baselines import BASELINE
-from stemwatch.service.store.screenings.false_discoveries import remark_column
-from stemwatch.service.store.screenings.named_effects import defects_column, defects_of
+from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
 from stemwatch.service.store.screenings.records import TrendPoint
 from stemwatch.service.store.screenings.tables import (
     IndicatorRow,
@@ -69,8 +68,7 @@ def read_history(session: Session, valve: str, since: datetime | None = None) ->
         table.at,
         table.verdict,
         table.mismatch_slugs,
-        remark_column(),
-        defects_column(),
+        *standing_columns(),
         table.severity,
         table.grade,
         table.run_id,
@@ -86,10 +84,7 @@ def read_history(session: Session, valve: str, since: datetime | None = None) ->
         HistoryPoint(
             id=row.id,
             at=row.at,
-            verdict=overall_verdict(
-                Verdict(row.verdict),
-                named=bool(defects_of(row.mismatch_slugs, row.defects)) and not row.held_back,
-            ),
+            verdict=overall_verdict(Verdict(row.verdict), named=bool(standing_defects(row))),
             S=(row.s_percent, row.s_low_percent, row.s_high_percent),
             J=(row.j_percent, row.j_low_percent, row.j_high_percent),
             severity=row.severity,

@@ -1,8 +1,11 @@
-"""Which of the effects that a stored screening names are defects, without reading its mismatch.
+"""Which defects stand of what a stored screening names, without reading its mismatch.
 
 Physics that belongs to the machine (``Effect.inherent``) is named but asks for no work. The slugs
 of the others are one more key in the JSON of a mismatch; one that an older version stored lacks it,
-and all its effects count as defects.
+and all its effects count as defects. Why they do not stand among all valves of the run is another
+key. What the windows of weeks confirm, once the run was finished, is a key in the JSON of its
+evidence; it is there where the valve has a history that decides, and then says which defects stand,
+whatever this window names.
 """
 
 from __future__ import annotations
@@ -13,10 +16,11 @@ from typing import Any
 from sqlalchemy import JSON, ColumnElement, and_, case, func, not_, type_coerce
 
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.tables import ScreeningRow
 
 KEY = "defects"
+HELD_BACK = "held_back"
+CONFIRMED = "confirmed"
 
 
 def defects_key(mismatch: Mismatch) -> dict[str, str]:
@@ -25,25 +29,63 @@ def defects_key(mismatch: Mismatch) -> dict[str, str]:
 
 
 def named_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
-    """Whether a screening names any effect; never NULL. ``source`` is the table or an alias of
-    it."""
+    """Whether a screening names any effect; never NULL. ``source``: the table or an alias of it."""
     words = [Finding.NAMED.value, Finding.CANDIDATES.value]
     return func.coalesce(source.mismatch_finding.in_(words), False)
+
+
+def remark_column(source: Any = ScreeningRow) -> ColumnElement[str | None]:
+    """The remark as an SQL column, read only for screenings with named effects, since the JSON is
+    long; NULL where there is none. ``source`` is the table of screenings or an alias of it."""
+    kept = type_coerce(source.mismatch, JSON)[HELD_BACK].as_string()
+    return case((named_column(source), kept), else_=None).label(HELD_BACK)
+
+
+def remark_of(stored: Any) -> str:
+    """The remark in a stored mismatch; empty where the effects stand or nothing was named."""
+    remark = stored.get(HELD_BACK) if isinstance(stored, dict) else None
+    return remark if isinstance(remark, str) else ""
 
 
 def defects_column(source: Any = ScreeningRow) -> ColumnElement[str | None]:
     """What ``defects_key`` stored, as an SQL column; NULL where nothing was named or an older
     version stored it. Read only where effects are named, since the JSON is long."""
-    stored_kinds = type_coerce(source.mismatch, JSON)[KEY].as_string()
-    return case((named_column(source), stored_kinds), else_=None).label(KEY)
+    kept = type_coerce(source.mismatch, JSON)[KEY].as_string()
+    return case((named_column(source), kept), else_=None).label(KEY)
+
+
+def confirmed_column(source: Any = ScreeningRow) -> ColumnElement[str | None]:
+    """The slugs that the windows of weeks confirm and that stand, with blanks between them, as an
+    SQL column; NULL where the valve has no history that decides."""
+    kept: ColumnElement[str | None] = type_coerce(source.evidence, JSON)[CONFIRMED].as_string()
+    return kept.label(CONFIRMED)
+
+
+def confirmed_of(evidence: Any) -> tuple[str, ...] | None:
+    """The same from a stored evidence."""
+    kept = evidence.get(CONFIRMED) if isinstance(evidence, dict) else None
+    return tuple(kept.split()) if isinstance(kept, str) else None
+
+
+def standing_columns(source: Any = ScreeningRow) -> tuple[ColumnElement[str | None], ...]:
+    """The columns beside ``mismatch_slugs`` from which ``standing_defects`` are told."""
+    return remark_column(source), defects_column(source), confirmed_column(source)
+
+
+def standing_defects(row: Any) -> tuple[str, ...]:
+    """The defects that stand of a row with ``mismatch_slugs`` and ``standing_columns``: confirmed
+    by the windows of weeks, or without a history named and not held back."""
+    if row.confirmed is not None:
+        return tuple(row.confirmed.split())
+    return () if row.held_back else defects_of(row.mismatch_slugs, row.defects)
 
 
 def defective_column(source: Any = ScreeningRow) -> ColumnElement[bool]:
-    """Whether a defect is named that stands among all valves of its run; never NULL."""
-    is_held_back = not_(func.coalesce(remark_column(source), "") != "")
-    return and_(
-        named_column(source), is_held_back, func.coalesce(defects_column(source), "all") != ""
-    )
+    """Whether there is a defect that stands, as ``standing_defects`` tells it; never NULL."""
+    stands = not_(func.coalesce(remark_column(source), "") != "")
+    newest = and_(named_column(source), stands, func.coalesce(defects_column(source), "all") != "")
+    confirmed = confirmed_column(source)
+    return case((confirmed.is_not(None), confirmed != ""), else_=newest)
 
 
 def defects_of(slugs: Sequence[str] | None, stored: str | None) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ def write_oscillations(
     """Keep the groups of a run instead of those it had, and of the same window screened earlier;
     the groups with since when and in how many windows each was found."""
     session.execute(delete(OscillationRow).where(OscillationRow.run_id == run_id))
-    kept = []
+    numbers = []
     for group in groups:
         earlier = _rows_before(session, group)
         for row in [row for row in earlier if row.start == group.start]:
@@ -50,11 +50,11 @@ def write_oscillations(
         linked = continued(group, [_group(row) for row in earlier])
         follows = None
         if linked.windows > 1:
-            same = [row for row in earlier if is_same_oscillation(group, _group(row))]
-            follows = max(same, key=lambda row: str(row.start)).id
+            same_oscillation = [row for row in earlier if is_same_oscillation(group, _group(row))]
+            follows = max(same_oscillation, key=lambda row: str(row.start)).id
         session.add(_row(run_id, follows, linked))
-        kept.append(linked)
-    return kept
+        numbers.append(linked)
+    return numbers
 
 
 def read_oscillations(
@@ -73,10 +73,10 @@ def read_oscillations(
     last_run = _last_runs(
         session, sorted({name for row in newest for name in row.members["loops"]})
     )
-    found = []
+    kept_oscillations = []
     for row in newest:
         later = [last_run.get(name, 0) > row.run_id for name in row.members["loops"]]
-        found.append(
+        kept_oscillations.append(
             KeptOscillation(
                 run_id=row.run_id,
                 at=row.at,
@@ -85,7 +85,7 @@ def read_oscillations(
                 history=_history(row, rows),
             )
         )
-    return sorted(found, key=lambda one: (one.over, -_moved(one.group)))
+    return sorted(kept_oscillations, key=lambda one: (one.over, -_moved(one.group)))
 
 
 def _moved(group: OscillationGroup) -> float:
@@ -115,11 +115,11 @@ def _last_runs(session: Session, loops: Sequence[str]) -> dict[str, int]:
 def _history(
     newest: OscillationRow, rows: dict[int, OscillationRow]
 ) -> tuple[OscillationWindow, ...]:
-    found: list[OscillationWindow] = []
+    history: list[OscillationWindow] = []
     row: OscillationRow | None = newest
     while row is not None:
         group = _group(row)
-        found.append(
+        history.append(
             OscillationWindow(
                 at=row.at,
                 variance_share=group.variance_share,
@@ -128,7 +128,7 @@ def _history(
             )
         )
         row = None if row.follows is None else rows.get(row.follows)
-    return tuple(found[::-1])
+    return tuple(history[::-1])
 
 
 def _row(run_id: int, follows: int | None, group: OscillationGroup) -> OscillationRow:
@@ -161,7 +161,7 @@ def _row(run_id: int, follows: int | None, group: OscillationGroup) -> Oscillati
 
 def _group(row: OscillationRow, pictures: bool = False) -> OscillationGroup:
     of_members = (row.members[key] for key in ("loops", "shares", "probabilities", "evidence"))
-    drawn = row.pictures if pictures else {"strength": (), "periods_s": (), "spectra": ()}
+    pictures_stored = row.pictures if pictures else {"strength": (), "periods_s": (), "spectra": ()}
     return OscillationGroup(
         period_s=row.period_s,
         members=tuple(
@@ -173,9 +173,9 @@ def _group(row: OscillationRow, pictures: bool = False) -> OscillationGroup:
         start=row.start,
         duration_s=row.duration_s,
         since=row.since,
-        strength=tuple(drawn["strength"]),
-        periods_s=tuple(drawn["periods_s"]),
-        spectra=tuple(tuple(powers) for powers in drawn["spectra"]),
+        strength=tuple(pictures_stored["strength"]),
+        periods_s=tuple(pictures_stored["periods_s"]),
+        spectra=tuple(tuple(powers) for powers in pictures_stored["spectra"]),
         windows=row.windows,
         first_found=row.first_found,
     )

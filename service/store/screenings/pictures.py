@@ -72,10 +72,10 @@ def read_work_compared(
 ) -> list[AroundWork]:
     """``read_around_work`` of each of ``valves`` that has it."""
     worked = session.scalars(select(MaintenanceRow.valve).distinct())
-    known = (
+    compared = (
         read_around_work(session, valve, until_run) for valve in sorted(set(worked) & set(valves))
     )
-    return [around for around in known if around is not None]
+    return [around for around in compared if around is not None]
 
 
 def _latest(session: Session, valve: str, when: ColumnElement[bool]) -> PicturedWindow | None:

@@ -15,8 +15,7 @@ from sqlalchemy.orm import Session, aliased
 
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.service.store.screenings.false_discoveries import remark_column
-from stemwatch.service.store.screenings.named_effects import defects_column, defects_of
+from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
 from stemwatch.service.store.screenings.rows import window_key
 from stemwatch.service.store.screenings.tables import ScreeningRow
 
@@ -74,12 +73,12 @@ def _columns(screening: Any) -> tuple[Any, ...]:
         *numbers,
         screening.mismatch_finding,
         screening.mismatch_slugs,
-        remark_column(screening),
-        defects_column(screening),
+        *standing_columns(screening),
     )
 
 
 def _previous(row: Any) -> PreviousFinding:
+    defects = standing_defects(row)
     return PreviousFinding(
         at=row.at,
         run=row.run_id,
@@ -88,7 +87,6 @@ def _previous(row: Any) -> PreviousFinding:
         S=row.s_percent,
         J=row.j_percent,
         finding=row.mismatch_finding,
-        effects=tuple(row.mismatch_slugs or ()),
-        defects=defects_of(row.mismatch_slugs, row.defects),
-        held_back=bool(row.held_back),
+        effects=tuple(dict.fromkeys((*(row.mismatch_slugs or ()), *defects))),
+        defects=defects,
     )

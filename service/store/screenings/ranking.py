@@ -11,7 +11,7 @@ from datetime import datetime
 from itertools import groupby
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, and_, case, func, literal, not_, or_, select
+from sqlalchemy import ColumnElement, Select, and_, case, literal, or_, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
@@ -28,12 +28,7 @@ from stemwatch.service.presenter.work_decision import (
     overall_verdict,
     severity_of,
 )
-from stemwatch.service.store.screenings.false_discoveries import remark_column
-from stemwatch.service.store.screenings.named_effects import (
-    defects_column,
-    defects_of,
-    named_column,
-)
+from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
 from stemwatch.service.store.screenings.previous import read_previous_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
@@ -128,12 +123,9 @@ def _conditions(ranking_filter: RankingFilter) -> list[ColumnElement[bool]]:
 def _deciding() -> tuple[Any, ...]:
     """The columns from which state of work and order are decided.
 
-    ``named`` holds the effects that stand, so none where the remark says that they are held back,
-    and ``defects`` which of them are something to mend.
     Long columns are read only where needed: the remark where an effect was named, the reason where
     there is no verdict.
     """
-    held_back = func.coalesce(remark_column(), "") != ""
     undetermined = ScreeningRow.verdict == Verdict.UNDETERMINED.value
     return (
         ValveRow.id,
@@ -145,8 +137,8 @@ def _deciding() -> tuple[Any, ...]:
         ScreeningRow.s_percent,
         ScreeningRow.j_percent,
         ScreeningRow.mismatch_finding.label("finding"),
-        case((and_(named_column(), not_(held_back)), ScreeningRow.mismatch_slugs)).label("named"),
-        defects_column(),
+        ScreeningRow.mismatch_slugs,
+        *standing_columns(),
         case((undetermined, ScreeningRow.reason)).label("why"),
     )
 
@@ -169,7 +161,7 @@ def _decided(row: Any) -> tuple[Verdict | None, float]:
     if row.verdict is None:
         return None, 0.0
     verdict = Verdict(row.verdict)
-    named = defects_of(row.named, row.defects) if row.named else ()
+    named = standing_defects(row)
     kinds = kinds_of(
         verdict,
         shape=None if row.shape is None else Shape(row.shape),
@@ -232,8 +224,7 @@ _COLUMNS = (
     ScreeningRow.j_high_percent,
     ScreeningRow.j_reason,
     ScreeningRow.mismatch_slugs,
-    remark_column(),
-    defects_column(),
+    *standing_columns(),
 )
 
 
@@ -315,14 +306,14 @@ def read_valves_in(session: Session, area: str) -> list[str]:
 
 def _line(row: Any, rank: int, severity: float, previous: PreviousFinding | None) -> RankingLine:
     stem = None if row.verdict is None else Verdict(row.verdict)
-    named = bool(defects_of(row.mismatch_slugs, row.defects)) and not row.held_back
+    defects = standing_defects(row)
     return RankingLine(
         place=rank,
         valve=row.id,
         description=row.description,
         area=row.area,
         criticality=row.criticality,
-        verdict=None if stem is None else overall_verdict(stem, named=named),
+        verdict=None if stem is None else overall_verdict(stem, named=bool(defects)),
         stem_verdict=stem,
         at=row.at,
         severity=severity,
@@ -331,7 +322,7 @@ def _line(row: Any, rank: int, severity: float, previous: PreviousFinding | None
         shape=row.shape,
         S=_estimate(row.s_percent, row.s_low_percent, row.s_high_percent, row.s_reason),
         J=_estimate(row.j_percent, row.j_low_percent, row.j_high_percent, row.j_reason),
-        left_out=tuple(row.mismatch_slugs or ()),
+        left_out=tuple(dict.fromkeys((*defects, *(row.mismatch_slugs or ())))),
         held_back=bool(row.held_back),
         previous=previous,
     )

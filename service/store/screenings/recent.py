@@ -15,9 +15,8 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.store.screenings.baselines import BASELINE
-from stemwatch.service.store.screenings.false_discoveries import remark_column
 from stemwatch.service.store.screenings.mismatch_json import mismatch_of
-from stemwatch.service.store.screenings.named_effects import defects_column
+from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
 from stemwatch.service.store.screenings.records import JudgedScreening, RecentOfValve
 from stemwatch.service.store.screenings.screenings import latest_screening_id, read_indicator
 from stemwatch.service.store.screenings.tables import (
@@ -45,8 +44,8 @@ _COLUMNS = (
     ScreeningRow.s_reason,
     ScreeningRow.j_percent,
     ScreeningRow.mismatch_finding,
-    remark_column(),
-    defects_column(),
+    ScreeningRow.mismatch_slugs,
+    *standing_columns(),
 )
 
 
@@ -145,7 +144,7 @@ def _judged(row: Any, mismatch: Mismatch | None) -> JudgedScreening:
         severity=row.severity,
         S=_percent(row),
         J=row.j_percent,
-        named=row.mismatch_finding == _NAMED and not row.held_back and row.defects != "",
+        named=row.mismatch_finding == _NAMED and bool(standing_defects(row)),
         mismatch=mismatch,
     )
 

@@ -116,7 +116,8 @@ class StoredScreening:
     ``at`` is the end of its window, or the time of saving where the source has no dates. Residuals
     that were not finite are NaN. ``baseline_id`` is the baseline that the indicators refer to
     (``Baseline.id``). ``held_back`` says why the named effects do not stand among all valves of the
-    run; empty where they do.
+    run; empty where they do. ``confirmed`` are the slugs that the windows of weeks confirm and that
+    stand, ``None`` where the valve had no history that decides.
     """
 
     id: int
@@ -144,13 +145,14 @@ class StoredScreening:
     without_position: WithoutPosition | None = None
     mismatch: Mismatch | None = None
     held_back: str = ""
+    confirmed: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedScreening:
     """What the alert rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
 
-    ``named``: an effect beside S and J was named and stands among all valves of the run;
+    ``named``: an effect beside S and J was named, and a defect stands among all valves of the run;
     ``mismatch`` describes it, and is read for the newest screening only.
     """
 

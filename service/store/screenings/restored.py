@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 
 from sqlalchemy import ColumnElement, select
-from sqlalchemy.orm import Session, defer
+from sqlalchemy.orm import Session, defer, undefer
 
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.screening_result import Indicator, Screening
@@ -71,7 +71,11 @@ def read_latest_of_each(session: Session) -> list[Restored]:
 
 
 def _restored(session: Session, condition: ColumnElement[bool]) -> list[Restored]:
-    statement = select(ScreeningRow).options(defer(ScreeningRow.mismatch)).where(condition)
+    statement = (
+        select(ScreeningRow)
+        .options(defer(ScreeningRow.mismatch), undefer(ScreeningRow.evidence))
+        .where(condition)
+    )
     rows = session.scalars(statement.order_by(ScreeningRow.valve, ScreeningRow.id))
     return [_of_row(row) for row in rows]
 

@@ -13,8 +13,8 @@ from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.store.screenings.evidence_json import evidence_json
-from stemwatch.service.store.screenings.false_discoveries import remark_of
 from stemwatch.service.store.screenings.mismatch_json import mismatch_json, mismatch_of
+from stemwatch.service.store.screenings.named_effects import confirmed_of, remark_of
 from stemwatch.service.store.screenings.records import (
     RunState,
     StoredRun,
@@ -117,6 +117,7 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         without_position=_without_position(row.without_position),
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
         held_back=remark_of(row.mismatch) if with_mismatch else "",
+        confirmed=confirmed_of(row.evidence),
     )
 
 

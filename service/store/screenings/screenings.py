@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from sqlalchemy import ScalarSelect, Select, delete, func, insert, select
-from sqlalchemy.orm import InstrumentedAttribute, Session, aliased
+from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, undefer
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import Screening
@@ -119,7 +119,8 @@ def read_curves(session: Session, valve: str, limit: int) -> list[EarlierCurve]:
 
 def read_last(session: Session, valve: str, limit: int) -> list[StoredScreening]:
     """The valve's last screenings, newest first."""
-    rows = select(ScreeningRow).where(ScreeningRow.valve == valve)
+    rows = select(ScreeningRow).options(undefer(ScreeningRow.evidence))
+    rows = rows.where(ScreeningRow.valve == valve)
     rows = rows.order_by(ScreeningRow.at.desc(), ScreeningRow.id.desc()).limit(limit)
     return [stored_screening(row) for row in session.scalars(rows)]
 

@@ -103,8 +103,8 @@ def loop_of(
             LoopTrace(role=role, label=label, values=json_numbers(values[kept_samples]))
             for (role, label), values in zip(LABELS, axis_values[1:], strict=False)
         ],
-        shapes=[LoopShape(**shape) for shape in shapes.drawn()],
-        curve_says=shapes.says,
+        shapes=[LoopShape(**shape) for shape in shapes.lines()],
+        curve_says=shapes.caption,
         says=reason,
     )
 

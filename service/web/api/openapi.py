@@ -41,17 +41,21 @@ def describe_access(app: FastAPI) -> None:
 def _describe(document: dict[str, Any]) -> None:
     document.setdefault("components", {})["securitySchemes"] = _SCHEMES
     for path, methods in document["paths"].items():
-        for method, said in methods.items():
+        for method, described in methods.items():
             operation = ROUTE_OPERATIONS.get(f"{method.upper()} {path}", Operation.UNDECLARED)
             least = PERMISSIONS[operation].least
             if least is None:
-                said["security"] = []
+                described["security"] = []
                 continue
-            said["security"] = [{"token": []}, {"session": []}]
+            described["security"] = [{"token": []}, {"session": []}]
             needed = f"Needs the role {least}; a token, the scope {SCOPE_OF[least]}."
-            said["description"] = f"{said.get('description', '').rstrip()}\n\n{needed}".strip()
+            described["description"] = (
+                f"{described.get('description', '').rstrip()}\n\n{needed}".strip()
+            )
             for status, words in _REFUSED.items():
-                said["responses"].setdefault(status, {"description": words, "content": _SENTENCE})
+                described["responses"].setdefault(
+                    status, {"description": words, "content": _SENTENCE}
+                )
 
 
 router = APIRouter(include_in_schema=False)

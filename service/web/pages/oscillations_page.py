@@ -16,13 +16,17 @@ router = APIRouter(include_in_schema=False)
 def oscillations(request: Request, deps: Deps) -> HTMLResponse:
     """Every group of the last weeks with its members, spectra and strength, the standing ones
     first."""
-    found = deps.store.oscillations(deps.now)
+    kept_oscillations = deps.store.oscillations(deps.now)
     return deps.renderer.page(
         request,
         "oscillations_page.html",
         here="oscillations",
         open_alerts=deps.open_alerts(),
-        standing=[(one, windows_bars(one.history, deps.site.tz)) for one in found if not one.over],
-        over=[one for one in found if one.over],
+        standing=[
+            (oscillation, windows_bars(oscillation.history, deps.site.tz))
+            for oscillation in kept_oscillations
+            if not oscillation.over
+        ],
+        over=[one for one in kept_oscillations if one.over],
         days=SHOWN_DAYS,
     )

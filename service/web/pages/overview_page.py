@@ -87,7 +87,11 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
         coming=_coming(schedules),
         weeks=weeks,
         picture=picture_of(weeks),
-        oscillations=[one.group for one in deps.store.oscillations(deps.now) if not one.over],
+        oscillations=[
+            oscillation.group
+            for oscillation in deps.store.oscillations(deps.now)
+            if not oscillation.over
+        ],
         worst=[
             (line, change_since_last_run(line, line.verdict, line.previous, trends.get(line.valve)))
             for line in worst
@@ -123,9 +127,9 @@ def picture_of(weeks: list[Week]) -> Markup | None:
     plot = SmallPlot(
         x_label="days before now",
         y_label="valves",
-        spoken=f"Valves that need work over {len(weeks)} weeks, now "
+        description=f"Valves that need work over {len(weeks)} weeks, now "
         f"{weeks[-1].counts.needs_work} of {weeks[-1].counts.valves}.",
-        drawn=[
+        lines=[
             Drawn(kind, label, days, np.array(counts, dtype=np.float64), dashed=dashed)
             for kind, label, counts, dashed in lines
         ],

@@ -183,8 +183,13 @@ def _shown_screening(store: Store, name: str, limits: Limits) -> ShownScreening 
     indicators = {name: indicator_of(name, point) for name, point in points.items()}
     screening = screening_of(stored, indicators)
     mismatch = screening.mismatch
-    stands = not stored.held_back if mismatch is not None and mismatch.effects else None
-    presented = present(screening, stands=stands)
+    found = mismatch is not None and (mismatch.effects or stored.confirmed)
+    presented = present(
+        screening,
+        stands=not stored.held_back if found else None,
+        confirmed=stored.confirmed,
+        held_back=stored.held_back,
+    )
     weeks = store.trends([name], limits).get(name)
     return ShownScreening(
         screening=screening,

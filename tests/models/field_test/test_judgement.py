@@ -49,11 +49,11 @@ def test_same_recording_gives_the_same_judgement(for_delays):
     assert first.leaves == second.leaves
 
 
-def test_rivals_that_the_test_did_not_move_apart_stay_open():
+def test_rivals_that_the_test_did_not_move_apart_stay_open(for_delays):
     """A growth of half a percent in a day is nothing in five minutes: neither is ruled out."""
     growth = model("growing_stiction", growing_stiction=(0.5,))
     slow = question(ALONE, growth, duration=86400.0)
-    judgement = judge_test(slow, simulated_test(plan_test(slow, LIMITS).test.programme, 47.0))
+    judgement = judge_test(slow, simulated_test(for_delays, 47.0))
     assert judgement.outcome is TestOutcome.CANNOT_TELL
     assert judgement.winner is None
     assert set(judgement.left) == {"", "growing_stiction"}

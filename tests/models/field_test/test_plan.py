@@ -146,3 +146,27 @@ def test_slow_archive_holds_each_value_for_some_samples():
     """With a sample every 30 s no value is held for less."""
     plan = plan_test(question(LAG, DELAY, unit_s=30.0, interval=1.0), TestLimits(duration_s=7200.0))
     assert all(move.hold_s >= 30.0 for move in plan.test.programme.moves)
+
+
+def test_of_growth_within_an_hour_no_test_is_promised():
+    """The two models differ in S at the beginning of the recording, which is long past: such a
+    plan was once said to tell, and its test could not."""
+    growth = model("growing_stiction", S=3.0, growing_stiction=(1.0,))
+    alone = model("", S=4.5)
+    hour = question(alone, growth, duration=3600.0)
+    for minutes in (10.0, 60.0):
+        plan = plan_test(hour, TestLimits(amplitude=10.0, duration_s=60.0 * minutes))
+        assert (plan.kind, plan.test, plan.wider) == (PlanKind.CANNOT_TELL, None, None)
+        assert plan.too_slow == ("growing_stiction",)
+        assert plan.undecided == (("", "growing_stiction"),)
+
+
+def test_the_test_is_for_those_of_the_rivals_that_minutes_show():
+    """Drift beside a lag and a dead time: these two are told apart, and drift from neither."""
+    drift = model("sensor_drift", sensor_drift=(2.0,))
+    plan = plan_test(question(LAG, drift, DELAY))
+    alone = plan_test(question(LAG, DELAY))
+    assert (plan.kind, plan.rivals) == (PlanKind.TELLS, ("actuator_lag", "dead_time"))
+    assert plan.too_slow == ("sensor_drift",)
+    assert plan.undecided == (("actuator_lag", "sensor_drift"), ("sensor_drift", "dead_time"))
+    assert plan.test.probability == alone.test.probability

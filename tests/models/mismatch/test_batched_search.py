@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.batched_search import conclude, run_together
 from stemwatch.models.mismatch.crossfit import CAREFUL, folds, search
 from stemwatch.models.mismatch.evaluator import RunRequest, batches
 from stemwatch.models.mismatch.forces import Forces
-from stemwatch.models.mismatch.kernel import LANES
+from stemwatch.models.mismatch.kernel import LANES, WIDTH
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.terms import catalogue
@@ -91,7 +91,7 @@ def test_a_search_that_fails_is_not_taken_for_done():
 
 @given(st.lists(st.integers(1, 3 * LANES), min_size=1, max_size=12))
 def test_every_candidate_runs_once_in_as_few_batches_as_can_be(counts):
-    """Batches keep the order, are no larger than the lanes, and differ by one at most."""
+    """Batches keep the order, are no larger than the lanes, and differ by one vector at most."""
     as_list = list(batches(counts))
     ran = [
         (lot, i) for batch in as_list for lot, part in batch for i in range(*part.indices(10**6))
@@ -100,7 +100,9 @@ def test_every_candidate_runs_once_in_as_few_batches_as_can_be(counts):
     sizes = [sum(part.stop - part.start for _, part in batch) for batch in as_list]
     assert len(sizes) == -(-sum(counts) // LANES)
     assert max(sizes) <= LANES
-    assert max(sizes) - min(sizes) <= 1
+    vectors = [-(-size // WIDTH) for size in sizes]
+    assert max(vectors) - min(vectors) <= 1
+    assert all(size % WIDTH == 0 for size in sizes[:-1])
 
 
 def test_answers_are_those_of_a_candidate_alone():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import LOOK, crossfit
 from stemwatch.models.mismatch.reading_errors import COORDINATES, findings, pinned, values_of
@@ -59,6 +60,15 @@ def test_an_error_of_the_reading_is_found_as_what_it_is(slug, value, within):
     np.testing.assert_allclose(values_of(slug, middle), [value], atol=within)
     assert off.advantage.mean > 0.1
     assert off.without.heldout.sum() > fitted.heldout.sum()
+
+
+def test_a_stem_that_sticks_at_every_speed_is_not_said_to_stick_at_low_speed():
+    """Its slips overshoot; that it slides at some speed nothing shows, so both are said."""
+    result = found_in(base=((base_coordinate.RESTICK, RESTICK_REACH),))
+    assert slugs_of(result) == ["slip_overshoot"]
+    (off,), _, _ = result
+    assert off.members == ("slip_overshoot", "low_speed_restick")
+    assert off.advantage.mean > 0.1
 
 
 def test_a_good_reading_has_no_finding_and_its_gain_is_held():

@@ -77,7 +77,7 @@ def test_every_effect_of_the_catalogue_shows_itself_somehow(slug):
     assert result.x.shape == result.y.shape == result.rising.shape
     assert np.isfinite(result.x).all()
     assert result.x_label
-    assert result.says.endswith(".")
+    assert result.caption.endswith(".")
 
 
 def test_an_effect_of_another_version_shows_nothing():

@@ -50,6 +50,7 @@ PARAMETERS = {
     "position_dependent_friction": {"A": "%", "place": "%", "width": "%"},
     "rate_limit": {"rate": "%/s"},
     "sensor_drift": {"D": "%", "range": "%"},
+    "slip_overshoot": {"v_c": "%/s"},
     "span_error": {"gain": ""},
     "stem_creep": {"creep": "%/s"},
     "supply_sag": {"sag": "%", "recovery": "s"},
@@ -76,6 +77,7 @@ MATTERS = [
     ("position_dependent_friction", [0.2, 50.0, 5.0], [1.0, 50.0, 5.0]),
     ("rate_limit", [1 / 20.0], [1 / 1.5]),
     ("sensor_drift", [0.3, 0.0, 0.0, 0.0], [-0.7, 0.0, 0.0, 0.0]),
+    ("slip_overshoot", [1.0], [4.0]),
     ("span_error", [0.01], [-0.03]),
     ("stem_creep", [0.002], [-0.01]),
     ("supply_sag", [0.01, 30.0], [-0.2, 30.0]),
@@ -94,6 +96,7 @@ AS_BUILT = [
     ("load_by_position", [20.0, 0.0, -3.0]),
     ("motor_drive", [20.0, 3.0, 0.0]),
     ("rate_limit", [1 / 3.2]),
+    ("slip_overshoot", [4.0]),
 ]
 DEFECTS = [
     ("asymmetric_rate_limit", [0.0, 1 / 1.5]),
@@ -135,7 +138,7 @@ def test_the_terms_of_the_command_stand_in_the_order_of_the_chain():
 def test_zero_gain_and_re_sticking_are_the_base_s_own_numbers():
     """They are free in every hypothesis."""
     reading = {slug for slug, term in CATALOGUE.items() if term.acts_on is ActsOn.READING}
-    assert reading == {"zero_shift", "span_error", "low_speed_restick"}
+    assert reading == {"zero_shift", "span_error", "low_speed_restick", "slip_overshoot"}
 
 
 def test_a_richer_term_names_the_simpler_ones_that_it_contains():

@@ -188,6 +188,7 @@ EXACT = [
     ("supply_sag", [0.3, 40.0], Chain(sag=0.3, sag_tau=40.0)),
     ("asymmetric_slip", [0.6], Chain(a=0.6)),
     ("low_speed_restick", [0.3], Chain(v_c=0.3)),
+    ("slip_overshoot", [4.0], Chain(v_c=4.0)),
     ("dwell_dependent_breakaway", [0.4], Chain(b_dwell=0.4)),
     ("stem_creep", [-0.03], Chain(creep=-0.03)),
     ("travel_stop", [38.0, 0.0], Chain(low=38.0)),

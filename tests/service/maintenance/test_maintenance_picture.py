@@ -27,7 +27,7 @@ from stemwatch.service.maintenance.evidence_picture import NO_SAMPLES, NOTHING_T
 from tests.service.report.conftest import recording, screening, unknown, without_mv
 
 
-def drawn(result):
+def picture_for(result):
     """The picture of a screening with its own samples."""
     return picture_of(result, result.recording, UTC)
 
@@ -39,7 +39,7 @@ def words(picture) -> list[str]:
 
 def test_both_views_are_there_and_told_apart_by_their_lines():
     """OP dashed, MV solid and thick, the model dotted; the stick band hatched."""
-    picture, note = drawn(screening("FV-1"))
+    picture, note = picture_for(screening("FV-1"))
     named = {"OP", "MV", "model", "recorded", "stick band of S and J", "OP, %", "MV, %"}
     assert named <= set(words(picture))
     styles = {(mark.width, mark.dash) for mark in picture.marks if isinstance(mark, DrawnLine)}
@@ -52,16 +52,16 @@ def test_the_curve_from_op_to_stroke_is_drawn_where_there_is_one():
     """As a line of its own, named in the legend, and said to who cannot see it."""
     plain = screening("FV-1")
     half = StrokeCurve(op=(0.0, 50.0), travel=(0.0, 50.0))
-    picture, _ = drawn(replace(plain, stroke_curve=half))
+    picture, _ = picture_for(replace(plain, stroke_curve=half))
     assert "curve from OP to stroke" in words(picture)
-    assert "curve from OP to stroke" in picture.says
-    before, _ = drawn(plain)
+    assert "curve from OP to stroke" in picture.caption
+    before, _ = picture_for(plain)
     assert "curve from OP to stroke" not in words(before)
 
 
 def test_nothing_is_coloured():
     """Every stroke and fill of the SVG is a grey."""
-    picture, _ = drawn(screening("FV-1"))
+    picture, _ = picture_for(screening("FV-1"))
     text = str(svg_of(picture))
     colours = {part[:7] for part in text.split("#")[1:]}
     assert colours
@@ -70,7 +70,7 @@ def test_nothing_is_coloured():
 
 def test_every_mark_lies_inside_the_picture():
     """Nothing is cut off at the edge of the paper."""
-    picture, _ = drawn(screening("FV-1", S=9.0, J=4.0))
+    picture, _ = picture_for(screening("FV-1", S=9.0, J=4.0))
     for mark in picture.marks:
         points = (mark.at,) if isinstance(mark, DrawnText) else mark.points
         for x, y in points:
@@ -80,7 +80,7 @@ def test_every_mark_lies_inside_the_picture():
 
 def corners_of(result) -> tuple[tuple[float, float], ...]:
     """The corners of the stick band, in points."""
-    picture, _ = drawn(result)
+    picture, _ = picture_for(result)
     bands = [
         mark for mark in picture.marks if isinstance(mark, DrawnArea) and len(mark.points) == 6
     ]
@@ -109,7 +109,7 @@ def test_no_band_is_drawn_where_s_does_not_describe_one(S):
 
 def test_without_a_position_op_and_pv_are_drawn():
     """A valve that nobody measures still shows its loop."""
-    picture, _ = drawn(without_mv("PV-1"))
+    picture, _ = picture_for(without_mv("PV-1"))
     assert {"OP", "PV", "m³/h"} <= set(words(picture))
     assert "MV" not in words(picture)
 

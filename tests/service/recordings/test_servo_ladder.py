@@ -70,5 +70,5 @@ def test_the_page_of_a_servo_has_its_pictures(recordings: Path) -> None:
     shown = {title for title in titles if title.startswith("What shows it")}
     assert len(shown) == len(explained.mismatch.effects)
     for stroke in pictures[:3]:
-        times = np.concatenate([line.x for line in stroke.plot.drawn])
+        times = np.concatenate([line.x for line in stroke.plot.lines])
         assert float(np.ptp(times)) < 5.0  # the drive needs tenths of a second

@@ -45,14 +45,14 @@ def test_strokes_are_those_on_which_the_stem_stays_behind() -> None:
     drawings = pictures(op, mv)
     assert [item.title for item in drawings] == ["Stroke 1", "Stroke 2", "Stroke 3"]
     for picture, size in zip(drawings, (20.0, 15.0, 25.0), strict=True):
-        (law,) = [line for line in picture.plot.drawn if line.kind == "law"]
-        (stem,) = [line for line in picture.plot.drawn if line.label.startswith("MV")]
+        (law,) = [line for line in picture.plot.lines if line.kind == "law"]
+        (stem,) = [line for line in picture.plot.lines if line.label.startswith("MV")]
         took = law.x[1] - law.x[0]
         assert abs(took - size / FALLS_AT) < 1.5
         assert np.abs(np.interp(law.x, stem.x, stem.y) - law.y).max() < 1.5 * FALLS_AT
         assert stem.x.size < 60
         assert "2.9" in picture.plot.notes[0].text
-        assert "a falling command, in the part that neither" in picture.says
+        assert "a falling command, in the part that neither" in picture.caption
 
 
 def test_a_stem_that_is_nowhere_behind_shows_the_largest_moves() -> None:
@@ -60,7 +60,7 @@ def test_a_stem_that_is_nowhere_behind_shows_the_largest_moves() -> None:
     op = 50.0 + 8.0 * np.sin(np.arange(900) / 40.0)
     drawings = pictures(op, op.copy())
     assert len(drawings) == 3
-    assert all("largest moves" in item.says for item in drawings)
+    assert all("largest moves" in item.caption for item in drawings)
 
 
 def test_a_gap_is_in_no_stroke() -> None:
@@ -72,6 +72,6 @@ def test_a_gap_is_in_no_stroke() -> None:
     mv[702] = np.nan
     drawings = pictures(op, mv)
     assert len(drawings) == 1
-    drawn = drawings[0].plot.drawn[0]
-    assert re.match("The only stroke on which ", drawings[0].says)
-    assert drawn.y.max() <= 60.0
+    lines = drawings[0].plot.lines[0]
+    assert re.match("The only stroke on which ", drawings[0].caption)
+    assert lines.y.max() <= 60.0

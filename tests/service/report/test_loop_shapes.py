@@ -63,7 +63,7 @@ def test_a_plain_valve_has_a_band_of_six_corners_and_no_curve():
     """S wide and J high, as without a curve."""
     shapes = shapes_of(screening("FV-1", S=6.0, J=3.0))
     assert shapes.curve is None
-    assert shapes.says == ""
+    assert shapes.caption == ""
     (x0, y0), (x1, y1), (x2, y2), *_ = shapes.band
     assert (x0 - x1, y0 - y1) == (pytest.approx(6.0), pytest.approx(0.0))
     assert (x1 - x2, y1 - y2) == (pytest.approx(0.0), pytest.approx(3.0))

@@ -38,14 +38,14 @@ def test_what_is_packed_comes_back_as_it_was_drawn() -> None:
     assert [item.title for item in back.effects] == [item.title for item in result.effects]
     assert len(back.effects) >= 5
     for item, other in zip(result.effects, back.effects, strict=True):
-        assert (item.says, item.plot.spoken, item.plot.x_label) == (
-            other.says,
-            other.plot.spoken,
+        assert (item.caption, item.plot.description, item.plot.x_label) == (
+            other.caption,
+            other.plot.description,
             other.plot.x_label,
         )
         assert [note.text for note in item.plot.notes] == [note.text for note in other.plot.notes]
         assert re.sub(r"[\d.-]+", "", str(item.svg)) == re.sub(r"[\d.-]+", "", str(other.svg))
-        for line, repeated in zip(item.plot.drawn, other.plot.drawn, strict=True):
+        for line, repeated in zip(item.plot.lines, other.plot.lines, strict=True):
             span = np.nanmax(line.y) - np.nanmin(line.y) if np.isfinite(line.y).any() else 1.0
             np.testing.assert_allclose(repeated.y, line.y, atol=1e-3 * max(span, 1e-9))
     assert result.loop is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
 import pytest
@@ -12,6 +13,7 @@ from stemwatch.models.mismatch.findings import EffectScore
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
 from stemwatch.models.studies.simulator.hidden.draws import windows_of
 from stemwatch.service.executors import InProcess
+from stemwatch.service.studies import weeks
 from stemwatch.service.studies.weeks import FollowedValve, count_over, follow, size_errors
 
 BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
@@ -90,6 +92,32 @@ def test_nothing_hidden_stays_nothing_in_later_windows():
         later = windows_of(case, 2)[1]
         assert later.loop == later.plain
         assert later.loop.valve == case.loop.valve
+
+
+def test_a_study_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
+    """No window is explained twice, a line that was cut off is one that was not, and the counts are
+    those of a study that was not stopped."""
+    explained = []
+
+    def say(case, day):
+        explained.append(day)
+        window = valve((), *["dead_time" if day == 1 else ""] * (day + 1)).windows[day]
+        return replace(window, p_value=0.01), day != 2
+
+    monkeypatch.setattr(weeks, "_explained", say)
+    whole = follow(1, 4, 0, 4, 5151, InProcess(), keep=tmp_path)
+    (file,) = tmp_path.iterdir()
+    text = file.read_text()
+    file.write_text(text[: text.rindex("{") + 9])
+    explained.clear()
+    assert follow(1, 4, 0, 4, 5151, InProcess(), keep=tmp_path) == whole
+    assert explained == [3]
+    assert follow(1, 4, 0, 4, 5151, InProcess(), keep=tmp_path) == whole
+    assert explained == [3]
+    assert file.read_text() == text
+    fewer = follow(1, 2, 0, 4, 5151, InProcess(), keep=tmp_path)
+    assert [len(one.windows) for one in fewer] == [2]
+    assert whole[0].testable == 3
 
 
 @pytest.mark.long

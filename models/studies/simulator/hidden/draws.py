@@ -112,21 +112,21 @@ def _case(
 ) -> HiddenCase:
     if any((name, concealment) in _SAME for name in names):
         concealment = "routine"
-    plain = draw_loop(rng, tag, concealment, scatter=scatter)
+    plain_loop = draw_loop(rng, tag, concealment, scatter=scatter)
     sizes: dict[str, float] = {}
     extra_s = 0.0
     for name in names:
-        effect = effect_named(name).draw(rng, plain)
+        effect = effect_named(name).draw(rng, plain_loop)
         sizes |= {f"{name}.{size}": value for size, value in effect.items()}
         extra_s += effect_named(name).delay_s(effect)
-    plain = tuned(plain, extra_s, rng)
-    loop = plain
+    plain_loop = tuned(plain_loop, extra_s, rng)
+    loop = plain_loop
     for name in names:
         loop = with_effect(loop, name, sizes)
     outside = any(name in UNKNOWN for name in names)
     return HiddenCase(
         loop=loop,
-        plain=plain,
+        plain=plain_loop,
         seed=int(rng.integers(2**31)),
         hidden=names,
         effects=("unknown",) if outside else names,
@@ -146,8 +146,8 @@ def windows_of(case: HiddenCase, n: int) -> list[HiddenCase]:
 
 def _later(case: HiddenCase, window_number: int) -> HiddenCase:
     rng = np.random.default_rng([case.seed, window_number, 7])
-    plain = moved_anew(case.plain, rng)
-    loop = plain
+    plain_loop = moved_anew(case.plain, rng)
+    loop = plain_loop
     for name in case.hidden:
         loop = with_effect(loop, name, case.sizes)
-    return replace(case, loop=loop, plain=plain, seed=int(rng.integers(2**31)), excitation={})
+    return replace(case, loop=loop, plain=plain_loop, seed=int(rng.integers(2**31)), excitation={})
