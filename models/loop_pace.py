@@ -9,7 +9,8 @@ and the stem answers within a sample or two, as it does where a historian keeps 
 Where the controller holds OP between its scans, what lies between is no news of the command, and
 each scan would look as a slip to a quick stem: then the last sample before each scan is read.
 
-The samples alone decide it; how long a second is does not matter.
+Only a clock that is faster than half a second is read so. What a valve takes to answer, half a
+second to some seconds, is what a slower one is for: a lag of four samples at 1 s is worth a name.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from stemwatch.models.fit_window import (
 )
 from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.mismatch.record_effects import refresh_period
-from stemwatch.models.own_clock import duration
+from stemwatch.models.own_clock import FAST, duration
 from stemwatch.models.percent import not_percent
 from stemwatch.models.recording import Recording
 
@@ -37,8 +38,7 @@ ENOUGH_TURNS = 20
 # Samples that are left from one turn of OP to the next: twice what keeps its peaks well enough
 # (``between_samples.FEW``).
 LEFT_OF_A_TURN = 16
-# So many samples are left at any rate, and fewer than every fifth is not worth another clock: up to
-# five hours of a sample a second stay as they are.
+# So many samples are left at any rate, and fewer than every fifth is not worth another clock.
 LEAST_LEFT, LEAST_APART = 3600, 5
 FEWEST_SCANS = 1200  # of OP, that must be left
 FEWEST_TURNS = 5  # from which the time between them is known
@@ -50,12 +50,14 @@ STEPS = (1, 2, 5)
 
 
 def at_loop_pace(recording: Recording, samples: int) -> Recording:
-    """``recording``, with OP and position in percent, at every so manyth sample; itself where it is
-    no longer than what is fitted, twice ``samples``, or slow enough.
+    """``recording``, with OP and position in percent, at every so manyth sample; itself where its
+    clock is no fast one, it is no longer than what is fitted, twice ``samples``, or turns often.
 
     What is done is among its decisions.
     """
     samples = max(samples, LEAST_LEFT)
+    if recording.interval_s * recording.unit_s >= FAST:
+        return recording
     if recording.mv is None or not_percent(recording.op) or not_percent(recording.mv):
         return recording
     if len(recording) > CHOOSE_BEYOND * samples:

@@ -79,13 +79,21 @@ def test_an_op_that_is_held_is_read_just_before_it_changes(
         assert "held" in read.provenance.decisions[-1]
 
 
-@pytest.mark.parametrize("interval_s", [0.001, 1.0, 60.0])
-def test_the_samples_alone_decide(interval_s: float) -> None:
+@pytest.mark.parametrize(
+    ("interval_s", "said"), [(0.001, "every 10 ms"), (0.1, "every 1 s"), (0.4, "every 4 s")]
+)
+def test_a_fast_clock_is_read_by_its_samples(interval_s: float, said: str) -> None:
     """How far apart they were does not matter, and it is said in true time."""
     read = at_loop_pace(waves(900, interval_s=interval_s), FITTED)
     assert read.interval_s == pytest.approx(10.0 * interval_s)
-    text = {0.001: "every 10 ms", 1.0: "every 10 s", 60.0: "every 10 min"}[interval_s]
-    assert text in read.provenance.decisions[-1]
+    assert said in read.provenance.decisions[-1]
+
+
+@pytest.mark.parametrize("interval_s", [0.5, 1.0, 60.0])
+def test_a_clock_of_seconds_stays_as_it_is(interval_s: float) -> None:
+    """A lag of four seconds has four samples at 1 s, and is worth a name."""
+    recording = waves(900, interval_s=interval_s)
+    assert at_loop_pace(recording, FITTED) is recording
 
 
 def test_a_plant_that_has_more_samples_fitted_is_heard() -> None:
