@@ -44,6 +44,8 @@ def noise_sigma(values: Floats) -> float:
 
 
 LEAST_WINDOWS = 5
+COARSE_PERCENT = 0.1  # a finer step of a recorder is not worth a word
+MOST_REPEATS = 0.93  # of a signal that tells its recorder's step
 
 
 def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
@@ -93,6 +95,14 @@ def repeat_share(values: Floats) -> float:
     """Share of neighbouring pairs that are bit-exact repeats, 0 to 1."""
     steps = _steps(values)
     return float(np.mean(steps == 0.0)) if steps.size else 0.0
+
+
+def coarse_step(values: Floats) -> float:
+    """The recorder's step of a signal in percent where it is coarse enough to be seen, else 0."""
+    step = quantum(values)
+    # Round numbers that an operator set by hand, seldom, are no property of the recorder.
+    seen = step >= COARSE_PERCENT and repeat_share(values) <= MOST_REPEATS
+    return step if seen and noise_sigma(values) <= 2.0 * step else 0.0
 
 
 def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> bool:

@@ -39,6 +39,7 @@ from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
+from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
@@ -54,6 +55,7 @@ from stemwatch.models.stickslip.events import SlipEvents, slip_events
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
+from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS, op_within_steps
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stored_range import in_percent
@@ -107,6 +109,7 @@ class _Fitted:
     masked: Recording
     stretch: FitWindow | None
     late_s: float  # by which OP was brought forward in ``masked``
+    within_steps: bool  # whether PV and set point told OP within its coarse steps
     curve: StrokeCurve | None
     curve_changed: str  # how, against what was known of it, or nothing
     fit: StickSlipFit | None
@@ -169,16 +172,20 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
     assessment = assess(on_own, limits)
     recording, masked, stretch = on_own, assessment.recording, None
     curve = fit = archive = None
-    changed, late_s = "", 0.0
+    changed, late_s, resolved = "", 0.0, None
     if not assessment.obstacles:
         recording, masked, stretch = _to_fit(on_own, assessment, limits)
         first_look = FirstLook.at(masked)
         late = late_evidence(masked, first_look)
         late_s = late.late_s(masked.interval_s)
         as_stored, masked = masked, brought_forward(masked, late_s)
-        curve, changed = stroke_curve_of(masked, case.known_curve)
-        obstacles = [] if curve else reversed_obstacles(masked)
-        commanded = in_travel(masked, curve)
+        # What network and traces show is OP as it was stored; what is fitted is where it was.
+        resolved = op_within_steps(masked)
+        finer = masked if resolved is None else resolved.recording
+        curve, changed = stroke_curve_of(finer, case.known_curve)
+        curve = refined(finer, curve)
+        obstacles = [] if curve else reversed_obstacles(finer)
+        commanded = in_travel(finer, curve)
         first_look = first_look if commanded is as_stored else FirstLook.at(commanded)
         # An OP that answers PV as a controller does is no position, however late it is.
         may_be_swapped = late_s > 0.0 and not late.by_controller
@@ -197,6 +204,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         masked=masked,
         stretch=stretch,
         late_s=late_s,
+        within_steps=resolved is not None,
         curve=curve,
         curve_changed=changed,
         fit=fit,
@@ -302,6 +310,7 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
                 curve=fitted.curve,
                 look_for_curve=fitted.case.known_curve is None,
                 late_s=fitted.late_s,
+                look_within_steps=fitted.within_steps,
                 restore=fitted.archive is not None,
                 archive=fitted.archive,
             )
@@ -381,6 +390,7 @@ def _remembering(recording: Recording, fitted: _Fitted) -> Recording:
     if fitted.late_s:
         sentences += [late_effect(fitted.late_s, fitted.recording.unit_s).sentence]
     sentences += [sentence for sentence in [scan_sentence(fitted.recording)] if sentence]
+    sentences += [WITHIN_STEPS] if fitted.within_steps else []
     sentences += [fitted.curve.sentence()] if fitted.curve is not None else []
     if fitted.archive is not None and fitted.fit is not None:
         sentences.append(fitted.archive.sentence(_missed(fitted, fitted.fit)))

@@ -150,6 +150,13 @@ def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
 
 
+def is_interrupt(error: BaseException) -> bool:
+    """Whether Ctrl-C or SIGTERM raised ``error``: as it is, or through a compiled function, which
+    makes a ``SystemError`` of what is raised between its end and its caller."""
+    through_compiled = isinstance(error, SystemError) and error.__cause__ is not None
+    return isinstance(error.__cause__ if through_compiled else error, KeyboardInterrupt)
+
+
 def terminated() -> bool:
     """Whether this command received SIGTERM."""
     return _interrupts.terminated

@@ -136,7 +136,7 @@ def local_instants(ns: Ints, ok: Bools, options: ReadOptions, notes: ReadingNote
         return undated(ns, ok, notes)
     notes.use("zone")
     ns, ok = to_utc(
-        ns,
+        ns.copy(),
         ok,
         options.zone,
         ambiguous_hour=options.ambiguous_hour,

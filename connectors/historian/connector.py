@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
@@ -127,19 +126,22 @@ class HistorianFile:
     def __init__(self, path: str | os.PathLike[str], options: ReadOptions = _DEFAULTS) -> None:
         self.path = Path(path)
         self.options = options
+        self._opened: OpenedFile | None = None
 
-    @cached_property
-    def _opened(self) -> OpenedFile:
+    def _open(self, wanted: Sequence[str] | None) -> OpenedFile:
+        """The file, opened once; ``wanted`` tags will be asked for, or with ``None`` all."""
         # Late: reading needs numpy and the layouts, `stemwatch --help` does not.
         from stemwatch.connectors.historian.opened_file import open_file
 
-        return open_file(self.path, self.options)
+        if self._opened is None:
+            self._opened = open_file(self.path, self.options, wanted)
+        return self._opened
 
     def tags(self) -> Sequence[TagInfo]:
         """Every tag with unit, description and, where there is no doubt, role and valve."""
         import numpy as np
 
-        opened = self._opened
+        opened = self._open(None)
         infos = []
         for role in opened.roles():
             column = opened.column(role.tag)
@@ -167,13 +169,14 @@ class HistorianFile:
         """
         from stemwatch.connectors.historian.recordings import assemble
 
-        return assemble(self._opened, valve, window)
+        wanted = [mapping.tag for mapping in valve.tags.values()]
+        return assemble(self._open(wanted), valve, window)
 
     def inspect(self) -> Inspection:
         """What the reader understood and how good the data is, without reading any valve."""
         from stemwatch.connectors.historian.inspection import inspect_file
 
-        return inspect_file(self._opened)
+        return inspect_file(self._open(None))
 
 
 def propose_valves(source: Connector) -> list[ValveTags]:

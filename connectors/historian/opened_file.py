@@ -89,6 +89,8 @@ class OpenedFile:
             raw = self._by_tag[tag]
             if self._all:
                 self._read_following(raw)
+            elif self.in_pieces:
+                self._read([raw])
             self._columns[key] = convert(
                 raw,
                 self.instants,
@@ -118,6 +120,15 @@ class OpenedFile:
         """Read these tags in one pass over the file, where it is read in pieces."""
         if self.in_pieces:
             self._read([self._by_tag[tag] for tag in tags if (tag, False) not in self._columns])
+
+    def expect(self, tags: Sequence[str] | None) -> None:
+        """These tags will be asked for, or with ``None`` all: what is read first reads them too."""
+        self._all = self._all or tags is None
+        self.read_ahead(self.known(tags or ()))
+
+    def known(self, tags: Iterable[str]) -> list[str]:
+        """Those of the tags that are there."""
+        return [tag for tag in tags if tag in self._by_tag]
 
     def _read_following(self, raw: RawColumn) -> None:
         """Read this column and, in the same pass, as many after it as need little memory."""
@@ -166,24 +177,25 @@ class OpenedFile:
         return own_interval_s(self.column(raw.tag), command=command)
 
 
-def open_file(path: Path, options: ReadOptions) -> OpenedFile:
-    """Read and understand the file at ``path``, once.
+def open_file(path: Path, options: ReadOptions, wanted: Sequence[str] | None = ()) -> OpenedFile:
+    """Read and understand the file at ``path``, once; ``wanted`` tags will be asked for, or with
+    ``None`` all.
 
     Raises ``UnreadableSource`` where it is not there, not text, or not a table of samples.
     """
     large = large_input(path, options)
     if large is not None:
         try:
-            return _opened(large, parse_source(large))
+            return _opened(large, parse_source(large), wanted)
         except NotInPieces:
             pass
     notes = ReadingNotes()
     document = open_document(path, options.encoding, notes)
     source = LayoutInput(document, options, notes)
-    return _opened(source, parse_source(source))
+    return _opened(source, parse_source(source), wanted)
 
 
-def _opened(source: LayoutInput, table: RawTable) -> OpenedFile:
+def _opened(source: LayoutInput, table: RawTable, wanted: Sequence[str] | None) -> OpenedFile:
     options, notes = source.options, source.notes
     if not table.columns or not table.numbers:
         raise UnreadableSource(
@@ -203,7 +215,9 @@ def _opened(source: LayoutInput, table: RawTable) -> OpenedFile:
     )
     _mark_used(opened, source.options)
     say_unused(options, notes, why_not_in_text(table, opened.instants))
-    if not any(np.isfinite(opened.column(c.tag).values).any() for c in table.columns):
+    opened.expect(wanted)
+    order = [*opened.known(wanted or ()), *opened.names]
+    if not any(np.isfinite(opened.column(tag).values).any() for tag in order):
         _refuse_empty(opened)
     return opened
 

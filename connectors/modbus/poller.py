@@ -72,12 +72,24 @@ class PollSchedule:
     async def next(self) -> Slot:
         """Wait for the next slot that can be kept, and return at its beginning."""
         slot = self.plan(self.now_us())
-        while (left_us := slot.at_us - self.now_us()) > 0:
+        while (left_us := slot.at_us - self.now_us()) > 0 or -left_us > self._latest_us:
             if left_us > 2 * self.every_us + _MICRO:  # the clock was set back while we slept
                 slot = self.plan(self.now_us())
-                continue
-            await asyncio.sleep(left_us / _MICRO)
+            elif left_us > 0:
+                await asyncio.sleep(left_us / _MICRO)
+            else:  # the program or its machine stood still: what is read now is of another instant
+                slot = self._instead_of(slot)
         return slot
+
+    def _instead_of(self, missed: Slot) -> Slot:
+        """The next slot after ``missed``, whose own instants and those before it passed unused."""
+        later = self.plan(self.now_us())
+        first_us = missed.missed_us.start if missed.missed_us else missed.at_us
+        return Slot(
+            later.at_us,
+            range(first_us, later.at_us, self.every_us),
+            clock_went_back=missed.clock_went_back or later.clock_went_back,
+        )
 
     def plan(self, now_us: int) -> Slot:
         """The next slot as seen at ``now_us``: the one after the last if it can still be kept, else

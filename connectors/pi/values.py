@@ -116,11 +116,9 @@ def _state(cell: Any) -> str:
 
 
 def _number(cell: Any) -> float:
-    if isinstance(cell, bool | int | float):
-        return float(cell)
     try:
-        return float(cell) if isinstance(cell, str) else float("nan")
-    except ValueError:
+        return float(cell) if isinstance(cell, bool | int | float | str) else float("nan")
+    except (ValueError, OverflowError):
         return float("nan")
 
 

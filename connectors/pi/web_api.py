@@ -7,6 +7,7 @@ DataServer, StreamSet and Stream).
 from __future__ import annotations
 
 import json
+import re
 import ssl
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,8 +28,13 @@ SignIn = Literal["basic", "bearer", "kerberos", "anonymous"]
 ATTEMPTS = 4  # of a request that the server could not answer now
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 30.0
 LEAST_PAGE = 100
+# An answer may take so many times the time-out while it comes, and hold so many bytes: the server,
+# or whoever stands between, is not trusted with our time and memory.
+LONGEST_ANSWER = 10
+ANSWER_BYTES, VALUE_BYTES = 64 * 1024**2, 1000
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 WEB_ID = "webid:"  # before a tag that is a WebId and no name
+_IS_WEB_ID = re.compile(r"[A-Za-z0-9_-]+")
 _BUSY = (429, 502, 503, 504)
 _MISSING = (
     "reading PI needs the package httpx, which is not installed; expected the extra: "
@@ -86,6 +92,11 @@ class PiWebApi:
         """
         if tag.startswith(WEB_ID):
             web_id = tag.removeprefix(WEB_ID)
+            if not _IS_WEB_ID.fullmatch(web_id):
+                raise UnknownTag(
+                    f"{self.server}: {tag!r} is no WebId; expected letters, digits, - and _ "
+                    f"after {WEB_ID}"
+                )
             answer = self._get(f"points/{web_id}", {"selectedFields": _POINT}, missing=tag)
         else:
             path = rf"\\{self.server.server}\{tag}"
@@ -96,7 +107,9 @@ class PiWebApi:
         """The points whose name fits ``pattern`` (with ``*`` and ``?``), page by page."""
         query = {"name": self.server.server, "selectedFields": "WebId"}
         archive = self._get("dataservers", query, missing=f"data server {self.server.server}")
+        web_id = self._given(_point(archive).web_id)
         first = 0
+        known: set[str] = set()
         while True:
             parameters = {
                 "nameFilter": pattern,
@@ -104,10 +117,16 @@ class PiWebApi:
                 "maxCount": "1000",
                 "selectedFields": ";".join(f"Items.{name}" for name in _POINT.split(";")),
             }
-            items = self._items(self._get(f"dataservers/{archive['WebId']}/points", parameters))
-            yield from map(_point, items)
-            first += len(items)
-            if len(items) < 1000:
+            points = [
+                _point(item)
+                for item in self._items(self._get(f"dataservers/{web_id}/points", parameters))
+            ]
+            if points and known.issuperset(point.web_id for point in points):
+                raise self._same_page()
+            yield from points
+            known.update(point.web_id for point in points)
+            first += len(points)
+            if len(points) < 1000:
                 return
 
     def recorded(self, web_ids: Sequence[str], start: str, end: str) -> dict[str, list[Any]]:
@@ -136,15 +155,17 @@ class PiWebApi:
     def _read_on(self, web_id: str, values: list[Any], end: str) -> None:
         """Add what follows a full page; values at the instant where it ended come again."""
         while True:
-            last = values[-1]["Timestamp"]
-            already_read = sum(value["Timestamp"] == last for value in values)
+            last = str(values[-1].get("Timestamp"))
+            already_read = sum(value.get("Timestamp") == last for value in values)
             try:
                 parameters = self._query_parameters(last, end, (), "")
-                page = self._items(self._get(f"streams/{web_id}/recorded", parameters))
+                page = self._items(self._get(f"streams/{self._given(web_id)}/recorded", parameters))
             except _PageTooLarge:
                 self._smaller_page()
                 continue
-            repeated = sum(value["Timestamp"] == last for value in page)
+            repeated = sum(value.get("Timestamp") == last for value in page)
+            if page and _sortable(page[0]) < _sortable(values[-1]):
+                raise self._same_page()
             new = page[min(already_read, repeated) :]
             if not new and len(page) >= self._page:
                 raise ConnectorError(
@@ -154,6 +175,22 @@ class PiWebApi:
             values += new
             if len(page) < self._page:
                 return
+
+    def _given(self, web_id: str) -> str:
+        """A WebId that the server gave: it becomes a part of addresses."""
+        if not _IS_WEB_ID.fullmatch(web_id):
+            raise ConnectorError(
+                f"{self.server}: the server gave {_line(web_id)!r} where a WebId is expected; "
+                "check url, which ends in /piwebapi as a rule"
+            )
+        return web_id
+
+    def _same_page(self) -> ConnectorError:
+        return ConnectorError(
+            f"{self.server}: the server gave the same page again when it was asked for the next "
+            "one; expected it to heed startIndex and startTime. Something between us may keep old "
+            "answers; nothing of it is used"
+        )
 
     def _query_parameters(
         self, start: str, end: str, web_ids: Sequence[str], prefix: str
@@ -191,23 +228,48 @@ class PiWebApi:
         for attempt in range(1, ATTEMPTS + 1):
             last = attempt == ATTEMPTS
             try:
-                answer = self._client.get(path, params=parameters)
+                answer = self._answer(path, parameters)
             except httpx.HTTPError as error:
                 if last:
                     raise self._unreached(error) from None
             else:
-                if answer.status_code not in _BUSY or last:
+                if answer.status not in _BUSY or last:
                     return self._object(answer, missing)
                 wait_s = max(wait_s, _seconds(answer.headers.get("Retry-After")))
             time.sleep(min(wait_s, LONGEST_WAIT_S))
             wait_s *= 2.0
         raise AssertionError("the last attempt returns or raises")
 
-    def _object(self, answer: httpx.Response, missing: str) -> dict[str, Any]:
-        status = answer.status_code
+    def _answer(self, path: str, parameters: Mapping[str, str] | list[Parameter]) -> _Answer:
+        """One answer, whole; ``httpx.ReadTimeout`` for one that dribbles.
+
+        Raises ``ConnectorError`` for one that is larger than what was asked for can be.
+        """
+        import httpx
+
+        streams = sum(name == "webId" for name, _ in parameters) if type(parameters) is list else 0
+        most = ANSWER_BYTES + VALUE_BYTES * self._page * (streams + 1)
+        until = time.monotonic() + LONGEST_ANSWER * self.server.timeout_s
+        parts: list[bytes] = []
+        with self._client.stream("GET", path, params=parameters) as answer:
+            for part in answer.iter_bytes():
+                most -= len(part)
+                parts.append(part)
+                if most < 0:
+                    raise ConnectorError(
+                        f"{self.server}: an answer is larger than {self._page} values for each "
+                        "tag can be; it was not read to its end. Check url, and what stands "
+                        "between this machine and the server"
+                    )
+                if time.monotonic() > until:
+                    raise httpx.ReadTimeout("the answer does not come to an end")
+            return _Answer(answer.status_code, answer.headers, b"".join(parts), answer.is_redirect)
+
+    def _object(self, answer: _Answer, missing: str) -> dict[str, Any]:
+        status = answer.status
         try:
-            body = answer.json()
-        except (json.JSONDecodeError, UnicodeDecodeError):
+            body = json.loads(answer.body)
+        except (ValueError, RecursionError):  # no JSON, or numbers and lists without end
             body = None
         errors = _errors(body)
         if status == 404 and missing:
@@ -222,7 +284,7 @@ class PiWebApi:
         if answer.is_redirect:
             raise ConnectorError(
                 f"{self.server}: the server sends on to another address; expected the PI Web API "
-                f"itself. Set url to where it is, {masked(answer.headers.get('Location', ''))}"
+                f"itself. Set url to where it is, {_line(answer.headers.get('Location', ''))}"
             )
         if status != 200:
             raise ConnectorError(f"{self.server}: the server answered {status}{_in_words(errors)}")
@@ -246,13 +308,21 @@ class PiWebApi:
         return items
 
     def _unreached(self, error: Exception) -> ConnectorError:
-        text = masked(str(error).splitlines()[0]) if str(error) else type(error).__name__
+        text = _line(str(error)) or type(error).__name__
         hint = "check the address, and that the network lets it through"
         if "CERTIFICATE" in text.upper():
             hint = "set authority to a file with the certificates of the site's own authority"
         return ConnectorError(
             f"{self.server}: the server could not be asked ({type(error).__name__}: {text}); {hint}"
         )
+
+
+@dataclass(frozen=True)
+class _Answer:
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+    is_redirect: bool
 
 
 class _PageTooLarge(Exception):
@@ -306,7 +376,14 @@ def _auth(server: PiServer) -> Any:
 def _headers(server: PiServer) -> dict[str, str]:
     headers = {"Accept": "application/json", "X-Requested-With": "stemwatch"}
     if server.sign_in == "bearer":
-        headers["Authorization"] = f"Bearer {server.secret.reveal()}"
+        token = server.secret.reveal()
+        if not (token.isascii() and token.isprintable()) or " " in token:
+            # What the library says of such a header would show it.
+            raise ConnectorError(
+                f"{server}: the token that {server.secret} holds has blanks, line ends or signs "
+                "outside ASCII; expected one token and nothing else"
+            )
+        headers["Authorization"] = f"Bearer {token}"
     return headers
 
 
@@ -331,13 +408,26 @@ def _point(point: Mapping[str, Any]) -> PiPoint:
     )
 
 
+def _sortable(value: Mapping[str, Any]) -> str:
+    """The time of a value as texts compare: seconds, then nine decimals."""
+    seconds, _, decimals = str(value.get("Timestamp")).removesuffix("Z").partition(".")
+    return f"{seconds}.{decimals:0<9}"
+
+
 def _errors(body: Any) -> str:
     """What an answer says went wrong, on one line; empty where nothing did."""
     if not isinstance(body, dict):
         return ""
-    messages = body.get("Errors") or body.get("Message") or ""
-    words = messages if isinstance(messages, list) else [messages]
-    return "; ".join(masked(str(word)) for word in words if word)[:300]
+    said = body.get("Errors") or body.get("Message") or ""
+    words = said if isinstance(said, list) else [said]
+    return _line("; ".join(str(word) for word in words if word))
+
+
+def _line(said: str) -> str:
+    """What a server says, for messages and logs: one line without control signs, not endless."""
+    return masked(" ".join("".join(c if c.isprintable() else " " for c in said[:3000]).split()))[
+        :300
+    ]
 
 
 def _in_words(messages: str) -> str:

@@ -72,11 +72,13 @@ def convincing(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) 
 
 def remaining_loss(evaluator: Evaluator, fitted: Fitted) -> float:
     """What a hypothesis leaves in the worst tenth of the blocks of time: the held-out robust loss
-    over the noise variance, its 90th percentile; about 2 where only noise and scatter are left."""
+    over the variance of the noise and of what is not known of OP, its 90th percentile; about 2
+    where only noise and scatter are left."""
     counts = evaluator.counts
     filled = counts > 0
     worst = np.percentile(fitted.heldout[filled] / counts[filled], 90.0)
-    return float(worst / evaluator.problem.sigma**2)
+    problem = evaluator.problem
+    return float(worst / (problem.sigma**2 + problem.op_open**2))
 
 
 def much_left(evaluator: Evaluator, fitted: Fitted) -> bool:

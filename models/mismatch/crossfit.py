@@ -252,7 +252,8 @@ def scored(layout: CoordinateLayout, candidates: Floats) -> Search[Fitted]:
 
 def gain(evaluator: Evaluator, simple: Fitted, rich: Fitted) -> Advantage:
     """How much better ``rich`` predicts the blocks that neither was fitted to."""
-    return advantage(simple.heldout, rich.heldout, evaluator.counts, evaluator.delta)
+    op_open = evaluator.problem.op_open
+    return advantage(simple.heldout, rich.heldout, evaluator.counts, evaluator.delta, op_open)
 
 
 @dataclass(frozen=True)

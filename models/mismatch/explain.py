@@ -56,7 +56,13 @@ from stemwatch.models.mismatch.prepared_recording import (
     problem_of,
     why_not,
 )
-from stemwatch.models.mismatch.record_effects import RecordSettled, late_effect, settle
+from stemwatch.models.mismatch.record_effects import (
+    RecordSettled,
+    late_effect,
+    settle,
+    with_steps_resolved,
+)
+from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
 from stemwatch.models.mismatch.term import ActsOn
@@ -70,6 +76,7 @@ from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import LATE
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
+from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
@@ -81,6 +88,7 @@ def explain(
     ceiling: Floats | None = None,
     curve: StrokeCurve | None = None,
     late_s: float | None = None,
+    look_within_steps: bool = True,
     look_for_curve: bool = True,
     restore: bool = True,
     archive: Archive | None = None,
@@ -91,6 +99,7 @@ def explain(
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
     else it is looked for here, unless ``look_for_curve`` says that there is none. ``late_s`` is how
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
+    ``look_within_steps``: whether PV and set point may tell an OP that has coarse steps.
     ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
     ``archive`` is that archive where it is known, else it is looked for.
     """
@@ -102,8 +111,11 @@ def explain(
         recording = brought_forward(recording, late_s)
         effects = (late_effect(late_s, recording.unit_s), *settled.effects)
         settled = replace(settled, effects=effects)
+    resolved = op_within_steps(recording) if look_within_steps else None
+    if resolved is not None:
+        recording, settled = resolved.recording, with_steps_resolved(settled, resolved)
     if curve is None and look_for_curve:
-        curve = find_stroke_curve(recording)
+        curve = refined(recording, find_stroke_curve(recording))
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:

@@ -67,7 +67,8 @@ def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
     is_informative = settled.real | (settled.slack > 0.0)
     block = np.where(problem.scored & is_informative, np.arange(n) * n_blocks // n, -1)
     sigma = max(_noise(recording, settled), settled.sigma_floor, LEAST_SIGMA)
-    return replace(problem, block=block.astype(np.int64), n_blocks=n_blocks, sigma=sigma)
+    block, op_open = block.astype(np.int64), settled.op_open
+    return replace(problem, block=block, n_blocks=n_blocks, sigma=sigma, op_open=op_open)
 
 
 def _noise(recording: Recording, settled: RecordSettled) -> float:

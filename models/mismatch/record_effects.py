@@ -6,18 +6,19 @@ recognised by the bits alone, and the samples that were never measured are left 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import noise_sigma, quantum, repeat_share
+from stemwatch.models.forensics import coarse_step
 from stemwatch.models.frozen import frozen_samples
 from stemwatch.models.mismatch.between_samples import Archive
 from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, held_reports
 from stemwatch.models.mismatch.findings import RecordEffect
 from stemwatch.models.own_clock import duration, seconds_of
 from stemwatch.models.recording import Bools, Floats, Recording, Role
+from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS, OpWithinSteps
 from stemwatch.models.words import share
 
 LEAST_CHANGES = 30
@@ -55,9 +56,6 @@ def _favourite(changes: NDArray[np.int64], period: int) -> tuple[int, float]:
     return bin_place, float(counts[bin_place] / changes.size)
 
 
-COARSE_PERCENT = 0.1  # a finer step of a recorder is not worth a word
-COARSE_REPEATS = 0.1  # share of repeats from which a step is seen
-MOST_REPEATS = 0.93
 MOST_JITTER = 0.1  # of the interval
 
 
@@ -70,7 +68,9 @@ class RecordSettled:
     steps leave, percent: ``step / sqrt(12)``, or ``deviation / sqrt(3)`` of held reports.
     ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
     averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
-    drew may lie from the one it dropped, percent, and 0 at all others. ``restore``: S and J may be
+    drew may lie from the one it dropped, percent, and 0 at all others. ``op_open`` is the standard
+    deviation by which OP is not known, percent: ``step / sqrt(12)`` of its recorder's steps,
+    ``deviation / sqrt(3)`` of its held reports. ``restore``: S and J may be
     raised by what a slow archive lost of OP's peaks; ``archive`` that one, where it is known.
     """
 
@@ -79,6 +79,7 @@ class RecordSettled:
     sigma_floor: float
     spacing_s: float
     slack: Floats
+    op_open: float = 0.0
     restore: bool = True
     archive: Archive | None = None
 
@@ -97,8 +98,8 @@ def settle(recording: Recording) -> RecordSettled:
     of_op = drawn_lines(op, mv) if of_mv is not None or _automatic(recording) else None
     stored = of_mv.stored if of_mv is not None else real
     frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None)
-    step = _coarse_step(mv[stored & ~frozen])
-    op_step = _coarse_step(op[of_op.stored] if of_op is not None else op)
+    step = coarse_step(mv[stored & ~frozen])
+    op_step = coarse_step(op[of_op.stored] if of_op is not None else op)
     period, refreshed = _refreshed(recording)
     spacing_s = period * recording.interval_s
     door = of_mv.deviation if of_mv is not None and not of_mv.held else 0.0
@@ -109,12 +110,15 @@ def settle(recording: Recording) -> RecordSettled:
         _freezing(frozen, recording.interval_s, recording.unit_s),
     )
     deviation = of_mv.deviation if of_mv is not None and of_mv.held else 0.0
+    reports = held_reports(op, mv)
+    op_deviation = reports.deviation if reports is not None else 0.0
     return RecordSettled(
         effects=tuple(effect for effect in effects if effect is not None),
         real=np.asarray(real & stored & ~frozen & refreshed),
         sigma_floor=float(max(step / np.sqrt(12.0), deviation / np.sqrt(3.0))),
         spacing_s=spacing_s,
         slack=np.where(real & ~stored & ~frozen, door, 0.0),
+        op_open=float(max(op_step / np.sqrt(12.0), op_deviation / np.sqrt(3.0))),
     )
 
 
@@ -129,14 +133,6 @@ def _automatic(recording: Recording) -> bool:
     mode = recording.get(Role.MODE)
     finite = mode.values[np.isfinite(mode.values)] if mode is not None else np.zeros(0)
     return bool(finite.size and np.all(finite > 0.0))
-
-
-def _coarse_step(values: Floats) -> float:
-    """The recorder's step in percent where it is coarse enough to be seen, else 0."""
-    step, repeats = quantum(values), repeat_share(values)
-    # Round numbers that an operator set by hand, seldom, are no property of the recorder.
-    seen = step >= COARSE_PERCENT and COARSE_REPEATS <= repeats <= MOST_REPEATS
-    return step if seen and noise_sigma(values) <= 2.0 * step else 0.0
 
 
 def _quantisation(step: float, op_step: float) -> RecordEffect | None:
@@ -158,6 +154,16 @@ def _quantisation(step: float, op_step: float) -> RecordEffect | None:
         ),
         parameters=parameters,
     )
+
+
+def with_steps_resolved(settled: RecordSettled, resolved: OpWithinSteps) -> RecordSettled:
+    """With what PV and set point tell of OP within its recorder's steps."""
+    steps = next((one for one in settled.effects if one.slug == "quantisation"), None)
+    steps = steps or _quantisation(0.0, resolved.step)
+    assert steps is not None
+    others = tuple(one for one in settled.effects if one.slug != "quantisation")
+    said = replace(steps, sentence=f"{steps.sentence} {WITHIN_STEPS}")
+    return replace(settled, effects=(said, *others), op_open=resolved.open)
 
 
 def _compression(of_mv: StoredPoints | None, of_op: StoredPoints | None) -> RecordEffect | None:

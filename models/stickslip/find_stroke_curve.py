@@ -144,7 +144,7 @@ def _off_the_stops(recording: Recording) -> Bools:
     assert recording.mv is not None
     usable = recording.usable
     stopped = np.zeros(usable.size, dtype=bool)
-    stopped[usable] = _at_a_stop(recording.op.values[usable], recording.mv.values[usable])
+    stopped[usable] = at_a_stop(recording.op.values[usable], recording.mv.values[usable])
     return usable & ~stopped
 
 
@@ -249,7 +249,7 @@ def find_stroke_curve(
         return None
     all_blocks = np.ones(chosen.evaluator.problem.n_blocks, dtype=bool)
     final = chosen.improved(recording, all_blocks)
-    return _monotone(recording, (final or chosen).command, slope_known)
+    return monotone(recording, (final or chosen).command, slope_known)
 
 
 def _straight_or_bent(
@@ -323,13 +323,13 @@ class _Reading:
         simulated = self.evaluator.simulate(self.best.candidate, resynced=True)
         step = np.diff(simulated, prepend=simulated[0])
         use = (np.abs(step) > 1e-9) & np.append(blocks, False)[problem.block]
-        use &= ~_at_a_stop(problem.op, problem.mv)
+        use &= ~at_a_stop(problem.op, problem.mv)
         if use.sum() < MOVING_SAMPLES:
             return None
         op = recording.op.values
         shapes = shapes_of(op, op[np.isfinite(op)], self.degree)
         columns = np.column_stack((shapes[use], np.sign(step[use])))
-        weights = _robust(columns, (problem.mv - simulated)[use])
+        weights = robust_weights(columns, (problem.mv - simulated)[use])
         command = self.command + shapes @ weights[:-1]
         return _Reading.of(recording, command, self.degree, self.best)
 
@@ -400,7 +400,7 @@ def _bent(op: Floats, bend: float) -> Floats:
     return np.asarray(100.0 * np.expm1(bend * op / 100.0) / np.expm1(bend))
 
 
-def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
+def robust_weights(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
     """Weights (m,) by iteratively reweighted least squares with Cauchy's weights."""
     weight: Floats = np.ones(values.size)
     coefficients: Floats = np.zeros(columns.shape[1])
@@ -414,7 +414,7 @@ def _robust(columns: Floats, values: Floats, rounds: int = 8) -> Floats:
     return coefficients
 
 
-def _at_a_stop(op: Floats, mv: Floats) -> Bools:
+def at_a_stop(op: Floats, mv: Floats) -> Bools:
     """(n,) True where the position stays at its lowest or highest value while OP moves on, further
     than sticking would explain."""
     stopped = np.zeros(mv.size, dtype=bool)
@@ -429,7 +429,7 @@ def _at_a_stop(op: Floats, mv: Floats) -> Bools:
     return stopped
 
 
-def _monotone(recording: Recording, command: Floats, slope_known: bool) -> StrokeCurve | None:
+def monotone(recording: Recording, command: Floats, slope_known: bool) -> StrokeCurve | None:
     """The curve as knots over the part of OP that was used, made monotone."""
     usable = recording.usable & np.isfinite(command)
     op, command = recording.op.values[usable], command[usable]

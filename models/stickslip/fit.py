@@ -219,14 +219,17 @@ class Advantage:
     t: float  # mean / (standard error + 0.01)
 
 
-def advantage(simple: Floats, rich: Floats, counts: Floats, delta: float) -> Advantage:
+def advantage(
+    simple: Floats, rich: Floats, counts: Floats, delta: float, op_open: float = 0.0
+) -> Advantage:
     """Compare two models block by block on what neither was fitted to.
 
-    ``l = clip(log((simple + fl) / (rich + fl)), -2, 2)`` per block with ``fl = 1e-3 delta^2``; one
-    missed slip cannot dominate. Fewer than three filled blocks tell nothing: (0, 0).
+    ``l = clip(log((simple + fl) / (rich + fl)), -2, 2)`` per block with ``fl = 1e-3 delta^2 +
+    op_open^2``; one missed slip cannot dominate, nor what OP's recorder leaves open (``op_open``,
+    percent). Fewer than three filled blocks tell nothing: (0, 0).
     """
     filled = counts > 0
-    floor = 1e-3 * delta * delta
+    floor = 1e-3 * delta * delta + op_open * op_open
     ratio = (simple[filled] / counts[filled] + floor) / (rich[filled] / counts[filled] + floor)
     log = np.clip(np.log(ratio), -2.0, 2.0)
     if log.size < 3:

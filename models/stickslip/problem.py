@@ -34,7 +34,8 @@ class FitProblem:
     scored. For fitting, a resting stem is set to its reading at the start of each block: no two
     breakaways are equal, and after one that a free run misses, minutes would tell nothing about S
     and J. ``unsure_degree`` is the degree of the polynomial by which the curve from OP to ``op``
-    may be off; 0 where OP is percent for percent of travel.
+    may be off; 0 where OP is percent for percent of travel. ``op_open`` is the standard deviation
+    by which the recorder leaves OP open, percent.
     """
 
     op: Floats
@@ -48,6 +49,7 @@ class FitProblem:
     mv_is_percent: bool
     unit_s: float = 1.0  # seconds in the unit of its times, see ``own_clock``
     unsure_degree: int = 0
+    op_open: float = 0.0
 
     @property
     def scored(self) -> Bools:

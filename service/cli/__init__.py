@@ -124,6 +124,7 @@ def main() -> None:
         INTERRUPTED,
         TERMINATED,
         ending_on_signals,
+        is_interrupt,
         terminated,
     )
     from stemwatch.service.store.errors import StoreError
@@ -147,3 +148,8 @@ def main() -> None:
         if end.code == INTERRUPTED and terminated():
             raise SystemExit(TERMINATED) from None
         raise
+    except (KeyboardInterrupt, SystemError) as error:
+        if not is_interrupt(error):
+            raise
+        # Before the command itself began, after its end, or out of a compiled function.
+        raise SystemExit(TERMINATED if terminated() else INTERRUPTED) from None

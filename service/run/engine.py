@@ -23,7 +23,12 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
-from stemwatch.service.interruption import Terminated, interrupts_held, interrupts_let_through
+from stemwatch.service.interruption import (
+    Terminated,
+    interrupts_held,
+    interrupts_let_through,
+    is_interrupt,
+)
 from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.report import ReportFiles
 from stemwatch.service.report.ranking import light
@@ -180,11 +185,11 @@ def _note_end(run: Run, error: BaseException) -> None:
 
     A run whose process was killed is ended by the next use of the store (``end_lost``).
     """
-    by_hand = isinstance(error, KeyboardInterrupt)
+    by_hand = is_interrupt(error)
     state = RunState.CANCELLED if by_hand else RunState.FAILED
     reason = f"{type(error).__name__}: {error}"
     if by_hand:
-        terminated = isinstance(error, Terminated)
+        terminated = isinstance(error, Terminated) or isinstance(error.__cause__, Terminated)
         reason = "ended by SIGTERM" if terminated else "interrupted by Ctrl-C"
     try:
         if run.store.run(run.number).finished is None:

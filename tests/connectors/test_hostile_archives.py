@@ -12,6 +12,8 @@ import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from sqlalchemy import URL, make_url
@@ -20,11 +22,17 @@ from stemwatch.connectors.connector import Connector, ConnectorError, ValveTags
 from stemwatch.connectors.historian import HistorianFile
 from stemwatch.connectors.opcua.connector import OpcUaAddress
 from stemwatch.connectors.parquet import ParquetArchive
+from stemwatch.connectors.pi.connector import PiAddress
 from tests.connectors import example_archives as made
 from tests.connectors.faulty_line import faulty_line
 from tests.connectors.opcua.loopback_server import serving
 from tests.connectors.opcua.test_opcua_archive import PREFIX
 from tests.connectors.opcua.test_opcua_archive import history as opcua_history
+from tests.connectors.pi.loopback_server import ARCHIVE as PI_ARCHIVE
+from tests.connectors.pi.loopback_server import Served
+from tests.connectors.pi.loopback_server import serving as pi_serving
+from tests.connectors.pi.loopback_server import system_state as pi_state
+from tests.connectors.pi.loopback_server import value as pi_value
 from tests.connectors.sql.conftest import address, fill
 from tests.service.store.conftest import _administer
 from tests.service.store.conftest import postgres_server as postgres_server
@@ -106,8 +114,42 @@ def test_an_opc_ua_server_that_fails_amid_its_history(fault: str, most: int) -> 
     assert message.startswith(f"{at}: the server could not be asked")
 
 
+@pytest.fixture
+def pi_port() -> Iterator[int]:
+    """The port of a PI Web API with the recording."""
+    points: dict[str, list[dict[str, Any]]] = {}
+    for tag, time_, number, _ in made.narrow_rows():
+        stamp = f"{time_:%Y-%m-%dT%H:%M:%S}Z"
+        one = pi_state(stamp, "Bad Input") if number is None else pi_value(stamp, number)
+        points.setdefault(tag, []).append(one)
+    with pi_serving(Served(points=points)) as served:
+        yield urlsplit(served.url).port or 0
+
+
+def pi_address(port: int, timeout_s: float = 2.0) -> PiAddress:
+    """The same server through a line."""
+    url = f"http://127.0.0.1:{port}/piwebapi"
+    return PiAddress(url=url, server=PI_ARCHIVE, timeout_s=timeout_s, page=100)
+
+
+@pytest.mark.parametrize(
+    ("fault", "most"),
+    [one if one[0] != "silent" else pytest.param(*one, marks=pytest.mark.long) for one in FAULTS],
+)
+def test_a_pi_server_that_fails_amid_its_values(
+    pi_port: int, fault: str, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The server is named, and each of its four attempts has ``timeout_s``."""
+    monkeypatch.setattr("stemwatch.connectors.pi.web_api.FIRST_WAIT_S", 0.01)
+    with faulty_line(pi_port, fault, most) as line:
+        said = failure(pi_address(line.port).open(), made.valve())
+    assert said.startswith(f"PI http://127.0.0.1:{line.port}/piwebapi: "), said
+
+
 @pytest.mark.long
-def test_lines_without_a_fault_give_the_recording(history: URL, tmp_path: Path) -> None:
+def test_lines_without_a_fault_give_the_recording(
+    history: URL, pi_port: int, tmp_path: Path
+) -> None:
     """What fails above is the fault and not the line."""
     true = HistorianFile(made.write_csv(tmp_path / "export.csv")).read(made.valve())
     with faulty_line(f"{history.query['host']}/.s.PGSQL.5432") as line:
@@ -119,6 +161,8 @@ def test_lines_without_a_fault_give_the_recording(history: URL, tmp_path: Path) 
         with faulty_line(int(port)) as line:
             at = f"opc.tcp://127.0.0.1:{line.port}/{path}"
             made.same(true, OpcUaAddress(url=at, page=100).open().read(made.valve(PREFIX)))
+    with faulty_line(pi_port) as line:
+        made.same(true, pi_address(line.port, 60.0).open().read(made.valve()))
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.stickslip.find_stroke_curve import (
@@ -231,7 +232,8 @@ def test_zero_and_span_of_a_transmitter_are_no_curve():
 def test_explain_finds_the_curve_by_itself():
     """Asked without a screening, it reads the command through the same curve."""
     recording = stored("equal percentage", *STICKING)
-    assert explain(recording).stroke_curve == curve_of("equal percentage", *STICKING)
+    found = curve_of("equal percentage", *STICKING)
+    assert explain(recording).stroke_curve == refined(recording, found)
 
 
 def test_explain_refuses_zero_and_span_where_a_curve_holds_them():

@@ -88,6 +88,33 @@ def test_an_end_that_a_finaliser_loses_is_asked_for_again(
         _lose_it_and_wait(number)
 
 
+def test_a_signal_that_a_compiled_function_met_ends_the_command_too() -> None:
+    """Python makes a SystemError of what is raised between its end and its caller."""
+    code = (
+        "import stemwatch.service.cli as cli\n"
+        "from stemwatch.service.interruption import Terminated\n"
+        "def app(): raise SystemError('a result with an exception set') from Terminated()\n"
+        "cli.app = app\n"
+        "cli.main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (130, "")
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_signal_before_the_command_begins_ends_it_without_a_traceback(
+    number: signal.Signals, status: int
+) -> None:
+    """While the command line is put together nobody else catches it."""
+    code = (
+        "import signal, stemwatch.service.cli as cli\n"
+        f"cli.app = lambda: signal.raise_signal({int(number)})\n"
+        "cli.main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (status, "")
+
+
 def _lose_it_and_wait(number: signal.Signals) -> None:
     late = Late(number)
     del late

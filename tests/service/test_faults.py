@@ -179,6 +179,7 @@ class Night:
 
     def __init__(self, folder: Path, url: str) -> None:
         self.folder, self._url = folder, url
+        self.port = 0  # of its pages
         self.dead: list[TagSamples] = []
         self.process: subprocess.Popen[str] | None = None
 
@@ -203,7 +204,8 @@ class Night:
     def wait(self) -> None:
         """Wait until it serves; before that it may have more to say."""
         for line in self.process.stdout:
-            if "Serving http" in line:
+            if served := re.search(r"Serving http://[^:]+:(\d+)", line):
+                self.port = int(served[1])
                 return
         pytest.fail(f"the service ended:\n{self.log()}")
 

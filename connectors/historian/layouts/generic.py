@@ -118,11 +118,13 @@ def _by_content(rows: Rows, structure: Structure) -> tuple[int | None, int | Non
 
 def refuse_text(source: LayoutInput, rows: Rows, structure: Structure) -> None:
     """A table of words, such as a list of labels or a readme, is no recording."""
+    if structure.time and structure.numeric:
+        return
     sample = [r for r in rows.cells[structure.first_row :][:500] if len(r) == structure.width]
     cells = [cell for row in sample for cell in row if cell.strip()]
     numbers = sum(is_number(cell) for cell in cells)
     if structure.time:
-        if structure.numeric or numbers:
+        if numbers:
             return
         raise UnreadableSource(
             f"{source.name}: line {rows.numbers[structure.first_row]}: there are times but no "

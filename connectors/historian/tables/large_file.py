@@ -11,7 +11,7 @@ import io
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables import text_pieces
 from stemwatch.connectors.historian.tables.document import Document
 from stemwatch.connectors.historian.tables.layout_input import Body, LayoutInput
-from stemwatch.connectors.historian.tables.row_pieces import BREAK, MARK, RowPieces
+from stemwatch.connectors.historian.tables.row_pieces import BREAK, RowPieces
 from stemwatch.connectors.historian.tables.rows import Rows, split_rows
 from stemwatch.connectors.historian.tables.text_pieces import NotInPieces, TextPieces
 from stemwatch.connectors.historian.values.stored_text import StoredText
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 LARGE_BYTES = 4 * 1024**2
 _PACKED = 10  # exports of measurements pack so many times
+_ROWS_AT_ONCE = 200_000  # of which the cells of many tags are taken
 
 
 @dataclass(frozen=True)
@@ -106,6 +107,7 @@ class FileColumns:
 
     def __init__(self, path: Path, rows: RowPieces) -> None:
         self._path, self._rows = path, rows
+        self._with_words: set[int] = set()  # columns in which cells are no numbers
 
     @property
     def size(self) -> int:
@@ -138,11 +140,14 @@ class FileColumns:
         texts = [request for request in texts if request.text is None]
         if not numbers and not texts:
             return
-        if all(request.rows is None and request.combine is None for request in numbers):
+        places = {column_index for request in numbers for column_index in request.places}
+        combined = any(request.combine is not None for request in numbers)
+        if not combined and not places & self._with_words:
             try:
                 self._fill(numbers, texts, mark, pa.float64())
             except pa.ArrowInvalid:  # a word among the numbers
-                pass
+                if len(places) == 1:
+                    self._with_words |= places
             else:
                 return
         self._fill(numbers, texts, mark, pa.string())
@@ -160,8 +165,8 @@ class FileColumns:
         kinds |= {column_index: pa.string() for request in texts for column_index in request.places}
         requests = [*numbers, *texts]
         parts: list[list[pa.Array]] = [[] for _ in requests]
-        rows_read = 0
-        for batch in self._batches(kinds, list(kinds), mark):
+        rows_read, most = 0, _rows_needed(requests)
+        for batch in _larger(self._batches(kinds, list(kinds), mark, most), most):
             by_place = dict(zip(kinds, batch, strict=True))
             for request, part in zip(requests, parts, strict=True):
                 cells = _chosen(request, by_place, rows_read, len(batch[0]))
@@ -198,44 +203,47 @@ class FileColumns:
         rows_wanted, rows_read = self.size if most_rows is None else min(most_rows, self.size), 0
         if not rows_wanted:
             return
-        for batch in self._open(kinds, mark):
-            columns = [
-                batch.column(str(column_index))[: rows_wanted - rows_read]
-                for column_index in places
-            ]
-            if self._rows.has_break:
+        stored: BinaryIO | _Stream = (
+            self._stored() if self._rows.as_stored else _Stream(self._rows.blocks())
+        )
+        with pa.PythonFile(stored, mode="r") as file:
+            for batch in self._parsed(file, kinds, mark):
                 columns = [
-                    pc.replace_substring(column, BREAK, "\n")
-                    if column.type == pa.string()
-                    else column
-                    for column in columns
+                    batch.column(str(column_index))[: rows_wanted - rows_read]
+                    for column_index in places
                 ]
-            rows_read += len(columns[0])
-            yield columns
-            if rows_read >= rows_wanted:
-                return  # a historian may go on writing
+                if self._rows.has_break:
+                    columns = [
+                        pc.replace_substring(column, BREAK, "\n")
+                        if column.type == pa.string()
+                        else column
+                        for column in columns
+                    ]
+                rows_read += len(columns[0])
+                yield columns
+                if rows_read >= rows_wanted:
+                    return  # a historian may go on writing
         raise UnreadableSource(
             f"{self._path}: has become shorter while it was read; read it again when nobody "
             "writes it any more"
         )
 
-    def _open(self, kinds: dict[int, pa.DataType], mark: str) -> Iterable[pa.RecordBatch]:
-        import pyarrow as pa
+    def _parsed(
+        self, file: pa.PythonFile, kinds: dict[int, pa.DataType], mark: str
+    ) -> Iterable[pa.RecordBatch]:
         import pyarrow.csv as csv
 
-        as_stored = self._rows.as_stored
-        chosen = [str(column_index) for column_index in kinds]
+        rows, chosen = self._rows, [str(column_index) for column_index in kinds]
         reader: Iterable[pa.RecordBatch] = csv.open_csv(
-            self._path if as_stored else pa.PythonFile(_Stream(self._rows.blocks()), mode="r"),
+            file,
             read_options=csv.ReadOptions(
                 use_threads=False,
-                block_size=max(text_pieces.BLOCK, 64 * self._rows.width),
-                skip_rows=self._rows.first_line - 1 if as_stored else 0,
-                column_names=[str(column_index) for column_index in range(self._rows.width)],
+                block_size=max(text_pieces.BLOCK, 2 * rows.longest),
+                column_names=[str(column_index) for column_index in range(rows.width)],
             ),
             parse_options=csv.ParseOptions(
-                delimiter=self._rows.separator if as_stored else MARK,
-                quote_char=False,
+                delimiter=rows.separator if rows.as_stored else rows.mark,
+                quote_char='"' if rows.as_stored and rows.has_quotes else False,
                 invalid_row_handler=lambda row: "skip",
             ),
             convert_options=csv.ConvertOptions(
@@ -247,6 +255,13 @@ class FileColumns:
             ),
         )
         return reader
+
+    def _stored(self) -> BinaryIO:
+        """The file from its first row on. Arrow, given a path, would read far ahead and keep it."""
+        file = self._path.open("rb")
+        for _ in range(self._rows.first_line - 1):
+            file.readline()
+        return file
 
 
 class _Stream(io.RawIOBase):
@@ -271,6 +286,32 @@ class _Stream(io.RawIOBase):
         return count
 
 
+def _rows_needed(requests: Sequence[StoredText]) -> int | None:
+    """Rows of the table up to the last one that a column wants; ``None`` where one wants all."""
+    rows = [request.rows for request in requests if request.rows is not None]
+    if len(rows) < len(requests):
+        return None
+    return max((int(chosen[-1]) + 1 for chosen in rows if len(chosen)), default=0)
+
+
+def _larger(batches: Iterator[list[pa.Array]], some: int | None) -> Iterator[list[pa.Array]]:
+    """The same in larger ones where each column takes ``some`` rows of them: what a column costs
+    in each batch counts where a batch has thousands of tags."""
+    import pyarrow as pa
+
+    if some is None:
+        yield from batches
+        return
+    buffered: list[list[pa.Array]] = []
+    for batch in batches:
+        buffered.append(batch)
+        if sum(len(columns[0]) for columns in buffered) >= _ROWS_AT_ONCE:
+            yield [pa.concat_arrays(column) for column in zip(*buffered, strict=True)]
+            buffered = []
+    if buffered:
+        yield [pa.concat_arrays(column) for column in zip(*buffered, strict=True)]
+
+
 def _chosen(
     request: StoredText, batch: dict[int, pa.Array], rows_before: int, count: int
 ) -> pa.Array | None:
@@ -280,7 +321,9 @@ def _chosen(
     cells = request.of([batch[column_index] for column_index in request.places])
     if request.rows is None:
         return cells
-    begin, end = np.searchsorted(request.rows, (rows_before, rows_before + count))
+    # Bounds of the rows' own type: of another, all rows would be made that type first.
+    bounds = np.array((rows_before, rows_before + count), dtype=request.rows.dtype)
+    begin, end = np.searchsorted(request.rows, bounds)
     return cells.take(pa.array(request.rows[begin:end] - rows_before)) if begin < end else None
 
 

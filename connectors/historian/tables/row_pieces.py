@@ -1,8 +1,9 @@
 """The rows of a large table in blocks: quotes taken off, rows that do not count left out.
 
-A block holds rows of one width, one a line, cells apart by ``MARK``; a line end inside a quoted
-cell is ``BREAK``. Neither sign stands in text that is read in pieces. What is a row, and what is
-said of one that is left out, is what ``rows`` says of the same lines.
+A block holds rows of one width, one a line. Cells are apart by the separator, in a file with
+quotes by ``MARK``; a line end inside a quoted cell is ``BREAK``. Neither sign stands in text that
+is read in pieces. What is a row, and what is said of one that is left out, is what ``rows`` says of
+the same lines.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.rows import row_left_out, whole_rows
-from stemwatch.connectors.historian.tables.text_pieces import NotInPieces, TextPieces
+from stemwatch.connectors.historian.tables.text_pieces import NotInPieces, TextPieces, lines_in
 
 MARK, BREAK = "\x1f", "\x1e"
 _MARK = MARK.encode()
@@ -74,15 +75,27 @@ class RowPieces:
     has_comma: bool = False  # in a cell
     has_point: bool = False
     has_break: bool = False
+    longest: int = 0  # bytes of a row as it is stored, at most
     header_rows: int = 0  # that came back
+    has_quotes: bool = False
     _left_out: int = 0
     _as_it_is: set[int] = field(default_factory=set)  # blocks in which nothing is to be changed
+    _plain_quotes: bool = True  # each is at an end of a cell, and no cell has a line end
     _dropped_only: bool = True  # nothing else than rows of another width was changed
 
     @property
     def as_stored(self) -> bool:
-        """Whether the file's own lines are the rows, those of another width aside."""
-        return self.text.as_stored and self._dropped_only
+        """Whether the file's own lines are the rows, those of another width and the quotes around
+        cells aside."""
+        unchanged_from = self.text.as_stored_from
+        if unchanged_from is None or self.first_line < unchanged_from:
+            return False
+        return self._dropped_only and self._plain_quotes
+
+    @property
+    def mark(self) -> str:
+        """What stands between the cells of ``blocks``."""
+        return MARK if self.has_quotes else self.separator
 
     def look_through(self, notes: ReadingNotes) -> None:
         """Find out what ``blocks`` needs. Raises ``NotInPieces``."""
@@ -91,8 +104,8 @@ class RowPieces:
         if any(line.count('"') % 2 for line in self.text.head[: self.first_line - 1]):
             raise NotInPieces  # whatever is said of them is said by the reader that sees all
         quotes, widths = ReadingNotes(), ReadingNotes()
-        for block in self._blocks(_Sampler(quotes, widths)):
-            self.has_comma = self.has_comma or b"," in block
+        for block, mark in self._blocks(_Sampler(quotes, widths)):
+            self.has_comma = self.has_comma or (mark != b"," and b"," in block)
             self.has_point = self.has_point or b"." in block
             self.has_break = self.has_break or BREAK.encode() in block
         if self._left_out > max(_MOST_LEFT_OUT, _SHARE_LEFT_OUT * len(self.numbers)):
@@ -103,59 +116,56 @@ class RowPieces:
         notes.take(widths)
 
     def blocks(self) -> Iterator[bytes]:
-        """The rows, ``MARK`` between their cells; the same at every call."""
-        return self._blocks(None)
+        """The rows, ``mark`` between their cells; the same at every call."""
+        separator, wanted = self.separator.encode(), self.mark.encode()
+        for block, mark in self._blocks(None):
+            yield block if mark == wanted else block.replace(separator, wanted)
 
-    def _blocks(self, sampler: _Sampler | None) -> Iterator[bytes]:
+    def _blocks(self, sampler: _Sampler | None) -> Iterator[tuple[bytes, bytes]]:
+        """Rows, and what stands between their cells."""
         line, unfinished = 1, b""
         for index, text in enumerate(self.text.blocks()):
-            data, first = unfinished + text, line - unfinished.count(b"\n")
-            line += text.count(b"\n")
+            data, first = text.text, line
+            if unfinished:
+                data, first = unfinished + data, line - lines_in(unfinished)
+            line += text.lines
             if first < self.first_line:
                 if line <= self.first_line:
                     continue
                 data = data.split(b"\n", self.first_line - first)[-1]
                 first = self.first_line
             if sampler is None and index in self._as_it_is:
-                yield data.replace(self.separator.encode(), _MARK)
+                yield data, self.separator.encode()
                 continue
-            block, unfinished = self._rows(data, first, line <= self.text.lines, index, sampler)
-            yield block
+            block, unfinished, mark = self._rows(data, first, line <= self.text.lines, sampler)
+            if sampler is not None and block is data:
+                self._as_it_is.add(index)
+            yield block, mark
         if unfinished:  # nothing follows any more
             raise AssertionError("the last rows were left for later")
 
     def _rows(
-        self, data: bytes, first: int, file_goes_on: bool, index: int, sampler: _Sampler | None
-    ) -> tuple[bytes, bytes]:
-        """The rows of ``data``, and what is left for later."""
+        self, data: bytes, first: int, file_goes_on: bool, sampler: _Sampler | None
+    ) -> tuple[bytes, bytes, bytes]:
+        """The rows of ``data``, what is left for later, and what stands between the cells."""
         if any(f"\n{stop}".encode() in b"\n" + data for stop in self.stops):
             raise NotInPieces
-        complete = data
-        unfinished = b""
-        lines: Sequence[int] = range(first, first + data.count(b"\n"))
+        unfinished, mark = b"", self.separator.encode()
+        lines: Sequence[int] = range(first, first + lines_in(data))
         if self.comment and f"\n{self.comment}".encode() in b"\n" + data:
             filled_lines = [(n, line) for n, line in zip(lines, data.split(b"\n"), strict=False)
                     if not line.startswith(self.comment.encode())]  # fmt: skip
-            complete = b"".join(line + b"\n" for _, line in filled_lines)
+            data = b"".join(line + b"\n" for _, line in filled_lines)
             lines = [n for n, _ in filled_lines]
             self._dropped_only = False
-        if b'"' in complete:
-            self._dropped_only = False
-            marked_data = _without_quotes(complete, self.separator.encode())
+        if b'"' in data:
+            self.has_quotes = True
+            marked_data = _without_quotes(data, mark)
             if marked_data is None:
-                marked_data, lines, unfinished = self._carefully(
-                    complete, lines, file_goes_on, sampler
-                )
-        else:
-            marked_data = complete.replace(self.separator.encode(), _MARK)
-        fitting = self._of_width(marked_data, lines, sampler)
-        if (
-            sampler is not None
-            and fitting == marked_data
-            and marked_data == data.replace(self.separator.encode(), _MARK)
-        ):
-            self._as_it_is.add(index)
-        return fitting, unfinished
+                self._plain_quotes = False
+                marked_data, lines, unfinished = self._carefully(data, lines, file_goes_on, sampler)
+            data, mark = marked_data, _MARK
+        return self._of_width(data, mark, lines, sampler), unfinished, mark
 
     def _carefully(
         self, data: bytes, lines: Sequence[int], file_goes_on: bool, sampler: _Sampler | None
@@ -172,19 +182,24 @@ class RowPieces:
         joined = (MARK.join(row).replace("\n", BREAK) + "\n" for row in parsed_rows.cells)
         return "".join(joined).encode("utf-8"), parsed_rows.numbers, unfinished
 
-    def _of_width(self, data: bytes, lines: Sequence[int], sampler: _Sampler | None) -> bytes:
+    def _of_width(
+        self, data: bytes, mark: bytes, lines: Sequence[int], sampler: _Sampler | None
+    ) -> bytes:
         """``data`` without the rows that do not count, which are told; the others are counted."""
         signs = np.frombuffer(data, dtype=np.uint8)
         ends = np.flatnonzero(signs == 10)
-        marks = np.flatnonzero(signs == _MARK[0])
+        marks = np.flatnonzero(signs == mark[0])
         separators_per_row = self.width - 1
+        if sampler is not None and ends.size:
+            stored = int(np.diff(ends, prepend=-1).max()) + 2 * self.width + 1  # quotes, CR
+            self.longest = max(self.longest, stored)
         odd_rows: list[int] = []
         if marks.size != separators_per_row * ends.size or not _even(
             marks, ends, separators_per_row
         ):
             counts = np.diff(np.searchsorted(marks, ends), prepend=0)
             odd_rows = np.flatnonzero(counts != separators_per_row).tolist()
-        odd_rows += self._headers_again(data, ends)
+        odd_rows += self._headers_again(data, mark, ends)
         if not odd_rows:
             self._count(lines, 0, ends.size, sampler)
             return data
@@ -193,9 +208,8 @@ class RowPieces:
             begin = int(ends[row - 1]) + 1 if row else 0
             end = int(ends[row]) + 1
             self._count(lines, rows_done, row, sampler)
-            replacement = self._replacement(
-                data[begin : end - 1].decode("utf-8"), lines[row], sampler
-            )
+            text = data[begin : end - 1].decode("utf-8")
+            replacement = self._replacement(text, mark.decode(), lines[row], sampler)
             if replacement is not None:
                 self._count(lines, row, row + 1, sampler)
             parts += [
@@ -206,11 +220,13 @@ class RowPieces:
         self._count(lines, rows_done, ends.size, sampler)
         return b"".join((*parts, data[offset:]))
 
-    def _replacement(self, text: str, number: int, sampler: _Sampler | None) -> str | None:
+    def _replacement(
+        self, text: str, mark: str, number: int, sampler: _Sampler | None
+    ) -> str | None:
         """What stands for a row of another width, or one like a header; ``None`` where nothing."""
-        if MARK not in text and not text.strip():
+        if mark not in text and not text.strip():
             return None
-        row = text.split(MARK)
+        row = text.split(mark)
         if len(row) == self.width:
             if not self._is_header(row):
                 return text + "\n"
@@ -219,7 +235,7 @@ class RowPieces:
             return None
         if len(row) > self.width and not any(cell.strip() for cell in row[self.width :]):
             self._dropped_only = False
-            return MARK.join(row[: self.width]) + "\n"
+            return mark.join(row[: self.width]) + "\n"
         if sampler is not None:
             cut = not self.text.ends_whole and number == self.text.lines
             row = [cell.replace(BREAK, "\n") for cell in row]
@@ -231,19 +247,19 @@ class RowPieces:
         cells = [cell.replace(BREAK, "\n").strip() for cell in row]
         return any(cells == list(header) for header in self.headers)
 
-    def _headers_again(self, data: bytes, ends: np.ndarray) -> list[int]:
+    def _headers_again(self, data: bytes, mark: bytes, ends: np.ndarray) -> list[int]:
         """Rows whose first cell may be that of a header."""
         rows: list[int] = []
         for start in {header[0].replace("\n", BREAK) for header in self.headers}:
             if not start:
                 firsts = np.concatenate([[0], ends[:-1] + 1])
                 signs = np.frombuffer(data, dtype=np.uint8)
-                rows += np.flatnonzero(np.isin(signs[firsts], (_MARK[0], 32, 9, 0xC2))).tolist()
+                rows += np.flatnonzero(np.isin(signs[firsts], (mark[0], 32, 9, 0xC2))).tolist()
                 continue
             offset = data.find(start.encode("utf-8"))
             while offset >= 0:
                 begin = data.rfind(b"\n", 0, offset) + 1
-                if _MARK not in data[begin:offset]:
+                if mark not in data[begin:offset]:
                     rows.append(int(np.searchsorted(ends, offset)))
                 offset = data.find(start.encode("utf-8"), offset + 1)
         return rows
@@ -275,6 +291,9 @@ def _even(marks: np.ndarray, ends: np.ndarray, separators_per_row: int) -> bool:
 def _without_quotes(data: bytes, separator: bytes) -> bytes | None:
     """``data`` with ``MARK`` between cells and none of the quotes around cells; ``None`` where
     quotes are anything else, or a cell goes on in the next line."""
+    quick = _all_quoted(data, separator)
+    if quick is not None:
+        return quick
     signs = np.frombuffer(data, dtype=np.uint8)
     is_quote = signs == 34
     quotes = np.flatnonzero(is_quote)
@@ -291,5 +310,16 @@ def _without_quotes(data: bytes, separator: bytes) -> bytes | None:
     in_quotes = np.logical_xor.accumulate(is_quote)
     if (in_quotes & (signs == 10)).any():
         return None
-    marked_data = np.where((signs == separator[0]) & ~in_quotes, _MARK[0], signs).astype(np.uint8)
-    return marked_data.tobytes().translate(None, b'"')
+    bare = np.where((signs == separator[0]) & ~in_quotes, _MARK[0], signs).astype(np.uint8)
+    return bare.tobytes().translate(None, b'"')
+
+
+def _all_quoted(data: bytes, separator: bytes) -> bytes | None:
+    """The same where every cell is in quotes, which most such files have; else ``None``."""
+    if not (data.startswith(b'"') and data.endswith(b'"\n')):
+        return None
+    rows = data[1:-2].replace(b'"\n"', b"\n")
+    if len(data) - 3 - len(rows) != 2 * (lines_in(data) - 1):
+        return None  # a line ends without a quote
+    bare = rows.replace(b'"' + separator + b'"', _MARK)
+    return None if b'"' in bare else bare + b"\n"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.tables.layout_input import usual_width
 from stemwatch.connectors.historian.tables.rows import Rows
 from stemwatch.connectors.historian.times.time_formats import is_clock_only, is_date_only, is_time
-from stemwatch.connectors.historian.values.numbers import parse_number, parse_numbers
+from stemwatch.connectors.historian.values.numbers import (
+    parse_number,
+    parse_numbers,
+    quick_numbers,
+)
 from stemwatch.connectors.historian.values.units import is_unit
 from stemwatch.connectors.historian.values.value_texts import text_quality
 from stemwatch.models.recording import Quality
@@ -57,9 +62,10 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
     if not full_rows:
         raise UnreadableSource(f"{name}: no rows were found; expected a header and rows of data")
     sample = _sample([rows.cells[i] for i in full_rows])
-    head = [_fit(row, width) for row in rows.cells[:_HEADER_ROWS] if _is_header(row, width)]
-    time = _time_named(head, options, name) or _time_by_content(sample, width)
-    time = time or _time_by_header(head, sample)
+    time: tuple[int, ...] = ()
+    if options.time_column is not None:
+        time = _time_named(_head(rows, width), options.time_column, name)
+    time = time or _time_by_content(sample, width) or _time_by_header(_head(rows, width), sample)
     first = _first_row(rows, width, time)
     headers = tuple(_fit(row, width) for row in rows.cells[:first] if _is_header(row, width))
     if first == len(rows.cells):
@@ -69,10 +75,12 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
             f"{'|'.join(rows.cells[0])[:60]!r}. Expected a time and values in every row: this is "
             "probably not a recording"
         )
-    numeric = tuple(
-        c for c in range(width) if c not in time and _share(sample, c, is_number) >= 0.5
-    )
+    numeric = tuple(c for c in range(width) if c not in time and _holds_numbers(sample, c))
     return Structure(width=width, first_row=first, headers=headers, time=time, numeric=numeric)
+
+
+def _head(rows: Rows, width: int) -> list[list[str]]:
+    return [_fit(row, width) for row in rows.cells[:_HEADER_ROWS] if _is_header(row, width)]
 
 
 def _sample(rows: Sequence[list[str]]) -> list[list[str]]:
@@ -88,26 +96,34 @@ def _share(sample: Sequence[list[str]], column: int, test: object) -> float:
     return sum(bool(test(cell)) for cell in filled) / len(filled) if filled else 0.0
 
 
+def _holds_numbers(sample: Sequence[list[str]], column: int) -> bool:
+    # Of thousands of columns most hold nothing but plain numbers, which are told at once.
+    cells = [row[column] for row in sample]
+    return bool(cells) and (
+        quick_numbers(cells, ".") is not None or _share(sample, column, is_number) >= 0.5
+    )
+
+
 def _time_by_content(sample: Sequence[list[str]], width: int) -> tuple[int, ...]:
-    time_columns = [c for c in range(width) if _share(sample, c, is_time) >= 0.4]
+    dates: list[int] = []
+    for column in range(width):
+        if _share(sample, column, is_time) < 0.4:
+            continue
+        if _share(sample, column, is_date_only) <= 0.8:
+            return (column,)
+        dates.append(column)
     clocks = [c for c in range(width) if _share(sample, c, is_clock_only) > 0.8]
-    dates = [c for c in time_columns if _share(sample, c, is_date_only) > 0.8]
-    timed = [c for c in time_columns if c not in dates]
-    if timed:
-        return (timed[0],)
     if dates and clocks:
         return (dates[0], clocks[0])
     return (dates[0],) if dates else ()
 
 
-def _time_named(headers: Sequence[list[str]], options: ReadOptions, name: str) -> tuple[int, ...]:
-    if options.time_column is None:
-        return ()
-    column = find_header(headers, options.time_column)
+def _time_named(headers: Sequence[list[str]], time_column: str, name: str) -> tuple[int, ...]:
+    column = find_header(headers, time_column)
     if column is None:
         shown_cells = ", ".join(repr(cell) for row in headers[:1] for cell in row[:12])
         raise UnreadableSource(
-            f"{name}: there is no column {options.time_column!r} to take the time from; the "
+            f"{name}: there is no column {time_column!r} to take the time from; the "
             f"headers are {shown_cells}"
         )
     return (column,)
@@ -173,8 +189,10 @@ def _is_data(row: list[str], time: tuple[int, ...]) -> bool:
 
 
 def _is_header(row: list[str], width: int) -> bool:
-    filled = sum(bool(cell.strip()) for cell in row)
-    return abs(len(row) - width) <= 1 and filled >= min(2, width)
+    if abs(len(row) - width) > 1:
+        return False
+    fewest = min(2, width)
+    return len(list(islice((cell for cell in row if cell.strip()), fewest))) >= fewest
 
 
 def _fit(row: list[str], width: int) -> list[str]:

@@ -384,18 +384,20 @@ def _in_pieces(
     order of day and month is for the whole column to tell."""
     size, rows_done = len(texts), 0
     ns, ok = np.empty(size, dtype=np.int64), np.empty(size, dtype=bool)
-    offsets = np.empty(size, dtype=np.int32)
+    # Mostly all rows have one offset, which then needs no memory.
+    offsets = np.broadcast_to(np.int32(NO_OFFSET), size)
     for text in texts.arrays():
         fields = take_apart_stored(text)
         if (fields.order == Order.NUMERIC).any():
             return None
         local, real = local_ns(fields, None, name, "", notes)
         end = rows_done + local.size
-        ns[rows_done:end], ok[rows_done:end], offsets[rows_done:end] = (
-            local,
-            real,
-            fields.offset_min,
-        )
+        if local.size and not rows_done:
+            offsets = np.broadcast_to(np.int32(fields.offset_min[0]), size)
+        if (fields.offset_min != offsets[rows_done:end]).any():
+            offsets = offsets if offsets.flags.writeable else offsets.copy()
+            offsets[rows_done:end] = fields.offset_min
+        ns[rows_done:end], ok[rows_done:end] = local, real
         rows_done = end
     return ns, ok, offsets
 
@@ -431,7 +433,7 @@ def _in_zone(
         return Instants(
             ns=utc, ok=aware, in_utc=True, zone=_offset_sentence(offset_min[aware], notes)
         )
-    _remark_clock_change(ns[ok], notes)
+    _remark_clock_change(ns if ok.all() else ns[ok], notes)
     return undated(ns, ok, notes)
 
 
@@ -454,7 +456,7 @@ def _localised(
 ) -> Instants:
     groups = [column.rows for column in table.columns] if table.narrow else [None]
     local_utc, is_placed = to_utc(
-        ns,
+        ns if naive.all() else ns.copy(),
         naive,
         zone,
         ambiguous_hour=options.ambiguous_hour,
@@ -464,9 +466,8 @@ def _localised(
     )
     sentence = f"Times without offset are local times of {zone}."
     notes.decide(sentence)
-    return Instants(
-        ns=np.where(naive, local_utc, utc), ok=is_placed | aware, in_utc=True, zone=sentence
-    )
+    ns = local_utc if naive.all() else np.where(naive, local_utc, utc)
+    return Instants(ns=ns, ok=is_placed | aware, in_utc=True, zone=sentence)
 
 
 def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) -> str:
@@ -480,9 +481,11 @@ def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) 
 
 def _remark_clock_change(ns: Ints, notes: ReadingNotes) -> None:
     steps = np.diff(ns)
-    median_step = float(np.median(np.abs(steps))) if steps.size else 0.0
-    back_jumps = steps[(steps < 0) & (np.abs(steps + 3600e9) <= 2 * median_step + 1e9)]
-    if back_jumps.size == 1:
+    backward = steps[steps < 0]
+    if not backward.size:
+        return
+    median_step = float(np.median(np.abs(steps, out=steps), overwrite_input=True))
+    if np.count_nonzero(np.abs(backward + 3600e9) <= 2 * median_step + 1e9) == 1:
         notes.decide(
             "The times step back by about an hour once: probably the end of summer time. Give the "
             "zone and both passes of the repeated hour will be told apart."

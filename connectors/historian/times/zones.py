@@ -14,6 +14,7 @@ from stemwatch.models.recording import Bools
 
 _HOUR_NS = 3_600_000_000_000
 _DAY_NS = 24 * _HOUR_NS
+_ROWS_AT_ONCE = 1 << 20
 
 
 def to_utc(
@@ -26,32 +27,46 @@ def to_utc(
     groups: Sequence[Index | None],
     notes: ReadingNotes,
 ) -> tuple[Ints, Bools]:
-    """UTC nanoseconds of local ones in ``zone``, and which rows could be placed.
+    """UTC nanoseconds of local ones in ``zone``, and which rows could be placed. They are written
+    over ``local``: a large export has hundreds of MB of them.
 
     ``groups`` are the rows of each series in file order (``None``: all rows); the repeated hour
     is told apart within each of them, by the one step backwards between its two passes.
     """
+    repeated, missing = (np.zeros(local.size, dtype=bool) for _ in range(2))
+    passes: list[tuple[Ints, Ints]] = []  # of repeated rows, in order: first and second
+    for first in range(0, local.size, _ROWS_AT_ONCE):
+        part = slice(first, first + _ROWS_AT_ONCE)
+        early, late, missing[part] = _both_passes(local[part], ok[part], zone)
+        repeated[part] = twice = (early != late) & ok[part] & ~missing[part]
+        passes.append((early[twice], late[twice]))
+        # The rows of the two hours stay local for what is asked of them below.
+        local[part] = np.where(twice | missing[part], local[part], early)
+    is_placed = ok & ~missing
+    if repeated.any():
+        notes.use("ambiguous_hour")
+        summer, is_decided = _told_apart(local, repeated, ok, ambiguous_hour, groups)
+        early, late = (np.concatenate(each) for each in zip(*passes, strict=True))
+        local[repeated] = np.where(summer[repeated], early, late)
+        is_placed &= is_decided | ~repeated
+        _report_repeated(repeated, is_decided, ambiguous_hour, zone, notes)
+    if missing.any():
+        notes.use("missing_hour")
+        is_placed = _shift(local, missing, is_placed, zone, missing_hour, notes)
+    local[~is_placed] = 0
+    return local, is_placed
+
+
+def _both_passes(local: Ints, ok: Bools, zone: str) -> tuple[Ints, Ints, Bools]:
+    """UTC of each row, were it in the first or the second pass of a repeated hour; and which rows
+    lie in an hour that is skipped."""
     import pandas as pd
 
     index = pd.DatetimeIndex(np.where(ok, local, 0).astype("datetime64[ns]"))
     all_rows = np.ones(local.size, dtype=bool)
     early = index.tz_localize(zone, ambiguous=all_rows, nonexistent="NaT")
     late = index.tz_localize(zone, ambiguous=~all_rows, nonexistent="NaT")
-    missing = np.asarray(early.isna()) & ok
-    early_ns, late_ns = _ns(early), _ns(late)
-    repeated = (early_ns != late_ns) & ok & ~missing
-    utc = early_ns.copy()
-    is_placed = ok & ~missing
-    if repeated.any():
-        notes.use("ambiguous_hour")
-        summer, is_decided = _told_apart(local, repeated, ok, ambiguous_hour, groups)
-        utc = np.where(repeated & ~summer, late_ns, utc)
-        is_placed &= is_decided | ~repeated
-        _report_repeated(repeated, is_decided, ambiguous_hour, zone, notes)
-    if missing.any():
-        notes.use("missing_hour")
-        utc, is_placed = _shift(local, missing, utc, is_placed, zone, missing_hour, notes)
-    return np.where(is_placed, utc, 0), is_placed
+    return _ns(early), _ns(late), np.asarray(early.isna()) & ok
 
 
 def _ns(index: object) -> Ints:
@@ -118,24 +133,23 @@ def _report_repeated(
 def _shift(
     local: Ints,
     missing: Bools,
-    utc: Ints,
     is_placed: Bools,
     zone: str,
     policy: MissingHour,
     notes: ReadingNotes,
-) -> tuple[Ints, Bools]:
+) -> Bools:
+    """Which rows are placed, with those of the skipped hour moved."""
     n = int(missing.sum())
     if policy == "leave_out":
         notes.decide(f"{n} rows in the hour that spring skips in {zone} were left out, as said.")
-        return utc, is_placed
+        return is_placed
     import pandas as pd
 
     moved = pd.DatetimeIndex((local[missing] + _HOUR_NS).astype("datetime64[ns]"))
-    shifted = utc.copy()
-    shifted[missing] = _ns(moved.tz_localize(zone, ambiguous=True, nonexistent="shift_forward"))
+    local[missing] = _ns(moved.tz_localize(zone, ambiguous=True, nonexistent="shift_forward"))
     notes.decide(
         f"{n} rows have times in the hour that spring skips in {zone}; they were shifted forward "
         "by an hour. If the source keeps standard time all year, give its fixed zone instead, "
         "such as 'Etc/GMT-1' for one hour east."
     )
-    return shifted, is_placed | missing
+    return is_placed | missing

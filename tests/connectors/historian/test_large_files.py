@@ -194,7 +194,8 @@ recording = HistorianFile(sys.argv[1]).read(ValveTags(valve="V12", tags=tags))
 status = pathlib.Path("/proc/self/status").read_text()
 print(len(recording), int(re.search(r"VmHWM:\\s+(\\d+) kB", status)[1]) // 1024)
 """
-KINDS = ("plain", "quoted", "cp1252", "packed", "narrow", "AVEVA Insight")
+TWO_GB = ("plain", "narrow", "AVEVA Insight")
+KINDS = ("quoted", "cp1252", "packed")
 VALVES = 24
 TAG_NAMES = [f"V{n}.{role}" for n in range(VALVES) for role in ("OP", "MV")]
 
@@ -242,15 +243,15 @@ def write_hours(path: Path, kind: str, megabytes: int) -> int:
     [
         ("quoted", 16, 400),
         pytest.param("narrow", 16, 400, marks=pytest.mark.long),
-        pytest.param("plain", 2000, 1500, marks=pytest.mark.long),
-        *(pytest.param(kind, 500, 1000, marks=pytest.mark.long) for kind in KINDS[1:]),
+        *(pytest.param(kind, 2000, 1500, marks=pytest.mark.long) for kind in TWO_GB),
+        *(pytest.param(kind, 500, 1000, marks=pytest.mark.long) for kind in KINDS),
     ],
 )
 def test_one_valve_of_a_large_export_needs_little_memory(
     tmp_path: Path, kind: str, megabytes: int, most_mb: int
 ) -> None:
-    """2 GB in less than 1.5 GB, whatever else is in the file; written in other ways, 500 MB in less
-    than 1 GB."""
+    """2 GB in less than 1.5 GB, whatever else is in the file, also with a row for each sample;
+    written in other ways, 500 MB in less than 1 GB."""
     rows = write_hours(tmp_path / "export.csv", kind, megabytes)
     command = [sys.executable, "-c", READ_ONE, str(tmp_path / "export.csv")]
     text = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()

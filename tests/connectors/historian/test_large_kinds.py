@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,14 +12,15 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
 from stemwatch.connectors.historian import HistorianFile, ReadOptions
 from stemwatch.connectors.historian.connector import propose_valves
 from stemwatch.connectors.historian.opened_file import open_file
-from stemwatch.connectors.historian.tables import large_file, text_pieces
+from stemwatch.connectors.historian.tables import large_file, row_pieces, text_pieces
+from stemwatch.connectors.historian.times import zones
 from tests.connectors.historian.example_exports import LAYOUTS, Kind, written
 
 ZONE = ReadOptions(zone="Europe/Berlin")
@@ -30,6 +33,8 @@ def small_pieces() -> Iterator[None]:
         mock.patch.object(large_file, "LARGE_BYTES", 0),
         mock.patch.object(text_pieces, "BLOCK", 5_000),
         mock.patch.object(text_pieces, "HEAD_LINES", 700),
+        mock.patch.object(large_file, "_ROWS_AT_ONCE", 300),
+        mock.patch.object(zones, "_ROWS_AT_ONCE", 70),
     ):
         yield
 
@@ -149,3 +154,38 @@ def test_damaged_in_two_hundred_ways_it_is_the_same(kind: Kind, zone: str | None
     """The same, longer."""
     complete, pieces, _ = both_ways(kind, ReadOptions(zone=zone))
     assert pieces == complete
+
+
+@settings(max_examples=300)
+@given(text=st.text(alphabet='a",;\n', max_size=40))
+@example(text='"","",""\n')
+@example(text='",",","\n')
+@example(text='"a"",""b"\n')
+@example(text='"a","b\nc","d"\n')
+def test_quotes_are_taken_off_where_each_is_around_a_cell(text: str) -> None:
+    """The rows are then those of a reader that looks at every sign; else it is left to that."""
+    data = text.encode() + b"\n"
+    bare = row_pieces._without_quotes(data, b",") if b'"' in data else None
+    if bare is not None:
+        rows = [line.split(row_pieces.MARK) for line in bare.decode().split("\n")[:-1]]
+        told = list(csv.reader(io.StringIO(data.decode(), newline=""), strict=True))
+        assert [row for row in rows if row != [""]] == [
+            row for row in told if row not in ([], [""])
+        ]
+
+
+def test_one_valve_of_thirty_thousand_columns_is_read_by_its_name(
+    tmp_path: Path,
+) -> None:
+    """In pieces, though a line has 200 kB."""
+    tags = [f"FIC-{n // 2:05d}.{('OP', 'MV')[n % 2]}" for n in range(30_310)]
+    path = tmp_path / "export.csv"
+    with path.open("w", encoding="cp1252") as file:
+        file.write(",".join(["Zeit °", *tags]) + "\n")
+        for second in range(30):
+            cells = ",".join(f"{n % 90 + second / 10:.1f}" for n in range(len(tags)))
+            file.write(f"2026-01-01T00:00:{second:02d}Z,{cells}\n")
+    opened = open_file(path, ReadOptions(), ["FIC-15000.MV"])
+    assert opened.in_pieces
+    expected = [30_001 % 90 + second / 10 for second in range(30)]
+    assert opened.column("FIC-15000.MV").values.tolist() == pytest.approx(expected, abs=1e-9)

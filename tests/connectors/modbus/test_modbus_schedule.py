@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stemwatch.connectors.modbus.poller import PollSchedule
+from stemwatch.connectors.modbus.poller import PollSchedule, Slot
 
 EVERY_S = st.sampled_from([0.1, 0.25, 0.5, 1.0, 3.0, 10.0])
 
@@ -101,3 +101,28 @@ def test_a_clock_set_back_during_the_wait_does_not_stop_the_polling(back_s: int)
         return schedule.now_us() - slot.at_us
 
     assert 0 <= asyncio.run(run()) < 10_000_000
+
+
+def test_an_instant_that_was_slept_through_is_missed_and_not_polled_late(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The process or its machine stood still for five seconds: what is read then is of another
+    instant, and would be a good sample of a wrong one."""
+    now_ns = [1_700_000_000_060_000_000]
+    stands_still_ns = [0, 5_000_000_000]
+
+    async def sleep(seconds: float) -> None:
+        now_ns[0] += round(seconds * 1e9) + (stands_still_ns.pop(0) if stands_still_ns else 0)
+
+    monkeypatch.setattr("stemwatch.connectors.modbus.poller.asyncio.sleep", sleep)
+    schedule = PollSchedule(0.1, lambda: now_ns[0])
+
+    async def slots() -> list[Slot]:
+        return [await schedule.next() for _ in range(3)]
+
+    first, second, third = asyncio.run(slots())
+    assert first.at_us == 1_700_000_000_100_000
+    assert second.at_us == 1_700_000_005_200_000
+    assert second.missed_us == range(1_700_000_000_200_000, 1_700_000_005_200_000, 100_000)
+    assert third.at_us - second.at_us == 100_000
+    assert not third.missed_us

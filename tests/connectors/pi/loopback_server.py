@@ -41,6 +41,8 @@ class Served:
     # Of the next requests, in turn: (status, headers, body); None answers as always.
     faults: list[tuple[int, dict[str, str], Any] | None] = field(default_factory=list)
     errors_of: dict[str, list[str]] = field(default_factory=dict)  # inside a success, by tag
+    same_page: bool = False  # whatever is asked for next, the first page comes again
+    late_s: list[float] = field(default_factory=list)  # before the next answers, in turn
     asked: list[str] = field(default_factory=list)
     methods: set[str] = field(default_factory=set)
     url: str = ""
@@ -69,6 +71,8 @@ class Handler(BaseHTTPRequestHandler):
         served = self.served
         served.methods.add("GET")
         served.asked.append(self.path)
+        if served.late_s:
+            threading.Event().wait(served.late_s.pop(0))  # tests replace time.sleep
         if served.faults and (fault := served.faults.pop(0)) is not None:
             status, headers, body = fault
             self._send(status, body, headers)
@@ -145,6 +149,7 @@ class Handler(BaseHTTPRequestHandler):
     def _points(self, asked: dict[str, list[str]]) -> Value:
         names = sorted(fnmatch.filter(self.served.points, asked["nameFilter"][0]))
         first, most = int(asked["startIndex"][0]), int(asked["maxCount"][0])
+        first = 0 if self.served.same_page else first
         return {"Items": [self._point(name) for name in names[first : first + most]]}
 
     def _recorded(self, tag: str, asked: dict[str, list[str]]) -> Value:
@@ -155,6 +160,7 @@ class Handler(BaseHTTPRequestHandler):
         if errors := self.served.errors_of.get(tag):
             return {"Errors": errors, "Items": []}
         start, end = asked["startTime"][0], asked["endTime"][0]
+        start = "" if self.served.same_page else start
         inside = [
             point
             for point in self.served.points[tag]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -307,3 +308,87 @@ def test_the_client_asks_without_writing() -> None:
     writing = [f".{name}(" for name in ("post", "put", "patch", "delete", "request", "send")]
     assert [word for word in writing if f"_client{word}" in source] == []
     assert hasattr(httpx.Client, "get")
+
+
+def test_a_page_that_comes_again_is_an_error_and_no_endless_loop(served: Served) -> None:
+    """A cache between answers everything with the first page: values and points."""
+    served.same_page = True
+    with pytest.raises(ConnectorError, match="same page again"):
+        archive(served, page=100).read(VALVE)
+    served.points |= {f"TI{n}": [] for n in range(1500)}
+    with pytest.raises(ConnectorError, match="same page again"):
+        archive(served).tags()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"[" * 100_000, b'{"WebId": ' + b"9" * 5000 + b"}", b'{"a": "\xff"}'],
+    ids=["nested without end", "a number of 5,000 digits", "no UTF-8"],
+)
+def test_an_answer_that_breaks_the_parser_is_named(served: Served, body: bytes) -> None:
+    """It is no JSON object that a PI Web API sends."""
+    served.faults = [(200, {}, body)]
+    with pytest.raises(ConnectorError, match="no JSON object"):
+        archive(served).read(VALVE)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_an_answer_without_end_does_not_fill_the_memory(
+    served: Served, monkeypatch: pytest.MonkeyPatch, packed: bool
+) -> None:
+    """It is left where it is larger than what was asked for can be, unpacked."""
+    monkeypatch.setattr(web_api, "ANSWER_BYTES", 100_000)
+    body = b" " * 3_000_000
+    headers = {"Content-Encoding": "gzip"} if packed else {}
+    served.faults = [(200, headers, gzip.compress(body) if packed else body)]
+    with pytest.raises(ConnectorError, match="larger than 100 values for each tag"):
+        archive(served, page=100).read(VALVE)
+
+
+def test_numbers_too_large_for_any_signal_are_no_values(served: Served) -> None:
+    """As an integer of hundreds of digits; the others stay."""
+    served.points["FIC1.OP"][5] = value(at(5), 10**400)
+    recording = archive(served).read(VALVE)
+    assert recording.op.quality[5] != Quality.GOOD
+    assert recording.op.usable.sum() == 599
+
+
+def test_what_a_server_says_is_one_line_of_the_log(served: Served) -> None:
+    """Line ends and control signs in it would forge others."""
+    said = "out\r\nERROR forged \x1b[31mline" + "x" * 5000
+    served.faults = [(500, {}, {"Errors": [said]})]
+    with pytest.raises(ConnectorError) as failed:
+        archive(served).read(VALVE)
+    assert str(failed.value).isprintable()
+    assert len(str(failed.value)) < 600
+
+
+@pytest.mark.parametrize("token", ["geheim\nX-Other: 1", "geheim\x00", "gehéim", "geheim 2"])
+def test_a_token_that_no_header_can_hold_is_not_shown(
+    served: Served, monkeypatch: pytest.MonkeyPatch, token: str
+) -> None:
+    """The variable is named; a NUL cannot stand in one, but in a file."""
+    monkeypatch.setattr("stemwatch.connectors.secret.Secret.reveal", lambda _: token)
+    with pytest.raises(ConnectorError, match="the token that PI_TOKEN holds") as failed:
+        archive(served, sign_in="bearer", secret_variable="PI_TOKEN").read(VALVE)
+    assert "geh" not in str(failed.value)
+
+
+def test_a_web_id_leads_nowhere_else(served: Served) -> None:
+    """Whatever a tag holds, or the server gives as one: no other address is asked for."""
+    for tag in ("webid:../../system/info", "webid:F1?x=1", "webid://elsewhere/x", "webid:"):
+        with pytest.raises(UnknownTag, match="is no WebId"):
+            archive(served).read(ValveTags(valve="V", tags={Role.OP: TagMapping(tag=tag)}))
+    assert not served.asked
+    served.faults = [(200, {}, {"WebId": "../../system"})]
+    with pytest.raises(ConnectorError, match="where a WebId is expected"):
+        archive(served).tags()
+    assert len(served.asked) == 1
+
+
+def test_an_answer_that_comes_late_is_not_taken_for_the_next(served: Served) -> None:
+    """The first is given up and asked for again; the values are those that were asked for."""
+    served.late_s = [0.0, 2.5]
+    recording = archive(served, timeout_s=1.0).read(VALVE)
+    assert recording.op.values.tolist() == [float(i % 100) for i in range(600)]
+    assert len(served.asked) == 4

@@ -1,0 +1,87 @@
+"""The curve from OP to stroke, put right by the fit in which every breakaway is where it was seen.
+
+A curve is found by free runs (``find_stroke_curve``), and a breakaway that comes early or late
+leaves a jump's length in them, which bends the curve where the stem lets go. In an assimilated run
+the stem lets go where the recording shows it, so that what is left while it moves is small: what of
+it is the same up and down, and follows OP, is the curve's. It is a polynomial of OP, the mean of
+those of both folds, and taken where S, J and reading alone, fitted anew, then predict the unseen
+blocks better.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from stemwatch.models.mismatch.base_fit import BaseFit, fit_base
+from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.crossfit import folds, gain, scored
+from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
+from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.recording import Floats, Recording
+from stemwatch.models.stickslip.find_stroke_curve import (
+    DEGREES,
+    EARLIER_USED,
+    LEAST_BEND_GAIN,
+    LEAST_BEND_T,
+    MOVING_SAMPLES,
+    at_a_stop,
+    monotone,
+    robust_weights,
+)
+from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel, shapes_of
+
+MOVES = 1e-9  # percent in a sample
+
+
+def refined(recording: Recording, curve: StrokeCurve | None) -> StrokeCurve | None:
+    """The ``curve`` that was found, corrected where that predicts unseen blocks better; itself
+    where it was given, where its slope is not known, or where OP moved too little to tell it."""
+    if curve is None or not curve.unsure_degree or curve.remark == EARLIER_USED:
+        return curve
+    base = _base_of(recording, curve)
+    correction = _correction(recording, base)
+    if correction is None:
+        return curve
+    command = curve.command(recording.op.values) + correction
+    corrected = monotone(recording, command, slope_known=True)
+    if corrected is None:
+        return curve
+    again = _base_of(recording, corrected)
+    # Losses of one scale; the coordinates are alike.
+    judge = replace(again.evaluator, delta=base.evaluator.delta, _layouts={})
+    fitted = conclude(
+        judge, scored(judge.layout(base.fitted.layout.hypothesis), again.fitted.candidates)
+    )
+    gained = gain(base.evaluator, base.fitted, fitted)
+    if gained.mean < LEAST_BEND_GAIN or gained.t < LEAST_BEND_T:
+        return curve
+    return replace(corrected, remark=curve.remark)
+
+
+def _base_of(recording: Recording, curve: StrokeCurve) -> BaseFit:
+    """S, J and reading alone, fitted to a recording read through the curve."""
+    settled = settle(recording)
+    problem = problem_of(in_travel(recording, curve), settled)
+    return fit_base(problem, summary_of(problem), settled.slack)
+
+
+def _correction(recording: Recording, base: BaseFit) -> Floats | None:
+    """(n,) what the assimilated runs of both folds leave of the curve, percent of travel; ``None``
+    where too little of either moves."""
+    evaluator, problem = base.evaluator, base.evaluator.problem
+    op = recording.op.values
+    shapes = np.nan_to_num(shapes_of(op, op[np.isfinite(op)], DEGREES[-1]))
+    inside = evaluator.measured & ~at_a_stop(problem.op, problem.mv)
+    corrections = []
+    for candidate, fold in zip(base.fitted.candidates, folds(evaluator), strict=True):
+        simulated, _ = evaluator.assimilated(base.fitted.layout, candidate)
+        step = np.diff(simulated, prepend=simulated[0])
+        used = inside & (np.abs(step) > MOVES) & np.append(fold, False)[problem.block]
+        if np.count_nonzero(used) < MOVING_SAMPLES:
+            return None
+        columns = np.column_stack((shapes, np.sign(step)))[used]
+        weights = robust_weights(columns, (problem.mv - simulated)[used])
+        corrections.append(shapes @ weights[:-1])
+    return np.asarray(np.mean(corrections, axis=0))
