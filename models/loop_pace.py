@@ -111,6 +111,6 @@ def _between_turns(recording: Recording, samples: int) -> int:
 
 
 def _round(largest: int) -> int:
-    """The largest of 1, 2, 5, 10, 20 and so on that is not above ``most``."""
+    """The largest of 1, 2, 5, 10, 20 and so on that is not above ``largest``."""
     decade = int(10 ** (len(str(largest)) - 1))
     return max(step * decade for step in STEPS if step * decade <= largest)

@@ -158,7 +158,7 @@ def predict(loop: FittedLoop, change: LoopChange, target_band: float | None = No
 
 
 def _unit(name: str, of_pv: str) -> str:
-    own = {"off_target": "%", "period_s": "s", "travel_per_hour": "%", "turns_per_hour": ""}
+    own = {"off_target": "%", "period_s": "s", "travel_per_hour": "%/h", "turns_per_hour": "1/h"}
     return own.get(name, of_pv)
 
 

@@ -51,10 +51,10 @@ from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.recording import Floats, Recording
 
 WORSE = 1.15
-# Percent, on unseen data: below it a screening says that S and J describe nothing (``Limits``), and
-# so it is with what is named. A force recorded as command leaves 35; of 20 simulated valves of
-# development on which something was named none leaves less than 76.
-LEAST_FIT_OF_NAMED, NEAR_NOISE = 40.0, 2.0
+# Percent of fit on unseen data: what follows it less describes something else. Of 33 simulated
+# valves on which something was named (`prove`, seed 9393) none is followed by less than 69; a force
+# that was recorded as command is by 62.
+LEAST_FIT_OF_NAMED, NEAR_NOISE = 65.0, 2.0
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 BEND = "bend"  # is not in the catalogue; its limits are those of a term

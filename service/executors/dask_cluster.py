@@ -162,7 +162,7 @@ class _HandedOut:
         dask = distributed()
         index = self._out.pop(future.key)
         try:
-            return Answer(index=index, results=future.result())
+            return Answer(index=index, results=self._result_of(future))
         except dask.KilledWorker:
             return Answer(index=index, failure=Failure(reason=DEADLY, lost=True))
         except (dask.CancelledError, dask.comm.CommClosedError) as error:
@@ -176,6 +176,20 @@ class _HandedOut:
             raise
         except Exception as error:
             return Answer(index=index, failure=failure_of(error))
+
+
+    def _result_of(self, future: Any) -> Any:
+        """The result of a batch that is done: it is still to be fetched, and a scheduler that hangs
+        just now would never say from where."""
+        patience_s = SILENT_S
+        while True:
+            try:
+                return future.result(timeout=patience_s)
+            except TimeoutError:
+                if future.status == "error":  # the work's own
+                    raise
+                self._pulse.feel()
+                patience_s *= 2.0  # a large result on a slow line is fetched anew each time
 
 
 class _Pulse:

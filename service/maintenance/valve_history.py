@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import PreviousFinding, Screening
-from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.records import Remark
+
+if TYPE_CHECKING:  # the front door loads no database library
+    from stemwatch.service.store.screenings.pictures import AroundWork
 
 # A year of daily runs: "since when" goes back no further, and says so.
 LOOK_BACK = 400

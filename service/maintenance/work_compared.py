@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from stemwatch.service.maintenance.drawing import (
     Drawing,
@@ -23,7 +24,9 @@ from stemwatch.service.report.charts.window_pictures import (
     before_and_after,
     unpack_pictures,
 )
-from stemwatch.service.store.screenings.pictures import AroundWork
+
+if TYPE_CHECKING:  # the front door loads no database library
+    from stemwatch.service.store.screenings.pictures import AroundWork
 
 MOST_SHOWN = 12  # in one report; the others are on their valves' pages
 WIDTH, HEIGHT = 250.0, 150.0

@@ -10,10 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import sqrt
+from typing import TYPE_CHECKING
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.screening_result import Indicator
 from stemwatch.service.presenter.wording import figure
+
+if TYPE_CHECKING:  # the plant file knows prices, and reading it loads no kernels
+    from stemwatch.models.screening_result import Indicator
 
 HOURS_A_MONTH = 730.0
 SHARE = "variance_from_sticking_percent"

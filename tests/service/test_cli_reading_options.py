@@ -18,6 +18,7 @@ CALLS = {
     "explain": ("explain", "{file}", "--op", "A.OP", "--mv", "A.MV", "--no-narx"),
     "compare": ("compare", "{file}", "--op", "A.OP", "--mv", "A.MV", "--no-narx"),
     "plan-test": ("plan-test", "{file}", "--op", "A.OP", "--mv", "A.MV"),
+    "twin": ("twin", "{file}", "--op", "A.OP", "--mv", "A.MV"),
     "judge-test": ("judge-test", "{file}", "{file}", "--op", "A.OP", "--mv", "A.MV"),
 }
 # What a file of dates with offsets does not need, and how the sentence begins.

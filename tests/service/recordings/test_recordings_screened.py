@@ -94,8 +94,8 @@ def test_a_speed_limit_is_not_taken_for_stiction(screened: Screened) -> None:
 
 
 def test_the_position_is_found_without_being_named(screened: Screened) -> None:
-    """Without --op and --mv the same two columns are taken, and the same numbers come out."""
-    _, (named,) = screened(*DAMADICS, "--mv", "LC74_20X_pct")
+    """Without --op, --mv and --pv the same columns are taken, and the same numbers come out."""
+    _, (named,) = screened(*DAMADICS, "--mv", "LC74_20X_pct", "--pv", "LC74_20PV_pct")
     _, (result,) = screened("damadics")
     assert named["stiction"] == result["stiction"]
 

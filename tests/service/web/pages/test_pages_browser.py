@@ -223,7 +223,7 @@ def test_runs_refresh_by_themselves(opened, live):
     from stemwatch.service.store.runs.queue import RunToQueue
 
     page = opened.page("/runs")
-    assert "No run waits" in page.locator("#going").inner_text()
+    assert "No run is waiting" in page.locator("#going").inner_text()
     live.store.queue.put(RunToQueue(who="K. Berg"), software_version="0.1")
     page.locator("#going .card").wait_for(timeout=15_000)
 
