@@ -177,7 +177,6 @@ class _HandedOut:
         except Exception as error:
             return Answer(index=index, failure=failure_of(error))
 
-
     def _result_of(self, future: Any) -> Any:
         """The result of a batch that is done: it is still to be fetched, and a scheduler that hangs
         just now would never say from where."""
