@@ -37,6 +37,7 @@ from stemwatch.service.web.pages import (
     sources_page,
     test_plan_page,
     tokens_page,
+    twin_page,
     users_page,
     valve_page,
 )
@@ -53,6 +54,7 @@ ROUTERS = (
     ranking_page.router,
     valve_page.router,
     test_plan_page.router,
+    twin_page.router,
     alerts_page.router,
     feedback_page.router,
     oscillations_page.router,

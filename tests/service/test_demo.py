@@ -11,16 +11,19 @@ from typing import Any
 import pytest
 
 from stemwatch.service.config import load_plant
+from tests.shared_setup import made_once
 
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory, stemwatch) -> Path:
     """The folder that one run of the demonstration leaves."""
-    folder = tmp_path_factory.mktemp("demo") / "plant"
-    outcome = stemwatch("demo", "--out", folder, "--workers", 2)
-    assert outcome.status == 0, outcome.said
-    assert "Open the report in a browser" in outcome.said
-    return folder
+
+    def run(folder: Path) -> None:
+        outcome = stemwatch("demo", "--out", folder / "plant", "--workers", 2)
+        assert outcome.status == 0, outcome.said
+        assert "Open the report in a browser" in outcome.said
+
+    return made_once(tmp_path_factory, "demo", run) / "plant"
 
 
 @pytest.fixture(scope="module")

@@ -28,6 +28,7 @@ ROUTE_OPERATIONS: Mapping[str, Operation] = MappingProxyType(
         "GET /": Operation.READ,
         "GET /overview": Operation.READ,
         "GET /valve": Operation.READ,
+        "GET /valve/what-if": Operation.READ,
         "GET /valve/test-plan": Operation.READ,
         "GET /valve/test-plan/sheet": Operation.READ,
         "GET /oscillations": Operation.READ,
