@@ -173,6 +173,10 @@ def fit_loop(recording: Recording, valve: FittedValve) -> FittedLoop | str:
     missing = [name for name, signal in (("PV", pv), ("the position", mv)) if signal is None]
     if pv is None or mv is None:
         return f"{' and '.join(missing)} was not recorded"
+    pv = pv.in_process_unit()
+    sp = None if sp is None else sp.in_process_unit()
+    if sp is not None and sp.unit != pv.unit:
+        return f"the set point is in {sp.unit} and PV in {pv.unit}"
     signals = [recording.op, mv, pv, *([sp] if sp is not None else [])]
     known = np.all([signal.usable for signal in signals], axis=0)
     first, last = _longest(known, BRIDGED)

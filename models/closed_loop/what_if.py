@@ -87,6 +87,8 @@ class Prediction:
     def fall(self, name: str, squared: bool = False) -> Estimate:
         """By which percent a figure (its square, for a variance) falls against the recorded one."""
         was = getattr(self.recorded, name)
+        if was == 0.0:
+            return Estimate.unknown("it was 0 in the recording", "%")
         power = 2 if squared else 1
         return self._against(name, lambda one: 100.0 * (1.0 - (one / was) ** power), "%")
 
@@ -97,7 +99,7 @@ class Prediction:
 
     def _against(self, name: str, told: Callable[[float], float], unit: str) -> Estimate:
         was, will = getattr(self.recorded, name), self.predicted[name]
-        if not was or will.value is None or will.low is None or will.high is None:
+        if was is None or will.value is None or will.low is None or will.high is None:
             return Estimate.unknown(will.reason or "nothing was recorded to compare with", unit)
         value, high, low = (told(one) for one in (will.value, will.low, will.high))
         return Estimate(value=value, low=low, high=high, unit=unit)

@@ -13,7 +13,7 @@ from stemwatch.models.closed_loop.fitted_loop import FittedValve, Knocker, fit_l
 from stemwatch.models.closed_loop.process_model import process_model
 from stemwatch.models.closed_loop.what_if import REPAIRED, LoopChange, figures_of, predict
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.recording import ProcessRange, Recording, Role, Signal
 from stemwatch.models.stickslip import kernel as element
 
 N = 3600
@@ -172,3 +172,23 @@ def test_holes_of_a_few_samples_are_bridged() -> None:
     loop = fit_loop(recording(dict(made, pv=pv)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     assert loop.recorded.pv.size == N
+
+
+def test_pv_is_in_its_own_unit() -> None:
+    """A price for a bar is paid for bars, also where the archive keeps percent of the range."""
+    made = plant(5.0, 2.0)
+    whole = recording(made)
+    span = ProcessRange(low=0.0, high=16.0, unit="bar")
+    in_bar = {
+        role: replace(signal, range=span) if role in (Role.PV, Role.SP) else signal
+        for role, signal in whole.signals.items()
+    }
+    loop = fit_loop(replace(whole, signals=in_bar), FittedValve(S=5.0, J=2.0))
+    plain = fit_loop(whole, FittedValve(S=5.0, J=2.0))
+    assert not isinstance(loop, str)
+    assert not isinstance(plain, str)
+    assert loop.unit == "bar"
+    assert loop.process.gain == pytest.approx(0.16 * plain.process.gain, rel=1e-3)
+    only_pv = {**in_bar, Role.SP: whole.signals[Role.SP]}
+    said = fit_loop(replace(whole, signals=only_pv), FittedValve(S=5.0, J=2.0))
+    assert said == "the set point is in % and PV in bar"
