@@ -15,7 +15,7 @@ from enum import Enum, auto
 
 import numpy as np
 
-from stemwatch.models.recording import Recording, Role, Signal
+from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.service.executors.executor import Executor
 from stemwatch.service.executors.in_process import InProcess
 
@@ -74,9 +74,20 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
             screen([Case(recording=short_recording())], Options(mismatch=False))
             op = short_recording().op.values.copy()  # to be written to, as where it is used
             element(op, 4.0, 2.0, np.empty_like(op))  # of loops with PV
+            _run_a_loop(op)
         else:
             explain(short_recording())
     return list(parts)
+
+
+def _run_a_loop(op: Floats) -> None:
+    """Compile what runs the loop of a sticking valve again."""
+    from stemwatch.models.closed_loop import kernel
+    from stemwatch.models.closed_loop.process_model import process_model
+
+    process_model(op, np.cumsum(op - op.mean()))
+    signals = (np.empty_like(op) for _ in range(3))
+    kernel.run_loop(op, op, op, np.ones(kernel.N_NUMBERS), np.zeros(2), *signals)
 
 
 def short_recording() -> Recording:
