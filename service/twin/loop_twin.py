@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 
 from stemwatch.models.closed_loop.fitted_loop import FittedLoop, FittedValve, Knocker, fit_loop
 from stemwatch.models.closed_loop.what_if import REPAIRED, LoopChange, Prediction, predict
@@ -13,6 +16,7 @@ from stemwatch.service.presenter.wording import figure
 
 # Hagglund's knocker as the literature sets it: a pulse of about S, two control intervals wide.
 KNOCK_OF_S, KNOCK_EVERY_S, KNOCK_FOR_S = 1.0, 10.0, 2.0
+MOST_KEPT = 8  # twins of a page whose sliders are moved; each holds some signals of an hour
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +36,34 @@ def loop_twin(recording: Recording, screening: Screening) -> FittedLoop | str:
     slope = 1.0 if curve is None else curve.slope
     valve = FittedValve.of(screening.S, screening.J, numbers, slope)
     return valve if isinstance(valve, str) else fit_loop(recording, valve)
+
+
+class TwinCache:
+    """Twins by the screening that they are of; those that were asked for last are kept."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[int, int], FittedLoop | str] = OrderedDict()
+        self._guard = Lock()
+
+    def twin(
+        self, store: int, number: int, screening: Screening, read: Callable[[], Recording | str]
+    ) -> FittedLoop | str:
+        """The twin of screening ``number`` of a ``store``, or why there is none. ``read`` gives the
+        samples of its window, or why not; it is called only where the twin is not kept."""
+        key = (store, number)
+        with self._guard:
+            if key in self._kept:
+                self._kept.move_to_end(key)
+                return self._kept[key]
+        recording = read()
+        if isinstance(recording, str):
+            return recording  # the source may answer the next time
+        twin = loop_twin(recording, screening)
+        with self._guard:
+            self._kept[key] = twin
+            while len(self._kept) > MOST_KEPT:
+                self._kept.popitem(last=False)
+        return twin
 
 
 def usual_changes(loop: FittedLoop) -> list[tuple[str, LoopChange]]:

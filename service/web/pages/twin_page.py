@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from stemwatch.models.closed_loop.what_if import LoopFigures, Prediction
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.recording import Recording
-    from stemwatch.service.twin.stored_twin import TwinCache
+    from stemwatch.service.twin.loop_twin import TwinCache
 
 SHOWN_S = 3600.0  # of the stretch, its newest part
 POINTS = 700
@@ -92,7 +92,7 @@ def _number(key: str, text: str) -> float:
 
 @cache
 def _kept() -> TwinCache:
-    from stemwatch.service.twin.stored_twin import TwinCache
+    from stemwatch.service.twin.loop_twin import TwinCache
 
     return TwinCache()
 
