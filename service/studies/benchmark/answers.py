@@ -19,7 +19,7 @@ MOST_CAUSES = 3
 _BETWEEN = ";"  # two causes; a cell that holds it is quoted where the file is separated by it
 
 
-class Stiction(StrEnum):
+class Sticks(StrEnum):
     """Whether the valve sticks."""
 
     YES = "yes"
@@ -45,7 +45,7 @@ class Number:
 class CaseAnswer:
     """What a program says of one recording; the default says nothing."""
 
-    stiction: Stiction = Stiction.CANNOT_TELL
+    stiction: Sticks = Sticks.CANNOT_TELL
     S: Number = Number()
     J: Number = Number()
     causes: tuple[str, ...] = ()  # at most ``MOST_CAUSES``; none of them: nothing is said
@@ -148,10 +148,10 @@ class _Row:
             causes=self._causes(),
         )
 
-    def _stiction(self) -> Stiction:
+    def _stiction(self) -> Sticks:
         word = self.cells.get("stiction", "").lower()
         try:
-            return Stiction(word) if word else Stiction.CANNOT_TELL
+            return Sticks(word) if word else Sticks.CANNOT_TELL
         except ValueError:
             words = "yes, no, cannot tell, or nothing"
             raise self.fault("stiction", word, words) from None

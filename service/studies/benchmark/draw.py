@@ -30,7 +30,7 @@ from stemwatch.models.studies.simulator.hidden.air import AIR
 from stemwatch.models.studies.simulator.hidden.friction import FRICTION
 from stemwatch.models.studies.simulator.hidden.sensing import SENSING
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.benchmark.truth import NONE, OTHER, CaseTruth
+from stemwatch.service.studies.benchmark.truth import NONE, OTHER, ValveTruth
 from stemwatch.service.studies.proof.draw import write_case
 
 GROUP = 8  # cases: sticking or not, with or without position, of either family
@@ -58,7 +58,7 @@ class DrawnCase:
 
     recording: Recording
     integrating: bool
-    truth: CaseTruth
+    truth: ValveTruth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class CaseToDraw:
 
 def write_cases(
     count: int, seed: int, folder: Path, executor: Executor, on_progress: Callable[[int], None]
-) -> tuple[CaseTruth, ...]:
+) -> tuple[ValveTruth, ...]:
     """``count`` recordings in ``folder``, with a list of what may be known of them; their truths in
     the order of the names, which are numbered in a shuffled order.
 
@@ -103,7 +103,7 @@ def _word(value: bool) -> str:
     return "yes" if value else "no"
 
 
-def _write(order: CaseToDraw) -> list[tuple[CaseTruth, bool]]:
+def _write(order: CaseToDraw) -> list[tuple[ValveTruth, bool]]:
     drawn, file = draw_case(order.seed, order.place), Path(order.file)
     write_case(file, drawn.recording, TAGS)
     return [(replace(drawn.truth, case=file.stem), drawn.integrating)]
@@ -123,7 +123,7 @@ def draw_case(seed: int, place: int) -> DrawnCase:
     return DrawnCase(
         recording=replace(recording.part(0, SAMPLES), signals=signals),
         integrating=integrating,
-        truth=CaseTruth(case="", position=position, S=S, J=J, cause=cause),
+        truth=ValveTruth(case="", position=position, S=S, J=J, cause=cause),
     )
 
 

@@ -63,7 +63,8 @@ def cycles(execute: Any, file: Path) -> list[str]:
 def main(folder: str, *cases: str) -> None:
     """Every case by itself: what the package raises on one costs the others nothing."""
     warnings.simplefilter("ignore")
-    execute, answers = analyser(), {}
+    execute = analyser()
+    answers: dict[str, dict[str, Any]] = {}
     for case in cases:
         try:
             with contextlib.redirect_stdout(io.StringIO()):

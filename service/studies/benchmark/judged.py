@@ -12,11 +12,10 @@ from stemwatch.service.studies.benchmark.page import PAGE_FILE, digest_in, page_
 from stemwatch.service.studies.benchmark.score import Merit, merit_of
 from stemwatch.service.studies.benchmark.truth import (
     BenchmarkTruth,
-    BrokenSeal,
     opened,
     recordings_digest,
 )
-from stemwatch.service.studies.proof.truth import digest_of
+from stemwatch.service.studies.proof.truth import BrokenSeal, digest_of
 
 
 def truth_file_of(folder: Path) -> Path:

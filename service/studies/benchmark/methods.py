@@ -29,17 +29,17 @@ from stemwatch.service.studies.benchmark.answers import (
     MOST_CAUSES,
     CaseAnswer,
     Number,
-    Stiction,
+    Sticks,
 )
 from stemwatch.service.studies.benchmark.draw import CASES_FILE, TAGS
 from stemwatch.service.studies.benchmark.truth import NONE, OTHER
 
 _VERDICTS = {
-    Verdict.STICKY: Stiction.YES,
-    Verdict.HEALTHY: Stiction.NO,
-    Verdict.DEFECTIVE: Stiction.NO,  # something other than friction is wrong
+    Verdict.STICKY: Sticks.YES,
+    Verdict.HEALTHY: Sticks.NO,
+    Verdict.DEFECTIVE: Sticks.NO,  # something other than friction is wrong
 }
-_SUSPICIONS = {Suspicion.SUSPECTED: Stiction.YES, Suspicion.NO_SIGN: Stiction.NO}
+_SUSPICIONS = {Suspicion.SUSPECTED: Sticks.YES, Suspicion.NO_SIGN: Sticks.NO}
 _HAW_PROGRAM = Path(__file__).with_name("haw_program.py")
 _HAW_SHARE = 0.5  # of the cycles of an oscillation that the package marks, from which it sticks
 _LAST_WORDS = 500
@@ -115,7 +115,7 @@ def _with_position(screening: Screening) -> CaseAnswer:
     if mismatch is not None and mismatch.restated.S.value is not None:
         S, J = mismatch.restated.S, mismatch.restated.J
     return CaseAnswer(
-        stiction=_VERDICTS.get(screening.verdict, Stiction.CANNOT_TELL),
+        stiction=_VERDICTS.get(screening.verdict, Sticks.CANNOT_TELL),
         S=_number(S),
         J=_number(J),
         causes=() if mismatch is None else _causes(mismatch),
@@ -127,7 +127,7 @@ def _without_position(screening: Screening) -> CaseAnswer:
     if suspicion is None:
         return CaseAnswer()
     return CaseAnswer(
-        stiction=_SUSPICIONS.get(suspicion.verdict, Stiction.CANNOT_TELL),
+        stiction=_SUSPICIONS.get(suspicion.verdict, Sticks.CANNOT_TELL),
         S=_number(suspicion.apparent_S),
     )
 
@@ -176,8 +176,8 @@ class _Formula:
         return [(case.case, CaseAnswer(stiction=_stiction(found.sticks)))]
 
 
-def _stiction(sticks: bool | None) -> Stiction:
-    return Stiction.CANNOT_TELL if sticks is None else Stiction.YES if sticks else Stiction.NO
+def _stiction(sticks: bool | None) -> Sticks:
+    return Sticks.CANNOT_TELL if sticks is None else Sticks.YES if sticks else Sticks.NO
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ class Haw:
     python: str
 
     def __call__(
-        self, cases: Sequence[PublicCase], _: Executor, tell: Tell
+        self, cases: Sequence[PublicCase], executor: Executor, tell: Tell
     ) -> Mapping[str, CaseAnswer]:
         answers = {}
         for done, case in enumerate(cases, start=1):

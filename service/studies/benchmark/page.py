@@ -12,21 +12,16 @@ from stemwatch.service.studies.benchmark.truth import NONE, STICKS_FROM
 
 PAGE_FILE = "README.md"
 _DIGEST = re.compile(r"^SHA-256 of the truth: `([0-9a-f]{64})`$", re.MULTILINE)
+_PAGE = """# Does this valve stick, and why?
 
-
-def page_of(cases: int, digest: str) -> str:
-    """The page as Markdown."""
-    causes = "\n".join(f"| `{word}` | {meaning} |" for word, meaning in cause_words().items())
-    return f"""# Does this valve stick, and why?
-
-{cases} recordings of control loops, `case-0001.csv` and so on: {SAMPLES} samples at 1 s, in
+{cases} recordings of control loops, `case-0001.csv` and so on: {samples} samples at 1 s, in
 percent, the time in UTC. OP is the controller output, MV the measured position of the
 valve, PV the process variable, SP the set point. `Bad` is a sample without a value. Half of
-the recordings have no MV. `{CASES_FILE}` says of each which they are, whether its process
+the recordings have no MV. `{listing}` says of each which they are, whether its process
 integrates (a level), and whether its cause is asked.
 
 The loops are simulated by force balance, so that everything is known of them. Half of the
-valves stick: S of {STICKS_FROM:g} % or more, and no sound valve comes near. Some loops
+valves stick: S of {sticks_from:g} % or more, and no sound valve comes near. Some loops
 oscillate because they stick, some for other reasons, some not at all.
 
 ## What is asked
@@ -35,8 +30,8 @@ oscillate because they stick, some for other reasons, some not at all.
 2. **S and J**, in percent of OP span, each with a 95 % interval. S is dead band plus stick
    band, J the slip jump, both as they read off the loop of MV over OP. Scored where the
    valve sticks, J only with MV.
-3. **What else is wrong**, where `{CASES_FILE}` asks: one word of the list below, or up to
-   {MOST_CAUSES} between which the recording leaves the choice, separated by `;`. An effect
+3. **What else is wrong**, where `{listing}` asks: one word of the list below, or up to
+   {most_causes} between which the recording leaves the choice, separated by `;`. An effect
    that is there moves the position by at least 0.15 % of span (RMS).
 
 What cannot be told is left out: nothing is lost by it.
@@ -45,12 +40,12 @@ What cannot be told is left out: nothing is lost by it.
 
 One CSV file, separated by commas, with the heading
 
-    {",".join(COLUMNS)}
+    {heading}
 
 and one row a case. Every field but `case` may be empty, every column but `case` and every
 row may be missing.
 
-    case-0001,yes,4.2,3.1,5.0,1.9,1.2,2.6,{NONE}
+    case-0001,yes,4.2,3.1,5.0,1.9,1.2,2.6,{none}
     case-0002,cannot tell,,,,,,,
 
 ## The score
@@ -61,10 +56,10 @@ no expected score above that of no answer.
 
 | part | right | wrong | no answer |
 |---|---|---|---|
-| stiction, with position | 1 | {WRONG_STICTION:g} | 0 |
-| stiction, without position | 1 | {WRONG_STICTION:g} | 0 |
+| stiction, with position | 1 | {wrong_stiction:g} | 0 |
+| stiction, without position | 1 | {wrong_stiction:g} | 0 |
 | S; J | 1 - IS/B | the same | 0 |
-| cause | 1 over the number of words | {WRONG_CAUSE:g} | 0 |
+| cause | 1 over the number of words | {wrong_cause:g} | 0 |
 
 IS is the interval score of the 95 % interval (its width, and 40 times what the truth lies
 outside: Gneiting and Raftery 2007, doi:10.1198/016214506000001437), B its mean for the best
@@ -92,6 +87,24 @@ digits and process do not depend on it.
 |---|---|
 {causes}
 """
+
+
+def page_of(cases: int, digest: str) -> str:
+    """The page as Markdown."""
+    causes = "\n".join(f"| `{word}` | {meaning} |" for word, meaning in cause_words().items())
+    return _PAGE.format(
+        cases=cases,
+        digest=digest,
+        samples=SAMPLES,
+        listing=CASES_FILE,
+        sticks_from=STICKS_FROM,
+        heading=",".join(COLUMNS),
+        most_causes=MOST_CAUSES,
+        none=NONE,
+        wrong_stiction=WRONG_STICTION,
+        wrong_cause=WRONG_CAUSE,
+        causes=causes,
+    )
 
 
 def digest_in(folder: Path) -> str:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.recording import Floats
-from stemwatch.service.studies.benchmark.answers import CaseAnswer, Number, Stiction
-from stemwatch.service.studies.benchmark.truth import CaseTruth
+from stemwatch.service.studies.benchmark.answers import CaseAnswer, Number, Sticks
+from stemwatch.service.studies.benchmark.truth import ValveTruth
 
 # Half of the valves stick: a wrong word costs twice what a right one gains, as a valve that is
 # taken out for nothing, or left sticking, costs more than one more measurement.
@@ -60,7 +60,7 @@ class _Marks:
     error: float | None = None
 
 
-def merit_of(truths: Sequence[CaseTruth], answers: Mapping[str, CaseAnswer]) -> Merit:
+def merit_of(truths: Sequence[ValveTruth], answers: Mapping[str, CaseAnswer]) -> Merit:
     """The order of merit of ``answers``; a case that is missing there is not answered."""
     marks = _marks_of(truths, answers)
     scores = np.array([part.scores for part in marks])
@@ -76,13 +76,15 @@ def merit_of(truths: Sequence[CaseTruth], answers: Mapping[str, CaseAnswer]) -> 
 
 
 def parts_of(
-    truths: Sequence[CaseTruth], answers: Mapping[str, CaseAnswer]
+    truths: Sequence[ValveTruth], answers: Mapping[str, CaseAnswer]
 ) -> tuple[PartScore, ...]:
     """The scores of ``answers`` part by part, in the order of ``PARTS``."""
     return _parts(_marks_of(truths, answers))
 
 
-def _marks_of(truths: Sequence[CaseTruth], answers: Mapping[str, CaseAnswer]) -> tuple[_Marks, ...]:
+def _marks_of(
+    truths: Sequence[ValveTruth], answers: Mapping[str, CaseAnswer]
+) -> tuple[_Marks, ...]:
     given = [answers.get(truth.case, CaseAnswer()) for truth in truths]
     return (
         _stiction(truths, given, position=True),
@@ -118,22 +120,22 @@ def _means(scores: Floats, draws: NDArray[np.int64]) -> Floats:
 
 
 def _stiction(
-    truths: Sequence[CaseTruth], given: Sequence[CaseAnswer], *, position: bool
+    truths: Sequence[ValveTruth], given: Sequence[CaseAnswer], *, position: bool
 ) -> _Marks:
     """1 for the right word, ``WRONG_STICTION`` for the wrong one, 0 for "cannot tell"."""
     scores = np.full(len(truths), np.nan)
     for index, (truth, answer) in enumerate(zip(truths, given, strict=True)):
         if truth.position is not position:
             continue
-        if answer.stiction is Stiction.CANNOT_TELL:
+        if answer.stiction is Sticks.CANNOT_TELL:
             scores[index] = 0.0
         else:
-            is_right = (answer.stiction is Stiction.YES) == truth.sticks
+            is_right = (answer.stiction is Sticks.YES) == truth.sticks
             scores[index] = 1.0 if is_right else WRONG_STICTION
     return _counted(scores)
 
 
-def _causes(truths: Sequence[CaseTruth], given: Sequence[CaseAnswer]) -> _Marks:
+def _causes(truths: Sequence[ValveTruth], given: Sequence[CaseAnswer]) -> _Marks:
     """1 over the number of words for words that hold the truth, ``WRONG_CAUSE`` for others."""
     scores = np.full(len(truths), np.nan)
     for index, (truth, answer) in enumerate(zip(truths, given, strict=True)):

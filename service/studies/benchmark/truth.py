@@ -15,7 +15,7 @@ NONE, OTHER = "none", "other"
 
 
 @dataclass(frozen=True, kw_only=True)
-class CaseTruth:
+class ValveTruth:
     """What is true of one recording. ``S`` and ``J`` in percent of OP span, as they read off the
     noise-free OP-MV loop. ``cause`` is the slug of the effect beside friction, ``none`` or
     ``other``; empty where the cause is not asked, because the valve has several."""
@@ -38,7 +38,7 @@ class BenchmarkTruth:
 
     seed: int
     recordings: str  # SHA-256, see ``recordings_digest``
-    cases: tuple[CaseTruth, ...]
+    cases: tuple[ValveTruth, ...]
 
     def sealed(self) -> str:
         """The text whose digest the page prints: one case a line, keys sorted."""
@@ -55,7 +55,7 @@ def opened(text: str, digest: str) -> BenchmarkTruth:
             f"folder prints {digest}; nothing was scored. Give the truth that belongs to it"
         )
     stored = json.loads(text)
-    cases = tuple(CaseTruth(**case) for case in stored["cases"])
+    cases = tuple(ValveTruth(**case) for case in stored["cases"])
     return BenchmarkTruth(seed=stored["seed"], recordings=stored["recordings"], cases=cases)
 
 
