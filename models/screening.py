@@ -37,7 +37,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.loop_pace import at_loop_pace
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
 from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.narx.architecture import StickSlipStart
@@ -423,11 +423,29 @@ def _stiction(
         if fitted.archive is not None:
             S, J = fitted.archive.restored(S, J, _missed(fitted, fit))
             S_draws = S_draws if S.value is None else spread_of(S)
-        if curve is None:
-            return S, J, S_draws
-        return curve.in_op(S), curve.in_op(J, is_jump=True), S_draws / abs(curve.slope)
+        if curve is not None:
+            S, J = curve.in_op(S), curve.in_op(J, is_jump=True)
+            S_draws = S_draws / abs(curve.slope)
+        if mismatch is not None and _lag_is_doubtful(fitted, fit, mismatch, S, J):
+            # Nothing but this fit asks for its lag, and which of them is right cannot be told.
+            alone, restated = mismatch.naive, mismatch.restated
+            S, J = restated.S.holding(S, alone.S), restated.J.holding(J, alone.J)
+            S_draws = spread_of(S)
+        return S, J, S_draws
     S, J = mismatch.restated.S, mismatch.restated.J
     return S, J, spread_of(S)
+
+
+def _lag_is_doubtful(
+    fitted: _Fitted, fit: StickSlipFit, mismatch: Mismatch, S: Estimate, J: Estimate
+) -> bool:
+    """Whether a lag that was fitted beside friction takes S or J from it, though the record as a
+    whole is explained without: S and J with all breakaways where they were seen contradict it."""
+    if fit.hypothesis != "both" or fit.breakaways is not None or fitted.archive is not None:
+        return False
+    explained = mismatch.finding is Finding.NONE
+    restated = mismatch.restated
+    return explained and (restated.S.contradicts(S) or restated.J.contradicts(J))
 
 
 def _missed(fitted: _Fitted, fit: StickSlipFit) -> float:

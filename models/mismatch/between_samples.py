@@ -162,9 +162,7 @@ class Archive:
                 _of_slips(J, levels.J, levels.J_error),
             )
             return (
-                (_either(S, from_slips[0]), _either(J, from_slips[1]))
-                if self.doubted
-                else from_slips
+                (S.holding(from_slips[0]), J.holding(from_slips[1])) if self.doubted else from_slips
             )
         if self.deviation > 0.0:
             lacks = self._lacks(S.value)
@@ -427,15 +425,6 @@ def _of_slips(estimate: Estimate, value: float, error: float) -> Estimate:
     """``estimate`` with the ``value`` that the slips tell, and its standard ``error``."""
     low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
     return replace(estimate, value=value, low=low, high=high)
-
-
-def _either(fitted: Estimate, from_slips: Estimate) -> Estimate:
-    """The ``fitted`` value with an interval that holds both."""
-    lows, highs = (
-        [end for end in ends if end is not None]
-        for ends in ((fitted.low, from_slips.low), (fitted.high, from_slips.high))
-    )
-    return replace(fitted, low=min(lows, default=None), high=max(highs, default=None))
 
 
 def _moved(estimate: Estimate, change: float, error: float) -> Estimate:
