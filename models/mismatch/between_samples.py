@@ -88,6 +88,9 @@ LEAST_JUMP = 0.3  # percent
 # sticking valves lacked 1.1 and 0.8 deviations of S (median), 1.0 and 0.7 of J.
 REPORT_ERROR, REPORT_LACKS = 0.5, 0.75
 HIDES = 2.0  # deviations up to which S may as well be nothing
+# Deviations up to which S may be that of the reports alone, OP's and the stem's: the low end of its
+# interval is then that of what was fitted.
+MAY_BE_REPORTS = 3.0
 
 
 class ArchiveKind(StrEnum):
@@ -167,7 +170,10 @@ class Archive:
         if self.deviation > 0.0:
             lacks = self._lacks(S.value)
             error = REPORT_ERROR * self.deviation
-            return _moved(S, lacks, error), _moved(J, lacks, error)
+            moved = (_moved(S, lacks, error), _moved(J, lacks, error))
+            if S.value > MAY_BE_REPORTS * self.deviation:
+                return moved
+            return moved[0].holding(_moved(S, 0.0, error)), moved[1].holding(_moved(J, 0.0, error))
         lowest, error = S.low or 0.0, max(ERROR_OF_MISSED * missed, LEAST_ERROR)
         S, J = _moved(S, missed, error), _moved(J, missed, error)
         if not self.too_slow:
