@@ -37,7 +37,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.loop_pace import at_loop_pace
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
 from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.narx.architecture import StickSlipStart
@@ -495,6 +495,8 @@ def _with_verdict(
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
+    if mismatch is not None:  # one S and one J of a valve and window, whoever tells them
+        mismatch = replace(mismatch, restated=Stiction(S=S, J=J))
     numbers = [
         *indicators.of_recording(fitted.assessment.recording),
         *_movement(fitted, fit, events),

@@ -233,7 +233,7 @@ def to_contract(
     are those of ``zone``, as in a report.
     """
     mismatch = screening.mismatch
-    presented = present(screening, stands=stands, confirmed=confirmed)
+    presented = present(screening, stands=stands, confirmed=confirmed, groups=groups)
     cost = cost or cost_of_sticking(screening.indicators, None)
     start, end = screening.window
     return {

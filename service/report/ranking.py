@@ -142,7 +142,13 @@ class Ranking(Sequence[RankedValve]):
         facts = self._context.facts(screening.valve)
         stands, confirmed = self.discovered.standing[rank], self.discovered.confirmed[rank]
         remark = self.discovered.remark(facts.by_window) if stands is False else ""
-        finding = present(screening, stands=stands, confirmed=confirmed, held_back=remark)
+        finding = present(
+            screening,
+            stands=stands,
+            confirmed=confirmed,
+            held_back=remark,
+            groups=self._context.groups,
+        )
         return RankedValve(
             rank=rank + 1,
             anchor=self._anchors[rank],
