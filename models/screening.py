@@ -51,7 +51,7 @@ from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidence
-from stemwatch.models.stickslip.events import SlipEvents, slip_events
+from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
@@ -471,7 +471,7 @@ def _with_verdict(
         "narx": residual.of_narx(network),
         "baseline": compared.residual,
     }
-    events = slip_events(fit)
+    events = fit.events
     cycle = signal_oscillation(fitted.recording.op, fitted.recording.interval_s)
     evidence = DecisionEvidence(
         S=S,
@@ -522,7 +522,7 @@ def _movement(fitted: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[In
         return indicators.of_movement(fit.evaluator.problem, events)
     whole_problem = make_problem(in_travel(fitted.assessment.recording, fitted.curve))
     evaluator = replace(fit.evaluator, problem=whole_problem)
-    return indicators.of_movement(whole_problem, slip_events(replace(fit, evaluator=evaluator)))
+    return indicators.of_movement(whole_problem, replace(fit, evaluator=evaluator).events)
 
 
 def _traces(fitted: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:

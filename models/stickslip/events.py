@@ -7,7 +7,6 @@ beyond doubt. Jumps from rest are seen without a model.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from stemwatch.models.excitation import jumps_from_rest, travel
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.problem import FitProblem
-
-if TYPE_CHECKING:
-    from stemwatch.models.stickslip.fit import StickSlipFit
 
 # Simulated healthy valves have a share below 0.1 (0 for nearly all); sticking ones whose slips the
 # fitted model misses had 0.38 and more.
@@ -52,11 +48,6 @@ class SlipEvents:
     def of_this_command(self) -> bool:
         """True where the jumps are a sticking stem's, and as good as all go towards the command."""
         return self.evident and self.towards >= OWN_TOWARDS
-
-
-def slip_events(fit: StickSlipFit) -> SlipEvents:
-    """The slips of the recording, measured against its way and its command."""
-    return events_of(fit.evaluator.problem, fit.candidate)
 
 
 def events_of(problem: FitProblem, candidate: Floats) -> SlipEvents:

@@ -25,7 +25,7 @@ from stemwatch.models.stickslip.breakaways import (
     Breakaways,
     breakaways,
 )
-from stemwatch.models.stickslip.events import events_of
+from stemwatch.models.stickslip.events import SlipEvents, events_of
 from stemwatch.models.stickslip.parameters import Bounds, bounds, to_kernel
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.search import Loss, SearchResult, best_of, refine
@@ -280,6 +280,11 @@ class StickSlipFit:
     def J(self) -> float:
         """Slip jump, percent of OP span; as ``S``."""
         return self.breakaways.J if self.breakaways else S_and_J(self.candidate)[1]
+
+    @property
+    def events(self) -> SlipEvents:
+        """The slips of the recording, measured against its way and its command."""
+        return events_of(self.evaluator.problem, self.candidate)
 
     def heldout(self, *, resynced: bool = False) -> Floats:
         """(n,) free run of MV with the parameters of the training part.

@@ -7,7 +7,6 @@ import pytest
 
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.stickslip.events import slip_events
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.stickslip.interval import bootstrap, interval
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
@@ -20,7 +19,7 @@ def recording_of(draw, place: int) -> Recording:
 @pytest.mark.parametrize("place", [1, 11, 25])
 def test_a_stem_that_rests_and_jumps_is_evident(place: int) -> None:
     """Sticking valves under load jump towards their command, however their slips scatter."""
-    events = slip_events(fit_stickslip(recording_of(draw_sticky, place)))
+    events = fit_stickslip(recording_of(draw_sticky, place)).events
     assert events.evident
     assert events.towards > 0.95
 
@@ -28,7 +27,7 @@ def test_a_stem_that_rests_and_jumps_is_evident(place: int) -> None:
 @pytest.mark.parametrize("place", [1, 2, 3, 4, 5])
 def test_a_healthy_valve_does_not_jump(place: int) -> None:
     """A valve that follows makes next to none of its way in jumps from rest."""
-    events = slip_events(fit_stickslip(recording_of(draw_healthy, place)))
+    events = fit_stickslip(recording_of(draw_healthy, place)).events
     assert events.share < 0.1
     assert not events.evident
 
@@ -40,7 +39,7 @@ def test_jumps_away_from_the_command_are_not_friction() -> None:
     mv = Signal.good(other.signals[Role.MV].values[:n].copy(), "ZT")
     mixed = own.part(0, n)
     mixed = replace(mixed, signals={**mixed.signals, Role.MV: mv})
-    assert not slip_events(fit_stickslip(mixed)).evident
+    assert not fit_stickslip(mixed).events.evident
 
 
 def test_nothing_that_moves_is_no_event() -> None:
@@ -48,7 +47,7 @@ def test_nothing_that_moves_is_no_event() -> None:
     op = 50.0 + np.sin(np.arange(600.0) / 20.0)
     signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(np.full(600, 50.0), "ZT")}
     recording = Recording(valve="V", signals=signals, interval_s=1.0)
-    events = slip_events(fit_stickslip(recording))
+    events = fit_stickslip(recording).events
     assert (0, 0.0, 0.0, False) == (events.count, events.share, events.towards, events.evident)
 
 
