@@ -45,6 +45,7 @@ from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
+from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
@@ -380,6 +381,7 @@ def _screening(
         baseline_note=fitted.case.baseline_note,
         recording=recording,
         provenance=recording.provenance,
+        histograms=position_histograms(fitted.case.recording),
         changed=fitted.curve_changed,
     )
 
