@@ -11,6 +11,7 @@ import typer
 from stemwatch.service.cli.accounts import accounts_app
 from stemwatch.service.cli.alert_trial import alert_trial
 from stemwatch.service.cli.archive import simulate_archive
+from stemwatch.service.cli.benchmark import benchmark_app
 from stemwatch.service.cli.calibrate import calibrate_mismatch
 from stemwatch.service.cli.calibrate_archives import calibrate_archives
 from stemwatch.service.cli.compare import compare
@@ -114,6 +115,7 @@ for command in (
 app.add_typer(db_app, name="db")
 app.add_typer(accounts_app, name="accounts")
 app.add_typer(modbus_app, name="modbus")
+app.add_typer(benchmark_app, name="benchmark")
 
 
 def main() -> None:

@@ -107,6 +107,7 @@ def _columns(schedule: ScreeningSchedule, origin: str) -> dict[str, object]:
         "jitter_s": schedule.jitter_s,
         "window_s": schedule.window_s,
         "areas": list(schedule.areas),
+        "units": list(schedule.units),
         "valves": list(schedule.valves),
         "enabled": schedule.enabled,
     }
@@ -120,6 +121,7 @@ def _stored(row: ScheduleRow) -> StoredSchedule:
         jitter_s=row.jitter_s,
         window_s=row.window_s,
         areas=tuple(row.areas),
+        units=tuple(row.units),
         valves=tuple(row.valves),
         enabled=row.enabled,
     )

@@ -276,3 +276,16 @@ def test_what_chance_may_have_named_is_held_back_everywhere(run: Outputs) -> Non
     assert remark not in run.pages["FIC-4"]
     assert remark in run.maintenance
     assert remark in run.paper
+
+
+def test_what_is_foreseen_is_the_same_everywhere(run: Outputs) -> None:
+    """Ranking, report, page and JSON have the sentence of one function; JSON its numbers; a valve
+    without weeks behind it has none."""
+    trend = run.objects["FIC-6"]["trend"]
+    assert trend["is_change"] is True
+    assert trend["S_per_month"]["value"] == pytest.approx(0.91, abs=0.05)
+    assert 0 < trend["weeks_until_sticky"]["low"] < trend["weeks_until_sticky"]["value"]
+    assert "reaches 1.5 % in" in trend["sentence"]
+    for text in (run.report, run.pages["FIC-6"]):
+        assert bare(trend["sentence"]) in text
+    assert run.objects["FIC-1"]["trend"] is None
