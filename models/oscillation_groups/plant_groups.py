@@ -10,6 +10,7 @@ from datetime import datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.holes import bridged
 from stemwatch.models.oscillation_groups.find_groups import (
     FoundGroup,
     find_groups,
@@ -226,12 +227,7 @@ def _non_linearity(op: Floats, pv: Floats) -> float:
     both_finite = np.isfinite(op) & np.isfinite(pv)
     if both_finite.mean() < 0.9:
         return 0.0
-    sample_index = np.arange(op.size)
-    filled = [
-        np.interp(sample_index, sample_index[both_finite], values[both_finite])
-        for values in (op, pv)
-    ]
-    return non_linearity(filled[0], filled[1])
+    return non_linearity(bridged(op, both_finite), bridged(pv, both_finite))
 
 
 def _group_result(
