@@ -117,12 +117,17 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
     )
 
 
-def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
+def need_op(source_name: str, valve: ValveTags) -> None:
+    """Raise ``MappingNeeded`` where no tag is given for OP."""
     if Role.OP not in valve.tags:
         raise MappingNeeded(
-            f"{opened.source_name}: {valve.valve}: no tag is given for OP, the controller output; "
-            "a recording needs one"
+            f"{source_name}: {valve.valve}: no tag is given for OP, the controller output; a "
+            "recording needs one"
         )
+
+
+def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
+    need_op(opened.source_name, valve)
     mv = valve.tags.get(Role.MV)
     if mv is not None and find_tag(opened, mv.tag) == find_tag(opened, valve.tags[Role.OP].tag):
         raise ConnectorError(
