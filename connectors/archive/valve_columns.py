@@ -86,24 +86,17 @@ def with_existing(
     return replace(valve, tags=tags)
 
 
-def need_samples(
-    columns: Mapping[str, Column],
-    valve: ValveTags,
-    window: Window,
-    source_name: str,
-    contents: Callable[[], str],
-) -> None:
+def need_samples(op: Column, window: Window, source_name: str, contents: Callable[[], str]) -> None:
     """Raise ``ConnectorError`` with the ``contents`` of the source where the controller output has
     no sample in the window."""
-    tag = valve.tags[Role.OP].tag
-    if columns[tag].file_ns.size:
+    if op.file_ns.size:
         return
     span = (
         "no samples at all"
         if window.start is None and window.stop is None
         else f"no samples between {window.start} and {window.stop}"
     )
-    raise ConnectorError(f"{source_name}: {tag}: {span}; {contents()}")
+    raise ConnectorError(f"{source_name}: {op.tag}: {span}; {contents()}")
 
 
 def empty_column(tag: str) -> Column:

@@ -181,13 +181,11 @@ class ParquetArchive:
             )
             zone_is_known, zone = zone_is_known and instants.in_utc, zone or instants.zone
         op = valve.tags[Role.OP].tag
-        need_samples(
-            columns,
-            valve,
-            window,
-            self.path,
-            lambda: ". ".join([self._contents_of_tag(op), *notes.problems[:1]]),
-        )
+
+        def contents() -> str:
+            return ". ".join([self._contents_of_tag(op), *notes.problems[:1]])
+
+        need_samples(columns[op], window, self.path, contents)
         layouts = {file.layout(self.options).kind for file in files if file.is_open}
         for option in ("time_column", "tag_column", "value_column", "quality_column"):
             notes.use(option)  # one that is not there was an error

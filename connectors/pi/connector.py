@@ -192,7 +192,7 @@ class PiArchive:
             for role, mapping in valve.tags.items()
         }
         nothing_there = "the archive has nothing there. Ask for another window"
-        need_samples(columns, valve, window, server, lambda: nothing_there)
+        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
         loaded = ValveColumns(
             source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
         )

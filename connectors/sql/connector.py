@@ -231,7 +231,8 @@ class SqlArchive:
             if instants is not None:
                 zone_is_known, zone = zone_is_known and instants.in_utc, zone or instants.zone
         asked = f"the query was asked from {self._window_text(window)}"
-        need_samples(columns, valve, window, str(self.address), lambda: asked)
+        op = columns[valve.tags[Role.OP].tag]
+        need_samples(op, window, str(self.address), lambda: asked)
         if not self._database.only_reads:
             notes.decide(
                 f"{self._database.dialect} knows no read-only transaction; the query is one "

@@ -57,11 +57,11 @@ def facts_of(
     weeks, by_window = store.trends(valves, limits), store.evidence(valves)
     return {
         screening.valve: replace(
-            _facts(
-                stored_valves.get(screening.valve),
+            facts_of_valve(
                 plant,
                 screening.valve,
                 store.previous_finding(screening),
+                stored_valves.get(screening.valve),
             ),
             weeks=weeks.get(screening.valve),
             by_window=by_window.get(screening.valve),
@@ -70,12 +70,13 @@ def facts_of(
     }
 
 
-def _facts(
-    stored_valve: StoredValve | None,
+def facts_of_valve(
     plant: Plant | None,
     valve: str,
     previous: PreviousFinding | None,
+    stored_valve: StoredValve | None = None,
 ) -> ValveFacts:
+    """The valve's description in the plant file, else in the store, and its previous result."""
     entry = plant.valves.get(valve) if plant is not None else None
     described = entry or stored_valve
     if described is None:
@@ -85,6 +86,7 @@ def _facts(
         area=described.area,
         criticality=str(described.criticality),
         stroke="" if entry is None else entry.stroke or "",
+        prices=None if entry is None else entry.prices,
         previous=previous,
     )
 
@@ -140,6 +142,7 @@ def report_of_store(
         plant=plant.name if plant is not None else "",
         zone=zone or (plant.zone if plant is not None else None) or "UTC",
         valves=facts_of(store, plant, chosen),
+        currency=plant.currency if plant is not None else "",
         p_elsewhere=_p_elsewhere(store, screenings, valves),
     )
     background = background_of(store, plant, run)

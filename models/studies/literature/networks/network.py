@@ -13,6 +13,7 @@ from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.fit import ModelFit, cut, fit_model, score_run
+from stemwatch.models.studies.literature.model import DescribedModel
 from stemwatch.models.studies.literature.scores import FitScore
 
 
@@ -43,31 +44,12 @@ class Learned:
     outcome: str = ""
 
 
-class Network(Protocol):
+class Network(DescribedModel, Protocol):
     """A network from command to stem position, both in percent.
 
     ``learn`` must look at no position outside ``lesson.learned`` but for those a free run starts
     from, give the same numbers for the same recording, and refuse with a sentence.
     """
-
-    @property
-    def name(self) -> str:
-        """The name by which a comparison is asked for it."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Authors and publication, and how certain the reconstruction is."""
-        ...
-
-    @property
-    def limits(self) -> tuple[str, ...]:
-        """The known faults of the network, a sentence each."""
-        ...
-
-    def equation(self) -> str:
-        """The network in a line."""
-        ...
 
     def learn(self, lesson: Lesson) -> Learned:
         """Weights from the samples that may be learned from and a free run, or why not."""
