@@ -358,7 +358,7 @@ def health_table(address: str, health: DatabaseHealth) -> Table:
     return table
 
 
-def told_table(title: str, digests: Mapping[str, TableDigest]) -> Table:
+def copied_table(title: str, digests: Mapping[str, TableDigest]) -> Table:
     """The copied rows of each table and the beginning of their digest."""
     table = Table(title=escape(title), title_justify="left")
     table.add_column("table")

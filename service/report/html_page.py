@@ -109,7 +109,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         ranked=ranked,
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
-        told=told_limit(counts),
+        told=section_limit(counts),
         suspected=suspected_sentence(suspected(ranked)),
         cost=cost_in_words(ranked),
         areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
@@ -120,7 +120,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
     )
 
 
-def told_limit(counts: dict[Verdict, int]) -> int:
+def section_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, have a section of their own; the others have their row."""
     return max(plot_limit(counts), MOST_TOLD)
 
@@ -132,7 +132,7 @@ def plot_limit(counts: dict[Verdict, int]) -> int:
 
 
 def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> Iterator[PlottedValve]:
-    limit, limit_text = plot_limit(counts), told_limit(counts)
+    limit, limit_text = plot_limit(counts), section_limit(counts)
     return (_plot(valve, limit) for valve in islice(ranked, limit_text))
 
 

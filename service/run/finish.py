@@ -162,7 +162,7 @@ def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
     """Loops of the run that oscillate together, kept in the store with what earlier windows found;
     none where looking for them fails, since all else matters more."""
     try:
-        groups = plant_groups(executed.results.waves())
+        groups = plant_groups(executed.results.thinned_loops())
         return tuple(run.store.keep_oscillations(run.number, groups))
     except Exception:
         text = "run %d: loops that oscillate together could not be looked for"

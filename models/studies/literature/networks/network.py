@@ -18,7 +18,7 @@ from stemwatch.models.studies.literature.scores import FitScore
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lesson:
+class TrainingInput:
     """A recording prepared for training: the samples to learn from and the stretches to run over.
 
     ``stretches`` are (first, last) of runs without a hole, cut at ``train_until``. ``learned`` (n,)
@@ -35,7 +35,7 @@ class Lesson:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Learned:
+class TrainedNetwork:
     """``weights`` (P,) of all networks together and their free run ``simulated`` (n,), percent;
     both ``None`` where nothing was learned. ``outcome``: why not, or a remark on the result."""
 
@@ -51,7 +51,7 @@ class Network(DescribedModel, Protocol):
     from, give the same numbers for the same recording, and refuse with a sentence.
     """
 
-    def learn(self, lesson: Lesson) -> Learned:
+    def learn(self, lesson: TrainingInput) -> TrainedNetwork:
         """Weights from the samples that may be learned from and a free run, or why not."""
         ...
 
@@ -73,7 +73,7 @@ def fit_network(
     problem = make_problem(recording)
     runs = cut(problem, train_until)
     learned = network.learn(
-        Lesson(
+        TrainingInput(
             recording=recording,
             train_until=train_until,
             problem=problem,
@@ -103,7 +103,7 @@ def _refused(network: Network, reason: str, started: float) -> ModelFit:
     return ModelFit(model=network.name, parameters=unknown, seconds=seconds, outcome=reason)
 
 
-def _outcome(learned: Learned, training: FitScore | None) -> str:
+def _outcome(learned: TrainedNetwork, training: FitScore | None) -> str:
     if training is None or training.fit_percent > 0.0:
         return learned.outcome
     poor = "Even on the samples it was trained on, the free run is no better than a constant."
