@@ -33,7 +33,7 @@ class MaintenanceFiles:
     pdf: Path
     xlsx: Path
     csv: Path
-    book: WorkList
+    work_list: WorkList
 
 
 def write_maintenance(
