@@ -31,9 +31,9 @@ unexport PYTHONDONTWRITEBYTECODE
 # stays on its own core, and all share one cache of compiled kernels.
 test test-all explore: export OMP_NUM_THREADS ?= 1
 test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
-# What the tests run is compiled while the type checks leave a core idle: test processes that begin together would
-# each compile it.
-test test-all: MEANWHILE = $(BIN)/python tests/compile_kernels.py &
+# While the type checks leave a core idle, kernels are compiled and all tests are read once: test processes that begin
+# together would each do it.
+test test-all: MEANWHILE = $(BIN)/python tests/prepare.py &
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
 # $(call alone,marker): what a failure is followed by. Alone on the machine, a test that only a busy machine upset passes,

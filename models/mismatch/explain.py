@@ -45,7 +45,7 @@ from stemwatch.models.mismatch.findings import (
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
-from stemwatch.models.mismatch.nothing_left_out import doubt
+from stemwatch.models.mismatch.nothing_left_out import doubt, missed_breakaways
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -231,7 +231,9 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     tried_effects, combined_gain = what_was_tried(hypothesis.named, effects)
     mismatch = Mismatch(
         finding=finding,
-        sentence=sentence_of(finding, effects, case.refused, before, unsure),
+        sentence=sentence_of(
+            finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
+        ),
         naive=friction_alone,
         restated=refitted,
         effects=effects,

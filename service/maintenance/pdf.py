@@ -280,7 +280,7 @@ def _sheet(
 
 def _head(t: TypeSize, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     facts, screening = sheet.valve.facts, sheet.screening
-    details = [facts.description, facts.area]
+    details = [facts.description, facts.path]
     details += [f"criticality {facts.criticality}"] if facts.criticality else []
     details += [f"stroke {facts.stroke}"] if facts.stroke else []
     title = f"{VERDICT_SYMBOL[sheet.valve.verdict]} {sheet.title} ({sheet.valve.verdict.value})"

@@ -15,7 +15,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.maintenance import write_maintenance
-from stemwatch.service.maintenance.stored import background_of, facts_of, facts_of_valve
+from stemwatch.service.maintenance.stored import background_of, facts_of, plant_facts
 from stemwatch.service.maintenance.write_maintenance import WORK_FILES
 from stemwatch.service.presenter.false_discoveries import (
     Discoveries,
@@ -191,7 +191,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         settings_digest=plant.settings_digest if plant else "",
         valves={
             valve: replace(
-                facts_of_valve(plant, valve, before),
+                plant_facts(plant, valve, before),
                 weeks=weeks.get(valve),
                 by_window=by_window.get(valve),
             )

@@ -15,11 +15,14 @@ from typing import Any
 from sqlalchemy import ColumnElement, func, or_, select, update
 from sqlalchemy.orm import Session
 
+from stemwatch.service.presenter.plant_path import WHOLE_PLANT, PartOfPlant
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.ranking import in_part
 from stemwatch.service.store.screenings.screenings import ensure_valve
+from stemwatch.service.store.screenings.tables import ValveRow
 from stemwatch.service.store.storable import from_row
 
 
@@ -27,6 +30,7 @@ class AlertKind(StrEnum):
     """What an alert is about."""
 
     STICKY = "sticky"  # the verdict became sticky
+    FORESEEN = "foreseen"  # S will probably reach the limit of sticky within some weeks
     GROWN = "grown"  # S is significantly larger than in the baseline's window
     BASELINE = "baseline"  # MV no longer follows the baseline network
     MISMATCH = "mismatch"  # an effect beside S and J was named
@@ -148,12 +152,22 @@ class Alerts:
             return stored_alert(_row(session, alert))
 
     def in_state(
-        self, state: str, now: datetime, *, valve: str | None = None, limit: int = MOST_ALERTS
+        self,
+        state: str,
+        now: datetime,
+        *,
+        valve: str | None = None,
+        part: PartOfPlant = WHOLE_PLANT,
+        limit: int = MOST_ALERTS,
     ) -> list[StoredAlert]:
-        """The newest ``limit`` alerts in one of ``STATES``; those not closed sorted by urgency."""
+        """The newest ``limit`` alerts in one of ``STATES``; those not closed sorted by urgency.
+        With ``part`` only those about one of its valves."""
         statement = select(AlertRow).where(*_in_state(state, now))
         if valve is not None:
             statement = statement.where(AlertRow.valve == valve)
+        if part:
+            of_part = select(ValveRow.id).where(*in_part(part))
+            statement = statement.where(AlertRow.valve.in_(of_part))
         newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
         with self._transactions.reading() as session:
             alerts = [stored_alert(row) for row in session.scalars(newest)]

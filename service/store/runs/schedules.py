@@ -108,13 +108,15 @@ def _columns(schedule: ScreeningSchedule, origin: str) -> dict[str, object]:
         "jitter_s": schedule.jitter_s,
         "window_s": schedule.window_s,
         "areas": list(schedule.areas),
+        "units": list(schedule.units),
         "valves": list(schedule.valves),
         "enabled": schedule.enabled,
     }
 
 
 def _stored(row: ScheduleRow) -> StoredSchedule:
-    schedule = from_row(ScreeningSchedule, row, areas=tuple(row.areas), valves=tuple(row.valves))
+    lists = {name: tuple(getattr(row, name)) for name in ("areas", "units", "valves")}
+    schedule = from_row(ScreeningSchedule, row, **lists)
     return StoredSchedule(
         schedule=schedule,
         origin=row.origin,

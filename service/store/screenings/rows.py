@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
@@ -66,6 +68,7 @@ def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
         "decisions": list(screening.provenance.decisions),
         "seconds": finite(screening.seconds) or 0.0,
         "without_position": _without_position_json(screening.without_position),
+        "histograms": None if screening.histograms is None else asdict(screening.histograms),
         **_mismatch_columns(screening),
     }
 
@@ -104,15 +107,23 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         still_seen=tuple(row.still_seen),
         provenance=_provenance(row),
         without_position=_without_position(row.without_position),
+        histograms=_histograms(row.histograms),
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
         held_back=remark_of(row.mismatch) if with_mismatch else "",
         confirmed=confirmed_of(row.evidence),
     )
 
 
+def _histograms(stored: Any) -> PositionHistograms | None:
+    if not isinstance(stored, dict):
+        return None
+    lists = {name: tuple(kept) for name, kept in stored.items() if isinstance(kept, list)}
+    return PositionHistograms(**stored | lists)
+
+
 def stored_valve(row: ValveRow) -> StoredValve:
     """The row as ``StoredValve``."""
-    return from_row(StoredValve, row)
+    return StoredValve.of(row)
 
 
 def _mismatch_columns(screening: Screening) -> dict[str, Any]:

@@ -45,6 +45,8 @@ from tests.service.web.signed_in import cookie_of
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
 DAY = timedelta(days=1)
+# What the recording of an oscillating loop with a healthy valve says by itself.
+OWN_TUNING = "Look for the cause in the controller's tuning or in a disturbance upstream."
 DAYS = 20  # of history, over which S of one valve rises
 
 
@@ -68,11 +70,13 @@ def last_run() -> list[Screening]:
     """Sticky, rising towards its limit, defective, named by chance, and without a position."""
     blind = screening("PIC-5", Verdict.UNDETERMINED)
     blind = replace(blind, without_position=suspected(), still_seen=())
+    victim = replace(screening("FIC-7", Verdict.HEALTHY, S=0.3), advice=OWN_TUNING)
     every = [
         screening("FIC-1", S=6.0),
         screening("FIC-6", Verdict.WATCH, S=0.5 + 0.03 * DAYS),
         with_effects("FIC-4", Verdict.HEALTHY),
         by_chance("FIC-8"),
+        victim,
         blind,
     ]
     return [on_day(one, DAYS) for one in every]
@@ -83,6 +87,7 @@ GROUP = OscillationGroup(
     members=(
         GroupMember(loop="FIC-1", share=0.8, probability=0.6, evidence=("it leads",)),
         GroupMember(loop="PIC-5", share=0.5, probability=0.2),
+        GroupMember(loop="FIC-7", share=0.4, probability=0.1),
     ),
     outside=0.1,
     regularity=5.0,
@@ -91,7 +96,7 @@ GROUP = OscillationGroup(
     since=None,
     strength=(0.1, 1.4),
     periods_s=(40.0, 60.0, 90.0, 135.0, 229.0, 900.0),
-    spectra=((0.0, 0.0, 0.1, 0.2, 1.0, 0.3),) * 2,
+    spectra=((0.0, 0.0, 0.1, 0.2, 1.0, 0.3),) * 3,
 )
 
 
@@ -228,9 +233,23 @@ def test_loops_that_oscillate_together_are_the_same_group(run: Outputs) -> None:
     for name, one in run.objects.items():
         inside = [told["loops"] for told in one["oscillates_with"]]
         assert inside == ([members] if name in members else [])
-        assert (bare("more likely begins") in run.pages[name]) == (name == "PIC-5")
+        assert (bare("more likely begins") in run.pages[name]) == (name in ("PIC-5", "FIC-7"))
     (told,) = run.objects["PIC-5"]["oscillates_with"]
     assert told["source"] == group["source"] == GROUP.source == "FIC-1"
+
+
+def test_a_healthy_loop_that_another_moves_is_sent_there(run: Outputs) -> None:
+    """Its advice is that of the group in report, JSON, tables and page; its own tuning, which its
+    recording alone would have blamed, is blamed nowhere."""
+    (victim,) = [one for one in run.ranking if one.screening.valve == "FIC-7"]
+    advice = victim.finding.next_step
+    assert "look at FIC-1 first" in advice
+    assert run.objects["FIC-7"]["advice"] == advice
+    for table in run.tables:
+        assert table["FIC-7"]["advice"] == advice
+    for text in (run.report, run.pages["FIC-7"]):
+        assert bare(advice) in text
+        assert bare(OWN_TUNING) not in text
 
 
 def test_what_chance_may_have_named_is_held_back_everywhere(run: Outputs) -> None:
@@ -250,3 +269,16 @@ def test_what_chance_may_have_named_is_held_back_everywhere(run: Outputs) -> Non
     assert remark not in run.pages["FIC-4"]
     assert remark in run.maintenance
     assert remark in run.paper
+
+
+def test_what_is_foreseen_is_the_same_everywhere(run: Outputs) -> None:
+    """Ranking, report, page and JSON have the sentence of one function; JSON its numbers; a valve
+    without weeks behind it has none."""
+    trend = run.objects["FIC-6"]["trend"]
+    assert trend["is_change"] is True
+    assert trend["S_per_month"]["value"] == pytest.approx(0.91, abs=0.05)
+    assert 0 < trend["weeks_until_sticky"]["low"] < trend["weeks_until_sticky"]["value"]
+    assert "reaches 1.5 % in" in trend["sentence"]
+    for text in (run.report, run.pages["FIC-6"]):
+        assert bare(trend["sentence"]) in text
+    assert run.objects["FIC-1"]["trend"] is None
