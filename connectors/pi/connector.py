@@ -14,6 +14,8 @@ from pydantic import Field, model_validator
 
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
+    RANGE_HIGH,
+    RANGE_LOW,
     WHOLE,
     ArchiveAddress,
     TagInfo,
@@ -144,7 +146,8 @@ class PiArchive:
         from stemwatch.connectors.pi.web_api import connected
 
         with connected(self.address) as api:
-            tags = [(p.name, p.unit, p.description, None) for p in api.points(self.address.pattern)]
+            points = {point.name: point for point in api.points(self.address.pattern)}
+        tags = [(p.name, p.unit, p.description, None) for p in points.values()]
         return [
             TagInfo(
                 tag=proposed.tag,
@@ -153,6 +156,7 @@ class PiArchive:
                 proposed_role=proposed.role,
                 proposed_valve=proposed.valve,
                 remark=proposed.remark,
+                facts=_range_facts(points[proposed.tag]),
             )
             for proposed in propose_roles(tags, stem="", mv_is_output=False)
         ]
@@ -239,6 +243,12 @@ class PiArchive:
             nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
             near_names = ", ".join(map(repr, nearest)) or f"none: no point is called {pattern}"
             raise UnknownTag(f"{error}; the nearest are {near_names}") from None
+
+
+def _range_facts(point: PiPoint) -> dict[str, float]:
+    if point.measuring_range is None:
+        return {}
+    return dict(zip((RANGE_LOW, RANGE_HIGH), point.measuring_range, strict=True))
 
 
 def _exists(api: PiWebApi, tag: str) -> bool:

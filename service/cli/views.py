@@ -292,6 +292,21 @@ def inspection_tables(inspection: Inspection) -> Iterator[Table]:
     yield tags
 
 
+def show_proposal(toml: str) -> None:
+    """Print a part of a plant file that is proposed, to be copied."""
+    from rich.syntax import Syntax
+
+    out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
+    mapping = Syntax("", "toml", background_color="default").highlight(as_toml_escapes(toml))
+    out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
+
+
+def say_plant_written(file: Path) -> None:
+    """Say that a proposed plant file is written, and what comes next."""
+    out.print(f"\n{escape(str(file))} is written. Check the roles in it; then")
+    out.print(f"  stemwatch screen --plant {escape(str(file))}", soft_wrap=True)
+
+
 def inspection_remarks(inspection: Inspection) -> Iterator[str]:
     """Remarks on tags and their roles; tags with the same remark share a line."""
     by_remark: dict[str, list[str]] = {}
