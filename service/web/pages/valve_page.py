@@ -169,12 +169,7 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
     settings: Any = deps.site.plant.valves[name] if deps.site.plant else None
     if settings is None:
         return StoredValve(id=name)
-    return StoredValve(
-        id=name,
-        description=settings.description,
-        area=settings.area,
-        criticality=settings.criticality,
-    )
+    return StoredValve.of(settings)
 
 
 def _shown_screening(
