@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.holes import bridged
 from stemwatch.models.oscillation_groups.find_groups import (
     FoundGroup,
     find_groups,
@@ -51,7 +52,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopWaves:
+class ThinnedLoop:
     """OP, PV and SP (n,) of one loop, thinned to ``LONGEST`` samples by means over blocks; NaN
     where there is none. ``sticks`` by a measured position, ``None`` where that is not known."""
 
@@ -112,7 +113,7 @@ class OscillationGroup:
         return float(np.mean([member.share for member in self.members]))
 
 
-def waves_of(recording: Recording, sticks: bool | None = None) -> LoopWaves | None:
+def thinned_loop(recording: Recording, sticks: bool | None = None) -> ThinnedLoop | None:
     """What a recording has for the search; ``None`` without PV or with too few samples."""
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
     if pv is None or len(recording) < FEWEST:
@@ -124,7 +125,7 @@ def waves_of(recording: Recording, sticks: bool | None = None) -> LoopWaves | No
     def thinned(values: Floats, usable: NDArray[np.bool_]) -> Small:
         return _block_means(np.where(usable, values, np.nan), stride).astype(np.float32)
 
-    return LoopWaves(
+    return ThinnedLoop(
         loop=recording.valve,
         source=recording.provenance.source,
         start=recording.start,
@@ -147,7 +148,7 @@ def _block_means(values: Floats, stride: int) -> Floats:
 
 
 def plant_groups(
-    loops: Iterable[LoopWaves], units: Mapping[str, str] = NO_UNITS
+    loops: Iterable[ThinnedLoop], units: Mapping[str, str] = NO_UNITS
 ) -> list[OscillationGroup]:
     """The groups of all loops, those that move most loops first. Loops are compared where they were
     recorded together; where nothing dates them, within one file. ``units`` has the unit of the
@@ -158,10 +159,10 @@ def plant_groups(
     return sorted(groups, key=lambda group: -sum(member.share for member in group.members))
 
 
-def _recorded_together(loops: Sequence[LoopWaves]) -> list[list[LoopWaves]]:
+def _recorded_together(loops: Sequence[ThinnedLoop]) -> list[list[ThinnedLoop]]:
     """Loops whose windows overlap, or, undated, of one source and length; each loop once."""
-    undated: dict[tuple[str, int, float], list[LoopWaves]] = defaultdict(list)
-    dated: list[tuple[list[LoopWaves], datetime, datetime]] = []
+    undated: dict[tuple[str, int, float], list[ThinnedLoop]] = defaultdict(list)
+    dated: list[tuple[list[ThinnedLoop], datetime, datetime]] = []
     for loop in sorted(
         loops, key=lambda recorded_loop: (str(recorded_loop.start), recorded_loop.loop)
     ):
@@ -182,7 +183,7 @@ def _recorded_together(loops: Sequence[LoopWaves]) -> list[list[LoopWaves]]:
     ]
 
 
-def _groups_of(loops: Sequence[LoopWaves], units: Mapping[str, str]) -> list[OscillationGroup]:
+def _groups_of(loops: Sequence[ThinnedLoop], units: Mapping[str, str]) -> list[OscillationGroup]:
     loops = list({recorded_loop.loop: recorded_loop for recorded_loop in loops}.values())
     interval_s = max(recorded_loop.interval_s for recorded_loop in loops)
     starts = [recorded_loop.start for recorded_loop in loops if recorded_loop.start is not None]
@@ -217,7 +218,9 @@ def _as_number(sticks: bool | None) -> float | None:
     return None if sticks is None else float(sticks)
 
 
-def _on_clock(values: Floats, loop: LoopWaves, start: datetime | None, interval_s: float) -> Floats:
+def _on_clock(
+    values: Floats, loop: ThinnedLoop, start: datetime | None, interval_s: float
+) -> Floats:
     """The values on the common clock: the last one before each instant."""
     offset = 0.0 if start is None or loop.start is None else (start - loop.start).total_seconds()
     count = int((values.size * loop.interval_s - offset) // interval_s)
@@ -231,12 +234,7 @@ def _non_linearity(op: Floats, pv: Floats) -> float:
     both_finite = np.isfinite(op) & np.isfinite(pv)
     if both_finite.mean() < 0.9:
         return 0.0
-    sample_index = np.arange(op.size)
-    filled = [
-        np.interp(sample_index, sample_index[both_finite], values[both_finite])
-        for values in (op, pv)
-    ]
-    return non_linearity(filled[0], filled[1])
+    return non_linearity(bridged(op, both_finite), bridged(pv, both_finite))
 
 
 def _group_result(
