@@ -70,7 +70,7 @@ def run_wear_study(valves: int, seed: int) -> Iterator[ForecastCase]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchedValve:
+class AlertedValve:
     """A valve that was looked at every week: the day of the first alert that foresees it sticking,
     and the day on which S truly reaches the limit; ``None`` where there is no such day."""
 
@@ -88,7 +88,7 @@ class WatchedValve:
 
 def watch_valves(
     valves: int, seed: int, within_weeks: float, wears: Sequence[WearKind] = tuple(WearKind)
-) -> Iterator[WatchedValve]:
+) -> Iterator[AlertedValve]:
     """``valves`` of each of ``wears``, by the rule of the alert ``foreseen``, up to the limit."""
     for wear in wears:
         for index in range(valves):
@@ -100,7 +100,7 @@ def watch_valves(
             foreseen = (
                 day for day in looks if _foresees(measured, measured_days, day, within_weeks)
             )
-            yield WatchedValve(wear=wear, alerted=next(foreseen, None), crosses=crosses)
+            yield AlertedValve(wear=wear, alerted=next(foreseen, None), crosses=crosses)
 
 
 def _foresees(S: Floats, measured_days: Bools, today: int, within_weeks: float) -> bool:
