@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import SLOW_POSITIONER, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, inverse, number
 from stemwatch.models.recording import Floats
@@ -83,9 +83,7 @@ class AsymmetricRateLimit(CommandTerm):
                 "speed controller",
                 "filter element",
             ),
-            damage="DOP",
-            cause="5.1",
-            part="positioner",
+            **SLOW_POSITIONER,
         ),
     )
 
@@ -144,7 +142,9 @@ class AsymmetricRateLimit(CommandTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         up, down = (
-            about_value(inverse(parameters[name], STEP_PERCENT))
+            "at once"
+            if number(parameters[name]) >= 0.99 * FREE
+            else f"in about {about_value(inverse(parameters[name], STEP_PERCENT))}"
             for name in ("rate_rising", "rate_falling")
         )
         return FieldTest(
@@ -152,7 +152,7 @@ class AsymmetricRateLimit(CommandTerm):
                 f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem to its "
                 "place."
             ),
-            fails=f"about {up} rising and {down} falling",
+            fails=f"{up} rising and {down} falling",
             passes=(
                 f"both within {STEP_PERCENT / AS_BUILT:g} s, or alike to within "
                 f"{MATERIAL_RATIO} times"
