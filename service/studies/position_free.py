@@ -36,7 +36,7 @@ PLAIN = 0.5  # S over the amplitude of OP, from which a loop plainly sticks
 SEEN = 0.9  # share of sticking loops of an S, and of any larger, that are not told "no sign"
 WINDOWS_ONLY = "own, windows only"
 _MORE = 16  # times as many loops for the convolutional network, which need a tenth of the time
-_LINE = 100
+_LINE = 160  # characters of the weights in a line
 _NEAR, _ENOUGH = 1.5, 30  # S and all down to so many times less count together, if so many
 
 
