@@ -7,7 +7,7 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -211,6 +211,9 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     )
     if case.balance is not None and DRIVE in hypothesis.layout.places:
         refitted = of_balance(case.balance, refitted)
+    for S, J in of_rivals(hypothesis):
+        # Which of them it is cannot be told, so neither can whose S and J these are.
+        refitted = Stiction(S=refitted.S.holding(S), J=refitted.J.holding(J))
     reason = hypothesis.worse
     if not effects and not reason:
         reason = doubt(
@@ -291,6 +294,18 @@ def _delay_s(hypothesis: AcceptedHypothesis) -> float:
         return 0.0
     usual_s = LATE[0] * hypothesis.evaluator.problem.interval_s
     return max(float(hypothesis.best[coordinate_slice][0]) - usual_s, 0.0)
+
+
+def of_rivals(hypothesis: AcceptedHypothesis) -> Iterator[tuple[Estimate, Estimate]]:
+    """S and J of the models that cannot be told from the effect that was found last."""
+    if not hypothesis.named.needed or not hypothesis.effects:
+        return
+    for rival in hypothesis.named.needed[-1].stage.accepted[1:]:
+        middle = rival.fitted.candidates.mean(axis=0)
+        S = float(middle[base_coordinate.S_PERCENT])
+        values = (S, S * float(middle[base_coordinate.RATIO]))
+        S_alone, J_alone = (Estimate(value=v, low=v, high=v, unit=PERCENT) for v in values)
+        yield S_alone, J_alone
 
 
 def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
