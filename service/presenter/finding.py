@@ -28,6 +28,7 @@ from stemwatch.service.presenter.wording import (
     span_percent,
 )
 from stemwatch.service.presenter.work_decision import WorkDecision, decide
+from stemwatch.service.presenter.worth_a_test import worth_a_test_sentence
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
@@ -130,7 +131,7 @@ def present(
         title=advice_for(decision.kinds[0]).title,
         meaning=VERDICT_MEANING[decision.verdict],
         found=_found_sentences(screening, decision),
-        still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
+        still_seen=_still_seen(screening),
         next_step=_next_step(screening, decision, groups),
         beside_friction=_measured_beside(screening),
         effects=() if mismatch is None else present_effects(mismatch),
@@ -139,10 +140,19 @@ def present(
     )
 
 
+def _still_seen(screening: Screening) -> tuple[str, ...]:
+    """What can be seen where there is no verdict: what OP and PV alone let suspect first."""
+    if screening.verdict is not Verdict.UNDETERMINED:
+        return ()
+    return tuple(filter(None, (worth_a_test_sentence(screening), *screening.still_seen)))
+
+
 def _measured_beside(screening: Screening) -> str:
     """What delays or slows the stem by the quick fit; empty where effects were named, which say it
-    better: a lag here and a rate limit there would be one thing under two names."""
-    if screening.mismatch is not None and screening.mismatch.effects:
+    better (a lag here and a rate limit there would be one thing under two names), or found not to
+    be needed."""
+    mismatch = screening.mismatch
+    if mismatch is not None and (mismatch.effects or mismatch.finding is Finding.NONE):
         return ""
     return " ".join(filter(None, (beside_friction(screening), without_them(screening))))
 

@@ -63,7 +63,7 @@ def test_a_command_that_rests_refuses_all_that_needs_motion():
     refused = audited(np.full(N, 50.0))
     for slug in ("actuator_lag", "dead_time", "rate_limit", "span_error", "asymmetric_slip"):
         assert slug in refused
-    assert "the stem moved only 0 times" in refused["dead_time"]
+    assert "the stem moved 0 times" in refused["dead_time"]
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_a_command_that_rests_refuses_all_that_needs_motion():
         (
             lambda op: 50.0 + 15.0 * np.sin(np.arange(N) / 600.0),
             "rate_limit",
-            "only 0 times",
+            "0 times",
         ),
         (
             lambda op: np.where(np.arange(N) // 300 % 2, 60.0, 40.0),

@@ -29,7 +29,7 @@ from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter.work_decision import ne107_word
-from stemwatch.service.presenter.worth_a_test import suspected_sentence
+from stemwatch.service.presenter.worth_a_test import suspected_sentence, worth_a_test_sentence
 from stemwatch.service.report import write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
@@ -37,7 +37,7 @@ from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.site import Site
 from tests.service.maintenance.example_book import context, with_effects
-from tests.service.presenter.test_one_run_everywhere import by_chance
+from tests.service.presenter.test_one_run_everywhere import NO_POSITION, by_chance
 from tests.service.report.conftest import START, screening
 from tests.service.report.test_without_position import suspected
 from tests.service.web import example_plant
@@ -69,7 +69,7 @@ def on_day(found: Screening, day: int) -> Screening:
 def last_run() -> list[Screening]:
     """Sticky, rising towards its limit, defective, named by chance, and without a position."""
     blind = screening("PIC-5", Verdict.UNDETERMINED)
-    blind = replace(blind, without_position=suspected(), still_seen=())
+    blind = replace(blind, reason=NO_POSITION, without_position=suspected(), still_seen=())
     victim = replace(screening("FIC-7", Verdict.HEALTHY, S=0.3), advice=OWN_TUNING)
     every = [
         screening("FIC-1", S=6.0),
@@ -219,6 +219,13 @@ def test_what_op_and_pv_let_suspect_is_no_verdict_anywhere(run: Outputs) -> None
         assert float(row["sticking score (0 to 1)"]) == pytest.approx(told.score)
     first = bare(suspected_sentence(["PIC-5"]))
     assert first in run.report
+    (blind,) = [one for one in run.ranking if one.screening.valve == "PIC-5"]
+    sooner = blind.finding.still_seen[0]
+    assert sooner == worth_a_test_sentence(blind.screening)
+    assert "Test it before other loops" in sooner
+    for text in (run.maintenance, run.paper):
+        assert bare(sooner) in text
+    assert sooner in run.orders["PIC-5"]["long_text"]
     assert first in run.terminal
     assert run.lines["PIC-5"]["verdict"] == "undetermined"
 
