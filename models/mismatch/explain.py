@@ -79,6 +79,8 @@ from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
+# What makes the stem late by an amount that grows with the speed of its command, as friction does.
+LAGS = ("actuator_lag", "asymmetric_lag", "viscous_drag", "underdamped_positioner")
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
 
 
@@ -207,7 +209,12 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
         naive_only, lambda: draws(naive_only, simple, naive), naive, () if effects else elements
     )
     refitted = stiction(
-        evaluator, hypothesis.drawn, hypothesis.best, elements, _delay_s(hypothesis)
+        evaluator,
+        hypothesis.drawn,
+        hypothesis.best,
+        elements,
+        _delay_s(hypothesis),
+        with_lag=any(effect.slug in LAGS for effect in effects),
     )
     if case.balance is not None and DRIVE in hypothesis.layout.places:
         refitted = of_balance(case.balance, refitted)
