@@ -19,7 +19,8 @@ from stemwatch.models.closed_loop import kernel
 from stemwatch.models.closed_loop.controller_law import ControllerLaw, controller_law
 from stemwatch.models.closed_loop.process_model import ProcessModel, process_model
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.recording import Bools, Floats, Recording, Role
+from stemwatch.models.holes import bridged, longest_stretch
+from stemwatch.models.recording import Floats, Recording, Role
 
 FEWEST_SAMPLES = 300
 MOST_SAMPLES = 7200  # the newest of a longer stretch
@@ -179,14 +180,15 @@ def fit_loop(recording: Recording, valve: FittedValve) -> FittedLoop | str:
         return f"the set point is in {sp.unit} and PV in {pv.unit}"
     signals = [recording.op, mv, pv, *([sp] if sp is not None else [])]
     known = np.all([signal.usable for signal in signals], axis=0)
-    first, last = _longest(known, BRIDGED)
+    first, last = longest_stretch(known, BRIDGED)
     first = max(first, last - MOST_SAMPLES)
     if last - first < FEWEST_SAMPLES:
         return (
             f"the longest stretch in which OP, position and PV were recorded together has "
             f"{last - first} samples; {FEWEST_SAMPLES} are needed"
         )
-    op, x, y, *rest = (_filled(signal.values[first:last]) for signal in signals)
+    stretches = [signal.values[first:last] for signal in signals]
+    op, x, y, *rest = (bridged(values, np.isfinite(values)) for values in stretches)
     target = rest[0] if rest else np.full(y.size, float(y.mean()))
     law = controller_law(op, y, target)
     if isinstance(law, str):
@@ -207,20 +209,3 @@ def fit_loop(recording: Recording, valve: FittedValve) -> FittedLoop | str:
             f"{REPLAYED[0]:g} to {REPLAYED[1]:g} times is expected"
         )
     return loop
-
-
-def _longest(known: Bools, bridged: int) -> tuple[int, int]:
-    """The longest stretch in which no hole has more than ``bridged`` samples."""
-    at = np.flatnonzero(known)
-    if at.size == 0:
-        return 0, 0
-    breaks = np.flatnonzero(np.diff(at) > bridged + 1)
-    begins = np.concatenate(([at[0]], at[breaks + 1]))
-    ends = np.concatenate((at[breaks], [at[-1]])) + 1
-    longest = int(np.argmax(ends - begins))
-    return int(begins[longest]), int(ends[longest])
-
-
-def _filled(values: Floats) -> Floats:
-    at, known = np.arange(values.size), np.isfinite(values)
-    return np.interp(at, at[known], values[known])

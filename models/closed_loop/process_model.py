@@ -58,8 +58,10 @@ def process_model(x: Floats, pv: Floats) -> ProcessModel | str:
     """The process between valve ``x`` and ``pv`` (n,), without holes; or why it is not known."""
     if float(np.ptp(x)) == 0.0 or float(np.ptp(pv)) == 0.0:
         return "the valve or PV did not move"
-    fits = [_fitted(x, pv, integrates) for integrates in (False, True)]
-    cost, at, gain, spread, integrates = min(fits, key=lambda fit: fit[0])
+    lagged, integral = (_fitted(x, pv, integrates) for integrates in (False, True))
+    # A lag longer than the record is an integral; its gain and its lag could not be told apart.
+    is_lag = lagged[0] <= integral[0] and _times(lagged[1], False)[0] < x.size
+    cost, at, gain, spread, integrates = lagged if is_lag else integral
     if not np.isfinite(cost) or abs(gain) < CLEARLY * float(np.sqrt(spread[3, 3])):
         return "how PV answers the valve cannot be told from what else moves it"
     return _model(x, pv, at, gain, integrates, spread)
