@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
     chance,
