@@ -225,6 +225,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "rejected_rows": rejected_rows,
         "effect_name": mismatch_words.effect_name,
         "parameter_name": mismatch_words.parameter_name,
+        "record_parameter": mismatch_words.record_parameter,
+        "no_limit": mismatch_words.no_limit,
         "effect_names": mismatch_words.effect_names,
         "left_to_tell": mismatch_words.left_to_tell,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
