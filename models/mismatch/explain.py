@@ -190,35 +190,11 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     hypothesis = if_followed(accepted_hypothesis(case))
     evaluator, comparison, effects = hypothesis.evaluator, hypothesis.shown, hypothesis.effects
     naive_only = naive_evaluator(evaluator)
-    simple = naive_layout(naive_only)
     naive = conclude(
         naive_only, fit_naive(naive_only, np.ones(evaluator.problem.n_blocks, dtype=bool))
     )
     archive = _archive(case, evaluator, hypothesis.best)
-    # With nothing left out that moves the levels, and every sample kept, the breakaways tell S and
-    # J best: a line through the reading moves the two directions apart and not their mean.
-    can_be_restated = not hypothesis.open_end and not hypothesis.worse and archive is None
-    can_be_restated = can_be_restated and all(
-        effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects
-    )
-    fitted = (hypothesis.best,) if effects else (naive, hypothesis.best)
-    elements = fitted if can_be_restated else ()
-    friction_alone = stiction(
-        naive_only, lambda: draws(naive_only, simple, naive), naive, () if effects else elements
-    )
-    refitted = stiction(
-        evaluator,
-        hypothesis.drawn,
-        hypothesis.best,
-        elements,
-        _delay_s(hypothesis),
-        with_lag=any(effect.slug in LAGS for effect in effects),
-    )
-    if case.balance is not None and DRIVE in hypothesis.layout.places:
-        refitted = of_balance(case.balance, refitted)
-    for S, J in of_rivals(hypothesis):
-        # Which of them it is cannot be told, so neither can whose S and J these are.
-        refitted = Stiction(S=refitted.S.holding(S), J=refitted.J.holding(J))
+    friction_alone, refitted = _stictions(case, hypothesis, naive_only, naive, archive)
     reason = hypothesis.worse
     if not effects and not reason:
         reason = doubt(
@@ -299,6 +275,43 @@ def _delay_s(hypothesis: AcceptedHypothesis) -> float:
         return 0.0
     usual_s = LATE[0] * hypothesis.evaluator.problem.interval_s
     return max(float(hypothesis.best[coordinate_slice][0]) - usual_s, 0.0)
+
+
+def _stictions(
+    case: PreparedRecording,
+    hypothesis: AcceptedHypothesis,
+    naive_only: Evaluator,
+    naive: Floats,
+    archive: Archive | None,
+) -> tuple[Stiction, Stiction]:
+    """S and J of friction ``naive`` alone and of the hypothesis, each with its intervals."""
+    evaluator, effects = hypothesis.evaluator, hypothesis.effects
+    # With nothing left out that moves the levels, and every sample kept, the breakaways tell S and
+    # J best: a line through the reading moves the two directions apart and not their mean.
+    can_be_restated = not hypothesis.open_end and not hypothesis.worse and archive is None
+    can_be_restated = can_be_restated and all(
+        effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects
+    )
+    fitted = (hypothesis.best,) if effects else (naive, hypothesis.best)
+    elements = fitted if can_be_restated else ()
+    simple = naive_layout(naive_only)
+    friction_alone = stiction(
+        naive_only, lambda: draws(naive_only, simple, naive), naive, () if effects else elements
+    )
+    refitted = stiction(
+        evaluator,
+        hypothesis.drawn,
+        hypothesis.best,
+        elements,
+        _delay_s(hypothesis),
+        with_lag=any(effect.slug in LAGS for effect in effects),
+    )
+    if case.balance is not None and DRIVE in hypothesis.layout.places:
+        refitted = of_balance(case.balance, refitted)
+    for S, J in of_rivals(hypothesis):
+        # Which of them it is cannot be told, so neither can whose S and J these are.
+        refitted = Stiction(S=refitted.S.holding(S), J=refitted.J.holding(J))
+    return friction_alone, refitted
 
 
 def of_rivals(hypothesis: AcceptedHypothesis) -> Iterator[tuple[Estimate, Estimate]]:
