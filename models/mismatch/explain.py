@@ -13,7 +13,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
     chance,
@@ -41,9 +40,7 @@ from stemwatch.models.mismatch.evaluator import DRIVE, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
-    HeldOutFit,
     Mismatch,
-    RecordEffect,
     Stiction,
     Untestable,
 )
@@ -301,17 +298,11 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
 
 
 def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
-    unknown = Estimate.unknown(reason, unit=PERCENT)
-    no_stiction = Stiction(S=unknown, J=unknown)
-    effects: tuple[RecordEffect, ...] = settled.effects
-    return Mismatch(
-        finding=Finding.NOT_TESTABLE,
-        sentence=f"Nothing can be said: {reason}.",
-        naive=no_stiction,
-        restated=no_stiction,
-        record_effects=effects,
+    return Mismatch.unknown(
+        f"Nothing can be said: {reason}.",
+        reason,
+        record_effects=settled.effects,
         not_testable=tuple(Untestable(slug=slug, reason=reason) for slug in catalogue()),
-        heldout=HeldOutFit(),
     )
 
 

@@ -253,7 +253,7 @@ NO_POSITION = (
 )
 
 
-def audit(
+def untestable_effects(
     op: Floats,
     mv: Floats | None,
     simulated: Floats | None,

@@ -52,7 +52,6 @@ class FreeCoordinates:
 
 
 STICKING = FreeCoordinates("sticking", coordinate.STICKING)
-ACTUATOR = FreeCoordinates("actuator", coordinate.ACTUATOR)
 BOTH = FreeCoordinates("both", coordinate.STICKING + coordinate.ACTUATOR)
 
 

@@ -59,7 +59,7 @@ def maintenance_report(
             zone=zone,
             all_valves=everything,
         )
-    views.out.print(files.book.counts, highlight=False)
+    views.out.print(files.work_list.counts, highlight=False)
     for path in (files.pdf, files.html, files.xlsx, files.csv):
         views.out.print(views.escape(str(path.resolve())), highlight=False, soft_wrap=True)
     views.say_next(

@@ -44,7 +44,7 @@ def robustness(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the table as docs/robustness.md has it.")
     ] = False,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Count right and wrong answers on the same valves, stored as other plants would store them.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.screening_result import Screening
+    from stemwatch.service.config import Plant
+    from stemwatch.service.report import ReportContext
     from stemwatch.service.report.ranking import Ranking
     from stemwatch.service.store.administration.backup_file import TableDigest
     from stemwatch.service.store.administration.check import DatabaseHealth
@@ -123,6 +126,20 @@ def _number(estimate: Estimate) -> str:
     if estimate.low is None or estimate.high is None:
         return f"{estimate.value:.1f}"
     return f"{estimate.value:.1f} ({estimate.low:.1f}-{estimate.high:.1f})"
+
+
+def page_context(title: str, plant: Plant | None, zone: str) -> ReportContext:
+    """What a page says of itself: times in the plant's zone, else in ``zone``, else UTC."""
+    from stemwatch.connectors.secret import masked_command
+    from stemwatch.service.report import ReportContext
+
+    return ReportContext(
+        started=datetime.now(UTC),
+        title=title,
+        plant=plant.name if plant else "",
+        zone=(plant.zone if plant else None) or zone or "UTC",
+        command=masked_command(("stemwatch", *sys.argv[1:])),
+    )
 
 
 def verdict_line(screening: Screening) -> str:
@@ -356,7 +373,7 @@ def health_table(address: str, health: DatabaseHealth) -> Table:
     return table
 
 
-def told_table(title: str, digests: Mapping[str, TableDigest]) -> Table:
+def copied_table(title: str, digests: Mapping[str, TableDigest]) -> Table:
     """The copied rows of each table and the beginning of their digest."""
     table = Table(title=escape(title), title_justify="left")
     table.add_column("table")

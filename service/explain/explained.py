@@ -12,10 +12,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
-from stemwatch.models.recording import PERCENT, Recording
+from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.recording import Recording
 from stemwatch.service.explain.to_explain import ToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.work_decision import BAD, FROZEN, obstacle_kind
@@ -94,7 +93,7 @@ def explain_recording(
         mismatch, by_window = _explained(as_stored, recording, narx, limits, known_curve)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
-        mismatch = not_testable(reason)
+        mismatch = Mismatch.unknown(reason)
     return Explained(
         source=source,
         valve=recording.valve,
@@ -104,17 +103,8 @@ def explain_recording(
     )
 
 
-def not_testable(reason: str) -> Mismatch:
-    """The mismatch of a recording that could not be looked at."""
-    unknown = Estimate.unknown(reason, unit=PERCENT)
-    no_stiction = Stiction(S=unknown, J=unknown)
-    return Mismatch(
-        finding=Finding.NOT_TESTABLE, sentence=reason, naive=no_stiction, restated=no_stiction
-    )
-
-
 def _not_explained(to_explain: ToExplain, reason: str) -> Explained:
-    mismatch = not_testable(reason or "there is nothing to explain")
+    mismatch = Mismatch.unknown(reason or "there is nothing to explain")
     return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
 
 
@@ -189,7 +179,7 @@ def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:
     compressed = any(one.slug == "historian_compression" for one in mismatch.record_effects)
     told = f"{screening.reason} {screening.advice}"
     if untold or (mismatch.finding is Finding.NONE and not compressed):
-        return not_testable(told)
+        return Mismatch.unknown(told)
     if mismatch.finding is not Finding.NOT_TESTABLE:
         told = f"No verdict. {screening.reason} {mismatch.sentence}"
     return replace(mismatch, sentence=told)

@@ -76,8 +76,8 @@ LEGEND = (
 LONGEST_CELL, LONGEST_NAME = 1200, 200
 
 
-def book_pdf(work_list: WorkList, *, compress: bool = True) -> bytes:
-    """The report as PDF, the same for the same book; uncompressed where a test reads it."""
+def work_list_pdf(work_list: WorkList, *, compress: bool = True) -> bytes:
+    """The report as PDF, the same for the same work list; uncompressed where a test reads it."""
     fonts()
     memory = io.BytesIO()
     document = _Document(work_list, memory, compress)

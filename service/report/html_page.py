@@ -112,7 +112,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         ranked=ranked,
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
-        told=told_limit(counts),
+        told=section_limit(counts),
         suspected=suspected_sentence(suspected(ranked)),
         cost=cost_in_words(ranked),
         levels=names_by_level(context.valves.values()),
@@ -124,7 +124,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
     )
 
 
-def told_limit(counts: dict[Verdict, int]) -> int:
+def section_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, have a section of their own; the others have their row."""
     return max(plot_limit(counts), MOST_TOLD)
 
@@ -136,7 +136,7 @@ def plot_limit(counts: dict[Verdict, int]) -> int:
 
 
 def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> Iterator[PlottedValve]:
-    limit, limit_text = plot_limit(counts), told_limit(counts)
+    limit, limit_text = plot_limit(counts), section_limit(counts)
     return (_plot(valve, limit) for valve in islice(ranked, limit_text))
 
 
@@ -225,6 +225,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "rejected_rows": rejected_rows,
         "effect_name": mismatch_words.effect_name,
         "parameter_name": mismatch_words.parameter_name,
+        "record_parameter": mismatch_words.record_parameter,
+        "no_limit": mismatch_words.no_limit,
         "effect_names": mismatch_words.effect_names,
         "left_to_tell": mismatch_words.left_to_tell,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
@@ -276,7 +278,7 @@ def inlined(scripts: tuple[str, ...]) -> dict[str, Any]:
         "styles": Markup("\n".join(resource(name) for name in STYLES)),
         "early_script": early,
         "script": late,
-        "policy": _policy(early, late),
+        "policy": script_policy(early, late),
         "chart_licence": resource("scripts/vendor/uPlot-LICENSE.txt"),
     }
 
@@ -285,7 +287,8 @@ def _script(names: Sequence[str]) -> Markup:
     return Markup(";\n".join(resource(name).strip() for name in names))
 
 
-def _policy(*scripts: str) -> str:
+def script_policy(*scripts: str) -> str:
+    """A page's policy, which allows these scripts and nothing that is loaded."""
     digests = (hashlib.sha256(script.encode()).digest() for script in scripts)
     allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     return (

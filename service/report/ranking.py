@@ -89,7 +89,7 @@ class Ranking(Sequence[RankedValve]):
         self._screenings, self._context, self._evidence = screenings, context, evidence
         notes, costs = [], {}
         for screening in screenings:
-            notes.append(light(screening))
+            notes.append(reduced_for_ranking(screening))
             cost = self._cost(screening)
             if cost is not None:  # of several recordings the last counts
                 costs[screening.valve] = cost
@@ -207,7 +207,7 @@ def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:
     return count_valves((valve.screening.valve, valve.decision) for valve in ranked)
 
 
-def light(screening: Screening) -> Screening:
+def reduced_for_ranking(screening: Screening) -> Screening:
     """As much of a screening as it takes to rank it and to say which effects stand."""
     mismatch = screening.mismatch
     if mismatch is not None:

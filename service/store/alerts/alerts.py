@@ -23,6 +23,7 @@ from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.ranking import in_part
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import ValveRow
+from stemwatch.service.store.storable import from_row
 
 
 class AlertKind(StrEnum):
@@ -263,27 +264,8 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
 
 def stored_alert(row: AlertRow) -> StoredAlert:
     """The row as a ``StoredAlert``."""
-    return StoredAlert(
-        id=row.id,
-        cause=row.cause,
-        kind=AlertKind(row.kind),
-        severity=AlertSeverity(row.severity),
-        text=row.text,
-        valve=row.valve,
-        source=row.source,
-        run_id=row.run_id,
-        evidence=row.evidence,
-        opened=row.opened,
-        seen=row.seen,
-        closed=row.closed,
-        closed_why=row.closed_why,
-        acknowledged=row.acknowledged,
-        acknowledged_by=row.acknowledged_by,
-        comment=row.comment,
-        snoozed_until=row.snoozed_until,
-        snoozed_by=row.snoozed_by,
-        false_alarm=row.false_alarm,
-        told=row.told,
+    return from_row(
+        StoredAlert, row, kind=AlertKind(row.kind), severity=AlertSeverity(row.severity)
     )
 
 

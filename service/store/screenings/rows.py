@@ -24,7 +24,7 @@ from stemwatch.service.store.screenings.records import (
     StoredValve,
 )
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
-from stemwatch.service.store.storable import clean_text, finite
+from stemwatch.service.store.storable import clean_text, finite, from_row
 
 
 def window_key(screening: Screening) -> str:
@@ -94,29 +94,18 @@ def indicator_columns(
 
 def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> StoredScreening:
     """The row as ``StoredScreening``; ``with_mismatch=False`` saves time for thousands of rows."""
-    return StoredScreening(
-        id=row.id,
-        valve=row.valve,
-        run_id=row.run_id,
+    return from_row(
+        StoredScreening,
+        row,
         window=(row.window_start, row.window_end),
-        at=row.at,
         verdict=Verdict(row.verdict),
-        reason=row.reason,
-        advice=row.advice,
         shape=None if row.shape is None else Shape(row.shape),
-        severity=row.severity,
-        confidence=row.confidence,
         S=_estimate(row.s_percent, row.s_low_percent, row.s_high_percent, row.s_reason),
         J=_estimate(row.j_percent, row.j_low_percent, row.j_high_percent, row.j_reason),
         residuals={name: _residual(stored) for name, stored in row.residuals.items()},
         quality=DataQuality(grade=row.grade, reasons=tuple(row.grade_reasons)),
         still_seen=tuple(row.still_seen),
-        baseline_note=row.baseline_note,
         provenance=_provenance(row),
-        software_version=row.software_version,
-        settings_digest=row.settings_digest,
-        seconds=row.seconds,
-        baseline_id=row.baseline_id,
         without_position=_without_position(row.without_position),
         histograms=_histograms(row.histograms),
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
@@ -237,25 +226,11 @@ def _number(stored: float | None) -> float:
 
 def stored_run(run: RunRow) -> StoredRun:
     """The row as ``StoredRun``."""
-    return StoredRun(
-        id=run.id,
-        started=run.started,
-        finished=run.finished,
-        command=run.command,
-        software_version=run.software_version,
-        settings_digest=run.settings_digest,
+    return from_row(
+        StoredRun,
+        run,
         counts={Verdict(verdict): count for verdict, count in run.counts.items()},
         state=RunState(run.state),
-        schedule=run.schedule,
-        due=run.due,
         window=(run.window_start, run.window_stop),
         asked=tuple(run.asked or ()),
-        who=run.who,
-        total=run.total,
-        done=run.done,
-        set_aside=run.set_aside,
-        heartbeat=run.heartbeat,
-        cancel_asked_by=run.cancel_asked_by,
-        reason=run.reason,
-        report=run.report,
     )

@@ -11,7 +11,7 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, Response
 
 from stemwatch.models.recording import Floats
-from stemwatch.service.report.charts.small_plot import Drawn, SmallPlot
+from stemwatch.service.report.charts.small_plot import PlottedLine, SmallPlot
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.web.api.signals import LONGEST, SignalWindow, read_recording
 from stemwatch.service.web.dependencies import Dependencies, Deps
@@ -208,9 +208,9 @@ def _plot(loop: FittedLoop, prediction: Prediction) -> object:
         return values[values.size - shown :][::stride][: minutes.size]
 
     drawn = [
-        Drawn("naive", "PV as recorded", minutes, newest(recorded.pv)),
-        Drawn("extended", "PV with the change", minutes, newest(run.pv)),
-        Drawn("sp", "SP", minutes, newest(recorded.sp), dashed=True),
+        PlottedLine("naive", "PV as recorded", minutes, newest(recorded.pv)),
+        PlottedLine("extended", "PV with the change", minutes, newest(run.pv)),
+        PlottedLine("sp", "SP", minutes, newest(recorded.sp), dashed=True),
     ]
     plot = SmallPlot(
         x_label="minutes",

@@ -23,8 +23,8 @@ from stemwatch.models.oscillation_groups.plant_groups import GroupMember, Oscill
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import views
-from stemwatch.service.maintenance.maintenance_html import book_html
-from stemwatch.service.maintenance.pdf import book_pdf
+from stemwatch.service.maintenance.maintenance_html import work_list_html
+from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter import oscillation_words
@@ -139,7 +139,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
         facts = {valve: replace(one, weeks=weeks.get(valve)) for valve, one in made.valves.items()}
         made = replace(made, valves=facts)
         files = write_report(every, made, folder / "report")
-        book = report_of_store(store, folder / "book", run=number, all_valves=True).book
+        book = report_of_store(store, folder / "book", run=number, all_valves=True).work_list
         site = Site(store=store, clock=lambda: START + (DAYS + 1) * DAY)
         with (
             example_plant.serving(site) as base,
@@ -152,7 +152,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
             lines = client.get("/api/v1/valves").json()["valves"]
             groups = client.get("/api/v1/oscillations").json()
             overview = client.get("/overview").text
-    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", book_pdf(book, compress=False))
+    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
     written = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
     header, *cells = openpyxl.load_workbook(files.xlsx)["Ranking"].iter_rows(values_only=True)
     rows = [dict(zip(map(str, header), row, strict=True)) for row in cells]
@@ -160,7 +160,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
     return Outputs(
         ranking=rank_valves(every, made),
         report=page_text(files.html.read_text("utf-8")),
-        maintenance=page_text(book_html(book).decode()),
+        maintenance=page_text(work_list_html(book).decode()),
         paper=bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1"))),
         terminal=bare(str(views.summary([in_brief(one) for one in every]).caption)),
         overview=page_text(overview),
