@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import fnmatch
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
 from urllib.parse import urlsplit
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 LAYOUT = "InfluxDB, points of a tag through InfluxQL"
 ZONE = "The server gives instants in UTC."
-_ALWAYS = (Role.OP, Role.MV)
 _URL = "the address of an InfluxDB such as https://host:8086"
 
 
@@ -151,12 +150,14 @@ class InfluxArchive:
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose tag the archive does not have."""
+        from stemwatch.connectors.archive.valve_columns import with_existing
         from stemwatch.connectors.influx.query import connected
 
-        with connected(self.address) as query:
-            known = set(query.tags())
-        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in known}
-        return replace(valve, tags=tags)
+        def existing(_: frozenset[str]) -> set[str]:
+            with connected(self.address) as query:
+                return set(query.tags())
+
+        return with_existing(valve, existing)
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
         """The recording of one valve, tag by tag.
@@ -164,12 +165,8 @@ class InfluxArchive:
         Raises ``UnknownTag`` for a tag that is not there, and ``ConnectorError`` for a window
         without values of OP, and a server that does not answer.
         """
-        from stemwatch.connectors.archive.valve_columns import (
-            ValveColumns,
-            need_op,
-            no_samples_error,
-        )
-        from stemwatch.connectors.historian.recordings import assemble
+        from stemwatch.connectors.archive.valve_columns import ValveColumns, need_samples
+        from stemwatch.connectors.historian.recordings import assemble, need_op
         from stemwatch.connectors.influx.query import connected
 
         server = str(self.address)
@@ -179,10 +176,8 @@ class InfluxArchive:
                 mapping.tag: self._column(query, mapping.tag, role, window)
                 for role, mapping in valve.tags.items()
             }
-        op = valve.tags[Role.OP].tag
-        if not columns[op].file_ns.size:
-            archive_contents = "the archive has nothing there. Ask for another window"
-            raise no_samples_error(server, op, window, archive_contents)
+        nothing_there = "the archive has nothing there. Ask for another window"
+        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
         loaded = ValveColumns(
             source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
         )

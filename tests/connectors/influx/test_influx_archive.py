@@ -49,7 +49,9 @@ def archive(served: Served, folder: Path = Path(), **changes: Any) -> InfluxArch
     """The archive of a table of a plant file."""
     table = {"name": "influx", "kind": "influx", "url": served.url, "database": "plant"}
     settings = InfluxSettings.model_validate(table | LAYOUTS[served.layout] | changes)
-    return settings.address(folder, None).open()
+    opened = settings.address(folder, None).open()
+    assert isinstance(opened, InfluxArchive)
+    return opened
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
