@@ -33,7 +33,8 @@ def sagged(
     seconds; the supply is full where marked START.
     """
     if share == 0.0 or recovery_s <= 0.0:
-        out[:] = command
+        for k in range(command.size):
+            out[k] = command[k]
         return
     side = 1.0 if share > 0.0 else -1.0
     kept_share = max(1.0 - dt / recovery_s, 0.0)
