@@ -73,7 +73,9 @@ MvTag = Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS
 PvTag = Annotated[str, typer.Option(help="Process variable.", rich_help_panel=TAGS)]
 SpTag = Annotated[str, typer.Option(help="Set point.", rich_help_panel=TAGS)]
 ModeTag = Annotated[str, typer.Option(help="Controller mode.", rich_help_panel=TAGS)]
-ValveName = Annotated[str, typer.Option(help="The valve's name.", rich_help_panel=TAGS)]
+ValveName = Annotated[
+    str, typer.Option(help="The valve's name; with --plant, the one meant.", rich_help_panel=TAGS)
+]
 From = Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")]
 To = Annotated[str, typer.Option("--to", help="End of the window, ISO time.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; by default one per core.")]

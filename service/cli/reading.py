@@ -6,6 +6,7 @@
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
 from types import SimpleNamespace
@@ -153,17 +154,25 @@ def request_of(
     options: "ReadOptions",
 ) -> "Request":
     """The request of a command; window times without offset are in the zone of the options, else
-    in that of the plant, else in UTC."""
+    in that of the plant, else in UTC. ``valve`` names that of ``tags``, or one of the plant."""
     from stemwatch.service.run.plan import Request
 
     _refuse_what_nobody_asks_for(sources, plant, tags, valve, (from_, to), options)
     loaded = loaded_plant(plant, sources)
+    if loaded is not None and valve and valve not in loaded.valves:
+        similar = get_close_matches(valve, loaded.valves, n=3, cutoff=0.0)
+        raise typer.BadParameter(
+            f"there is no valve {valve!r} among the {len(loaded.valves)} of {plant}; nearest: "
+            f"{', '.join(similar) or 'none'}",
+            param_hint="--valve",
+        )
     zone = options.zone or (loaded.zone if loaded else None) or ""
     return Request(
         sources=tuple(sources or ()),
         plant=loaded,
         tags=tags,
         valve=valve,
+        valves=(valve,) if loaded is not None and valve else (),
         window=window_of(from_, to, zone),
         read_options=options,
     )
@@ -180,13 +189,13 @@ def _refuse_what_nobody_asks_for(
     """Wrong usage where an option would make no difference whatever the files hold."""
     from stemwatch.connectors.historian.options import given_options
 
-    if plant is not None and (tags or valve):
-        option = f"--{next(iter(tags))}" if tags else "--valve"
+    if plant is not None and tags:
+        option = f"--{next(iter(tags))}"
         raise typer.BadParameter(
             f"{option} is for files without a plant file; {plant} says which tag is what",
             param_hint=option,
         )
-    if valve and not tags:
+    if valve and not tags and plant is None:
         raise typer.BadParameter(
             "--valve names the valve whose tags are given; give its --op as well",
             param_hint="--valve",

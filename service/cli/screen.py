@@ -60,7 +60,7 @@ def screen(
     the same window twice updates what is stored.
     """
     chosen = valves_in_part(request.plant, part_of(site, area, unit))
-    request = replace(request, valves=chosen)
+    request = replace(request, valves=request.valves or chosen)
     _need_prices(request.plant, rank_by)
     screenings = _run(request, out, db, (workers, executor), new_baseline, json_file, rank_by)
     if fail_on is not None and _is_found(fail_on, screenings):

@@ -98,6 +98,10 @@ ERRORS = {
         ("screen", "{file}", "--plant", "{plant}", "--op", "A.OP"),
         "--op is for files without a plant file",
     ),
+    "a valve that the plant does not have": (
+        ("screen", "--plant", "{plant}", "--valve", "A"),
+        "there is no valve 'A' among the 0 of",
+    ),
     "a name without tags": (("screen", "{file}", "--valve", "A"), "--valve names the valve whose"),
     "a column that is not there": (
         ("inspect", "{file}", "--time-column", "Stamp"),

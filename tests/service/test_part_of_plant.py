@@ -10,6 +10,8 @@ from pathlib import Path
 import httpx
 import pytest
 
+from stemwatch.connectors.historian import ReadOptions
+from stemwatch.service.cli.reading import request_of
 from stemwatch.service.config import load_plant
 from stemwatch.service.presenter.plant_path import PartOfPlant, PlantPath, UnknownPart
 from stemwatch.service.run.plan import Request, make_plan
@@ -103,6 +105,13 @@ def test_a_request_for_a_unit_reads_its_valves_only(plant: Path) -> None:
     for sources in ((), (export,)):
         plan = make_plan(Request(plant=loaded, valves=(of_unit.id,), sources=sources))
         assert [task.tags.valve for task in plan.tasks] == [of_unit.id]
+
+
+def test_a_valve_of_the_plant_is_screened_alone(plant: Path) -> None:
+    """By its name on the command line, beside the plant file."""
+    wanted = list(load_plant(plant, environment={}).valves)[1]
+    request = request_of(None, plant, {}, wanted, "", "", ReadOptions())
+    assert [task.tags.valve for task in make_plan(request).tasks] == [wanted]
 
 
 @pytest.mark.parametrize("command", ["screen", "run-now"])
