@@ -90,6 +90,7 @@ class Needed:
     without: Fitted
     advantage: Advantage
     events: dwell.Dwelling | None = None  # that told it, where the trajectories did not
+    of_pair: bool = False  # was found together with another, without which it gains little
 
     @property
     def term(self) -> Term:
@@ -253,12 +254,12 @@ def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
     is_convincing = convincing(score.advantage, evaluator.told, score.slug, stage)
     return (
         is_convincing
-        and _jump_is_visible(score, evaluator)
+        and jump_is_visible(score, evaluator)
         and score.term.material(score.values, evaluator.summary)
     )
 
 
-def _jump_is_visible(score: TermScore, evaluator: Evaluator) -> bool:
+def jump_is_visible(score: TermScore, evaluator: Evaluator) -> bool:
     """False for play behind a stem that does not jump: the two make one dead band, and which part
     of it is friction cannot be told."""
     if score.slug != PLAY:
