@@ -87,9 +87,17 @@ def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
     drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
     if drive is not None:
         return drive
-    one_by_one = (slug for slug in terms if slug not in OF_A_DRIVE)
-    of_the_valve = [terms[slug] for slug in one_by_one if terms[slug].acts_on is not ActsOn.READING]
-    return with_pair(name(case.base, of_the_valve), of_the_valve)
+    sought = of_the_valve(terms)
+    return with_pair(name(case.base, sought), sought)
+
+
+def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:
+    """The terms that are looked for one by one: no drive's, and none of the reading's own."""
+    return [
+        term
+        for slug, term in terms.items()
+        if slug not in OF_A_DRIVE and term.acts_on is not ActsOn.READING
+    ]
 
 
 def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:

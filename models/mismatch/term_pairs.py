@@ -64,7 +64,11 @@ class TermPair:
     def needs_both(self, evaluator: Evaluator) -> bool:
         """True where either predicts unseen blocks better beside the other, by more than pairs do
         where nothing is hidden, and is of a size that matters."""
-        return self.least_strength(evaluator) >= LEAST_OF_A_PAIR and all(
+        return self.least_strength(evaluator) >= LEAST_OF_A_PAIR and self.of_some_size(evaluator)
+
+    def of_some_size(self, evaluator: Evaluator) -> bool:
+        """True where both are of a size that matters."""
+        return all(
             jump_is_visible(score, evaluator)
             and score.term.material(score.values, evaluator.summary)
             for score in self.scores
@@ -102,6 +106,20 @@ def with_pair(named: Named, terms: Sequence[Term]) -> Named:
         ),
         stages=(*named.stages, *stages),
     )
+
+
+def strongest_pair(named: Named, terms: Sequence[Term]) -> float:
+    """The strength of the weaker of two beside the other, of the pair in which it is largest and
+    both are of a size that matters; 0 where no pair is worth a look."""
+    if not _comes_near(named):
+        return 0.0
+    evaluator = named.evaluator
+    strengths = (
+        pair.least_strength(evaluator)
+        for pair in best_pairs(named, terms)
+        if pair.of_some_size(evaluator)
+    )
+    return max(strengths, default=0.0)
 
 
 def _comes_near(named: Named) -> bool:
