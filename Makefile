@@ -25,15 +25,15 @@ WORKERS ?= 4
 export PIP_ONLY_BINARY ?= :all:
 export PIP_DISABLE_PIP_VERSION_CHECK ?= 1
 export STRICT
-# What is imported is compiled once and kept; installing compiles nothing.
+# What is imported is compiled once and kept.
 unexport PYTHONDONTWRITEBYTECODE
 # Tests run side by side, neighbours in one process, so that what a module's tests share is made once; each process
 # stays on its own core, and all share one cache of compiled kernels.
 test test-all explore: export OMP_NUM_THREADS ?= 1
 test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
-# What the tests run is compiled while the type checks leave a core idle: test processes that begin together would
-# each compile it.
-test test-all: MEANWHILE = $(BIN)/python tests/compile_kernels.py &
+# While the type checks leave a core idle, kernels are compiled and all tests are read once: test processes that begin
+# together would each do it.
+test test-all: MEANWHILE = $(BIN)/python tests/prepare.py &
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
 # $(call alone,marker): what a failure is followed by. Alone on the machine, a test that only a busy machine upset passes,
@@ -45,6 +45,11 @@ BIN := $(VENV)/bin
 LOG := $(VENV)/log.txt
 # Compiling all that is installed takes most of the time, and little of it is ever imported.
 INSTALL := $(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt
+# That little is imported once, side by side: the first run would compile it in several processes at a time.
+IMPORT := { $(BIN)/python -P -c 'import stemwatch.service.executors.worker_preload' & $(BIN)/python -P -c \
+	'from stemwatch.service import cli, maintenance, report, run, store; from stemwatch.service.maintenance import pdf; \
+	from stemwatch.service.report import xlsx_file; from stemwatch.service.run import engine; \
+	from stemwatch.service.store.migrations import migrate' && wait; }
 # With what make live needs beside the product.
 SOURCE := $(if $(filter no,$(EDITABLE)),,--editable )'.[live-demo]'
 PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find stemwatch service models connectors -type f \
@@ -136,7 +141,7 @@ $(VENV)/can-run: $(VENV)/made $(INPUTS)
 	@rm -rf build
 	$(call step,Installing stemwatch (minutes the first time),$(if $(LOCKED),\
 	$(INSTALL) --require-hashes --no-deps --requirement requirements-dev.lock && $(INSTALL) --no-deps \
-	--no-build-isolation $(SOURCE),$(INSTALL) $(SOURCE)))
+	--no-build-isolation $(SOURCE),$(INSTALL) $(SOURCE)) && $(IMPORT))
 	@touch $@
 
 $(VENV)/can-test: $(VENV)/made $(INPUTS)

@@ -71,6 +71,8 @@ class Window:
 
 
 WHOLE = Window()
+# Names of facts of a tag: the engineering values at 0 % and 100 %, where the source knows them.
+RANGE_LOW, RANGE_HIGH = "range_low", "range_high"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +86,7 @@ class TagInfo:
     proposed_role: Role | None = None  # only where tag and description leave no doubt
     proposed_valve: str = ""  # the loop the tag seems to belong to
     remark: str = ""  # why a role was or was not proposed
-    facts: Mapping[str, float] = field(default_factory=dict)
+    facts: Mapping[str, float] = field(default_factory=dict)  # RANGE_LOW, own_interval_s, ...
 
 
 @runtime_checkable

@@ -359,10 +359,7 @@ def beside_friction(mismatch: Mismatch) -> str:
     """What was found beside friction, a sentence with a blank before it, or nothing."""
     if not mismatch.effects:
         return ""
-    sentence = f" Beside friction: {mismatch.effects[0].sentence}"
-    others = len(mismatch.effects) - 1
-    if others:
-        sentence += f" And {others} more, see what S and J leave out."
+    sentence = f" Beside friction: {' '.join(effect.sentence for effect in mismatch.effects)}"
     naive, restated = mismatch.naive.S.value, mismatch.restated.S.value
     if naive is None or restated is None:
         return sentence

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +38,18 @@ class Estimate:
     def at_least(self) -> float | None:
         """The bound, where nothing but a lower one is known; else ``None``."""
         return self.low if self.value is None else None
+
+    def holding(self, *others: Estimate) -> Estimate:
+        """The same value, with an interval that holds those of ``others`` too."""
+        lows = [one.low for one in (self, *others) if one.low is not None]
+        highs = [one.high for one in (self, *others) if one.high is not None]
+        return replace(self, low=min(lows, default=None), high=max(highs, default=None))
+
+    def contradicts(self, other: Estimate) -> bool:
+        """Whether the intervals of two estimates of one number have nothing in common."""
+        if self.low is None or self.high is None or other.low is None or other.high is None:
+            return False
+        return max(self.low, other.low) > min(self.high, other.high)
 
     def __str__(self) -> str:
         if self.value is None and self.low is not None:

@@ -158,7 +158,7 @@ class LastingFinding:
         return self.state in (FindingState.CONFIRMED, FindingState.STANDING)
 
 
-def that_count(windows: Iterable[WindowEvidence]) -> list[WindowEvidence]:
+def windows_that_count(windows: Iterable[WindowEvidence]) -> list[WindowEvidence]:
     """The windows in order of time since the last one that ``begins_anew``, it included, without
     those that share samples with one before: the same minutes twice are no second witness."""
     separate: list[WindowEvidence] = []
@@ -172,12 +172,12 @@ def that_count(windows: Iterable[WindowEvidence]) -> list[WindowEvidence]:
 
 def lasting_findings(windows: Iterable[WindowEvidence]) -> tuple[LastingFinding, ...]:
     """Every effect that some window since the last new beginning has named, those that hold first.
-    Which windows count says ``that_count``.
+    Which windows count says ``windows_that_count``.
 
     A window that names one of several effects that it cannot tell apart speaks for the one that
     most windows speak for, and for no other.
     """
-    ordered = that_count(windows)
+    ordered = windows_that_count(windows)
     findings = [_followed(slug, ordered) for slug in _spoken_for(ordered)]
     order = list(FindingState)
     return tuple(
@@ -330,7 +330,7 @@ def pooled_stiction(
     of the windows' median error is added in quadrature.
     """
     holding = [finding.slug for finding in findings if finding.holds]
-    same_names = [window for window in that_count(windows) if _names_just(window, holding)][
+    same_names = [window for window in windows_that_count(windows) if _names_just(window, holding)][
         -MEMORY:
     ]
     S = _pooled([window.S for window in same_names])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stemwatch.models.cross_correlation import lagged_products
+from stemwatch.models.holes import bridged
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 
 MIN_CROSSINGS = 6  # zero crossings of the autocorrelation that make a period
@@ -14,6 +15,7 @@ MIN_CROSSINGS = 6  # zero crossings of the autocorrelation that make a period
 # quoted from memory): the spread of the half periods is below a third of their mean.
 REGULAR = 1.0
 LEAST_SPREAD = 1e-9  # standard deviation over the largest value: less is floating-point noise
+FEWEST_KNOWN = 64  # samples of a signal with holes
 FEWEST_CYCLES = 4  # in the record; what is slower is drift
 
 
@@ -74,20 +76,12 @@ def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     return Oscillation(period_s=period, regularity=period / (3.0 * scatter + 1e-9))
 
 
-def _filled(values: Floats) -> Floats | None:
-    finite = np.isfinite(values)
-    if finite.sum() < 64:
-        return None
-    if finite.all():
-        return values
-    index = np.arange(values.size)
-    return np.interp(index, index[finite], values[finite])
-
-
 def signal_oscillation(signal: Signal, interval_s: float) -> Oscillation | None:
     """The oscillation of a signal, its holes bridged by straight lines; ``None`` as above."""
-    filled = _filled(signal.values)
-    return None if filled is None else oscillation(filled, interval_s)
+    known = np.isfinite(signal.values)
+    if np.count_nonzero(known) < FEWEST_KNOWN:
+        return None
+    return oscillation(bridged(signal.values, known), interval_s)
 
 
 def loop_oscillation(recording: Recording) -> dict[Role, Oscillation]:

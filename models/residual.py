@@ -17,7 +17,7 @@ FEWEST = 10  # samples needed for a residual
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compared:
+class BaselineComparison:
     """The baseline network on a later window: residual and ratio, or the reason for none."""
 
     residual: Residual | None = None
@@ -82,10 +82,10 @@ def of_narx(network: NarxFit | None) -> Residual | None:
     )
 
 
-def of_baseline(baseline: NarxNetwork | None, recording: Recording) -> Compared:
+def of_baseline(baseline: NarxNetwork | None, recording: Recording) -> BaselineComparison:
     """How the valve's baseline network follows this window, restarted every 100 samples."""
     if baseline is None or recording.mv is None:
-        return Compared()
+        return BaselineComparison()
     from stemwatch.models.narx.baseline import score_baseline
 
     try:
@@ -97,9 +97,9 @@ def of_baseline(baseline: NarxNetwork | None, recording: Recording) -> Compared:
             interval_s=recording.interval_s,
         )
     except (ValueError, ArithmeticError) as error:  # a damaged baseline must not cost the verdict
-        return Compared(reason=f"Not compared: {error}.")
+        return BaselineComparison(reason=f"Not compared: {error}.")
     if score.rmse is None or score.ratio is None:
-        return Compared(reason=f"Not compared: {score.reason}.")
+        return BaselineComparison(reason=f"Not compared: {score.reason}.")
     spread = float(np.nanstd(np.where(recording.usable, recording.mv.values, np.nan)))
     residual = Residual(rmse=score.rmse, normalised=score.rmse / max(spread, 1e-9))
-    return Compared(residual=residual, ratio=score.ratio)
+    return BaselineComparison(residual=residual, ratio=score.ratio)

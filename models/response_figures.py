@@ -35,7 +35,7 @@ from stemwatch.models.mismatch.findings import Effect, Mismatch
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.recording import Floats
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.stickslip.interval import REPLICATES, interval, spread_of
+from stemwatch.models.stickslip.interval import REPLICATES, intervals, spread_of
 
 STEPS_PERCENT = (0.5, 1.0, 2.0, 5.0, 10.0)  # of OP, as the technical report has them
 SETTLED = 0.865  # of the final change: 1 - exp(-2)
@@ -116,7 +116,8 @@ class ResponseFigures:
     @property
     def distinct_steps(self) -> tuple[StepFigures, ...]:
         """The steps once where both ways are alike, else those that raise the position first."""
-        return tuple(step for step in self.steps if step.rising or not self.both_ways_alike)
+        alike = self.both_ways_alike
+        return tuple(step for step in self.steps if step.rising or not alike)
 
 
 @dataclass(frozen=True)
@@ -147,13 +148,21 @@ def response_figures(screening: Screening) -> ResponseFigures:
     slugs = tuple(effect.slug for effect in shaping)
     if shaping and mismatch is not None and (steps := _steps_run(mismatch, screening)):
         return replace(figures, steps=steps, simulated=slugs)
-    steps = tuple(
-        step_figures(_numbers(screening, effects, rising), step_percent, step_way, rising=rising)
-        for rising in (True, False)
+    rises, falls = (_numbers(screening, effects, rising) for rising in (True, False))
+    rising = _steps(rises, rising=True)
+    if all(map(np.array_equal, vars(rises).values(), vars(falls).values())):
+        falling = tuple(replace(step, rising=False) for step in rising)
+    else:
+        falling = _steps(falls, rising=False)
+    return replace(figures, steps=rising + falling, left_out=slugs)
+
+
+def _steps(numbers: StepNumbers, *, rising: bool) -> tuple[StepFigures, ...]:
+    return tuple(
+        step_figures(numbers, step_percent, step_way, rising=rising)
         for step_way in StepWay
         for step_percent in STEPS_PERCENT
     )
-    return replace(figures, steps=steps, left_out=slugs)
 
 
 def _numbers(screening: Screening, effects: tuple[Effect, ...], rising: bool) -> StepNumbers:
@@ -246,22 +255,25 @@ def _figures(
 ) -> StepFigures:
     """Estimates from draws, the first of which is the value; draws that do not move have none."""
 
-    def estimate(draws: Floats, unit: str, least: float = 0.0) -> Estimate:
-        if not moves[0]:
-            level = "resolution" if step_way is StepWay.SAME else "dead band"
-            return Estimate.unknown(f"the stem does not move: the step is within the {level}", unit)
-        low, high = interval(draws[moves], float(draws[0]))
-        return Estimate(value=float(draws[0]), low=low, high=max(high, least), unit=unit)
-
+    draws = np.array([gain, dead_time, t86, overshoot])
+    units, least = ("", "s", "s", "%"), (0.0, interval_s, interval_s, 0.0)
+    if moves[0]:
+        estimates = [
+            Estimate(value=float(value), low=low, high=max(high, smallest), unit=unit)
+            for value, (low, high), unit, smallest in zip(
+                draws[:, 0], intervals(draws[:, moves], draws[:, 0]), units, least, strict=True
+            )
+        ]
+    else:
+        level = "resolution" if step_way is StepWay.SAME else "dead band"
+        reason = f"the stem does not move: the step is within the {level}"
+        estimates = [Estimate.unknown(reason, unit) for unit in units]
     return StepFigures(
         step_percent=step_percent,
         way=step_way,
         rising=rising,
         moves=float(np.mean(moves)),
-        travel_gain=estimate(gain, ""),
-        dead_time=estimate(dead_time, "s", interval_s),
-        t86=estimate(t86, "s", interval_s),
-        overshoot=estimate(overshoot, "%"),
+        **dict(zip(("travel_gain", "dead_time", "t86", "overshoot"), estimates, strict=True)),
     )
 
 

@@ -37,7 +37,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.loop_pace import at_loop_pace
 from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
 from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.narx.architecture import StickSlipStart
@@ -45,13 +45,14 @@ from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
+from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import still_seen
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidence
-from stemwatch.models.stickslip.events import SlipEvents, slip_events
+from stemwatch.models.stickslip.events import SlipEvents
 from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
@@ -380,6 +381,7 @@ def _screening(
         baseline_note=fitted.case.baseline_note,
         recording=recording,
         provenance=recording.provenance,
+        histograms=position_histograms(fitted.case.recording),
         changed=fitted.curve_changed,
     )
 
@@ -423,11 +425,29 @@ def _stiction(
         if fitted.archive is not None:
             S, J = fitted.archive.restored(S, J, _missed(fitted, fit))
             S_draws = S_draws if S.value is None else spread_of(S)
-        if curve is None:
-            return S, J, S_draws
-        return curve.in_op(S), curve.in_op(J, is_jump=True), S_draws / abs(curve.slope)
+        if curve is not None:
+            S, J = curve.in_op(S), curve.in_op(J, is_jump=True)
+            S_draws = S_draws / abs(curve.slope)
+        if mismatch is not None and _lag_is_doubtful(fitted, fit, mismatch, S, J):
+            # Nothing but this fit asks for its lag, and which of them is right cannot be told.
+            alone, restated = mismatch.naive, mismatch.restated
+            S, J = restated.S.holding(S, alone.S), restated.J.holding(J, alone.J)
+            S_draws = spread_of(S)
+        return S, J, S_draws
     S, J = mismatch.restated.S, mismatch.restated.J
     return S, J, spread_of(S)
+
+
+def _lag_is_doubtful(
+    fitted: _Fitted, fit: StickSlipFit, mismatch: Mismatch, S: Estimate, J: Estimate
+) -> bool:
+    """Whether a lag that was fitted beside friction takes S or J from it, though the record as a
+    whole is explained without: S and J with all breakaways where they were seen contradict it."""
+    if fit.hypothesis != "both" or fit.breakaways is not None or fitted.archive is not None:
+        return False
+    explained = mismatch.finding is Finding.NONE
+    restated = mismatch.restated
+    return explained and (restated.S.contradicts(S) or restated.J.contradicts(J))
 
 
 def _missed(fitted: _Fitted, fit: StickSlipFit) -> float:
@@ -453,7 +473,7 @@ def _with_verdict(
         "narx": residual.of_narx(network),
         "baseline": compared.residual,
     }
-    events = slip_events(fit)
+    events = fit.events
     cycle = signal_oscillation(fitted.recording.op, fitted.recording.interval_s)
     evidence = DecisionEvidence(
         S=S,
@@ -477,6 +497,8 @@ def _with_verdict(
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
+    if mismatch is not None:  # one S and one J of a valve and window, whoever tells them
+        mismatch = replace(mismatch, restated=Stiction(S=S, J=J))
     numbers = [
         *indicators.of_recording(fitted.assessment.recording),
         *_movement(fitted, fit, events),
@@ -502,7 +524,7 @@ def _movement(fitted: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[In
         return indicators.of_movement(fit.evaluator.problem, events)
     whole_problem = make_problem(in_travel(fitted.assessment.recording, fitted.curve))
     evaluator = replace(fit.evaluator, problem=whole_problem)
-    return indicators.of_movement(whole_problem, slip_events(replace(fit, evaluator=evaluator)))
+    return indicators.of_movement(whole_problem, replace(fit, evaluator=evaluator).events)
 
 
 def _traces(fitted: _Fitted, fit: StickSlipFit, network: NarxFit | None) -> Traces:

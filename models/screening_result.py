@@ -11,6 +11,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.narx.network import NarxNetwork
+from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
@@ -129,6 +130,7 @@ class Screening:
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
     without_position: WithoutPosition | None = None  # what OP and PV alone say; None: not asked
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
+    histograms: PositionHistograms | None = None  # where the stem stood; None without a position
     changed: str = ""  # what is otherwise than in the window before, as a curve from OP to stroke
     seconds: float = 0.0
 

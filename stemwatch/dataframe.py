@@ -13,8 +13,7 @@ from stemwatch.connectors.archive.valve_columns import (
     bounds_of,
     empty_column,
     local_instants,
-    need_op,
-    no_samples_error,
+    need_samples,
     within_bounds,
 )
 from stemwatch.connectors.connector import (
@@ -27,7 +26,7 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.recordings import assemble, find_tag
+from stemwatch.connectors.historian.recordings import assemble, find_tag, need_op
 from stemwatch.connectors.historian.tables.raw_table import RawColumn
 from stemwatch.connectors.historian.tags.roles import propose_roles
 from stemwatch.connectors.historian.times.time_column import Instants, undated
@@ -98,8 +97,8 @@ class DataFrameSource:
         for role, mapping in valve.tags.items():
             tag = find_tag(recordings, mapping.tag)
             columns[tag] = within_bounds(self._column(tag, as_mode=role is Role.MODE), bounds)
-            if role is Role.OP and not columns[tag].file_ns.size:
-                raise no_samples_error(self.where, tag, window, self._contents())
+            if role is Role.OP:
+                need_samples(columns[tag], window, self.where, self._contents)
         return assemble(self._loaded(columns), valve, window)
 
     def _loaded(self, columns: Mapping[str, Column]) -> ValveColumns:

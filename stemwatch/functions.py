@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Unpack, overload
+from typing import TYPE_CHECKING, Unpack, overload
 
 from stemwatch.connectors.settings import nearest
 from stemwatch.inputs import (
     FileOptions,
     FilePath,
-    InputOptions,
     OneValve,
     SignalInput,
     checked_options,
@@ -52,6 +51,19 @@ class ReadAs(FileOptions, total=False):
     ranges: Ranges | None
     start: datetime | None
     stop: datetime | None
+
+
+class ExplainAs(ReadAs, total=False):
+    """The arguments of ``explain`` beside the data."""
+
+    narx: bool
+
+
+class ScreenAs(ExplainAs, total=False):
+    """The arguments of ``screen`` beside the data."""
+
+    mismatch: bool
+    limits: Mapping[str, float] | None
 
 
 # Where the simulated loop is recorded: any Monday morning will do.
@@ -125,30 +137,16 @@ def read(
         FIC101: op, mv; 600 samples of 0.5 s (5 min), date not known, 100 % usable
     """
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    inputs = _options_asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    inputs = checked_options(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     return one_recording(data, inputs)
 
 
 @overload
-def screen(
-    data: OneValve | None = None,
-    *,
-    narx: bool = True,
-    mismatch: bool = True,
-    limits: Mapping[str, float] | None = None,
-    **how: Unpack[ReadAs],
-) -> ScreenedValve: ...
+def screen(data: OneValve | None = None, **how: Unpack[ScreenAs]) -> ScreenedValve: ...
 
 
 @overload
-def screen(
-    data: ManyValves,
-    *,
-    narx: bool = True,
-    mismatch: bool = True,
-    limits: Mapping[str, float] | None = None,
-    **how: Unpack[ReadAs],
-) -> ScreenedValves: ...
+def screen(data: ManyValves, **how: Unpack[ScreenAs]) -> ScreenedValves: ...
 
 
 def screen(
@@ -219,7 +217,7 @@ def screen(
     from stemwatch.models.screening import screen as screen_cases
 
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    inputs = _options_asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    inputs = checked_options(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     options = Options(narx=narx, mismatch=mismatch, limits=_limits(limits))
     several_asked = is_several(data)
     read_ones = several(data, inputs) if several_asked else [one_recording(data, inputs)]
@@ -231,21 +229,11 @@ def screen(
 
 
 @overload
-def explain(
-    data: OneValve | None = None,
-    *,
-    narx: bool = True,
-    **how: Unpack[ReadAs],
-) -> ExplainedValve: ...
+def explain(data: OneValve | None = None, **how: Unpack[ExplainAs]) -> ExplainedValve: ...
 
 
 @overload
-def explain(
-    data: ManyValves,
-    *,
-    narx: bool = True,
-    **how: Unpack[ReadAs],
-) -> ExplainedValves: ...
+def explain(data: ManyValves, **how: Unpack[ExplainAs]) -> ExplainedValves: ...
 
 
 def explain(
@@ -290,7 +278,7 @@ def explain(
         <Finding.NONE: 'none'>
     """
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
-    inputs = _options_asked(signals, valve, interval_s, zone, ranges, start, stop, file_options)
+    inputs = checked_options(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     several_asked = is_several(data)
     read_ones = several(data, inputs) if several_asked else [one_recording(data, inputs)]
     valves, stands = explained([_explained(item, narx) for item in read_ones])
@@ -348,35 +336,14 @@ def simulate(
     return replace(recording, start=start)
 
 
-def _options_asked(
-    signals: Mapping[str, SignalInput | None],
-    valve: str,
-    interval_s: float | None,
-    zone: str | None,
-    ranges: Ranges | None,
-    start: datetime | None,
-    stop: datetime | None,
-    options: Mapping[str, Any],
-) -> InputOptions:
-    return checked_options(
-        signals,
-        valve=valve,
-        ranges=ranges,
-        interval_s=interval_s,
-        zone=zone,
-        start=start,
-        stop=stop,
-        options=options,
-    )
-
-
 def _explained(recording: Recording | Screening, narx: bool) -> Explained:
-    from stemwatch.service.explain.explained import Explained, explain_recording, not_testable
+    from stemwatch.models.mismatch.findings import Mismatch
+    from stemwatch.service.explain.explained import Explained, explain_recording
 
     source = recording.provenance.source
     if isinstance(recording, Recording):
         return explain_recording(recording, source, narx=narx)
-    mismatch = not_testable(" ".join((*recording.quality.reasons, *recording.still_seen)))
+    mismatch = Mismatch.unknown(" ".join((*recording.quality.reasons, *recording.still_seen)))
     return Explained(source=source, valve=recording.valve, mismatch=mismatch)
 
 

@@ -109,11 +109,10 @@ class InputOptions:
 
 def checked_options(
     signals: Mapping[str, SignalInput | None],
-    *,
     valve: str,
-    ranges: Mapping[str, tuple[float, float]] | None,
     interval_s: float | None,
     zone: str | None,
+    ranges: Mapping[str, tuple[float, float]] | None,
     start: datetime | None,
     stop: datetime | None,
     options: Mapping[str, Any],

@@ -23,6 +23,8 @@ ROOT = Path(__file__).resolve().parent.parent
 BILL = "stemwatch.cdx.json"
 # Delivered beside a program under Apache-2.0: none that asks for the program's own source.
 _REFUSED = re.compile(r"\b(?:A?GPL|SSPL|BUSL)\b|(?<!Lesser )General Public License|Affero", re.I)
+# Packages that state no licence but in a file of theirs, with the licence read there.
+_READ = {"FMPy": "BSD-2-Clause"}
 _LESSER = re.compile(r"\bLGPL|Lesser General Public|Library General Public", re.I)
 
 
@@ -97,7 +99,8 @@ def _licences(tools: Path) -> dict[str, str]:
     result = _answer([*command, "--format=json"])
     if result.returncode:
         raise SystemExit(f"pip-licenses failed: {result.stderr}")
-    return {load["Name"]: load["License"] for load in json.loads(result.stdout)}
+    stated = {load["Name"]: load["License"] for load in json.loads(result.stdout)}
+    return stated | {name: _READ[name] for name in stated.keys() & _READ.keys()}
 
 
 def _write_bill(tools: Path, folder: Path) -> int:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from stemwatch.connectors.connector import ConnectorError, MappingNeeded, ValveTags, Window
+from stemwatch.connectors.connector import ConnectorError, ValveTags, Window
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.times.epoch import ns_of
@@ -21,6 +21,7 @@ from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import Bools, Role
 
 Bounds = tuple[int | None, int | None]
+_ALWAYS = (Role.OP, Role.MV)  # read, and said to be missing, whether or not they are there
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,25 +73,30 @@ def bounds_of(window: Window, before_s: float = 0.0) -> Bounds:
     return None if start is None else start - round(before_s * 1e9), ns_of(window.stop)
 
 
-def need_op(source_name: str, valve: ValveTags) -> None:
-    """Raise ``MappingNeeded`` where no tag is given for OP."""
-    if Role.OP not in valve.tags:
-        raise MappingNeeded(
-            f"{source_name}: {valve.valve}: no tag is given for OP, the controller output; a "
-            "recording needs one"
-        )
+def with_existing(
+    valve: ValveTags, existing: Callable[[frozenset[str]], Collection[str]]
+) -> ValveTags:
+    """``valve`` without the roles beside OP and MV whose tag is not among the ``existing`` ones of
+    those that are asked for; where there are no such roles nothing is asked."""
+    optional = frozenset(m.tag for role, m in valve.tags.items() if role not in _ALWAYS)
+    if not optional:
+        return valve
+    there = existing(optional)
+    tags = {role: m for role, m in valve.tags.items() if role in _ALWAYS or m.tag in there}
+    return replace(valve, tags=tags)
 
 
-def no_samples_error(
-    source_name: str, tag: str, window: Window, what_is_there: str
-) -> ConnectorError:
-    """The error for a controller output that has no sample in the window."""
+def need_samples(op: Column, window: Window, source_name: str, contents: Callable[[], str]) -> None:
+    """Raise ``ConnectorError`` with the ``contents`` of the source where the controller output has
+    no sample in the window."""
+    if op.file_ns.size:
+        return
     span = (
         "no samples at all"
         if window.start is None and window.stop is None
         else f"no samples between {window.start} and {window.stop}"
     )
-    return ConnectorError(f"{source_name}: {tag}: {span}; {what_is_there}")
+    raise ConnectorError(f"{source_name}: {op.tag}: {span}; {contents()}")
 
 
 def empty_column(tag: str) -> Column:

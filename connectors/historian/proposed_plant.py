@@ -1,17 +1,18 @@
-"""A plant file proposed from what was seen of exports: sources, and every valve whose controller
-output is certain. What is not certain is a commented line.
+"""A plant file proposed from what was seen of exports, or of the tags of an archive: sources, and
+every valve whose controller output is certain. What is not certain is a commented line.
 """
 
 from __future__ import annotations
 
 import glob
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from stemwatch.connectors.connector import RANGE_HIGH, RANGE_LOW, TagInfo
 from stemwatch.models.recording import PERCENT, Role
 
 if TYPE_CHECKING:
@@ -19,6 +20,52 @@ if TYPE_CHECKING:
 
 NO_CURVES: Mapping[str, str] = MappingProxyType({})
 _ORDER = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposedTag:
+    """One tag, the role and valve that its name proposes (empty where there is doubt), and the
+    range that was seen, or that an archive knows as the engineering values at 0 % and 100 %."""
+
+    tag: str
+    unit: str
+    description: str
+    role: str
+    valve: str
+    remark: str
+    low: float | None = None
+    high: float | None = None
+    range_known: bool = False
+
+    @classmethod
+    def inspected(cls, seen: TagInspection) -> ProposedTag:
+        """A tag of an export."""
+        return cls(
+            tag=seen.tag,
+            unit=seen.unit,
+            description=seen.description,
+            role=seen.role,
+            valve=seen.valve,
+            remark=seen.remark,
+            low=seen.low,
+            high=seen.high,
+        )
+
+    @classmethod
+    def listed(cls, info: TagInfo) -> ProposedTag:
+        """A tag that an archive lists; its range where ``facts`` have one."""
+        low, high = info.facts.get(RANGE_LOW), info.facts.get(RANGE_HIGH)
+        return cls(
+            tag=info.tag,
+            unit=info.unit,
+            description=info.description,
+            role="" if info.proposed_role is None else info.proposed_role.value,
+            valve=info.proposed_valve,
+            remark=info.remark,
+            low=low,
+            high=high,
+            range_known=low is not None and high is not None and low < high,
+        )
 
 
 @dataclass(frozen=True)
@@ -76,24 +123,37 @@ def plant_toml(sources: Sequence[ProposedSource], curves: Mapping[str, str] = NO
     questions: list[str] = []
     for source in sources:
         tags = _tags(source.inspections)
-        for valve in _valves(tags):
-            if valve not in proposed:
-                lines += ["", *_valve_lines(tags, valve, source.name, curves.get(valve, ""))]
-                proposed.add(valve)
-        questions += _questions(tags)
+        lines += valves_toml(tags, source.name, proposed, curves)
+        proposed |= set(valves_of(tags))
+        questions += questions_toml(tags)
     return "\n".join([*lines[1:], *questions]) + "\n"
 
 
-def _tags(inspections: Sequence[Inspection]) -> list[TagInspection]:
+def valves_toml(
+    tags: Sequence[ProposedTag],
+    source: str,
+    known: Collection[str],
+    curves: Mapping[str, str] = NO_CURVES,
+) -> list[str]:
+    """The lines of each valve of ``tags`` that is not ``known`` already."""
+    lines: list[str] = []
+    for valve in valves_of(tags):
+        if valve not in known:
+            lines += ["", *_valve_lines(tags, valve, source, curves.get(valve, ""))]
+    return lines
+
+
+def _tags(inspections: Sequence[Inspection]) -> list[ProposedTag]:
     """Each tag of each valve once, over the range that all files show."""
-    tags: dict[tuple[str, str], TagInspection] = {}
-    for tag in (tag for inspection in inspections for tag in inspection.tags):
-        inspection = tags.get((tag.valve, tag.tag))
-        tags[tag.valve, tag.tag] = tag if inspection is None else _wider(inspection, tag)
+    tags: dict[tuple[str, str], ProposedTag] = {}
+    for seen in (tag for inspection in inspections for tag in inspection.tags):
+        tag = ProposedTag.inspected(seen)
+        before = tags.get((tag.valve, tag.tag))
+        tags[tag.valve, tag.tag] = tag if before is None else _wider(before, tag)
     return list(tags.values())
 
 
-def _wider(first: TagInspection, other: TagInspection) -> TagInspection:
+def _wider(first: ProposedTag, other: ProposedTag) -> ProposedTag:
     lows = [low for low in (first.low, other.low) if low is not None]
     highs = [high for high in (first.high, other.high) if high is not None]
     role = first.role or other.role
@@ -123,11 +183,12 @@ def _option_lines(options: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _valves(tags: Sequence[TagInspection]) -> list[str]:
+def valves_of(tags: Sequence[ProposedTag]) -> list[str]:
+    """The valves whose controller output is certain."""
     return sorted({tag.valve for tag in tags if tag.role == Role.OP and tag.valve})
 
 
-def _valve_lines(tags: Sequence[TagInspection], valve: str, source: str, curve: str) -> list[str]:
+def _valve_lines(tags: Sequence[ProposedTag], valve: str, source: str, curve: str) -> list[str]:
     mine = {tag.role: tag for tag in tags if tag.valve == valve and tag.role}
     description = next((t.description for t in mine.values() if t.description), "")
     lines = [
@@ -146,11 +207,13 @@ def _valve_lines(tags: Sequence[TagInspection], valve: str, source: str, curve: 
     return lines
 
 
-def _tag_lines(role: Role, tag: TagInspection) -> list[str]:
+def _tag_lines(role: Role, tag: ProposedTag) -> list[str]:
     lines = [f"[valves.tags.{role.value}]", f"tag = {_text(tag.tag)}"]
     if role is Role.MODE:
         return lines
     lines.append(f"unit = {_text(tag.unit)}" if tag.unit else '# unit = "%"   # not in the file')
+    if tag.range_known:
+        return [*lines, f"low = {tag.low!r}", f"high = {tag.high!r}   # as the archive has them"]
     percent = tag.unit == PERCENT or (not tag.unit and role is Role.OP and _within_percent(tag))
     if percent:
         return [*lines, "low = 0.0", "high = 100.0"]
@@ -158,11 +221,11 @@ def _tag_lines(role: Role, tag: TagInspection) -> list[str]:
     return [*lines, f"# low = 0.0{seen}", "# high = 100.0   # engineering values at 0 % and 100 %"]
 
 
-def _within_percent(tag: TagInspection) -> bool:
+def _within_percent(tag: ProposedTag) -> bool:
     return tag.low is not None and tag.high is not None and tag.low >= -15 and tag.high <= 115
 
 
-def _ask_position(tags: Sequence[TagInspection], valve: str) -> list[str]:
+def _ask_position(tags: Sequence[ProposedTag], valve: str) -> list[str]:
     maybe = [t.tag for t in tags if t.valve == valve and not t.role and t.remark]
     hint = f" (perhaps {', '.join(maybe[:3])})" if maybe else ""
     return [
@@ -172,9 +235,9 @@ def _ask_position(tags: Sequence[TagInspection], valve: str) -> list[str]:
     ]
 
 
-def _questions(tags: Sequence[TagInspection]) -> list[str]:
+def questions_toml(tags: Sequence[ProposedTag]) -> list[str]:
     """Loops without a certain OP, so that a person sees what was left open."""
-    certain = set(_valves(tags))
+    certain = set(valves_of(tags))
     open_tags = [t for t in tags if t.valve and t.valve not in certain]
     if not open_tags:
         return []

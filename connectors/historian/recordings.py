@@ -19,8 +19,8 @@ from stemwatch.connectors.connector import (
 )
 from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
 from stemwatch.connectors.historian.times.source_clock import (
+    ColumnOnGrid,
     Grid,
-    Laid,
     clock_facts,
     lay_column,
     make_grid,
@@ -117,12 +117,17 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
     )
 
 
-def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
+def need_op(source_name: str, valve: ValveTags) -> None:
+    """Raise ``MappingNeeded`` where no tag is given for OP."""
     if Role.OP not in valve.tags:
         raise MappingNeeded(
-            f"{opened.source_name}: {valve.valve}: no tag is given for OP, the controller output; "
-            "a recording needs one"
+            f"{source_name}: {valve.valve}: no tag is given for OP, the controller output; a "
+            "recording needs one"
         )
+
+
+def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
+    need_op(opened.source_name, valve)
     mv = valve.tags.get(Role.MV)
     if mv is not None and find_tag(opened, mv.tag) == find_tag(opened, valve.tags[Role.OP].tag):
         raise ConnectorError(
@@ -210,7 +215,7 @@ def _signal(
 
 
 def _scaled(
-    role: Role, column: Column, mapping: TagMapping, on_grid: Laid, notes: list[str]
+    role: Role, column: Column, mapping: TagMapping, on_grid: ColumnOnGrid, notes: list[str]
 ) -> tuple[Floats, QualityCodes, str]:
     """Percent of the given range, or the values as they are with their unit."""
     given_unit = canonical(mapping.unit) if mapping.unit else ""
@@ -231,7 +236,9 @@ def _scaled(
     return percent, _in_range(column.tag, percent, on_grid.quality, notes), PERCENT
 
 
-def _unit(role: Role, column: Column, given_unit: str, on_grid: Laid, notes: list[str]) -> str:
+def _unit(
+    role: Role, column: Column, given_unit: str, on_grid: ColumnOnGrid, notes: list[str]
+) -> str:
     known_unit = given_unit or column.unit
     if known_unit or role in (Role.PV, Role.SP):
         return known_unit

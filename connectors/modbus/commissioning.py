@@ -20,7 +20,7 @@ _SMALLEST, _LARGEST = 1e-4, 1e7
 
 
 @dataclass(frozen=True)
-class Meaning:
+class Interpretation:
     """The value of words as ``kind`` in ``order``. ``likely`` is false for what is hardly a plant
     value: not finite, or far too small or too large."""
 
@@ -40,7 +40,7 @@ class TriedRegister:
     fault: str = ""
 
 
-def meanings(words: Sequence[int]) -> Iterator[Meaning]:
+def interpretations(words: Sequence[int]) -> Iterator[Interpretation]:
     """Every type that fits into ``words`` (from the first on), in every order.
 
     Of one register two orders differ, of more all four.
@@ -51,7 +51,7 @@ def meanings(words: Sequence[int]) -> Iterator[Meaning]:
         orders = tuple(ByteOrder) if kind.words > 1 else (ByteOrder.ABCD, ByteOrder.BADC)
         for order in orders:
             value = decode(words[: kind.words], kind, order)
-            yield Meaning(kind, order, value, _likely(value, kind))
+            yield Interpretation(kind, order, value, _likely(value, kind))
 
 
 def _likely(value: Number, kind: DataType) -> bool:
@@ -105,7 +105,7 @@ async def _try_block(line: Connection, block: Block) -> list[TriedRegister]:
     return registers
 
 
-def other_orders(register: TriedRegister) -> tuple[Meaning, ...]:
+def other_orders(register: TriedRegister) -> tuple[Interpretation, ...]:
     """Byte orders in which the words of ``register`` give a likely value where the map's does not.
 
     Empty where the map's order looks likely, or none does.
@@ -113,7 +113,7 @@ def other_orders(register: TriedRegister) -> tuple[Meaning, ...]:
     kind, order = register.register.kind, register.register.order
     if not register.words or kind.words == 1:
         return ()
-    orders = [meaning for meaning in meanings(register.words) if meaning.kind is kind]
+    orders = [meaning for meaning in interpretations(register.words) if meaning.kind is kind]
     by_map = next(meaning for meaning in orders if meaning.order is order)
     tiny = kind.is_float and 0.0 < abs(by_map.value) < TINY
     if by_map.likely and not tiny:

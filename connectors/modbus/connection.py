@@ -16,8 +16,8 @@ from stemwatch.connectors.modbus.device import Link, LinkKind
 from stemwatch.connectors.modbus.read_fault import (
     FaultKind,
     ReadFault,
+    invalid_answer,
     no_connection,
-    nonsense,
     not_asked,
     refused,
     silent,
@@ -42,7 +42,7 @@ class OnlyReading(Exception):
     """An attempt to send a function other than 3 and 4; nothing was sent."""
 
 
-def gate(frame: bytes, *, rtu: bool) -> bytes:
+def only_reading(frame: bytes, *, rtu: bool) -> bytes:
     """``frame`` as it is, if its function is 3 or 4. Raises ``OnlyReading`` for any other.
 
     The function stands behind the unit id: in byte 1 of an RTU frame, in byte 7 of a TCP frame.
@@ -170,21 +170,21 @@ class Connection:
         if reply.isError():
             open_ones = self._unanswered.counts(request.unit_id, request.table)
             if not numbered and len(open_ones) > 1:
-                raise nonsense("a refusal that may be the answer to an earlier request")
+                raise invalid_answer("a refusal that may be the answer to an earlier request")
             self._unanswered.note_answer(request)
             raise refused(reply.exception_code)
         if reply.function_code != FUNCTION[request.table]:
-            raise nonsense("an answer to another function")
+            raise invalid_answer("an answer to another function")
         if len(reply.registers) != request.count:
-            raise nonsense("an answer of another length than asked for")
+            raise invalid_answer("an answer of another length than asked for")
         if looks_alike and not numbered:
-            raise nonsense("an answer without a number that may be to an earlier request")
+            raise invalid_answer("an answer without a number that may be to an earlier request")
         self._unanswered.note_answer(request)
         return list(reply.registers)
 
     def _no_answer(self) -> ReadFault:
         if self._heard:
-            return nonsense("bytes that are no answer (another framing, speed or parity?)")
+            return invalid_answer("bytes that are no answer (another framing, speed or parity?)")
         self._silences += 1
         return silent(self.link.timeout_s)
 
@@ -229,7 +229,7 @@ class Connection:
     def pass_through(self, sending: bool, frame: bytes) -> bytes:
         """Called for every outgoing frame, which is checked, and for all incoming bytes."""
         if sending:
-            return gate(frame, rtu=self.link.is_rtu)
+            return only_reading(frame, rtu=self.link.is_rtu)
         self._heard += len(frame)
         return frame
 

@@ -66,7 +66,7 @@ def silent(timeout_s: float) -> ReadFault:
     return ReadFault(FaultKind.SILENT, f"no answer within {timeout_s:g} s")
 
 
-def nonsense(description: str) -> ReadFault:
+def invalid_answer(description: str) -> ReadFault:
     """The fault of an invalid answer; ``description`` describes it."""
     return ReadFault(FaultKind.NONSENSE, f"nonsense: {description}")
 

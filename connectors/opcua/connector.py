@@ -6,7 +6,7 @@ import asyncio
 import difflib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, Self
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 LAYOUT = "OPC UA, raw history of a node for each tag"
 ZONE = "The server gives instants in UTC."
 _FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
-_ALWAYS = (Role.OP, Role.MV)
 # OPC UA part 4 and part 11: severity in the two top bits; in the low bits, where they describe a
 # value, that the archive made it up.
 _SEVERITY, _DESCRIBES_VALUE, _INTERPOLATED, _CALCULATED = 0xC0000000, 0x400, 0x2, 0x1
@@ -154,19 +153,14 @@ class OpcUaArchive:
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose node the server does not have."""
+        from stemwatch.connectors.archive.valve_columns import with_existing
         from stemwatch.connectors.opcua.session import connected, exists
 
-        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
-        if not optional:
-            return valve
-
-        async def present_tags() -> set[str]:
+        async def present_tags(optional: frozenset[str]) -> set[str]:
             async with connected(self.address) as client:
                 return {tag for tag in optional if await exists(client, tag, self.address)}
 
-        existing = asyncio.run(present_tags())
-        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
-        return replace(valve, tags=tags)
+        return with_existing(valve, lambda optional: asyncio.run(present_tags(optional)))
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
         """The recording of one valve, from raw history.
@@ -177,10 +171,9 @@ class OpcUaArchive:
         from stemwatch.connectors.archive.valve_columns import (
             ValveColumns,
             bounds_of,
-            need_op,
-            no_samples_error,
+            need_samples,
         )
-        from stemwatch.connectors.historian.recordings import assemble
+        from stemwatch.connectors.historian.recordings import assemble, need_op
 
         server = str(self.address)
         need_op(server, valve)
@@ -190,10 +183,8 @@ class OpcUaArchive:
             mapping.tag: self._column(mapping.tag, role, histories[mapping.tag], bounds)
             for role, mapping in valve.tags.items()
         }
-        op = valve.tags[Role.OP].tag
-        if not columns[op].file_ns.size:
-            server_contents = "the server's history has nothing there. Ask for another window"
-            raise no_samples_error(server, op, window, server_contents)
+        nothing_there = "the server's history has nothing there. Ask for another window"
+        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
         loaded = ValveColumns(
             source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 _DEFAULTS = ReadOptions()
 _ENDINGS = (".parquet", ".parq", ".pq")
-_ALWAYS = (Role.OP, Role.MV)
 
 
 @dataclass(frozen=True)
@@ -134,14 +133,9 @@ class ParquetArchive:
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose tag is not in the archive."""
-        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
-        missing = {tag for tag in optional if not self._has_tag(tag)}
-        tags = {
-            role: mapping
-            for role, mapping in valve.tags.items()
-            if role in _ALWAYS or mapping.tag not in missing
-        }
-        return replace(valve, tags=tags)
+        from stemwatch.connectors.archive.valve_columns import with_existing
+
+        return with_existing(valve, lambda tags: {tag for tag in tags if self._has_tag(tag)})
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
         """The recording of one valve, out of as many files as the window touches.
@@ -150,8 +144,7 @@ class ParquetArchive:
         samples of OP or local times without a zone, and ``UnreadableSource`` where the archive, or
         every file that the window touches, cannot be read.
         """
-        from stemwatch.connectors.archive.valve_columns import need_op
-        from stemwatch.connectors.historian.recordings import assemble
+        from stemwatch.connectors.historian.recordings import assemble, need_op
 
         need_op(self.path, valve)
         return assemble(self._load(valve, window), valve, window)
@@ -160,7 +153,7 @@ class ParquetArchive:
         from stemwatch.connectors.archive.valve_columns import (
             ValveColumns,
             bounds_of,
-            no_samples_error,
+            need_samples,
         )
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
         from stemwatch.connectors.historian.unused_options import say_unused
@@ -188,9 +181,11 @@ class ParquetArchive:
             )
             zone_is_known, zone = zone_is_known and instants.in_utc, zone or instants.zone
         op = valve.tags[Role.OP].tag
-        if not columns[op].file_ns.size:
-            archive_contents = ". ".join([self._contents_of_tag(op), *notes.problems[:1]])
-            raise no_samples_error(self.path, op, window, archive_contents)
+
+        def contents() -> str:
+            return ". ".join([self._contents_of_tag(op), *notes.problems[:1]])
+
+        need_samples(columns[op], window, self.path, contents)
         layouts = {file.layout(self.options).kind for file in files if file.is_open}
         for option in ("time_column", "tag_column", "value_column", "quality_column"):
             notes.use(option)  # one that is not there was an error

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
@@ -14,6 +14,8 @@ from pydantic import Field, model_validator
 
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
+    RANGE_HIGH,
+    RANGE_LOW,
     WHOLE,
     ArchiveAddress,
     TagInfo,
@@ -32,7 +34,6 @@ if TYPE_CHECKING:
 
 LAYOUT = "PI Web API, recorded values of a point for each tag"
 _FIRST = datetime(1970, 1, 2, tzinfo=UTC)
-_ALWAYS = (Role.OP, Role.MV)
 _URL = "the address of a PI Web API such as https://host/piwebapi"
 
 
@@ -145,7 +146,8 @@ class PiArchive:
         from stemwatch.connectors.pi.web_api import connected
 
         with connected(self.address) as api:
-            tags = [(p.name, p.unit, p.description, None) for p in api.points(self.address.pattern)]
+            points = {point.name: point for point in api.points(self.address.pattern)}
+        tags = [(p.name, p.unit, p.description, None) for p in points.values()]
         return [
             TagInfo(
                 tag=proposed.tag,
@@ -154,21 +156,21 @@ class PiArchive:
                 proposed_role=proposed.role,
                 proposed_valve=proposed.valve,
                 remark=proposed.remark,
+                facts=_range_facts(points[proposed.tag]),
             )
             for proposed in propose_roles(tags, stem="", mv_is_output=False)
         ]
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose point the archive does not have."""
+        from stemwatch.connectors.archive.valve_columns import with_existing
         from stemwatch.connectors.pi.web_api import connected
 
-        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
-        if not optional:
-            return valve
-        with connected(self.address) as api:
-            existing = {tag for tag in optional if _exists(api, tag)}
-        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
-        return replace(valve, tags=tags)
+        def existing(optional: frozenset[str]) -> set[str]:
+            with connected(self.address) as api:
+                return {tag for tag in optional if _exists(api, tag)}
+
+        return with_existing(valve, existing)
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
         """The recording of one valve, from recorded values: all its tags in one request.
@@ -176,12 +178,8 @@ class PiArchive:
         Raises ``UnknownTag`` for a point that is not there, and ``ConnectorError`` for a window
         without values of OP, and a server that does not answer.
         """
-        from stemwatch.connectors.archive.valve_columns import (
-            ValveColumns,
-            need_op,
-            no_samples_error,
-        )
-        from stemwatch.connectors.historian.recordings import assemble
+        from stemwatch.connectors.archive.valve_columns import ValveColumns, need_samples
+        from stemwatch.connectors.historian.recordings import assemble, need_op
         from stemwatch.connectors.pi.values import ZONE
         from stemwatch.connectors.pi.web_api import connected
 
@@ -197,10 +195,8 @@ class PiArchive:
             )
             for role, mapping in valve.tags.items()
         }
-        op = valve.tags[Role.OP].tag
-        if not columns[op].file_ns.size:
-            archive_contents = "the archive has nothing there. Ask for another window"
-            raise no_samples_error(server, op, window, archive_contents)
+        nothing_there = "the archive has nothing there. Ask for another window"
+        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
         loaded = ValveColumns(
             source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
         )
@@ -247,6 +243,12 @@ class PiArchive:
             nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
             near_names = ", ".join(map(repr, nearest)) or f"none: no point is called {pattern}"
             raise UnknownTag(f"{error}; the nearest are {near_names}") from None
+
+
+def _range_facts(point: PiPoint) -> dict[str, float]:
+    if point.measuring_range is None:
+        return {}
+    return dict(zip((RANGE_LOW, RANGE_HIGH), point.measuring_range, strict=True))
 
 
 def _exists(api: PiWebApi, tag: str) -> bool:

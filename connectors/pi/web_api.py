@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal
 from urllib.parse import urlsplit
 
@@ -45,7 +46,7 @@ _NO_KERBEROS = (
     "(Windows), and neither is installed; install it, or let the administrator give a user "
     'for sign_in = "basic"'
 )
-_POINT = "WebId;Name;Path;Descriptor;EngineeringUnits;PointType"
+_POINT = "WebId;Name;Path;Descriptor;EngineeringUnits;PointType;Zero;Span"
 _VALUES = "Timestamp;Value;Good;Questionable;Substituted;UnitsAbbreviation;Errors"
 
 
@@ -75,6 +76,7 @@ class PiPoint:
     name: str
     description: str = ""
     unit: str = ""
+    measuring_range: tuple[float, float] | None = None
 
 
 class PiWebApi:
@@ -405,7 +407,18 @@ def _point(point: Mapping[str, Any]) -> PiPoint:
         name=str(point.get("Name", "")),
         description=str(point.get("Descriptor") or ""),
         unit=str(point.get("EngineeringUnits") or ""),
+        measuring_range=_range(point),
     )
+
+
+def _range(point: Mapping[str, Any]) -> tuple[float, float] | None:
+    """From zero to zero and span of a point that holds numbers; else ``None``."""
+    zero, span = point.get("Zero"), point.get("Span")
+    is_number = str(point.get("PointType", "")).startswith(("Float", "Int"))
+    if not is_number or not isinstance(zero, int | float) or not isinstance(span, int | float):
+        return None
+    low, high = float(zero), float(zero) + float(span)
+    return (low, high) if isfinite(low) and isfinite(high) and low < high else None
 
 
 def _sortable(value: Mapping[str, Any]) -> str:

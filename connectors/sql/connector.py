@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -83,7 +83,6 @@ def url_in_folder(url: str, folder: Path) -> str:
 
 LAYOUT = "a query for each tag"
 _FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
-_ALWAYS = (Role.OP, Role.MV)
 
 
 _URL = "a database URL such as postgresql://user@host/database"
@@ -198,13 +197,13 @@ class SqlArchive:
 
     def present(self, valve: ValveTags) -> ValveTags:
         """``valve`` without the roles beside OP and MV whose tag was never archived."""
-        optional = {m.tag for role, m in valve.tags.items() if role not in _ALWAYS}
-        if not optional:
-            return valve
-        with self._database.reading() as connection:
-            existing = {tag for tag in optional if self._has_tag(connection, tag)}
-        tags = {r: m for r, m in valve.tags.items() if r in _ALWAYS or m.tag in existing}
-        return replace(valve, tags=tags)
+        from stemwatch.connectors.archive.valve_columns import with_existing
+
+        def existing(optional: frozenset[str]) -> set[str]:
+            with self._database.reading() as connection:
+                return {tag for tag in optional if self._has_tag(connection, tag)}
+
+        return with_existing(valve, existing)
 
     def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
         """The recording of one valve: one query for each tag, in one read-only transaction.
@@ -213,8 +212,7 @@ class SqlArchive:
         window without samples of OP, local times without a zone, and a database that does not
         answer.
         """
-        from stemwatch.connectors.archive.valve_columns import need_op
-        from stemwatch.connectors.historian.recordings import assemble
+        from stemwatch.connectors.historian.recordings import assemble, need_op
 
         need_op(str(self.address), valve)
         with self._database.reading() as connection:
@@ -222,7 +220,7 @@ class SqlArchive:
         return assemble(loaded, valve, window)
 
     def _load(self, connection: Connection, valve: ValveTags, window: Window) -> ValveColumns:
-        from stemwatch.connectors.archive.valve_columns import ValveColumns, no_samples_error
+        from stemwatch.connectors.archive.valve_columns import ValveColumns, need_samples
         from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
         notes, columns = ReadingNotes(), {}
@@ -232,10 +230,9 @@ class SqlArchive:
             columns[mapping.tag] = column
             if instants is not None:
                 zone_is_known, zone = zone_is_known and instants.in_utc, zone or instants.zone
-        op = valve.tags[Role.OP].tag
-        if not columns[op].file_ns.size:
-            database_contents = f"the query was asked from {self._window_text(window)}"
-            raise no_samples_error(str(self.address), op, window, database_contents)
+        asked = f"the query was asked from {self._window_text(window)}"
+        op = columns[valve.tags[Role.OP].tag]
+        need_samples(op, window, str(self.address), lambda: asked)
         if not self._database.only_reads:
             notes.decide(
                 f"{self._database.dialect} knows no read-only transaction; the query is one "

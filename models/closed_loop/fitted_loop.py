@@ -11,7 +11,7 @@ back, and what is changed shows what it would have done on the same day.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,19 +19,24 @@ from stemwatch.models.closed_loop import kernel
 from stemwatch.models.closed_loop.controller_law import ControllerLaw, controller_law
 from stemwatch.models.closed_loop.process_model import ProcessModel, process_model
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.recording import Bools, Floats, Recording, Role
+from stemwatch.models.holes import bridged, longest_stretch
+from stemwatch.models.recording import Floats, Recording, Role
 
 FEWEST_SAMPLES = 300
 MOST_SAMPLES = 7200  # the newest of a longer stretch
 BRIDGED = 3  # samples of a hole that a straight line fills
 REPLAYED = (0.5, 2.0)  # the variance of the loop run as it is, over the recorded one
 FREE = 1e6  # percent a sample: no speed limit
+USUAL_SCATTER = 0.06  # of breakaways, as a share of their level: 5 to 12 % is normal
+LARGEST_SCATTER = 2.5  # standard deviations
+TRIES = 4  # to draw a process with which the loop gives its own variance back
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittedValve:
     """S and J in percent of OP with the standard deviations of their estimates; times in seconds,
-    speeds in percent a second; ``slope`` the position's percent for a percent of OP."""
+    speeds in percent a second; ``slope`` the position's percent for a percent of OP; ``scatter`` of
+    its breakaways as a share of their level, ``noise`` of the position's reading in percent."""
 
     S: float
     J: float
@@ -43,6 +48,8 @@ class FittedValve:
     speed_up: float = FREE
     speed_down: float = FREE
     slope: float = 1.0
+    scatter: float = USUAL_SCATTER
+    noise: float = 0.0
 
     @classmethod
     def of(
@@ -56,12 +63,15 @@ class FittedValve:
             for field, name in _INDICATORS.items()
             if numbers.get(name) is not None
         }
+        scatter = numbers.get("breakaway_scatter_percent")
         return cls(
             S=S.value,
             J=J.value or 0.0,
             S_spread=_spread(S),
             J_spread=_spread(J),
             slope=slope,
+            scatter=USUAL_SCATTER if scatter is None else scatter / 100.0,
+            noise=numbers.get("position_noise_percent") or 0.0,
             **slow,  # type: ignore[arg-type]  # those that are known
         )
 
@@ -103,15 +113,21 @@ class LoopRun:
     interval_s: float
 
 
+def _alike() -> Floats:
+    return np.ones(1)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FittedLoop:
-    """What was recorded on the stretch that was fitted, and the three parts of the loop."""
+    """What was recorded on the stretch that was fitted, and the three parts of the loop; its
+    ``breakaways`` (m,) come in turn, each a multiple of (S + J)/2."""
 
     recorded: LoopRun
     unit: str
     law: ControllerLaw
     process: ProcessModel
     valve: FittedValve
+    breakaways: Floats = field(default_factory=_alike)
 
     def run(
         self,
@@ -151,16 +167,34 @@ class FittedLoop:
         rest = law.rest + (1.0 - gain_times) * stands
         zero = self._zero()
         begin = np.array([recorded.op[0], (recorded.x[0] - zero) / self.valve.slope])
-        kernel.run_loop(recorded.sp, process.disturbance, rest, q, begin, op, x, pv)
+        kernel.run_loop(
+            recorded.sp, process.disturbance, rest, q, begin, self.breakaways, op, x, pv
+        )
         return replace(recorded, op=op, x=zero + self.valve.slope * x, pv=pv)
 
     def drawn(self, rng: np.random.Generator) -> FittedLoop:
-        """The loop with another process and valve that explain the recording about as well."""
+        """The loop with another process and valve that explain the recording about as well, and
+        with breakaways that scatter: no two days have the same. Run as it is, it gives the recorded
+        variance back as the loop itself must."""
         valve, recorded = self.valve, self.recorded
         S = max(valve.S + valve.S_spread * float(rng.standard_normal()), 0.0)
         J = max(valve.J + valve.J_spread * float(rng.standard_normal()), 0.0)
-        process = self.process.drawn(rng, recorded.x, recorded.pv)
-        return replace(self, valve=replace(valve, S=S, J=J), process=process)
+        scatter = rng.standard_normal(recorded.op.size).clip(-LARGEST_SCATTER, LARGEST_SCATTER)
+        levels = np.maximum(1.0 + valve.scatter * scatter, 0.0)
+        loop = replace(self, valve=replace(valve, S=S, J=J), breakaways=levels)
+        for _ in range(TRIES):
+            process = self.process.drawn(rng, recorded.x, recorded.pv)
+            drawn = replace(loop, process=process)
+            if REPLAYED[0] <= drawn.replayed <= REPLAYED[1]:
+                return drawn
+        return loop
+
+    @property
+    def replayed(self) -> float:
+        """The variance of SP - PV of the loop run as it is, over the recorded one."""
+        recorded = self.recorded
+        error, again = recorded.sp - recorded.pv, recorded.sp - self.run().pv
+        return float(np.var(again)) / max(float(np.var(error)), 1e-30)
 
     def _zero(self) -> float:
         return float(np.mean(self.recorded.x) - self.valve.slope * np.mean(self.recorded.op))
@@ -179,14 +213,15 @@ def fit_loop(recording: Recording, valve: FittedValve) -> FittedLoop | str:
         return f"the set point is in {sp.unit} and PV in {pv.unit}"
     signals = [recording.op, mv, pv, *([sp] if sp is not None else [])]
     known = np.all([signal.usable for signal in signals], axis=0)
-    first, last = _longest(known, BRIDGED)
+    first, last = longest_stretch(known, BRIDGED)
     first = max(first, last - MOST_SAMPLES)
     if last - first < FEWEST_SAMPLES:
         return (
             f"the longest stretch in which OP, position and PV were recorded together has "
             f"{last - first} samples; {FEWEST_SAMPLES} are needed"
         )
-    op, x, y, *rest = (_filled(signal.values[first:last]) for signal in signals)
+    stretches = [signal.values[first:last] for signal in signals]
+    op, x, y, *rest = (bridged(values, np.isfinite(values)) for values in stretches)
     target = rest[0] if rest else np.full(y.size, float(y.mean()))
     law = controller_law(op, y, target)
     if isinstance(law, str):
@@ -199,28 +234,10 @@ def fit_loop(recording: Recording, valve: FittedValve) -> FittedLoop | str:
     loop = FittedLoop(recorded=recorded, unit=pv.unit, law=law, process=process, valve=valve)
     if law.gain * process.gain * valve.slope <= 0.0:
         return "OP and PV do not answer each other as a controller and its process do"
-    error, again = target - y, target - loop.run().pv
-    share = float(np.var(again)) / max(float(np.var(error)), 1e-30)
+    share = loop.replayed
     if not REPLAYED[0] <= share <= REPLAYED[1]:
         return (
             f"run again as it is, the fitted loop has {share:.2g} times the recorded variance; "
             f"{REPLAYED[0]:g} to {REPLAYED[1]:g} times is expected"
         )
     return loop
-
-
-def _longest(known: Bools, bridged: int) -> tuple[int, int]:
-    """The longest stretch in which no hole has more than ``bridged`` samples."""
-    at = np.flatnonzero(known)
-    if at.size == 0:
-        return 0, 0
-    breaks = np.flatnonzero(np.diff(at) > bridged + 1)
-    begins = np.concatenate(([at[0]], at[breaks + 1]))
-    ends = np.concatenate((at[breaks], [at[-1]])) + 1
-    longest = int(np.argmax(ends - begins))
-    return int(begins[longest]), int(ends[longest])
-
-
-def _filled(values: Floats) -> Floats:
-    at, known = np.arange(values.size), np.isfinite(values)
-    return np.interp(at, at[known], values[known])

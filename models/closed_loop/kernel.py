@@ -86,6 +86,7 @@ def run_loop(
     rest: Floats,
     numbers: Floats,
     begin: Floats,
+    levels: Floats,
     op: Floats,
     x: Floats,
     pv: Floats,
@@ -94,7 +95,8 @@ def run_loop(
 
     ``disturbance`` (n,) is what PV does without the valve, ``rest`` (n,) what OP does beside the
     controller's law, ``begin`` OP and position at the first sample. The valve is the canonical
-    stick-slip element behind its actuator (``stickslip.kernel``).
+    stick-slip element behind its actuator (``stickslip.kernel``); its breakaways come at the
+    ``levels`` (m,) in turn, times (S + J)/2.
     """
     q = numbers
     breaks, slides = 0.5 * (q[S] + q[J]), 0.5 * (q[S] - q[J])
@@ -103,7 +105,7 @@ def run_loop(
     first, behind, integral = 0.0, 0.0, 0.0
     actuator = begin[0]
     stem = min(max(begin[1], begin[0] - breaks), begin[0] + breaks)
-    way, moving, turned = 1.0, False, 1.0
+    way, moving, turned, breakaway = 1.0, False, 1.0, 0
     for k in range(set_point.size):
         pv[k] = q[PROCESS_GAIN] * behind + disturbance[k]
         error = set_point[k] - pv[k]
@@ -122,8 +124,9 @@ def run_loop(
         step = min(max(step, -q[VALVE_SPEED_DOWN]), q[VALVE_SPEED_UP])
         actuator += step
         if not (moving and way * step > 0.0):
-            moving = abs(actuator - stem) > breaks
+            moving = abs(actuator - stem) > breaks * levels[breakaway % levels.size]
             way = (1.0 if actuator > stem else -1.0) if moving else way
+            breakaway += 1 if moving else 0
         if moving:
             stem = actuator - way * slides
         x[k] = stem

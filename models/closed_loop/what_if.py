@@ -1,9 +1,9 @@
 """What a loop would do with another valve, another tuning, or a knocker: predicted with intervals.
 
 Each prediction is a run of the fitted loop on the recorded stretch, beside the run of the loop as
-it is. Its interval spans what three doubts say: other processes and valves that explain the
-recording about as well; the recorded value times the ratio of both runs, which would be the same
-number if the loop run as it is gave the recording back exactly; and ``FLOOR``, a share of the
+it is. Its interval spans what three doubts say: other processes, valves and breakaways that explain
+the recording about as well; the recorded value times the ratio of both runs, which would be the
+same number if the loop run as it is gave the recording back exactly; and ``FLOOR``, a share of the
 recorded value, which ``stemwatch study-twin`` was used to choose on seeds that report nothing.
 """
 
@@ -22,6 +22,7 @@ from stemwatch.models.oscillation import oscillation
 DRAWS = 16
 FLOOR = {"travel_per_hour": 0.25, "turns_per_hour": 0.25, "period_s": 0.2}  # of what is recorded
 FLOOR_OF_ERROR = 0.05
+BEYOND_NOISE = 5.0  # standard deviations of the reading's noise, as for the indicators of travel
 NOISE = 0.1  # of the stem's swing: moves below it are no travel
 SEED = 31
 HOUR_S = 3600.0
@@ -105,14 +106,15 @@ class Prediction:
         return Estimate(value=value, low=low, high=high, unit=unit)
 
 
-def figures_of(run: LoopRun, target_band: float | None = None) -> LoopFigures:
+def figures_of(run: LoopRun, target_band: float | None = None, noise: float = 0.0) -> LoopFigures:
     """The figures of a recorded or simulated stretch; PV is on target within ``target_band``
-    either way, in its unit."""
+    either way, in its unit. ``noise`` of the position's reading, percent: moves within it are no
+    travel, recorded or run again."""
     error = run.sp - run.pv
     low, high = np.percentile(error, (5.0, 95.0))
     cycle = oscillation(run.pv, run.interval_s)
     hours = error.size * run.interval_s / HOUR_S
-    threshold = max(NOISE * swing(run.x), 1e-9)
+    threshold = max(NOISE * swing(run.x), BEYOND_NOISE * noise, 1e-9)
     return LoopFigures(
         error_std=float(np.std(error)),
         error_mean=float(np.mean(np.abs(error))),
@@ -130,7 +132,7 @@ def predict(loop: FittedLoop, change: LoopChange, target_band: float | None = No
     """What ``loop`` would have done with ``change``."""
 
     def figures(run: LoopRun) -> LoopFigures:
-        return figures_of(run, target_band)
+        return figures_of(run, target_band, loop.valve.noise)
 
     def changed(of: FittedLoop) -> LoopRun:
         return of.run(

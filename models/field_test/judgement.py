@@ -17,11 +17,12 @@ import numpy as np
 from stemwatch.models.excitation import swing
 from stemwatch.models.field_test.programme import RESOLUTION
 from stemwatch.models.field_test.rival_runs import RivalFit, RivalRuns
+from stemwatch.models.holes import bridged
 from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
-from stemwatch.models.recording import PERCENT, Floats, Recording, Signal
+from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.stored_range import in_percent
 
@@ -104,7 +105,8 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
         return TestJudgement(outcome=TestOutcome.NOT_TESTABLE, models=models, reason=reason)
     assert recording.mv is not None
     stride = -(-len(recording) // MOST_SAMPLES)
-    op, mv = (_filled(signal)[::stride] for signal in (recording.op, recording.mv))
+    signals = (recording.op, recording.mv)
+    op, mv = (bridged(signal.values, signal.usable)[::stride] for signal in signals)
     interval_s = recording.interval_s * recording.unit_s * stride
     travel = op if question.curve is None else question.curve.command(op)
     interval_units = interval_s / question.unit_s
@@ -182,9 +184,3 @@ def _cannot(recording: Recording) -> str:
     if moved < 2.0 * RESOLUTION:
         return f"OP moves by {moved:.2g} % only: is this the recording of the test?"
     return ""
-
-
-def _filled(signal: Signal) -> Floats:
-    """(n,) the values, straight lines across samples that cannot be used."""
-    good = np.flatnonzero(signal.usable)
-    return np.interp(np.arange(signal.values.size), good, signal.values[good])

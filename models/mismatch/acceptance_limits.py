@@ -41,7 +41,7 @@ MEAN_WHERE_MUCH_IS_LEFT = 0.35
 MEAN_OF_A_LINE = 1.0
 
 
-def shortness(counts: Floats) -> float:
+def short_record_factor(counts: Floats) -> float:
     """How much the limits grow for a record with ``counts`` (n_blocks,) scored samples."""
     blocks, samples = max(int(np.count_nonzero(counts)), 1), max(float(counts.sum()), 1.0)
     return 1.0 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples
@@ -50,7 +50,7 @@ def shortness(counts: Floats) -> float:
 def strength(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) -> float:
     """How far an advantage lies beyond its limits: 1 at the limits, the least of the three ratios
     (mean, t, and their product)."""
-    short = shortness(counts)
+    short = short_record_factor(counts)
     ease = (LATER if stage else 1.0) * HARDER.get(slug, 1.0)
     if advantage.mean <= 0.0 or advantage.t <= 0.0:
         return 0.0
@@ -88,9 +88,12 @@ def remaining_loss(evaluator: Evaluator, fitted: Fitted) -> float:
 
 def much_left(evaluator: Evaluator, fitted: Fitted) -> bool:
     """True where what is left is systematic, and nothing in the hypothesis explains it."""
-    return remaining_loss(evaluator, fitted) > MUCH_LEFT * shortness(evaluator.told) ** 2
+    return remaining_loss(evaluator, fitted) > MUCH_LEFT * short_record_factor(evaluator.told) ** 2
 
 
 def not_little_left(evaluator: Evaluator, fitted: Fitted) -> bool:
     """True where too much is left to say that nothing else is needed."""
-    return remaining_loss(evaluator, fitted) > NOT_LITTLE_LEFT * shortness(evaluator.told) ** 2
+    return (
+        remaining_loss(evaluator, fitted)
+        > NOT_LITTLE_LEFT * short_record_factor(evaluator.told) ** 2
+    )

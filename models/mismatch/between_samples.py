@@ -88,6 +88,9 @@ LEAST_JUMP = 0.3  # percent
 # sticking valves lacked 1.1 and 0.8 deviations of S (median), 1.0 and 0.7 of J.
 REPORT_ERROR, REPORT_LACKS = 0.5, 0.75
 HIDES = 2.0  # deviations up to which S may as well be nothing
+# Deviations up to which S may be that of the reports alone, OP's and the stem's: the low end of its
+# interval is then that of what was fitted.
+MAY_BE_REPORTS = 3.0
 
 
 class ArchiveKind(StrEnum):
@@ -162,14 +165,15 @@ class Archive:
                 _of_slips(J, levels.J, levels.J_error),
             )
             return (
-                (_either(S, from_slips[0]), _either(J, from_slips[1]))
-                if self.doubted
-                else from_slips
+                (S.holding(from_slips[0]), J.holding(from_slips[1])) if self.doubted else from_slips
             )
         if self.deviation > 0.0:
             lacks = self._lacks(S.value)
             error = REPORT_ERROR * self.deviation
-            return _moved(S, lacks, error), _moved(J, lacks, error)
+            moved = (_moved(S, lacks, error), _moved(J, lacks, error))
+            if S.value > MAY_BE_REPORTS * self.deviation:
+                return moved
+            return moved[0].holding(_moved(S, 0.0, error)), moved[1].holding(_moved(J, 0.0, error))
         lowest, error = S.low or 0.0, max(ERROR_OF_MISSED * missed, LEAST_ERROR)
         S, J = _moved(S, missed, error), _moved(J, missed, error)
         if not self.too_slow:
@@ -427,15 +431,6 @@ def _of_slips(estimate: Estimate, value: float, error: float) -> Estimate:
     """``estimate`` with the ``value`` that the slips tell, and its standard ``error``."""
     low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
     return replace(estimate, value=value, low=low, high=high)
-
-
-def _either(fitted: Estimate, from_slips: Estimate) -> Estimate:
-    """The ``fitted`` value with an interval that holds both."""
-    lows, highs = (
-        [end for end in ends if end is not None]
-        for ends in ((fitted.low, from_slips.low), (fitted.high, from_slips.high))
-    )
-    return replace(fitted, low=min(lows, default=None), high=max(highs, default=None))
 
 
 def _moved(estimate: Estimate, change: float, error: float) -> Estimate:

@@ -88,10 +88,15 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
     # The archive draws short lines as well, and flat ones.
     stored = finite & ~straight
     kept_share = float(stored.sum() / finite.sum())
-    return StoredPoints(stored=stored, kept=kept_share, held=False, deviation=door(values, stored))
+    return StoredPoints(
+        stored=stored,
+        kept=kept_share,
+        held=False,
+        deviation=swinging_door_deviation(values, stored),
+    )
 
 
-def door(values: Floats, stored: Bools) -> float:
+def swinging_door_deviation(values: Floats, stored: Bools) -> float:
     """The deviation of the archive that drew the lines, percent, or a little more.
 
     A point that was stored between two neighbours that were stored too was no nearer to the line

@@ -181,12 +181,14 @@ def sentence_of(
     refused: Mapping[str, str],
     before: ResidualMap,
     doubt: str,
+    missed: str,
 ) -> str:
     """What is said of the recording. ``refused`` are terms that could not be tested, ``before``
-    is the map of S and J alone, ``doubt`` why it cannot be told whether something is left out."""
+    is the map of S and J alone, ``doubt`` why it cannot be told whether something is left out,
+    ``missed`` what S and J leave all the same where they explain it, with a blank before it."""
     if finding is Finding.NONE:
         tail = f" {len(refused)} effects could not be tested here." if refused else ""
-        return f"S and J explain this recording; nothing else is needed.{tail}"
+        return f"S and J explain this recording; nothing else is needed.{missed}{tail}"
     if finding is Finding.UNKNOWN and doubt:
         return f"{doubt}: whether something is left out cannot be told, and nothing is named."
     if finding is Finding.UNKNOWN:

@@ -13,7 +13,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import chance, strength
 from stemwatch.models.mismatch.accepted_hypothesis import (
@@ -39,14 +38,12 @@ from stemwatch.models.mismatch.evaluator import DRIVE, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
-    HeldOutFit,
     Mismatch,
-    RecordEffect,
     Stiction,
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
-from stemwatch.models.mismatch.nothing_left_out import doubt
+from stemwatch.models.mismatch.nothing_left_out import doubt, missed_breakaways
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -233,7 +230,9 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     tried_effects, combined_gain = what_was_tried(hypothesis.named, effects)
     mismatch = Mismatch(
         finding=finding,
-        sentence=sentence_of(finding, effects, case.refused, before, unsure),
+        sentence=sentence_of(
+            finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
+        ),
         naive=friction_alone,
         restated=refitted,
         effects=effects,
@@ -298,17 +297,11 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
 
 
 def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
-    unknown = Estimate.unknown(reason, unit=PERCENT)
-    no_stiction = Stiction(S=unknown, J=unknown)
-    effects: tuple[RecordEffect, ...] = settled.effects
-    return Mismatch(
-        finding=Finding.NOT_TESTABLE,
-        sentence=f"Nothing can be said: {reason}.",
-        naive=no_stiction,
-        restated=no_stiction,
-        record_effects=effects,
+    return Mismatch.unknown(
+        f"Nothing can be said: {reason}.",
+        reason,
+        record_effects=settled.effects,
         not_testable=tuple(Untestable(slug=slug, reason=reason) for slug in catalogue()),
-        heldout=HeldOutFit(),
     )
 
 

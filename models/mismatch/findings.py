@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from math import exp
+from typing import Any
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.fit_window import on_whole_clock
@@ -256,6 +257,16 @@ class Mismatch:
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     open_question: OpenQuestion | None = None  # what a planned test would have to tell
     seconds: float = 0.0
+
+    @staticmethod
+    def unknown(sentence: str, reason: str = "", **known: Any) -> Mismatch:
+        """Of a recording of which nothing can be said: why in a ``sentence``, and as the ``reason``
+        of S and J; beside what is ``known``."""
+        reason = reason or sentence
+        none = Stiction(S=Estimate.unknown(reason, "%"), J=Estimate.unknown(reason, "%"))
+        return Mismatch(
+            finding=Finding.NOT_TESTABLE, sentence=sentence, naive=none, restated=none, **known
+        )
 
     @property
     def defects(self) -> tuple[Effect, ...]:

@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.holes import held
 from stemwatch.models.recording import PERCENT, Floats, Quality, Recording, Role
 from stemwatch.models.stickslip import kernel
 
@@ -45,7 +46,7 @@ def as_position(recording: Recording) -> tuple[Recording, Characteristic] | None
     if mv is None or mv.unit == PERCENT or np.count_nonzero(recording.usable) < FEWEST:
         return None
     usable = recording.usable
-    op = _hold_unusable(recording.op.values, recording.op.usable)
+    op = held(recording.op.values, recording.op.usable)
     flow = mv.values
     best, curve = np.inf, None
     for band, delay, lag in product(BANDS, DELAYS, LAGS):
@@ -60,14 +61,6 @@ def as_position(recording: Recording) -> tuple[Recording, Characteristic] | None
     signal = replace(mv, values=position, quality=quality, unit=PERCENT)
     signals = {**recording.signals, Role.MV: signal}
     return replace(recording, signals=signals), curve
-
-
-def _hold_unusable(values: Floats, usable: NDArray[np.bool_]) -> Floats:
-    """The last usable value in place of an unusable one."""
-    index = np.where(usable, np.arange(values.size), -1)
-    index = np.maximum.accumulate(index)
-    index[index < 0] = int(np.argmax(usable))
-    return np.ascontiguousarray(values[index])
 
 
 def _follow(op: Floats, band: float, delay: float, lag: float, interval_s: float) -> Floats:

@@ -19,7 +19,7 @@ from stemwatch.models.excitation import Jumps, jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.conditioning import moving_stem, rests
 from stemwatch.models.own_clock import duration, is_of_seconds, long_time, rate
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.words import share, times
+from stemwatch.models.words import only_times, share, times
 
 QUICK_S, OPENING_S, SLOW_S = 5.0, 10.0, 20.0  # windows of a quick move, an opening, a slow ramp
 QUICK_PERCENT_PER_S = 0.2  # of a net move over 5 s
@@ -253,7 +253,7 @@ NO_POSITION = (
 )
 
 
-def audit(
+def untestable_effects(
     op: Floats,
     mv: Floats | None,
     simulated: Floats | None,
@@ -316,13 +316,13 @@ def _untested_moves(seen: Exercised) -> Refusals:
     """Effects that show while the stem moves, in one direction or in both."""
     up, down = seen.moves
     if up + down < LEAST_MOVES:
-        reason = f"the stem moved only {times(up + down)}, and this shows while it moves"
+        reason = f"the stem moved {only_times(up + down)}, and this shows while it moves"
         for slug in (*_QUICK_EFFECTS, "zero_shift", "lost_motion", *_RESTING):
             yield slug, reason
     if min(up, down) < 1:
         moved_way = "rose" if up < down else "fell"
         reason = (
-            f"the stem {moved_way} only {times(min(up, down))}, so its directions cannot be "
+            f"the stem {moved_way} {only_times(min(up, down))}, so its directions cannot be "
             "compared"
         )
         yield from ((slug, reason) for slug in ("asymmetric_lag", "asymmetric_rate_limit"))
@@ -333,7 +333,7 @@ def _speeds(seen: Exercised) -> Refusals:
     up, down = seen.quick
     quick, over_time = rate(QUICK_PERCENT_PER_S, seen.unit_s, "g"), duration(QUICK_S, seen.unit_s)
     reason = (
-        f"OP moved faster than {quick} over {over_time} only {times(up + down)}; a "
+        f"OP moved faster than {quick} over {over_time} {only_times(up + down)}; a "
         "slower command never meets the valve's top speed"
     )
     if up + down < LEAST_QUICK:
@@ -366,7 +366,7 @@ def _slips(seen: Exercised) -> Refusals:
     if seen.restarts < LEAST_RESTARTS:
         yield (
             "lost_motion",
-            f"the stem started again in the same direction only {times(seen.restarts)}; at full "
+            f"the stem started again in the same direction {only_times(seen.restarts)}; at full "
             "reversals play cannot be told from a smaller jump (do a staircase test)",
         )
     rests = seen.rests
@@ -419,7 +419,7 @@ def _time(seen: Exercised) -> Refusals:
     if sum(seen.moves) <= LEAST_MOVES:
         yield (
             "growing_stiction",
-            f"the stem moved only {times(sum(seen.moves))}, too seldom to compare early with late",
+            f"the stem moved {only_times(sum(seen.moves))}, too seldom to compare early with late",
         )
     if seen.resting_s < LEAST_RESTING_S:
         yield (

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from stemwatch.models.process_response import ProcessResponse
+from stemwatch.models.closed_loop.process_response import ProcessResponse
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 # Effects whose size is that over a whole record: a test of minutes sees one moment of them.

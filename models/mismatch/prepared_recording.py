@@ -16,7 +16,7 @@ from stemwatch.models.mismatch.base_fit import (
 from stemwatch.models.mismatch.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
-from stemwatch.models.mismatch.identifiability import NO_POSITION, audit
+from stemwatch.models.mismatch.identifiability import NO_POSITION, untestable_effects
 from stemwatch.models.mismatch.record_effects import RecordSettled
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
@@ -118,7 +118,7 @@ def prepare(
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
     summary = base.evaluator.summary
-    refused = audit(
+    refused = untestable_effects(
         problem.op,
         problem.mv,
         simulated,

@@ -29,6 +29,7 @@ from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
     NEARLY,
+    PLAY,
     PROMISING,
     Named,
     Needed,
@@ -69,7 +70,7 @@ class TermPair:
     def of_some_size(self, evaluator: Evaluator) -> bool:
         """True where both are of a size that matters."""
         return all(
-            jump_is_visible(score, evaluator)
+            (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
             and score.term.material(score.values, evaluator.summary)
             for score in self.scores
         )

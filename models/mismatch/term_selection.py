@@ -254,17 +254,15 @@ def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
     is_convincing = convincing(score.advantage, evaluator.told, score.slug, stage)
     return (
         is_convincing
-        and jump_is_visible(score, evaluator)
+        and (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
         and score.term.material(score.values, evaluator.summary)
     )
 
 
-def jump_is_visible(score: TermScore, evaluator: Evaluator) -> bool:
-    """False for play behind a stem that does not jump: the two make one dead band, and which part
-    of it is friction cannot be told."""
-    if score.slug != PLAY:
-        return True
-    middle = score.fitted.candidates.mean(axis=0)
+def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
+    """False for a stem that does not jump: play behind it and friction make one dead band, and
+    which part of it is friction cannot be told."""
+    middle = fitted.candidates.mean(axis=0)
     S, J = (
         middle[base_coordinate.S_PERCENT],
         middle[base_coordinate.S_PERCENT] * middle[base_coordinate.RATIO],
@@ -328,6 +326,9 @@ def name(base: BaseFit, terms: Sequence[Term]) -> Named:
         simple = conclude(evaluator, refit(evaluator, accepted_scores[0].fitted, POLISH))
         terms_left = [term for term in terms_left if term.slug != accepted_scores[0].slug]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
+    if any(one.term.slug == PLAY for one in needed) and not jump_is_visible(fitted, evaluator):
+        # A later term has taken the jump that told play from friction.
+        return name(base, [term for term in terms if term.slug != PLAY])
     if not needed:
         fitted, needed = told_by_events(evaluator, fitted, terms)
     return Named(

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from numba import njit
 
+from stemwatch.models.holes import held
 from stemwatch.models.narx.architecture import ACTUATOR
 from stemwatch.models.recording import Floats
 
@@ -33,18 +34,9 @@ def actuator_output(op: Floats, interval_s: float, actuator: Mapping[str, float]
         interval_s / slow if slow > least_slow else np.inf for slow in (slow_up, slow_down)
     )
     out = np.full(op.size, np.nan)
-    _drive(_bridged(op), dead_time / interval_s, up, down, most_up, most_down, out)
+    _drive(held(op, np.isfinite(op)), dead_time / interval_s, up, down, most_up, most_down, out)
     out[np.isnan(op)] = np.nan
     return out
-
-
-def _bridged(op: Floats) -> Floats:
-    """``op`` (n,) with the last number held across each gap, and the first one before it."""
-    finite = np.isfinite(op)
-    if finite.all() or not finite.any():
-        return np.ascontiguousarray(np.where(finite, op, 0.0))
-    index = np.maximum.accumulate(np.where(finite, np.arange(op.size), np.argmax(finite)))
-    return np.ascontiguousarray(op[index])
 
 
 @njit(cache=True)

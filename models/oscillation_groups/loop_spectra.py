@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from stemwatch.models.holes import bridged
 from stemwatch.models.recording import Floats
 
 Complexes = NDArray[np.complex128]
@@ -90,14 +91,9 @@ def values_scale(values: Floats) -> Floats:
 
 
 def _without_holes(values: Floats) -> Floats:
-    for row in np.flatnonzero(~np.isfinite(values).all(axis=1)):
-        known_samples = np.flatnonzero(np.isfinite(values[row]))
-        known_values = values[row, known_samples]
-        values[row] = (
-            np.interp(np.arange(values.shape[1]), known_samples, known_values)
-            if known_samples.size
-            else 0.0
-        )
+    known = np.isfinite(values)
+    for row in np.flatnonzero(~known.all(axis=1)):
+        values[row] = bridged(values[row], known[row]) if known[row].any() else 0.0
     return values
 
 

@@ -10,6 +10,7 @@ from datetime import datetime, timedelta
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.holes import bridged
 from stemwatch.models.oscillation_groups.find_groups import (
     FoundGroup,
     find_groups,
@@ -49,7 +50,7 @@ _WORDS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoopWaves:
+class ThinnedLoop:
     """OP, PV and SP (n,) of one loop, thinned to ``LONGEST`` samples by means over blocks; NaN
     where there is none. ``sticks`` by a measured position, ``None`` where that is not known."""
 
@@ -110,7 +111,7 @@ class OscillationGroup:
         return float(np.mean([member.share for member in self.members]))
 
 
-def waves_of(recording: Recording, sticks: bool | None = None) -> LoopWaves | None:
+def thinned_loop(recording: Recording, sticks: bool | None = None) -> ThinnedLoop | None:
     """What a recording has for the search; ``None`` without PV or with too few samples."""
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
     if pv is None or len(recording) < FEWEST:
@@ -122,7 +123,7 @@ def waves_of(recording: Recording, sticks: bool | None = None) -> LoopWaves | No
     def thinned(values: Floats, usable: NDArray[np.bool_]) -> Small:
         return _block_means(np.where(usable, values, np.nan), stride).astype(np.float32)
 
-    return LoopWaves(
+    return ThinnedLoop(
         loop=recording.valve,
         source=recording.provenance.source,
         start=recording.start,
@@ -144,7 +145,7 @@ def _block_means(values: Floats, stride: int) -> Floats:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-def plant_groups(loops: Iterable[LoopWaves]) -> list[OscillationGroup]:
+def plant_groups(loops: Iterable[ThinnedLoop]) -> list[OscillationGroup]:
     """The groups of all loops, those that move most loops first. Loops are compared where they were
     recorded together; where nothing dates them, within one file."""
     groups: list[OscillationGroup] = []
@@ -153,10 +154,10 @@ def plant_groups(loops: Iterable[LoopWaves]) -> list[OscillationGroup]:
     return sorted(groups, key=lambda group: -sum(member.share for member in group.members))
 
 
-def _recorded_together(loops: Sequence[LoopWaves]) -> list[list[LoopWaves]]:
+def _recorded_together(loops: Sequence[ThinnedLoop]) -> list[list[ThinnedLoop]]:
     """Loops whose windows overlap, or, undated, of one source and length; each loop once."""
-    undated: dict[tuple[str, int, float], list[LoopWaves]] = defaultdict(list)
-    dated: list[tuple[list[LoopWaves], datetime, datetime]] = []
+    undated: dict[tuple[str, int, float], list[ThinnedLoop]] = defaultdict(list)
+    dated: list[tuple[list[ThinnedLoop], datetime, datetime]] = []
     for loop in sorted(
         loops, key=lambda recorded_loop: (str(recorded_loop.start), recorded_loop.loop)
     ):
@@ -177,7 +178,7 @@ def _recorded_together(loops: Sequence[LoopWaves]) -> list[list[LoopWaves]]:
     ]
 
 
-def _groups_of(loops: Sequence[LoopWaves]) -> list[OscillationGroup]:
+def _groups_of(loops: Sequence[ThinnedLoop]) -> list[OscillationGroup]:
     loops = list({recorded_loop.loop: recorded_loop for recorded_loop in loops}.values())
     interval_s = max(recorded_loop.interval_s for recorded_loop in loops)
     starts = [recorded_loop.start for recorded_loop in loops if recorded_loop.start is not None]
@@ -212,7 +213,9 @@ def _as_number(sticks: bool | None) -> float | None:
     return None if sticks is None else float(sticks)
 
 
-def _on_clock(values: Floats, loop: LoopWaves, start: datetime | None, interval_s: float) -> Floats:
+def _on_clock(
+    values: Floats, loop: ThinnedLoop, start: datetime | None, interval_s: float
+) -> Floats:
     """The values on the common clock: the last one before each instant."""
     offset = 0.0 if start is None or loop.start is None else (start - loop.start).total_seconds()
     count = int((values.size * loop.interval_s - offset) // interval_s)
@@ -226,12 +229,7 @@ def _non_linearity(op: Floats, pv: Floats) -> float:
     both_finite = np.isfinite(op) & np.isfinite(pv)
     if both_finite.mean() < 0.9:
         return 0.0
-    sample_index = np.arange(op.size)
-    filled = [
-        np.interp(sample_index, sample_index[both_finite], values[both_finite])
-        for values in (op, pv)
-    ]
-    return non_linearity(filled[0], filled[1])
+    return non_linearity(bridged(op, both_finite), bridged(pv, both_finite))
 
 
 def _group_result(

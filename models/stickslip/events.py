@@ -13,7 +13,6 @@ import numpy as np
 from stemwatch.models.excitation import jumps_from_rest, travel
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.fit import StickSlipFit
 from stemwatch.models.stickslip.problem import FitProblem
 
 # Simulated healthy valves have a share below 0.1 (0 for nearly all); sticking ones whose slips the
@@ -28,11 +27,13 @@ OWN_TOWARDS = 0.95
 @dataclass(frozen=True)
 class SlipEvents:
     """``share`` of the stem's way made in jumps from rest, 0 to 1, and the share of the jumps that
-    go ``towards`` the command, as friction makes them and another valve's position does not."""
+    go ``towards`` the command, as friction makes them and another valve's position does not;
+    ``size`` of the jumps, percent of MV (median)."""
 
     count: int
     share: float
     towards: float
+    size: float = 0.0
 
     @property
     def evident(self) -> bool:
@@ -49,11 +50,6 @@ class SlipEvents:
         return self.evident and self.towards >= OWN_TOWARDS
 
 
-def slip_events(fit: StickSlipFit) -> SlipEvents:
-    """The slips of the recording, measured against its way and its command."""
-    return events_of(fit.evaluator.problem, fit.candidate)
-
-
 def events_of(problem: FitProblem, candidate: Floats) -> SlipEvents:
     """The slips of a ``problem``, read with gain and zero of a ``candidate`` (9,)."""
     jumps = jumps_from_rest(problem.mv, problem.op, problem.sigma)
@@ -64,4 +60,5 @@ def events_of(problem: FitProblem, candidate: Floats) -> SlipEvents:
     gain, zero = 1.0 + candidate[coordinate.GAIN], candidate[coordinate.ZERO]
     force = problem.op[jumps.begins] - (problem.mv[jumps.begins] - zero) / gain
     towards = float(np.mean(np.sign(force) == np.sign(jumps.sizes)))
-    return SlipEvents(jumps.count, min(share, 1.0), towards)
+    size = float(np.median(np.abs(jumps.sizes)))
+    return SlipEvents(jumps.count, min(share, 1.0), towards, size)

@@ -19,7 +19,13 @@ import numpy as np
 from stemwatch.models.forensics import repeat_share
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip import parameters as coordinate
-from stemwatch.models.stickslip.breakaways import SLOW_SAMPLES, Breakaways, breakaways
+from stemwatch.models.stickslip.breakaways import (
+    LEAST_J,
+    SLOW_SAMPLES,
+    Breakaways,
+    breakaways,
+)
+from stemwatch.models.stickslip.events import SlipEvents, events_of
 from stemwatch.models.stickslip.parameters import Bounds, bounds, to_kernel
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.search import Loss, SearchResult, best_of, refine
@@ -46,7 +52,6 @@ class FreeCoordinates:
 
 
 STICKING = FreeCoordinates("sticking", coordinate.STICKING)
-ACTUATOR = FreeCoordinates("actuator", coordinate.ACTUATOR)
 BOTH = FreeCoordinates("both", coordinate.STICKING + coordinate.ACTUATOR)
 
 
@@ -275,6 +280,11 @@ class StickSlipFit:
         """Slip jump, percent of OP span; as ``S``."""
         return self.breakaways.J if self.breakaways else S_and_J(self.candidate)[1]
 
+    @property
+    def events(self) -> SlipEvents:
+        """The slips of the recording, measured against its way and its command."""
+        return events_of(self.evaluator.problem, self.candidate)
+
     def heldout(self, *, resynced: bool = False) -> Floats:
         """(n,) free run of MV with the parameters of the training part.
 
@@ -394,6 +404,11 @@ def fit_stickslip(
     all_blocks = np.ones(problem.n_blocks, dtype=bool)
     final = _polish(evaluator, all_blocks, trained[hypothesis].candidate, hypothesis)
     naive = _polish(evaluator, all_blocks, trained["sticking"].candidate, "sticking")
+    slips = _breakaways(evaluator, final.candidate)
+    if S_and_J(final.candidate)[1] < LEAST_J:
+        seen = _breakaways_of_jumps(evaluator, naive.candidate)
+        if seen is not None:
+            hypothesis, final, slips = "sticking", naive, seen
     return StickSlipFit(
         evaluator=evaluator,
         hypothesis=hypothesis,
@@ -403,7 +418,7 @@ def fit_stickslip(
         of_sticking=of_sticking,
         naive=naive.candidate,
         first_heldout=int(np.ceil(problem.op.size * train.sum() / problem.n_blocks)),
-        breakaways=_breakaways(evaluator, final.candidate),
+        breakaways=slips,
         alone=_breakaways(evaluator, naive.candidate) if _is_late(evaluator, final) else None,
     )
 
@@ -427,6 +442,17 @@ def _breakaways(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways 
     without_friction[list(coordinate.STICKING)] = 0.0
     unhindered = evaluator.simulate(without_friction)
     return breakaways(evaluator.problem, gain, zero, S, J, _late_s(candidate), unhindered)
+
+
+def _breakaways_of_jumps(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways | None:
+    """The breakaways where the stem is seen to rest and jump though no fit has a jump: where it
+    slips every few minutes a run that misses some slips is cheapest without any."""
+    events = events_of(evaluator.problem, candidate)
+    gain, zero = 1.0 + float(candidate[coordinate.GAIN]), float(candidate[coordinate.ZERO])
+    if not events.evident or gain == 0.0:
+        return None
+    S, J = S_and_J(candidate)[0], events.size / abs(gain)
+    return breakaways(evaluator.problem, gain, zero, S, J)
 
 
 def _polish(

@@ -45,8 +45,17 @@ class StickSlipSample:
 
 def interval(draws: Floats, value: float) -> tuple[float, float]:
     """95 % percentile interval of ``draws``, widened to hold ``value``."""
-    low, high = np.percentile(draws, COVERAGE)
-    return min(float(low), value), max(float(high), value)
+    (both,) = intervals(draws[None, :], np.array([value]))
+    return both
+
+
+def intervals(draws: Floats, values: Floats) -> list[tuple[float, float]]:
+    """``interval`` of each row of ``draws`` (k, n), with its own of ``values`` (k,)."""
+    low, high = np.percentile(draws, COVERAGE, axis=1)
+    return [
+        (min(float(below), float(value)), max(float(above), float(value)))
+        for below, above, value in zip(low, high, values, strict=True)
+    ]
 
 
 def spread_of(estimate: Estimate) -> Floats:

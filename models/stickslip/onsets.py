@@ -80,12 +80,13 @@ def _scan(
             samples += 1
             if samples >= rest_samples:
                 low = high = mv[k]
-                total = 0.0
                 for i in range(k - rest_samples + 1, k + 1):
                     low, high = min(low, mv[i]), max(high, mv[i])
-                    total += mv[i]
                 if high - low <= threshold:
-                    resting, samples, lasted = True, rest_samples, rest_samples
+                    resting, lasted = True, rest_samples
+                    samples, total = min(rest_samples, MEMORY), 0.0
+                    for i in range(k - samples + 1, k + 1):
+                        total += mv[i]
     return count
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.forensics import noise_sigma, quantum
+from stemwatch.models.holes import held
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip import kernel
 
@@ -111,16 +112,6 @@ class FitProblem:
         return np.arange(self.n_blocks) < blocks
 
 
-def _bridge(values: Floats, usable: Bools) -> Floats:
-    """Hold the last usable value; before the first one, take the first."""
-    if not usable.any():
-        return np.zeros(values.size)
-    index = np.where(usable, np.arange(values.size), -1)
-    index = np.maximum.accumulate(index)
-    index[index < 0] = int(np.argmax(usable))
-    return np.ascontiguousarray(values[index])
-
-
 def _restarts(usable: Bools) -> Bools:
     """True at the first usable sample and after each hole too long to bridge."""
     start = np.zeros(usable.size, dtype=bool)
@@ -158,8 +149,8 @@ def make_problem(recording: Recording) -> FitProblem:
     scored = scored_samples(recording)
     block = np.where(scored, np.arange(n) * n_blocks // n, -1).astype(np.int64)
     # A hole in MV alone says nothing against the command.
-    op = _bridge(recording.op.values, recording.op.usable)
-    mv = _bridge(recording.mv.values, usable)
+    op = held(recording.op.values, recording.op.usable)
+    mv = held(recording.mv.values, usable)
     low, high = np.percentile(op, (1.0, 99.0))
     steps = np.where(usable, recording.mv.values, np.nan)
     sigma = max(noise_sigma(steps), quantum(steps) / np.sqrt(12.0), 1e-3)

@@ -13,7 +13,8 @@ from functools import cache
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.recording import PERCENT, Floats, Recording, Role
+from stemwatch.models.holes import bridged, longest_stretch
+from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
 from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.features import (
     FEWEST_PERIODS,
@@ -225,21 +226,16 @@ def _longest(recording: Recording) -> tuple[int, Floats, Floats, Floats | None]:
     both_usable = op.usable & pv.usable
     if not both_usable.any():
         return 0, np.empty(0), np.empty(0), None
-    places = np.flatnonzero(both_usable)
-    breaks = np.flatnonzero(np.diff(places) > LONGEST_BRIDGE + 1)
-    starts = np.concatenate([[0], breaks + 1])
-    stops = np.concatenate([breaks + 1, [places.size]])
-    longest = int(np.argmax(stops - starts))
-    longest_places = places[starts[longest] : stops[longest]]
-    all_samples = np.arange(longest_places[0], longest_places[-1] + 1)
+    first, last = longest_stretch(both_usable, LONGEST_BRIDGE)
+    known = both_usable[first:last]
 
-    def bridged(values: Floats) -> Floats:
-        return np.interp(all_samples, longest_places, values[longest_places])
+    def in_stretch(signal: Signal) -> Floats:
+        return bridged(signal.values[first:last], known)
 
     set_point = None
-    if sp is not None and sp.usable[longest_places].all():
-        set_point = bridged(sp.values)
-    return int(longest_places[0]), bridged(op.values), bridged(pv.values), set_point
+    if sp is not None and sp.usable[first:last][known].all():
+        set_point = in_stretch(sp)
+    return first, in_stretch(op), in_stretch(pv), set_point
 
 
 def _thinned(

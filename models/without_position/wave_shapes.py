@@ -22,11 +22,13 @@ def wave_shapes(op: Floats, pv: Floats, period: float) -> Floats:
     doi:10.1016/S0967-0661(99)00100-8. Triangle beside sine: He, Wang, Pottmann and Qin (2007),
     doi:10.1021/ie0609280.
     """
-    u, y = _banded(op, period), _banded(pv, period)
-    return np.array([_triangle(u, period), _oddness(u, y, period), _regularity(u, period)])
+    u, y = banded(op, period), banded(pv, period)
+    return np.array(
+        [triangle_beside_sine(u, period), _oddness(u, y, period), _regularity(u, period)]
+    )
 
 
-def _banded(values: Floats, period: float) -> Floats:
+def banded(values: Floats, period: float) -> Floats:
     """Between a third and six times the period's frequency, of unit size."""
     n = values.size
     line = np.linspace(values[0], values[-1], n)
@@ -37,7 +39,7 @@ def _banded(values: Floats, period: float) -> Floats:
     return np.asarray(filtered / max(float(np.std(filtered)), 1e-9))
 
 
-def _triangle(wave: Floats, period: float) -> float:
+def triangle_beside_sine(wave: Floats, period: float) -> float:
     """How much better triangles fit the half cycles than sines do, a log ratio."""
     sign = np.signbit(wave)
     crossings = np.flatnonzero(sign[1:] != sign[:-1]) + 1

@@ -48,6 +48,7 @@ def gathered(
     for first in range(0, len(valves), AT_ONCE):
         part = valves[first : first + AT_ONCE]
         histories = store.recent(part, depth, RATIO)
+        weeks = store.trends(part, plant.limits)
         for valve in part:
             recent = histories[valve]
             of_weeks, stands = by_window.get(valve, (None, False))
@@ -60,6 +61,7 @@ def gathered(
                 worked_at=recent.worked_at,
                 by_window=of_weeks,
                 stands=stands,
+                weeks=weeks.get(valve),
                 zone=zone,
             )
 
@@ -76,20 +78,15 @@ def _facts(plant: Plant, valve: str) -> StoredValve:
     entry = plant.valves.get(valve)
     if entry is None:
         return StoredValve(id=valve)
-    return StoredValve(
-        id=valve,
-        description=entry.description,
-        area=entry.area,
-        criticality=entry.criticality,
-    )
+    return StoredValve.of(entry)
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Valves that may fail together: of one area or of one source."""
+    """Valves that may fail together: of one area, unit or source."""
 
     kind: AlertKind
-    what: str  # "area" or "source"
+    what: str  # "area", "unit" or "source"
     name: str
 
     @property
@@ -182,8 +179,8 @@ def _places(plant: Plant, valve: str) -> list[tuple[str, str]]:
     entry = plant.valves.get(valve)
     if entry is None:
         return []
-    places = [("source", entry.source)]
-    return [("area", entry.area), *places] if entry.area else places
+    places = [("area", entry.area), ("unit", entry.unit), ("source", entry.source)]
+    return [(what, name) for what, name in places if name]
 
 
 def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> RaisedAlert:

@@ -18,6 +18,8 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import baseline_left, stiction_grown
+from stemwatch.service.presenter.plant_path import levels_of
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -40,7 +42,7 @@ class ValveRecord:
     ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id;
     ``worked_at`` when the valve was worked on; ``by_window`` what its windows of the last weeks say
     together of effects beside friction, and ``stands`` whether that is more than chance among all
-    valves of the run. Days are said in ``zone``.
+    valves of the run. ``weeks`` is how its S goes over weeks. Days are said in ``zone``.
     """
 
     valve: StoredValve
@@ -51,6 +53,7 @@ class ValveRecord:
     worked_at: Sequence[datetime] = ()
     by_window: EvidenceOfWeeks | None = None
     stands: bool = False
+    weeks: TrendOverWeeks | None = None
     zone: tzinfo = UTC
 
 
@@ -87,6 +90,8 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
         verdict = alert_decision(answers, rules)
         if kind is AlertKind.MISMATCH:
             verdict = _of_physics(record, answers, verdict)
+        if kind is AlertKind.FORESEEN:
+            verdict = _of_weeks(record, judged, answers, rules)
         if verdict is AlertDecision.RAISE:
             alert = _raised(record.valve, kind, text(judged[0]), judged[0])
             if kind is AlertKind.MISMATCH and record.by_window is not None:
@@ -113,6 +118,25 @@ def _is_friction(record: ValveRecord) -> bool:
     return bool(confirmed) and {finding.slug for finding in confirmed} <= OF_FRICTION
 
 
+def _of_weeks(
+    record: ValveRecord,
+    judged: Sequence[JudgedScreening],
+    answers: Sequence[bool | None],
+    rules: AlertRules,
+) -> AlertDecision:
+    """What is foreseen comes from weeks, not from the last runs: it is raised at once, and is over
+    when the stem sticks, which has its alert, or when S does not rise any more."""
+    if not answers or answers[0] is None:
+        return AlertDecision.LEAVE
+    sticks = judged[0].verdict is Verdict.STICKY
+    foreseen = record.weeks is not None and record.weeks.foresees_within(
+        rules.foreseen_within_weeks
+    )
+    if sticks or foreseen is False:
+        return AlertDecision.CLEAR
+    return AlertDecision.LEAVE if foreseen is None else AlertDecision.RAISE
+
+
 def _of_physics(
     record: ValveRecord, answers: Sequence[bool | None], by_runs: AlertDecision
 ) -> AlertDecision:
@@ -132,10 +156,22 @@ def _of_physics(
 
 # What may stand behind one cause, the finding that says most first. Growth of S and a position that
 # leaves its baseline are what a sticking stem or an effect beside friction looks like from afar.
-LEADS = (AlertKind.STICKY, AlertKind.MISMATCH, AlertKind.GROWN, AlertKind.BASELINE)
+LEADS = (
+    AlertKind.STICKY,
+    AlertKind.MISMATCH,
+    AlertKind.FORESEEN,
+    AlertKind.GROWN,
+    AlertKind.BASELINE,
+)
 FOLLOWS = {
-    AlertKind.GROWN: (AlertKind.STICKY,),
-    AlertKind.BASELINE: (AlertKind.STICKY, AlertKind.MISMATCH, AlertKind.GROWN),
+    AlertKind.FORESEEN: (AlertKind.STICKY,),
+    AlertKind.GROWN: (AlertKind.STICKY, AlertKind.FORESEEN),
+    AlertKind.BASELINE: (
+        AlertKind.STICKY,
+        AlertKind.MISMATCH,
+        AlertKind.FORESEEN,
+        AlertKind.GROWN,
+    ),
 }
 
 
@@ -215,6 +251,7 @@ _Finding = tuple[
 def _findings(record: ValveRecord, rules: AlertRules) -> list[_Finding]:
     return [
         (AlertKind.STICKY, lambda judged: judged.verdict is Verdict.STICKY, _sticky),
+        (AlertKind.FORESEEN, lambda _: True, lambda _: _foreseen(record)),
         (
             AlertKind.GROWN,
             lambda judged: has_grown(judged.S, record.at_baseline, rules.grown_S_percent),
@@ -247,6 +284,15 @@ def _sticky(judged: JudgedScreening) -> str:
     return f"{judged.reason} {judged.advice}".strip()
 
 
+def _foreseen(record: ValveRecord) -> str:
+    """The trend and when it is there, in the words of report and ranking."""
+    assert record.weeks is not None
+    return (
+        f"{record.weeks.words}, where the stem counts as sticky. Plan its maintenance before that; "
+        "how sure this is stands with the trend on the valve's page."
+    )
+
+
 def _mismatch(record: ValveRecord, judged: JudgedScreening) -> str:
     """What is confirmed, in the words of the newest window where that names it too."""
     if record.by_window is None:
@@ -255,8 +301,11 @@ def _mismatch(record: ValveRecord, judged: JudgedScreening) -> str:
 
 
 def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreening) -> RaisedAlert:
-    name = f"{valve.id} ({valve.description})" if valve.description else valve.id
+    unit = f"unit {valve.unit}" if valve.unit else ""
+    said = ", ".join(part for part in (valve.description, unit) if part)
+    name = f"{valve.id} ({said})" if said else valve.id
     evidence = {
+        **levels_of(valve),
         "S": judged.S.value,
         "S_low": judged.S.low,
         "S_high": judged.S.high,

@@ -11,6 +11,7 @@ import typer
 from stemwatch.service.cli.accounts import accounts_app
 from stemwatch.service.cli.alert_trial import alert_trial
 from stemwatch.service.cli.archive import simulate_archive
+from stemwatch.service.cli.benchmark import benchmark_app
 from stemwatch.service.cli.calibrate import calibrate_mismatch
 from stemwatch.service.cli.calibrate_archives import calibrate_archives
 from stemwatch.service.cli.compare import compare
@@ -77,43 +78,49 @@ def _main(
     """
 
 
-for command in (
-    inspect,
-    screen,
-    explain,
-    plan_test,
-    judge_test,
-    twin,
-    compare,
-    simulate,
-    simulate_archive,
-    demo,
-    trial,
-    alert_trial,
-    prove,
-    prove_weeks,
-    robustness,
-    miswiring,
-    calibrate_mismatch,
-    calibrate_archives,
-    study_wear_forecast,
-    study_twin,
-    study_without_position,
-    study_oscillations,
-    drift,
-    maintenance,
-    feedback,
-    maintenance_report,
-    reproduce,
-    serve,
-    run_now,
-):
-    app.command()(command)
+PLANT, SERVICE, SIMULATED = "Your plant", "Day and night", "Simulated valves"
+STUDIES = "How often is it right? (studies on simulated valves)"
+COMMANDS = {
+    PLANT: (
+        inspect,
+        screen,
+        explain,
+        plan_test,
+        judge_test,
+        twin,
+        compare,
+        maintenance,
+        feedback,
+        maintenance_report,
+    ),
+    SERVICE: (serve, run_now),
+    SIMULATED: (demo, simulate, simulate_archive),
+    STUDIES: (
+        trial,
+        prove,
+        prove_weeks,
+        alert_trial,
+        robustness,
+        miswiring,
+        drift,
+        study_wear_forecast,
+        study_twin,
+        study_without_position,
+        study_oscillations,
+        calibrate_mismatch,
+        calibrate_archives,
+        reproduce,
+    ),
+}
+for panel, commands in COMMANDS.items():
+    for command in commands:
+        app.command(rich_help_panel=panel)(command)
 
 
-app.add_typer(db_app, name="db")
-app.add_typer(accounts_app, name="accounts")
-app.add_typer(modbus_app, name="modbus")
+app.add_typer(db_app, name="db", rich_help_panel=SERVICE)
+app.add_typer(accounts_app, name="accounts", rich_help_panel=SERVICE)
+app.add_typer(modbus_app, name="modbus", rich_help_panel=PLANT)
+app.add_typer(benchmark_app, name="benchmark", rich_help_panel=STUDIES)
 
 
 def main() -> None:

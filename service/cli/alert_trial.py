@@ -27,7 +27,7 @@ def alert_trial(
     networks: Annotated[
         bool, typer.Option("--networks/--no-networks", help="Train the networks, and compare.")
     ] = False,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Play months of a simulated plant and count its alerts: false, late, doubled, closed.

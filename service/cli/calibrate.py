@@ -27,7 +27,7 @@ def calibrate_mismatch(
     ] = 0.03,
     t: Annotated[float, typer.Option(help="Limit of the t-like value.")] = 2.4,
     json_file: o.JsonFile = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
 ) -> None:
     """Score every term of `explain`, and pairs of them, on valves with nothing hidden.
 

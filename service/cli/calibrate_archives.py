@@ -18,7 +18,7 @@ def calibrate_archives(
         int, typer.Option(min=1, max=2000, help="Sticking valves, and as many healthy ones.")
     ] = 20,
     json_file: o.JsonFile = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
 ) -> None:
     """Print the limits of a late clock and a slow archive beside recordings that have neither.
 

@@ -145,7 +145,7 @@ def backup(
 
     address = _address(plant, db)
     carried = carry(address, file)
-    views.out.print(views.told_table(f"{address} in {file}", carried))
+    views.out.print(views.copied_table(f"{address} in {file}", carried))
     views.say_next(
         f"keep {file} on another computer, and as private as the database. `stemwatch db restore` "
         "fills an empty database from it."
@@ -167,7 +167,7 @@ def restore(
 
     address = _address(plant, db)
     carried = carry(o.need_file(file, "FILE"), address)
-    views.out.print(views.told_table(f"{file} in {address}", carried))
+    views.out.print(views.copied_table(f"{file} in {address}", carried))
     views.say_next(
         "give this database as storage.url, or in STEMWATCH_STORAGE_URL, and start the service."
     )
@@ -198,7 +198,7 @@ def copy(
 
     origin, target = _address(plant, db), DatabaseUrl(to)
     carried = carry(origin, target)
-    views.out.print(views.told_table(f"{origin} in {target}", carried))
+    views.out.print(views.copied_table(f"{origin} in {target}", carried))
     views.say_result(f"Now give {target} as storage.url, or in STEMWATCH_STORAGE_URL.")
 
 

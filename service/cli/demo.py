@@ -24,7 +24,7 @@ def demo(
         typer.Option(help="Folder for everything the demo makes: demo, or demo-live where live."),
     ] = None,
     seed: o.Seed = 1,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     live: Annotated[
         bool, typer.Option("--live", help="Run the service on a plant that wears, until Ctrl-C.")
     ] = False,

@@ -27,7 +27,7 @@ def drift(
         int, typer.Option(min=2, max=2000, help="Loops, each followed in three ways.")
     ] = 120,
     seed: o.Seed = 2026,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Count how well the baseline ratio tells growing stiction from healthy valves, simulated.

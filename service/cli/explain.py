@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -109,18 +108,8 @@ def _report(
 
 def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:
     """The page's folder; times in the plant's zone, else in the zone that was given, else UTC."""
-    from datetime import UTC, datetime
-
-    from stemwatch.connectors.secret import masked_command
+    from stemwatch.service.cli import views
     from stemwatch.service.explain.write_explanation import write_pages
-    from stemwatch.service.report import ReportContext
 
-    plant = request.plant
-    context = ReportContext(
-        started=datetime.now(UTC),
-        title=TITLE,
-        plant=plant.name if plant else "",
-        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
-        command=masked_command(("stemwatch", *sys.argv[1:])),
-    )
+    context = views.page_context(TITLE, request.plant, request.read_options.zone or "")
     return write_pages(valves, context, out).html

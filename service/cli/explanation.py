@@ -28,7 +28,7 @@ from stemwatch.service.presenter.wording import (
     not_yet_said,
     span_percent,
 )
-from stemwatch.service.report.mismatch_view import left_over_bars
+from stemwatch.service.report.mismatch_view import alternative_of, left_over_bars
 
 STYLE = {
     Finding.NAMED: "bold red",
@@ -106,15 +106,17 @@ def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
 
 
 def _numbers(mismatch: Mismatch) -> Table:
-    """S, J and the fit on samples that were not fitted, before and after."""
+    """S, J and the fit on samples that were not fitted, as on the page: what counts, and what S and
+    J alone would have said."""
     table = Table(box=None, pad_edge=False)
     for name in ("", "S, %", "J, %", "fit, %", "rmse, %"):
         table.add_column(name, justify="right" if name else "left", no_wrap=bool(name))
-    heldout = mismatch.heldout
-    rows = [("S and J alone", mismatch.naive, heldout.fit_naive, heldout.rmse_naive)]
-    if mismatch.effects:  # restated with what was named, and so only where something was
-        restated = mismatch.restated, heldout.fit_extended, heldout.rmse_extended
-        rows.append(("restated", *restated))
+    heldout, counts = mismatch.heldout, mismatch.restated
+    rows = [("of this valve", counts, heldout.fit_extended, heldout.rmse_extended)]
+    alternative = alternative_of(mismatch, counts.S, counts.J)
+    if alternative:
+        alone = mismatch.naive, heldout.fit_naive, heldout.rmse_naive
+        rows.append((f"not used: {alternative}", *alone))
     for name, stiction, fit, rmse in rows:
         table.add_row(name, _number(stiction.S), _number(stiction.J), figure(fit), figure(rmse, 2))
     table.caption = _caption(mismatch) or None

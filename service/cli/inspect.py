@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.inspect_archives import inspect_archives
 from stemwatch.service.cli.reading import given_by, read_options
 
 if TYPE_CHECKING:
@@ -16,17 +17,33 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian import HistorianFile, Inspection, ReadOptions
     from stemwatch.connectors.historian.proposed_plant import ProposedSource
 
+ARCHIVES = "Archives of a plant file"
+
 
 @given_by(read_options, name="options")
 def inspect(
     file: Annotated[
-        Path, typer.Argument(help="A CSV or text export of a historian, or a folder of exports.")
+        Path,
+        typer.Argument(
+            help="A CSV or text export of a historian, a folder of exports, or a plant file whose "
+            "archives are looked through."
+        ),
     ],
     json_file: o.JsonFile = None,
     write: Annotated[
         Path | None,
         typer.Option(help="Write the proposed plant file here, unless it is there already."),
     ] = None,
+    source: Annotated[
+        str, typer.Option(help="Of a plant file, only this source.", rich_help_panel=ARCHIVES)
+    ] = "",
+    pattern: Annotated[
+        str,
+        typer.Option(
+            help="Only tags whose name fits, such as 'FIC*'; capital letters do not matter.",
+            rich_help_panel=ARCHIVES,
+        ),
+    ] = "",
     *,
     options: ReadOptions,
 ) -> None:
@@ -34,14 +51,14 @@ def inspect(
 
     Where OP strokes a valve by a curve, as in a split range, the curve is proposed as well.
 
+    Of a plant file the tags of its archives (PI, OPC UA, SQL, Parquet) are listed, and valves are
+    proposed by their names.
+
     Encoding, separator, decimal mark, layout, time zone, every tag with unit and role, sampling
     interval and jitter, bad values, gaps, and evidence of compression, quantisation and frozen
     signals. A tag named MV may be the controller output or the valve position: it is never guessed.
     """
     import json
-
-    from rich.markup import escape
-    from rich.syntax import Syntax
 
     from stemwatch.connectors.historian.proposed_plant import plant_toml
     from stemwatch.service.cli import views
@@ -51,6 +68,15 @@ def inspect(
     if write is not None and write.exists():
         raise typer.BadParameter(
             f"{write} exists and is not overwritten; name another file", param_hint="--write"
+        )
+    if file.suffix == ".toml":
+        inspect_archives(file, source, pattern, write, json_file)
+        return
+    if source or pattern:
+        raise typer.BadParameter(
+            f"--source and --pattern are for archives; {file} is no plant file (.toml) that names "
+            "one",
+            param_hint="FILE",
         )
     files = _files_of(file, options)
     seen = [(source.path, source.inspect()) for source in files]
@@ -65,14 +91,9 @@ def inspect(
     proposed = plant_toml(sources, _curves(files))
     if write is not None:
         write.write_text(proposed, encoding="utf-8")
-        views.out.print(f"\n{escape(str(write))} is written. Check the roles in it; then")
-        views.out.print(f"  stemwatch screen --plant {escape(str(write))}", soft_wrap=True)
+        views.say_plant_written(write)
         return
-    views.out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
-    mapping = Syntax("", "toml", background_color="default").highlight(
-        views.as_toml_escapes(proposed)
-    )
-    views.out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
+    views.show_proposal(proposed)
     views.say_next(
         "keep it with --write plant.toml, or screen the file itself: stemwatch screen FILE"
     )

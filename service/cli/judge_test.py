@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import sys
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -129,19 +128,10 @@ def _of_file(request: Request) -> tuple[str, OpenQuestion]:
 
 
 def _write(result: TestResult, request: Request, out: Path) -> None:
-    from stemwatch.connectors.secret import masked_command
     from stemwatch.service.cli import views
     from stemwatch.service.field_test.sheet_files import write_result
-    from stemwatch.service.report import ReportContext
 
-    plant = request.plant
-    context = ReportContext(
-        started=datetime.now(UTC),
-        title=result.title,
-        plant=plant.name if plant else "",
-        zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
-        command=masked_command(("stemwatch", *sys.argv[1:])),
-    )
+    context = views.page_context(result.title, request.plant, request.read_options.zone or "")
     path = write_result(result, context, out).resolve()
     views.out.print(views.escape(f"Page: {path}"), highlight=False, soft_wrap=True)
 

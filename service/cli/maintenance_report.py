@@ -29,6 +29,9 @@ def maintenance_report(
         "stemwatch-maintenance"
     ),
     zone: o.Zone = "",
+    site: o.Site = None,
+    area: o.Area = None,
+    unit: o.Unit = None,
 ) -> None:
     """Write a page for each valve that needs work, and work orders for a maintenance system.
 
@@ -36,6 +39,7 @@ def maintenance_report(
     check in which order, parts and isolation hints; the work orders as XLSX and CSV.
     """
     from stemwatch.service.cli import views
+    from stemwatch.service.cli.reading import part_of
     from stemwatch.service.config import load_plant
     from stemwatch.service.maintenance.stored import report_of_store
     from stemwatch.service.store.store import open_existing_store
@@ -51,10 +55,11 @@ def maintenance_report(
             plant=loaded,
             run=run,
             valves=valve or (),
+            part=part_of(site, area, unit),
             zone=zone,
             all_valves=everything,
         )
-    views.out.print(files.book.counts, highlight=False)
+    views.out.print(files.work_list.counts, highlight=False)
     for path in (files.pdf, files.html, files.xlsx, files.csv):
         views.out.print(views.escape(str(path.resolve())), highlight=False, soft_wrap=True)
     views.say_next(

@@ -23,7 +23,7 @@ def miswiring(
         list[str] | None,
         typer.Option(help="Only kinds whose name contains this; may be given several times."),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Count confident wrong answers on valves whose tags or ranges are mixed up.

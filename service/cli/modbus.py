@@ -134,7 +134,7 @@ def _show_words(link: Link, unit: int, written: str, count: int) -> None:
             f"{request_text}: {fault.reason}{modbus_views.advice(fault)}"
         ) from fault
     views.out.print(modbus_views.words_table(f"{link}, unit {unit}", address, words))
-    views.out.print(modbus_views.meanings_table(address, words))
+    views.out.print(modbus_views.interpretations_table(address, words))
 
 
 def _try_maps(file: Path, name: str) -> None:

@@ -6,7 +6,12 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table as Grid
 
-from stemwatch.connectors.modbus.commissioning import Meaning, TriedRegister, meanings, other_orders
+from stemwatch.connectors.modbus.commissioning import (
+    Interpretation,
+    TriedRegister,
+    interpretations,
+    other_orders,
+)
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, Number
 from stemwatch.connectors.modbus.device import Device
 from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault
@@ -46,7 +51,7 @@ def words_table(title: str, address: RegisterAddress, words: Sequence[int]) -> G
     return grid
 
 
-def meanings_table(address: RegisterAddress, words: Sequence[int]) -> Grid:
+def interpretations_table(address: RegisterAddress, words: Sequence[int]) -> Grid:
     """Types down, byte orders across, for the value that begins at ``address``; unlikely ones
     dim."""
     title = f"the value that begins at {address} ({address.modicon}), in every type and order"
@@ -54,8 +59,8 @@ def meanings_table(address: RegisterAddress, words: Sequence[int]) -> Grid:
     grid.add_column("type", no_wrap=True)
     for order in ByteOrder:
         grid.add_column(order.value, justify="right", no_wrap=True)
-    by_kind: dict[DataType, dict[ByteOrder, Meaning]] = {}
-    for meaning in meanings(words):
+    by_kind: dict[DataType, dict[ByteOrder, Interpretation]] = {}
+    for meaning in interpretations(words):
         by_kind.setdefault(meaning.kind, {})[meaning.order] = meaning
     for kind, row in by_kind.items():
         cells = [_cell(row[order]) if order in row else "" for order in ByteOrder]
@@ -102,7 +107,7 @@ def doubts(registers: Sequence[TriedRegister]) -> Iterator[str]:
             )
 
 
-def _cell(meaning: Meaning) -> str:
+def _cell(meaning: Interpretation) -> str:
     text = _number(meaning.value)
     return text if meaning.likely else f"[dim]{text}[/]"
 

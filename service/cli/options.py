@@ -11,6 +11,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 import typer
 
 READING = "How the file is read"
+PART = "Which part of the plant"
 TAGS = "Which tag is what (one valve per file)"
 
 Zone = Annotated[
@@ -53,6 +54,19 @@ Sources = Annotated[
 ]
 PlantFile = Annotated[
     Path | None, typer.Option(help="plant.toml with the valves; alone, its own sources.")
+]
+_SEVERAL = "may be given several times."
+Site = Annotated[
+    list[str] | None,
+    typer.Option(help=f"Valves of this site only; {_SEVERAL}", rich_help_panel=PART),
+]
+Area = Annotated[
+    list[str] | None,
+    typer.Option(help=f"Valves of this area only; {_SEVERAL}", rich_help_panel=PART),
+]
+Unit = Annotated[
+    list[str] | None,
+    typer.Option(help=f"Valves of this unit only; {_SEVERAL}", rich_help_panel=PART),
 ]
 OpTag = Annotated[str, typer.Option(help="Controller output.", rich_help_panel=TAGS)]
 MvTag = Annotated[str, typer.Option(help="Valve position.", rich_help_panel=TAGS)]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -185,18 +183,10 @@ def explained_file(request: Request) -> Explained:
 
 
 def _write(sheet: TestSheet, plant: Plant | None, zone: str, out: Path) -> None:
-    from stemwatch.connectors.secret import masked_command
     from stemwatch.service.cli import views
     from stemwatch.service.field_test.sheet_files import write_sheet
-    from stemwatch.service.report import ReportContext
 
-    context = ReportContext(
-        started=datetime.now(UTC),
-        title=sheet.title,
-        plant=plant.name if plant else "",
-        zone=(plant.zone if plant else None) or zone or "UTC",
-        command=masked_command(("stemwatch", *sys.argv[1:])),
-    )
+    context = views.page_context(sheet.title, plant, zone)
     page, paper = write_sheet(sheet, context, out)
     for path in (page, paper):
         views.out.print(views.escape(f"Sheet: {path.resolve()}"), highlight=False, soft_wrap=True)

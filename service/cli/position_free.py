@@ -36,7 +36,7 @@ def study_without_position(
     save: Annotated[
         Path | None, typer.Option(help="Write the networks trained anew into this module.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Count what OP and PV alone would tell of simulated valves whose position is left out.

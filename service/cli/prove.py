@@ -40,7 +40,7 @@ def prove(
     narx: Annotated[
         bool, typer.Option("--narx/--no-narx", help="Let explain train the network as well.")
     ] = False,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
 ) -> None:
     """Run a blind trial of `stemwatch explain` on simulated valves with hidden physics.
 

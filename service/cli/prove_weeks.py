@@ -26,7 +26,7 @@ def prove_weeks(
         list[str] | None, typer.Option(help="Only this effect; may be given several times.")
     ] = None,
     seed: o.Seed = 2042,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
     keep: Annotated[
         Path | None,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian import ReadOptions
     from stemwatch.models.recording import Provenance, Role
     from stemwatch.service.config import Plant
+    from stemwatch.service.presenter.plant_path import PartOfPlant
     from stemwatch.service.run.plan import Request
 
 Command = Callable[..., Any]
@@ -228,6 +229,33 @@ def loaded_plant(plant: Path | None, source: Sequence[str] | None) -> "Plant | N
             raise typer.BadParameter("give a file, a folder or --plant plant.toml")
         return None
     return load_plant(o.need_file(plant, "--plant"))
+
+
+def part_of(
+    site: Sequence[str] | None, area: Sequence[str] | None, unit: Sequence[str] | None
+) -> "PartOfPlant":
+    """The part of the plant that the options name."""
+    from stemwatch.service.presenter.plant_path import PartOfPlant
+
+    return PartOfPlant(sites=tuple(site or ()), areas=tuple(area or ()), units=tuple(unit or ()))
+
+
+def valves_in_part(plant: "Plant | None", part: "PartOfPlant") -> tuple[str, ...]:
+    """The valves of a part of the plant, none where the whole is meant. A part that the plant file
+    does not have, or one without a plant file, is wrong usage."""
+    from stemwatch.service.presenter.plant_path import UnknownPart
+
+    if not part:
+        return ()
+    option = f"--{next(iter(part.asked))}"
+    if plant is None:
+        raise typer.BadParameter(
+            f"{option} needs --plant plant.toml, which says where each valve is", param_hint=option
+        )
+    try:
+        return tuple(valve.id for valve in part.valves(plant.valves.values()))
+    except UnknownPart as error:
+        raise typer.BadParameter(f"{plant.file.name}: {error}", param_hint=option) from None
 
 
 def tags_of(**named: str) -> "dict[Role, str]":

@@ -29,7 +29,7 @@ def reproduce(
         Study, typer.Argument(help="paper: Zabiri et al., neural networks of stiction.")
     ],
     seeds: Annotated[int, typer.Option(min=1, max=100, help="Networks of each kind.")] = 5,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Train the networks of a paper on its four cases, and ours, and print all errors.

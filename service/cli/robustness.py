@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,6 +14,16 @@ if TYPE_CHECKING:
 
     from stemwatch.service.studies.robustness import Row
 
+COLUMNS = (
+    "the same recording ...",
+    "healthy: called sticky, undetermined",
+    "sticking: neither sticky nor watch",
+    "S: error, intervals that hold, width",
+    "S at least: bounds that hold",
+    "J: error, intervals that hold",
+    "named in error",
+)
+
 
 def robustness(
     valves: Annotated[
@@ -23,7 +34,17 @@ def robustness(
         list[str] | None,
         typer.Option(help="Only ways whose name contains this; may be given several times."),
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            help="Keep each answer in this folder as it comes, and go on from there: after a stop, "
+            "or way by way."
+        ),
+    ] = None,
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the table as docs/robustness.md has it.")
+    ] = False,
+    workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
     """Count right and wrong answers on the same valves, stored as other plants would store them.
@@ -31,7 +52,9 @@ def robustness(
     Sticking (S 3 to 8 %) and healthy valves are simulated once, and each recording is changed in
     one way at a time: split ranges, positioner curves, a reversed position, a tight shut-off, late
     clocks, coarse steps, averages, slow and compressed archives. Nothing is hidden in them, so
-    every effect that is named counts as an error.
+    every effect that is named counts as an error. All ways take hours: with --keep they may be
+    counted one by one, and asked for together they are one table. A folder belongs to one version
+    of the program.
     """
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
@@ -39,44 +62,48 @@ def robustness(
 
     storages = o.names_that_hold(way, WAYS, "--way", "way")
     views.say_if_not_blind(seed)
+    if keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
     with views.progress("recordings", 2 * valves * len(storages)) as advance:
-        answers = run_robustness(valves, seed, storages, choose_executor(workers), advance)
-    _print(list(rows(answers)))
+        executor = choose_executor(workers)
+        answers = run_robustness(valves, seed, storages, executor, advance, keep)
+    _print(list(rows(answers)), markdown=markdown)
     views.write_answers(answers, json_file)
     views.say_read_on("robustness.md")
 
 
-def _print(rows: Sequence[Row]) -> None:
+def _print(rows: Sequence[Row], *, markdown: bool) -> None:
     from rich.table import Table
 
     from stemwatch.service.cli import views
 
-    table = Table(title="The same valves, stored otherwise", title_justify="left")
-    table.add_column("the same recording ...")
-    for name in ("healthy", "sticking", "S", "S at least", "J", "named"):
-        table.add_column(name, justify="right")
-    for row in rows:
-        table.add_row(
-            row.way,
-            f"{row.called_sticky}, {row.healthy_undetermined} of {row.healthy}",
-            f"{row.missed} of {row.sticking}",
-            _numbers("S", row.with_numbers, row.S_error, row.S_held, row.S_width),
-            f"{row.at_least_held} of {row.S_at_least}" if row.S_at_least else "none",
-            _numbers("J", row.with_numbers, row.J_error, row.J_held),
-            f"{row.named} of {row.healthy + row.sticking}",
-        )
+    cells = [_cells(row) for row in rows]
+    if markdown:
+        for line in (COLUMNS, ("---",) * len(COLUMNS), *cells):
+            typer.echo(f"| {' | '.join(line)} |")
+        return
+    table = Table(*COLUMNS, title="The same valves, stored otherwise", title_justify="left")
+    for line in cells:
+        table.add_row(*line)
     views.out.print(table)
     views.out.print(
-        "healthy: called sticky, undetermined; sticking: neither sticky nor watch; S and J: median "
-        "error in percent of OP, intervals that hold the truth (S: median width), or no S where no "
-        "sticking valve was given one; at least: valves with only a bound of S, and how many "
-        "bounds hold; named: valves of which an effect was named though nothing was hidden",
+        "Errors of S and J are medians in percent of OP, the width is the median of the intervals "
+        "of S; named in error are valves of which an effect was named though nothing was hidden.",
         highlight=False,
     )
 
 
-def _numbers(name: str, total: int, error: float, covered: int, width: float | None = None) -> str:
-    """What S or J came to over the sticking valves that were given one."""
-    if not total:
-        return f"no {name}"
-    return f"{error:.2f}, {covered} of {total}" + ("" if width is None else f", {width:.2f}")
+def _cells(row: Row) -> tuple[str, ...]:
+    """The row as the table has it."""
+    numbers = row.with_numbers
+    return (
+        row.way,
+        f"{row.called_sticky}, {row.healthy_undetermined} of {row.healthy}",
+        f"{row.missed} of {row.sticking}",
+        f"{row.S_error:.2f} %, {row.S_held} of {numbers}, {row.S_width:.1f} %"
+        if numbers
+        else "no S",
+        f"{row.at_least_held} of {row.S_at_least}" if row.S_at_least else "none",
+        f"{row.J_error:.2f} %, {row.J_held} of {numbers}" if numbers else "no J",
+        f"{row.named} of {row.healthy + row.sticking}",
+    )

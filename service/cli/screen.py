@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +11,13 @@ import typer
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
-from stemwatch.service.cli.reading import given_by, requested, say_unused_options
+from stemwatch.service.cli.reading import (
+    given_by,
+    part_of,
+    requested,
+    say_unused_options,
+    valves_in_part,
+)
 
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
@@ -35,6 +42,9 @@ def screen(
     new_baseline: Annotated[
         bool, typer.Option("--new-baseline", help="Make this window each valve's baseline.")
     ] = False,
+    site: o.Site = None,
+    area: o.Area = None,
+    unit: o.Unit = None,
 ) -> None:
     """Fit every valve of an export and leave a report: HTML, CSV, XLSX and JSON.
 
@@ -42,6 +52,8 @@ def screen(
     and --op the roles are taken from tags and descriptions where they leave no doubt. Screening
     the same window twice updates what is stored.
     """
+    chosen = valves_in_part(request.plant, part_of(site, area, unit))
+    request = replace(request, valves=chosen)
     screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
     if fail_on is not None and _is_found(fail_on, screenings):
         raise typer.Exit(1)

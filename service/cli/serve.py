@@ -69,6 +69,9 @@ def run_now(
         bool, typer.Option("--wait/--no-wait", help="Wait until the run is over.")
     ] = True,
     who: Annotated[str, typer.Option(help="Who asks for it.")] = "",
+    site: o.Site = None,
+    area: o.Area = None,
+    unit: o.Unit = None,
 ) -> None:
     """Screen now, without waiting for a schedule.
 
@@ -78,6 +81,7 @@ def run_now(
     """
     from stemwatch.service import __version__
     from stemwatch.service.cli import views
+    from stemwatch.service.cli.reading import part_of, valves_in_part
     from stemwatch.service.process_lifecycle import asked_to_stop
     from stemwatch.service.run.queue_worker import QueueWorker
     from stemwatch.service.serve.periodic_tasks import LEASE
@@ -87,9 +91,11 @@ def run_now(
     loaded = _load(plant)
     if unknown := [name for name in valve or () if name not in loaded.valves]:
         raise typer.BadParameter(f"no valve {unknown[0]} in {plant}", param_hint="VALVE")
+    in_part = valves_in_part(loaded, part_of(site, area, unit))
+    valves = tuple(dict.fromkeys((*(valve or ()), *in_part)))
     stop = threading.Event()
     with asked_to_stop(stop.set, last=True), open_store(loaded.storage) as store:
-        run = RunToQueue(valves=tuple(valve or ()), who=who or "command line")
+        run = RunToQueue(valves=valves, who=who or "command line")
         number = store.queue.put(run, software_version=__version__)
         served = store.leases.holder(LEASE) is not None
         if number is None:

@@ -24,7 +24,7 @@ def trial(
         int, typer.Option(min=2, max=5000, help="Healthy loops; half as many sticking ones.")
     ] = 240,
     seed: o.Seed = 2026,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes.")] = None,
+    workers: o.Workers = None,
     narx: Annotated[
         bool, typer.Option("--narx/--no-narx", help="Train the networks too, as screen does.")
     ] = True,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from stemwatch.service.twin.loop_twin import WhatIf
 
 WHAT_IF = "What if (instead of the usual five)"
+SIMULATORS = "For other simulators"
 
 
 @given_by(recording_options, name="recording")
@@ -49,6 +50,22 @@ def twin(
         str,
         typer.Option(help="HEIGHT,EVERY,FOR: % of OP, s, s.", rich_help_panel=WHAT_IF),
     ] = "",
+    fmu: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.fmu",
+            help="Write the valve as an FMI 3.0 unit.",
+            rich_help_panel=SIMULATORS,
+        ),
+    ] = None,
+    modelica: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.mo",
+            help="Write the valve as a Modelica block.",
+            rich_help_panel=SIMULATORS,
+        ),
+    ] = None,
     json_file: o.JsonFile = None,
     *,
     recording: RecordingOptions,
@@ -57,23 +74,64 @@ def twin(
 
     The controller's law and the process are fitted to OP, position, PV and SP; the valve has its
     fitted S and J. What else moved the loop is kept and played again, so that each change shows
-    what it would have done on the same day, with a 90 % interval.
+    what it would have done on the same day, with a 90 % interval. --fmu and --modelica write the
+    valve alone, which needs no PV, and run nothing unless a change or --json is asked for.
     """
     from stemwatch.models.closed_loop.what_if import LoopChange
     from stemwatch.service.cli import views
     from stemwatch.service.twin.loop_twin import to_object, usual_changes, what_ifs
 
-    read, screening = _screened(_request(id_or_file, recording))
-    loop = _twin_of(read, screening)
     asked = LoopChange(
         S=S, J=J, gain_times=gain_times, reset_times=reset_times, knocker=_knocker(knock)
     )
+    _check_ending(fmu, ".fmu", "--fmu")
+    _check_ending(modelica, ".mo", "--modelica")
+    read, screening = _screened(_request(id_or_file, recording))
+    if fmu is not None or modelica is not None:
+        _write_models(screening, fmu, modelica)
+        if asked == LoopChange() and json_file is None:
+            return
+    loop = _twin_of(read, screening)
     changes = [("as asked", asked)] if asked != LoopChange() else usual_changes(loop)
     rows = what_ifs(loop, changes)
     views.out.print(_on_terminal(read.valve, loop, rows), highlight=False)
     if json_file is not None:
         text = json.dumps(to_object(loop, rows), indent=1, ensure_ascii=False, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
+
+
+def _check_ending(file: Path | None, ending: str, option: str) -> None:
+    if file is not None and file.suffix.lower() != ending:
+        raise typer.BadParameter(
+            f"a file that ends in {ending} is expected, by which other programs know it; received "
+            f"{file.name}",
+            param_hint=option,
+        )
+
+
+def _write_models(screening: Screening, fmu: Path | None, modelica: Path | None) -> None:
+    from stemwatch.models.valve_chain import valve_chain
+    from stemwatch.service.cli import views
+    from stemwatch.service.twin.simulation_model.write_model import (
+        contents_in_words,
+        functional_mockup_unit,
+        modelica_text,
+    )
+
+    chain = valve_chain(screening)
+    if isinstance(chain, str):
+        raise ValueError(f"{screening.valve}: there is no model to write: {chain}")
+    said = [contents_in_words(chain)]
+    if fmu is not None:
+        unit = functional_mockup_unit(chain)
+        fmu.write_bytes(unit.content)
+        lacks = f", without a binary: {unit.no_binary}" if unit.no_binary else ""
+        said.append(f"Written: {fmu}{lacks}")
+    if modelica is not None:
+        modelica.write_text(modelica_text(chain), encoding="utf-8")
+        said.append(f"Written: {modelica}")
+    for sentence in said:
+        views.out.print(sentence, highlight=False, markup=False, soft_wrap=True)
 
 
 def _request(id_or_file: str, given: RecordingOptions) -> Request:

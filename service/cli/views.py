@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.screening_result import Screening
+    from stemwatch.service.config import Plant
+    from stemwatch.service.report import ReportContext
     from stemwatch.service.report.ranking import Ranking
     from stemwatch.service.store.administration.backup_file import TableDigest
     from stemwatch.service.store.administration.check import DatabaseHealth
@@ -123,6 +126,20 @@ def _number(estimate: Estimate) -> str:
     if estimate.low is None or estimate.high is None:
         return f"{estimate.value:.1f}"
     return f"{estimate.value:.1f} ({estimate.low:.1f}-{estimate.high:.1f})"
+
+
+def page_context(title: str, plant: Plant | None, zone: str) -> ReportContext:
+    """What a page says of itself: times in the plant's zone, else in ``zone``, else UTC."""
+    from stemwatch.connectors.secret import masked_command
+    from stemwatch.service.report import ReportContext
+
+    return ReportContext(
+        started=datetime.now(UTC),
+        title=title,
+        plant=plant.name if plant else "",
+        zone=(plant.zone if plant else None) or zone or "UTC",
+        command=masked_command(("stemwatch", *sys.argv[1:])),
+    )
 
 
 def verdict_line(screening: Screening) -> str:
@@ -275,6 +292,21 @@ def inspection_tables(inspection: Inspection) -> Iterator[Table]:
     yield tags
 
 
+def show_proposal(toml: str) -> None:
+    """Print a part of a plant file that is proposed, to be copied."""
+    from rich.syntax import Syntax
+
+    out.print("\n[bold]Proposed for plant.toml[/] (check the roles before you trust it):\n")
+    mapping = Syntax("", "toml", background_color="default").highlight(as_toml_escapes(toml))
+    out.print(mapping, soft_wrap=True)  # a line cut at the terminal's edge is no TOML
+
+
+def say_plant_written(file: Path) -> None:
+    """Say that a proposed plant file is written, and what comes next."""
+    out.print(f"\n{escape(str(file))} is written. Check the roles in it; then")
+    out.print(f"  stemwatch screen --plant {escape(str(file))}", soft_wrap=True)
+
+
 def inspection_remarks(inspection: Inspection) -> Iterator[str]:
     """Remarks on tags and their roles; tags with the same remark share a line."""
     by_remark: dict[str, list[str]] = {}
@@ -341,7 +373,7 @@ def health_table(address: str, health: DatabaseHealth) -> Table:
     return table
 
 
-def told_table(title: str, digests: Mapping[str, TableDigest]) -> Table:
+def copied_table(title: str, digests: Mapping[str, TableDigest]) -> Table:
     """The copied rows of each table and the beginning of their digest."""
     table = Table(title=escape(title), title_justify="left")
     table.add_column("table")

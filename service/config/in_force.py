@@ -97,11 +97,12 @@ def _number(name: str, text: str) -> float:
 
 
 def checked_schedule(
-    table: Mapping[str, Any], areas: Iterable[str], valves: Iterable[str]
+    table: Mapping[str, Any], levels: Mapping[str, Iterable[str]], valves: Iterable[str]
 ) -> ScreeningSchedule:
     """The schedule of a form, by the rules of ``[[schedules]]``.
 
-    Raises ``BadSetting`` with every mistake; also for areas and valves that nobody knows.
+    ``levels`` has the names of areas and units by "area" and "unit". Raises ``BadSetting`` with
+    every mistake; also for areas, units and valves that nobody knows.
     """
     try:
         schedule = ScheduleTable.model_validate(table).schedule()
@@ -114,7 +115,8 @@ def checked_schedule(
         )
         raise BadSetting("; ".join(complaints)) from None
     for noun, asked_names, known_names in (
-        ("area", schedule.areas, set(areas)),
+        ("area", schedule.areas, set(levels["area"])),
+        ("unit", schedule.units, set(levels["unit"])),
         ("valve", schedule.valves, set(valves)),
     ):
         for name in asked_names:

@@ -171,7 +171,10 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
         currency=top.plant.currency,
         zone=top.plant.zone,
         sources=reading.sources,
-        valves=reading.valves,
+        valves={
+            name: valve if valve.site else valve.model_copy(update={"site": top.plant.site})
+            for name, valve in reading.valves.items()
+        },
         limits=limits,
         named_limits=frozenset(top.limits),
         storage=storage_address(top.storage.url, file, variables),
@@ -339,13 +342,17 @@ def read_live(data: dict[str, Any], file: str, lines: TomlLines, reading: PlantR
 def _unknown_valves(
     read: ScheduleTable, location: TableLocation, reading: PlantReading
 ) -> list[Problem]:
-    """Problems for valves and areas of a schedule that the plant does not have."""
-    areas = {valve.area for valve in reading.valves.values()}
-    references = [("valves", name, reading.valves) for name in read.valves]
-    references += [("areas", name, areas) for name in read.areas]  # type: ignore[misc]
+    """Problems for valves, areas and units of a schedule that the plant does not have."""
+    valves = reading.valves.values()
+    known = {
+        "valves": set(reading.valves),
+        "areas": {valve.area for valve in valves},
+        "units": {valve.unit for valve in valves},
+    }
     return [
         location.problem((key,), f"the unknown {key[:-1]} {name!r}", "one that this file describes")
-        for key, name, known_names in references
+        for key, known_names in known.items()
+        for name in getattr(read, key)
         if name not in known_names
     ]
 

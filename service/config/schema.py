@@ -93,6 +93,7 @@ class PlantSection(TomlTable):
     """``[plant]``."""
 
     name: Text = Field(default="", description="the plant's name as text")
+    site: Text = Field(default="", description="the site that valves are on which name none")
     currency: Text = Field(default="", description="the currency of prices, such as EUR")
     zone: Zone | None = Field(default=None, description="an IANA time zone such as Europe/Berlin")
 
@@ -173,7 +174,10 @@ class Valve(TomlTable):
 
     id: Name = Field(description="the valve's own name, as text of 1 to 200 letters")
     description: Text = Field(default="", description="text on one line")
+    site: Text = Field(default="", description="the site's name; default that of [plant]")
     area: Text = Field(default="", description="text on one line")
+    unit: Text = Field(default="", description="the unit's name, such as 200")
+    loop: Text = Field(default="", description="the control loop's name, such as FIC-201")
     criticality: Annotated[int, Field(ge=1, le=3)] = Field(
         default=2, description="1, 2 or 3, where 3 is the valve the plant can least do without"
     )

@@ -57,6 +57,7 @@ class ScheduleTable(TomlTable):
         default=None, description="seconds of recording that a run looks at, above 0"
     )
     areas: list[Name] = Field(default=[], description='a list of areas, such as ["100", "200"]')
+    units: list[Name] = Field(default=[], description='a list of units, such as ["100", "200"]')
     valves: list[Name] = Field(default=[], description='a list of ids, such as ["FIC-101"]')
     enabled: bool = Field(default=True, description="true or false")
 
@@ -71,8 +72,9 @@ class ScheduleTable(TomlTable):
 
     def schedule(self) -> ScreeningSchedule:
         """The schedule as it is stored."""
-        values = self.model_dump() | {"areas": tuple(self.areas), "valves": tuple(self.valves)}
-        return ScreeningSchedule(**values)
+        values = self.model_dump()
+        lists = {key: tuple(value) for key, value in values.items() if isinstance(value, list)}
+        return ScreeningSchedule(**values | lists)
 
 
 class AlertRules(TomlTable):
@@ -94,6 +96,9 @@ class AlertRules(TomlTable):
     grown_S_percent: Positive = Field(
         default=0.5, description="percent of OP span by which S grows at least, above 0"
     )
+    foreseen_within_weeks: Annotated[float, Field(ge=0, le=52)] = Field(
+        default=8.0, description="weeks, 0 to 52; 0 for no alert of this kind"
+    )
     silent_after_s: Positive = Field(
         default=900.0, description="seconds without a good sample, above 0"
     )
@@ -101,7 +106,8 @@ class AlertRules(TomlTable):
         default=5, description="a whole number of valves, 2 or more"
     )
     common_share: Annotated[float, Field(gt=0, le=1)] = Field(
-        default=0.3, description="a share of the valves of an area or source, above 0 and up to 1"
+        default=0.3,
+        description="a share of the valves of an area, unit or source, above 0 and up to 1",
     )
 
     @model_validator(mode="after")

@@ -87,7 +87,7 @@ def _run_a_loop(op: Floats) -> None:
 
     process_model(op, np.cumsum(op - op.mean()))
     signals = (np.empty_like(op) for _ in range(3))
-    kernel.run_loop(op, op, op, np.ones(kernel.N_NUMBERS), np.zeros(2), *signals)
+    kernel.run_loop(op, op, op, np.ones(kernel.N_NUMBERS), np.zeros(2), op, *signals)
 
 
 def short_recording() -> Recording:

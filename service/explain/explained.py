@@ -12,17 +12,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
-from stemwatch.models.recording import PERCENT, Floats, Recording
+from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.recording import Recording
 from stemwatch.service.explain.to_explain import ToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
+from stemwatch.service.presenter.work_decision import BAD, FROZEN, obstacle_kind
 from stemwatch.service.run.task import recording_of
 
 if TYPE_CHECKING:
-    from stemwatch.models.stickslip.fit import StickSlipFit
-    from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
+    from stemwatch.models.screening_result import Screening
+    from stemwatch.models.stickslip.stroke_curve import KnownCurve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,11 +88,12 @@ def explain_recording(
     by_window, limits = None, limits or Limits()
     try:
         # As a screening reads it; what is drawn beside the runs is so, too.
-        recording = at_loop_pace(in_percent(recording), round(limits.fitted_samples))
-        mismatch, by_window = _explained(recording, narx, limits, known_curve)
+        as_stored = recording
+        recording = at_loop_pace(in_percent(as_stored), round(limits.fitted_samples))
+        mismatch, by_window = _explained(as_stored, recording, narx, limits, known_curve)
     except Exception as error:  # one valve must not end the others
         reason = f"the search broke down on this recording ({type(error).__name__}: {error})."
-        mismatch = not_testable(reason)
+        mismatch = Mismatch.unknown(reason)
     return Explained(
         source=source,
         valve=recording.valve,
@@ -102,24 +103,20 @@ def explain_recording(
     )
 
 
-def not_testable(reason: str) -> Mismatch:
-    """The mismatch of a recording that could not be looked at."""
-    unknown = Estimate.unknown(reason, unit=PERCENT)
-    no_stiction = Stiction(S=unknown, J=unknown)
-    return Mismatch(
-        finding=Finding.NOT_TESTABLE, sentence=reason, naive=no_stiction, restated=no_stiction
-    )
-
-
 def _not_explained(to_explain: ToExplain, reason: str) -> Explained:
-    mismatch = not_testable(reason or "there is nothing to explain")
+    mismatch = Mismatch.unknown(reason or "there is nothing to explain")
     return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
 
 
 def _explained(
-    recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
+    as_stored: Recording,
+    recording: Recording,
+    narx: bool,
+    limits: Limits,
+    known_curve: KnownCurve | None,
 ) -> tuple[Mismatch, EvidenceOfWeeks | None]:
-    """The mismatch of a recording, and what its windows say together where it is a long one."""
+    """The mismatch of a recording, which is read at the pace of its loop, and what its windows say
+    together where it is a long one."""
     from stemwatch.models.explained_windows import explain_windows
 
     def explain_alone(part: Recording) -> Mismatch:
@@ -133,7 +130,7 @@ def _explained(
         recording, samples, explain_alone, explain_shown if narx else None
     )
     if evidence_windows is None:
-        return _mismatch(recording, narx, limits, known_curve), None
+        return _mismatch(as_stored, narx, limits, known_curve), None
     evidence = EvidenceOfWeeks(
         windows=evidence_windows.windows,
         findings=evidence_windows.findings,
@@ -156,37 +153,33 @@ def _explained(
 def _mismatch(
     recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
 ) -> Mismatch:
+    """What its screening says of a recording, with the same S and J; where that cannot judge it,
+    why, and what can be looked for all the same."""
     from stemwatch.models.mismatch.explain import explain
-    from stemwatch.models.own_clock import on_own_clock
-    from stemwatch.models.quality import assess
-    from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
-    from stemwatch.models.stickslip.fit import fit_stickslip
-    from stemwatch.models.stickslip.stored_range import in_percent
-    from stemwatch.models.stickslip.stroke_curve import in_travel
+    from stemwatch.models.screening import Case, Options, screen
 
     if narx:
         import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
-    started, recording = time.perf_counter(), on_own_clock(in_percent(recording))
-    assessment = assess(recording, limits)
-    masked, ceiling, curve = assessment.recording, None, None
-    if not assessment.obstacles:
-        curve, _ = stroke_curve_of(masked, known_curve)
-        if narx:
-            ceiling = _ceiling(masked, fit_stickslip(in_travel(masked, curve)), curve)
-    # As it was read: record effects come first.
-    mismatch = explain(recording, ceiling=ceiling, curve=curve, look_for_curve=known_curve is None)
+    started = time.perf_counter()
+    case = Case(recording=recording, known_curve=known_curve)
+    (screening,) = screen([case], Options(limits=limits, narx=narx))
+    mismatch = screening.mismatch
+    if mismatch is None:
+        as_read = screening.recording or recording
+        mismatch = explain(as_read, look_for_curve=known_curve is None)
+        mismatch = _without_verdict(screening, mismatch)
     return replace(mismatch, seconds=time.perf_counter() - started)
 
 
-def _ceiling(recording: Recording, fit: StickSlipFit, curve: StrokeCurve | None) -> Floats | None:
-    """(n,) free run of the valve's network, ``None`` where it could not be trained."""
-    from stemwatch.models.narx.example import NarxExample
-    from stemwatch.models.narx.training import train  # torch takes two seconds to import
-    from stemwatch.models.screening import network_start
-
-    example = NarxExample.of(recording, fit.first_heldout, network_start(fit, curve))
-    try:
-        (network,) = train([example])
-    except Exception:  # without its ceiling the explanation is as good
-        return None
-    return network.simulated
+def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:
+    """What was looked for in a recording that cannot be judged. An archive that compresses and a
+    flow that stands for the position hide no more than is said; a position that is frozen or mostly
+    missing tells nothing, and that nothing else is needed can be said of none."""
+    untold = obstacle_kind(screening.reason) in (FROZEN, BAD)
+    compressed = any(one.slug == "historian_compression" for one in mismatch.record_effects)
+    told = f"{screening.reason} {screening.advice}"
+    if untold or (mismatch.finding is Finding.NONE and not compressed):
+        return Mismatch.unknown(told)
+    if mismatch.finding is not Finding.NOT_TESTABLE:
+        told = f"No verdict. {screening.reason} {mismatch.sentence}"
+    return replace(mismatch, sentence=told)

@@ -24,7 +24,7 @@ def page_anchor(valve: str) -> str:
     return f"valve-{sha256(valve.encode('utf-8', 'surrogatepass')).hexdigest()[:16]}"
 
 
-def book_html(work_list: WorkList) -> bytes:
+def work_list_html(work_list: WorkList) -> bytes:
     """The page as UTF-8. There is no script in it, and its policy allows none."""
     env = environment(work_list.context, _resource)
 
@@ -35,7 +35,7 @@ def book_html(work_list: WorkList) -> bytes:
     env.filters["verdict_before"] = verdict_before
     env.filters["page_anchor"] = page_anchor
     text = env.get_template(TEMPLATE).render(
-        book=work_list,
+        work_list=work_list,
         context=work_list.context,
         run=work_list.run,
         pictures=[

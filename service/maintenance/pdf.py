@@ -76,8 +76,8 @@ LEGEND = (
 LONGEST_CELL, LONGEST_NAME = 1200, 200
 
 
-def book_pdf(work_list: WorkList, *, compress: bool = True) -> bytes:
-    """The report as PDF, the same for the same book; uncompressed where a test reads it."""
+def work_list_pdf(work_list: WorkList, *, compress: bool = True) -> bytes:
+    """The report as PDF, the same for the same work list; uncompressed where a test reads it."""
     fonts()
     memory = io.BytesIO()
     document = _Document(work_list, memory, compress)
@@ -280,7 +280,7 @@ def _sheet(
 
 def _head(t: TypeSize, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     facts, screening = sheet.valve.facts, sheet.screening
-    details = [facts.description, facts.area]
+    details = [facts.description, facts.path]
     details += [f"criticality {facts.criticality}"] if facts.criticality else []
     details += [f"stroke {facts.stroke}"] if facts.stroke else []
     title = f"{VERDICT_SYMBOL[sheet.valve.verdict]} {sheet.title} ({sheet.valve.verdict.value})"

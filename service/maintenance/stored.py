@@ -3,7 +3,7 @@ came before them."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -16,10 +16,16 @@ from stemwatch.service.config.in_force import limits_in_force
 from stemwatch.service.maintenance.valve_history import LOOK_BACK, ValveHistory
 from stemwatch.service.maintenance.write_maintenance import MaintenanceFiles, write_maintenance
 from stemwatch.service.presenter.false_discoveries import p_in_run, tested
+from stemwatch.service.presenter.plant_path import (
+    WHOLE_PLANT,
+    PartOfPlant,
+    UnknownPart,
+    levels_of,
+)
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.connector import StoredSamples
-from stemwatch.service.store.screenings.records import StoredValve
+from stemwatch.service.store.screenings.records import DescribedValve, StoredValve
 from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.store import Store
 
@@ -57,11 +63,11 @@ def facts_of(
     weeks, by_window = store.trends(valves, limits), store.evidence(valves)
     return {
         screening.valve: replace(
-            _facts(
-                stored_valves.get(screening.valve),
+            plant_facts(
                 plant,
                 screening.valve,
                 store.previous_finding(screening),
+                stored_valves.get(screening.valve),
             ),
             weeks=weeks.get(screening.valve),
             by_window=by_window.get(screening.valve),
@@ -70,21 +76,23 @@ def facts_of(
     }
 
 
-def _facts(
-    stored_valve: StoredValve | None,
+def plant_facts(
     plant: Plant | None,
     valve: str,
     previous: PreviousFinding | None,
+    stored_valve: StoredValve | None = None,
 ) -> ValveFacts:
+    """What the plant file says of the valve, else the store, and its previous result."""
     entry = plant.valves.get(valve) if plant is not None else None
     described = entry or stored_valve
     if described is None:
         return ValveFacts(previous=previous)
     return ValveFacts(
         description=described.description,
-        area=described.area,
+        **levels_of(described),
         criticality=str(described.criticality),
         stroke="" if entry is None else entry.stroke or "",
+        prices=None if entry is None else entry.prices,
         previous=previous,
     )
 
@@ -111,14 +119,15 @@ def report_of_store(
     plant: Plant | None = None,
     run: int | None = None,
     valves: Collection[str] = (),
+    part: PartOfPlant = WHOLE_PLANT,
     zone: str = "",
     all_valves: bool = False,
 ) -> MaintenanceFiles:
     """Write the report of ``run``, or without one of each valve's latest screening, into
-    ``out_dir``; of ``valves`` only, where some are named.
+    ``out_dir``; of ``valves`` only, where some are named, and of a ``part`` of the plant.
 
     What stands beside friction is decided over all valves either way. Raises ``StoreError`` where
-    there is no such run, or none of a valve that was named.
+    there is no such run, none of a valve that was named, or no such part.
     """
     screenings = store.latest_screenings() if run is None else store.screenings_of_run(run)
     if not screenings and run is None:
@@ -134,6 +143,8 @@ def report_of_store(
             f"it has {len(valves_of_run)} valves, such as "
             f"{', '.join(sorted(valves_of_run)[:5]) or 'none'}"
         )
+    if part:
+        valves = _in_part(store, plant, part, valves or valves_of_run)
     chosen = [screening for screening in screenings if not valves or screening.valve in valves]
     context = ReportContext(
         started=datetime.now(UTC) if run is None else store.run(run).started,
@@ -141,9 +152,25 @@ def report_of_store(
         zone=zone or (plant.zone if plant is not None else None) or "UTC",
         valves=facts_of(store, plant, chosen),
         p_elsewhere=_p_elsewhere(store, screenings, valves),
+        currency=plant.currency if plant is not None else "",
     )
     background = background_of(store, plant, run)
     return write_maintenance(chosen, context, out_dir, background, everything=all_valves)
+
+
+def _in_part(
+    store: Store, plant: Plant | None, part: PartOfPlant, valves: Collection[str]
+) -> set[str]:
+    """Those of ``valves`` that are in ``part``: by the plant file, else as the store has them."""
+    known: Iterable[DescribedValve] = plant.valves.values() if plant is not None else store.valves()
+    try:
+        chosen = {valve.id for valve in part.valves(known)}.intersection(valves)
+    except UnknownPart as error:
+        raise StoreError(f"{store.address}: {error}") from None
+    if not chosen:
+        asked = ", ".join(name for names in part.asked.values() for name in names)
+        raise StoreError(f"{store.address}: no valve of {asked} was screened yet")
+    return chosen
 
 
 def _p_elsewhere(

@@ -69,7 +69,7 @@ def work_list_of(
     *,
     everything: bool = False,
 ) -> WorkList:
-    """The book of a run. With ``everything`` each valve gets a page, healthy ones too."""
+    """The work list of a run. With ``everything`` each valve gets a page, healthy ones too."""
     ranked = rank_valves(screenings, context)
     sheets, others = [], []
     for valve in ranked:

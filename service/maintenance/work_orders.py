@@ -148,6 +148,8 @@ FIELDS = (
     OrderField("long_text", "the page in plain lines", lambda s, _: long_text(s), 80),
     OrderField("description", "what the valve does", lambda s, _: s.valve.facts.description, 28),
     OrderField("area", "plant area", lambda s, _: s.valve.facts.area, 14),
+    OrderField("unit", "ISA-95 unit", lambda s, _: s.valve.facts.unit, 12),
+    OrderField("path", "site/area/unit/loop, ISA-95", lambda s, _: s.valve.facts.path, 28),
     OrderField("criticality", "as the plant states it", lambda s, _: s.valve.facts.criticality, 10),
     OrderField("stroke", "full travel", lambda s, _: s.valve.facts.stroke, 10),
     OrderField("S_percent", "of OP span", _number("S", "value"), 10),

@@ -254,7 +254,7 @@ def brief_of(valve: RankedValve) -> str:
     """One line for a valve that gets no page."""
     screening = valve.screening
     if screening.verdict is Verdict.UNDETERMINED:
-        return screening.reason
+        return f"{screening.reason} {valve.finding.next_step}".rstrip()
     S = finite(screening.S.value)
     size_clause = "" if S is None else f", S {span_percent(S)} %"
     return f"{valve.finding.meaning}{size_clause}; trend: {valve.trend.words}"

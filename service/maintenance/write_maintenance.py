@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stemwatch.models.screening_result import Screening
-from stemwatch.service.maintenance.maintenance_html import book_html
+from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv, orders_xlsx
@@ -33,7 +33,7 @@ class MaintenanceFiles:
     pdf: Path
     xlsx: Path
     csv: Path
-    book: WorkList
+    work_list: WorkList
 
 
 def write_maintenance(
@@ -51,7 +51,7 @@ def write_maintenance(
     ``everything`` each valve gets a page. Raises ``ReportNotWritten``, after writing what can be
     written, with each file and what to do.
     """
-    from stemwatch.service.maintenance.pdf import book_pdf  # reportlab takes long to import
+    from stemwatch.service.maintenance.pdf import work_list_pdf  # reportlab takes long to import
 
     folder = Path(out_dir)
     folder.mkdir(parents=True, exist_ok=True)
@@ -61,12 +61,12 @@ def write_maintenance(
         pdf=folder / PDF,
         xlsx=folder / ORDERS_XLSX,
         csv=folder / ORDERS_CSV,
-        book=work_list,
+        work_list=work_list,
     )
     put_all(
         {
-            files.html: book_html(work_list),
-            files.pdf: book_pdf(work_list),
+            files.html: work_list_html(work_list),
+            files.pdf: work_list_pdf(work_list),
             files.xlsx: orders_xlsx(work_list),
             files.csv: orders_csv(work_list),
         }

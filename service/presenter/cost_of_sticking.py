@@ -95,8 +95,13 @@ def total_in_words(costs: Mapping[str, CostOfSticking]) -> str:
     if not priced:
         return ""
     loops = "1 loop costs" if len(priced) == 1 else f"{len(priced)} loops costs"
-    money = money_in_words(total(priced), priced[0].currency)
-    return f"The sticking of {loops} about {money} a month."
+    return f"The sticking of {loops} about {money_a_month(costs)} a month."
+
+
+def money_a_month(costs: Mapping[str, CostOfSticking]) -> str:
+    """That amount with its interval; empty without a price."""
+    priced = [cost for cost in costs.values() if cost.money.value is not None]
+    return money_in_words(total(priced), priced[0].currency) if priced else ""
 
 
 def total(costs: Iterable[CostOfSticking]) -> Estimate:

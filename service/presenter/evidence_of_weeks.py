@@ -14,7 +14,7 @@ from stemwatch.models.evidence_over_windows import (
     WindowEvidence,
     lasting_findings,
     pooled_stiction,
-    that_count,
+    windows_that_count,
 )
 from stemwatch.models.mismatch.findings import Mismatch, Stiction
 from stemwatch.service.presenter.advice import term_words
@@ -114,7 +114,7 @@ class EvidenceOfWeeks:
 
 def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | None:
     """What ``windows`` of one valve say together; ``None`` where no effect is followed."""
-    count_text = that_count(windows)
+    count_text = windows_that_count(windows)
     findings = lasting_findings(count_text)
     if not findings:
         return None

@@ -12,10 +12,12 @@ from math import ceil
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldTest
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
+from stemwatch.service.presenter.oscillation_words import where_to_look
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, other_members
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
@@ -26,6 +28,7 @@ from stemwatch.service.presenter.wording import (
     span_percent,
 )
 from stemwatch.service.presenter.work_decision import WorkDecision, decide
+from stemwatch.service.presenter.worth_a_test import worth_a_test_sentence
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
@@ -113,11 +116,13 @@ def present(
     stands: bool | None,
     confirmed: tuple[str, ...] | None = None,
     held_back: str = "",
+    groups: Sequence[OscillationGroup] = (),
 ) -> PresentedFinding:
     """The words of ``screening``.
 
     ``stands`` is whether its effects stand among all valves of the run, ``held_back`` why they do
-    not, ``confirmed`` what the windows of weeks confirm (``work_decision.decide``).
+    not, ``confirmed`` what the windows of weeks confirm (``work_decision.decide``), ``groups`` are
+    the loops that oscillate together.
     """
     decision = decide(screening, stands=stands, confirmed=confirmed)
     mismatch = screening.mismatch
@@ -126,8 +131,8 @@ def present(
         title=advice_for(decision.kinds[0]).title,
         meaning=VERDICT_MEANING[decision.verdict],
         found=_found_sentences(screening, decision),
-        still_seen=screening.still_seen if screening.verdict is Verdict.UNDETERMINED else (),
-        next_step=_next_step(screening, decision),
+        still_seen=_still_seen(screening),
+        next_step=_next_step(screening, decision, groups),
         beside_friction=_measured_beside(screening),
         effects=() if mismatch is None else present_effects(mismatch),
         otherwise=_otherwise(mismatch, decision.kinds, stands),
@@ -135,10 +140,19 @@ def present(
     )
 
 
+def _still_seen(screening: Screening) -> tuple[str, ...]:
+    """What can be seen where there is no verdict: what OP and PV alone let suspect first."""
+    if screening.verdict is not Verdict.UNDETERMINED:
+        return ()
+    return tuple(filter(None, (worth_a_test_sentence(screening), *screening.still_seen)))
+
+
 def _measured_beside(screening: Screening) -> str:
     """What delays or slows the stem by the quick fit; empty where effects were named, which say it
-    better: a lag here and a rate limit there would be one thing under two names."""
-    if screening.mismatch is not None and screening.mismatch.effects:
+    better (a lag here and a rate limit there would be one thing under two names), or found not to
+    be needed."""
+    mismatch = screening.mismatch
+    if mismatch is not None and (mismatch.effects or mismatch.finding is Finding.NONE):
         return ""
     return " ".join(filter(None, (beside_friction(screening), without_them(screening))))
 
@@ -241,14 +255,19 @@ def _steps_for(S: float, step: float) -> int:
     return max(1, ceil(S / step - 1e-6))
 
 
-def _next_step(screening: Screening, decision: WorkDecision) -> str:
+def _next_step(
+    screening: Screening, decision: WorkDecision, groups: Sequence[OscillationGroup]
+) -> str:
     """The screening's advice. A valve that does not stick but has an effect that wants work gets
-    that effect's: to look for the cause elsewhere would be wrong."""
+    that effect's: to look for the cause elsewhere would be wrong. A healthy one that others make
+    oscillate sends there: its own recording alone cannot know it."""
     if decision.verdict is Verdict.DEFECTIVE and decision.effects:
         return present_effect(decision.effects[0]).check
     if decision.verdict is Verdict.DEFECTIVE:
         words = term_words(decision.lasting[0])
         return screening.advice if words is None else words.check
+    if decision.verdict is Verdict.HEALTHY:
+        return where_to_look(groups, screening.valve) or screening.advice
     return " ".join(filter(None, (screening.advice, field_test(screening))))
 
 

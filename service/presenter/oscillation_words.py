@@ -96,3 +96,21 @@ def of_loops(groups: Sequence[OscillationGroup], loop: str, zone: tzinfo) -> lis
         for group in groups
         if any(member.loop == loop for member in group.members)
     ]
+
+
+def where_to_look(groups: Sequence[OscillationGroup], loop: str) -> str:
+    """Where to look for what moves a ``loop`` whose valve follows; empty where it is in no group or
+    is the likeliest source itself."""
+    of_it = [one for one in groups if any(member.loop == loop for member in one.members)]
+    if not of_it or any(group.source == loop for group in of_it):
+        return ""
+    begun = next((group.source for group in of_it if group.source), "")
+    if begun:
+        return (
+            f"Nothing to do at this valve: look at {begun} first, where its oscillation likely "
+            "begins. Retuning this loop would not help."
+        )
+    return (
+        "Nothing to do at this valve: look at what reaches all loops that oscillate with it, such "
+        "as a header or a compressor. Retuning this one alone would not help."
+    )

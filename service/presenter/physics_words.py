@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch, TriedOutcome
+from stemwatch.service.presenter.wording import figure, finite, share
 
 # A symbol beside each word, so that no meaning hangs on colour alone.
 FINDING_SYMBOL = {
@@ -88,6 +90,28 @@ PARAMETERS = {
 def parameter_name(name: str, slug: str = "") -> str:
     """A number of the effect ``slug`` in words: ``theta`` of a dead time is the dead time."""
     return PARAMETERS.get(f"{slug}.{name}") or PARAMETERS.get(name) or effect_name(name)
+
+
+# How the name of what recorder or archive did ends, and the unit that it then has.
+RECORD_UNITS = {"_percent": "%", "_s": "s", "_samples": "samples"}
+FREE = 99.0  # %/s; a top speed from here on stands for none
+
+
+def record_parameter(name: str, value: float) -> str:
+    """A number of what recorder or archive did, with its unit: "step 0.10 %"."""
+    for ending, unit in RECORD_UNITS.items():
+        if name.endswith(ending):
+            known = PARAMETERS.get(name) or effect_name(name.removesuffix(ending))
+            return f"{known} {figure(value, 2)} {unit}"
+    if name.endswith("_share"):
+        return f"{effect_name(name)} {share(value)}"
+    text = f"{value:.0f}" if value == round(value) else figure(value, 2)
+    return f"{parameter_name(name)} {text}"
+
+
+def no_limit(estimate: Estimate) -> bool:
+    """Whether a top speed stands for a stem that is not held back."""
+    return estimate.unit == "%/s" and (finite(estimate.value) or 0.0) >= FREE
 
 
 ALONE = "S and J alone"

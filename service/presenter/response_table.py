@@ -42,9 +42,10 @@ def response_table(screening: Screening) -> ResponseTable | None:
     figures = response_figures(screening)
     if not figures.steps:
         return None
+    alike = figures.both_ways_alike
     return ResponseTable(
         sentences=tuple(_sentences(figures)),
-        rows=tuple(_row(step, figures.both_ways_alike) for step in figures.distinct_steps),
+        rows=tuple(_row(step, alike) for step in figures.distinct_steps),
     )
 
 

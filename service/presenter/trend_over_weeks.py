@@ -14,6 +14,7 @@ WEEKS = 12  # that are looked back
 DAYS_A_MONTH = 365.25 / 12.0
 FEWEST_DAYS = 4  # with a screening that knows S
 SHORTEST_DAYS = 7.0  # from the first to the last of them
+LIKELY_RISING = 0.9  # probability from which a rise that is not claimed is not denied either
 SMALLEST_PERCENT = 0.2  # over the time that was seen; less than a plant's data can show
 
 
@@ -32,6 +33,16 @@ class TrendOverWeeks:
         """Whether the interval leaves no rate of 0, and what came together could be seen at all."""
         total_change = abs(self.per_month) * self.days / DAYS_A_MONTH
         return not self.low <= 0.0 <= self.high and total_change >= SMALLEST_PERCENT
+
+    def foresees_within(self, weeks: float) -> bool | None:
+        """Whether S more likely than not reaches the limit within ``weeks``; ``None`` where that is
+        not plain: within twice as many, or S rises and nobody can say when it is there."""
+        if self.forecast is None:
+            return False
+        until = self.forecast.until.value
+        if until is None:
+            return None if self.forecast.probability_rises >= LIKELY_RISING else False
+        return until <= weeks or (None if until <= 2.0 * weeks else False)
 
     @property
     def words(self) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.presenter.wording import figure, finite
 
 # Counted on seed 2052 and on the recordings of docs/without-position.md.
 HOW_SURE = (
@@ -34,6 +35,15 @@ def worth_a_test(screening: Screening) -> bool:
         and suspicion is not None
         and suspicion.verdict is Suspicion.SUSPECTED
     )
+
+
+def worth_a_test_sentence(screening: Screening) -> str:
+    """That a loop is worth a test before the others; empty where it is not."""
+    suspicion = screening.without_position
+    if suspicion is None or not worth_a_test(screening):
+        return ""
+    score = f" (score {figure(suspicion.score, 2)} of 1)" if finite(suspicion.score) else ""
+    return f"{suspicion_title(suspicion)}{score}. Test it before other loops without a position."
 
 
 def loops_to_test(screenings: Iterable[Screening]) -> tuple[str, ...]:

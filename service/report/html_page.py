@@ -24,6 +24,7 @@ from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
+from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
 from stemwatch.service.presenter.worth_a_test import HOW_SURE, suspected_sentence, suspicion_title
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
@@ -31,6 +32,7 @@ from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
 from stemwatch.service.report.evidence_by_window import evidence_picture
 from stemwatch.service.report.group_pictures import spectra_map, strength_bars
+from stemwatch.service.report.histogram_table import histogram_table
 from stemwatch.service.report.mismatch_view import (
     MismatchView,
     gain_rows,
@@ -44,6 +46,7 @@ from stemwatch.service.report.ranking import (
     count_verdicts,
     discovered,
     suspected,
+    work_by_unit,
     work_counts,
 )
 from stemwatch.service.report.report_context import ReportContext
@@ -109,10 +112,11 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         ranked=ranked,
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
-        told=told_limit(counts),
+        told=section_limit(counts),
         suspected=suspected_sentence(suspected(ranked)),
         cost=cost_in_words(ranked),
-        areas=sorted({words.printable(valve.facts.area) for valve in ranked} - {""}),
+        levels=names_by_level(context.valves.values()),
+        units=work_by_unit(ranked),
         gauge_top=gauge_top(valve.screening for valve in ranked),
         models=MODEL_NAMES,
         compact=True,
@@ -120,7 +124,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
     )
 
 
-def told_limit(counts: dict[Verdict, int]) -> int:
+def section_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, have a section of their own; the others have their row."""
     return max(plot_limit(counts), MOST_TOLD)
 
@@ -132,7 +136,7 @@ def plot_limit(counts: dict[Verdict, int]) -> int:
 
 
 def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> Iterator[PlottedValve]:
-    limit, limit_text = plot_limit(counts), told_limit(counts)
+    limit, limit_text = plot_limit(counts), section_limit(counts)
     return (_plot(valve, limit) for valve in islice(ranked, limit_text))
 
 
@@ -221,6 +225,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "rejected_rows": rejected_rows,
         "effect_name": mismatch_words.effect_name,
         "parameter_name": mismatch_words.parameter_name,
+        "record_parameter": mismatch_words.record_parameter,
+        "no_limit": mismatch_words.no_limit,
         "effect_names": mismatch_words.effect_names,
         "left_to_tell": mismatch_words.left_to_tell,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
@@ -228,6 +234,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
         "not_yet_said": words.not_yet_said,
         "response_table": response_table,
+        "histogram_table": histogram_table,
         "presented": present_effect,
         "evidence_picture": lambda of_weeks: evidence_picture(of_weeks, context.tz),
         "evidence_sentences": lambda of_weeks: of_weeks.sentences(context.tz),
@@ -271,7 +278,7 @@ def inlined(scripts: tuple[str, ...]) -> dict[str, Any]:
         "styles": Markup("\n".join(resource(name) for name in STYLES)),
         "early_script": early,
         "script": late,
-        "policy": _policy(early, late),
+        "policy": script_policy(early, late),
         "chart_licence": resource("scripts/vendor/uPlot-LICENSE.txt"),
     }
 
@@ -280,7 +287,8 @@ def _script(names: Sequence[str]) -> Markup:
     return Markup(";\n".join(resource(name).strip() for name in names))
 
 
-def _policy(*scripts: str) -> str:
+def script_policy(*scripts: str) -> str:
+    """A page's policy, which allows these scripts and nothing that is loaded."""
     digests = (hashlib.sha256(script.encode()).digest() for script in scripts)
     allowed = " ".join(f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests)
     return (

@@ -24,6 +24,7 @@ from stemwatch.models.mismatch.findings import (
     TriedEffect,
 )
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
+from stemwatch.models.position_histograms import EDGES, STROKE_EDGES, PositionHistograms
 from stemwatch.models.response_figures import ResponseFigures, StepFigures, response_figures
 from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
@@ -32,6 +33,8 @@ from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
+from stemwatch.service.presenter.plant_path import LEVELS, NO_PATH, PlantPath
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.report_context import software_name
 
@@ -45,6 +48,7 @@ HELD_OUT = (
     "gain_low",
     "gain_high",
 )
+NO_TREND = "S does not rise over weeks"
 NO_NUMBER = "the fit gave no finite number"
 
 
@@ -224,21 +228,25 @@ def to_contract(
     zone: tzinfo = UTC,
     groups: Sequence[OscillationGroup] = (),
     cost: CostOfSticking | None = None,
+    path: PlantPath = NO_PATH,
+    weeks: TrendOverWeeks | None = None,
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
     windows of the last weeks say together, ``confirmed`` what of it stands, ``groups`` which loops
-    oscillate together, ``cost`` what the sticking costs with the plant's prices. Days in sentences
+    oscillate together, ``cost`` what the sticking costs with the plant's prices, ``path`` where in
+    the plant the valve is, ``weeks`` how its S goes. Days in sentences
     are those of ``zone``, as in a report.
     """
     mismatch = screening.mismatch
-    presented = present(screening, stands=stands, confirmed=confirmed)
+    presented = present(screening, stands=stands, confirmed=confirmed, groups=groups)
     cost = cost or cost_of_sticking(screening.indicators, None)
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,
         "valve": printable(screening.valve),
+        "path": {level: printable(getattr(path, level)) or None for level in LEVELS},
         "recording": printable(screening.provenance.source),
         "window": {"start": _instant(start), "end": _instant(end)},
         "verdict": presented.decision.verdict.value,
@@ -266,12 +274,44 @@ def to_contract(
         "over_weeks": []
         if by_window is None
         else [_lasting(finding, zone) for finding in by_window.findings],
+        "histograms": _histograms(screening.histograms),
+        "trend": _trend(weeks),
         "cost_of_sticking": _cost(cost),
         "oscillates_with": _oscillates_with(groups, screening.valve),
         "still_seen": [printable(sentence) for sentence in screening.still_seen],
         "baseline": printable(screening.baseline_note),
         "provenance": _provenance(screening),
         "seconds": finite(screening.seconds),
+    }
+
+
+def _histograms(histograms: PositionHistograms | None) -> dict[str, Any] | None:
+    if histograms is None:
+        return None
+    return {
+        "edges_percent": list(EDGES.tolist()),
+        "time_percent": list(histograms.time),
+        "travel_percent": list(histograms.travel),
+        "reversals": list(histograms.reversals),
+        "stroke_edges_percent": list(STROKE_EDGES),
+        "strokes": list(histograms.strokes),
+        "hours": finite(histograms.hours),
+    }
+
+
+def _trend(weeks: TrendOverWeeks | None) -> dict[str, Any] | None:
+    """The rate of S over weeks, and when it reaches the limit of sticky."""
+    if weeks is None:
+        return None
+    rate = Estimate(value=weeks.per_month, low=weeks.low, high=weeks.high, unit="%/month")
+    no_trend = Estimate.unknown(NO_TREND, "weeks")
+    until = no_trend if weeks.forecast is None else weeks.forecast.until
+    return {
+        "S_per_month": estimate_object(rate),
+        "days": finite(weeks.days),
+        "is_change": weeks.is_change,
+        "weeks_until_sticky": estimate_object(until),
+        "sentence": printable(weeks.words),
     }
 
 

@@ -93,13 +93,14 @@ def mismatch_view(
         pictures=effect_pictures(recording, mismatch) or pictures,
         S=S,
         J=J,
-        alternative=_alternative(mismatch, S, J),
+        alternative=alternative_of(mismatch, S, J),
         held_back=held_back,
     )
 
 
-def _alternative(mismatch: Mismatch, S: Estimate, J: Estimate) -> str:
-    """Why the S and J of S and J alone are others than those of the valve."""
+def alternative_of(mismatch: Mismatch, S: Estimate, J: Estimate) -> str:
+    """Why the fit of S and J alone has others than the valve's ``S`` and ``J``; empty where it has
+    the same."""
     if (mismatch.naive.S, mismatch.naive.J) == (S, J):
         return ""
     if mismatch.effects:
@@ -110,12 +111,14 @@ def _alternative(mismatch: Mismatch, S: Estimate, J: Estimate) -> str:
 def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
     """Rmse before and after beside what is systematic at all and the noise; known ones only.
 
-    "After" is there where something was named. A model that comes nearer than the estimated noise
-    shows that the noise is less; a network that a model beats is no ceiling.
+    "After" is there where it differs. A model that comes nearer than the estimated noise shows that
+    the noise is less; a network that a model beats is no ceiling.
     """
     heldout = mismatch.heldout
-    after = finite(heldout.rmse_extended) if mismatch.effects else None
     before, ceiling = finite(heldout.rmse_naive), finite(heldout.rmse_ceiling)
+    after = finite(heldout.rmse_extended)
+    if after == before and not mismatch.effects:
+        after = None
     noise = finite(heldout.noise_floor)
     nearest = min((rmse for rmse in (before, after, ceiling) if rmse is not None), default=math.inf)
     network = "NARX network, the ceiling"
@@ -126,7 +129,7 @@ def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
         floor, floor_name = nearest, "noise floor, at most"
     rows = (
         ("naive", "S and J alone", before, heldout.fit_naive),
-        ("extended", "with what was left out", after, heldout.fit_extended),
+        ("extended", _after(mismatch), after, heldout.fit_extended),
         ("narx", network, ceiling, None),
         ("floor", floor_name, floor, None),
     )
@@ -144,6 +147,11 @@ def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
         )
         for kind, name, rmse, fit in rows_with_rmse
     ]
+
+
+def _after(mismatch: Mismatch) -> str:
+    """What the model has that S and J alone lack."""
+    return "with what was left out" if mismatch.effects else "with the reading's zero and gain"
 
 
 @dataclass(frozen=True, kw_only=True)

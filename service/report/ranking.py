@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import overload
@@ -15,6 +15,7 @@ from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.presenter.cost_of_sticking import (
     CostOfSticking,
     cost_of_sticking,
+    money_a_month,
     total_in_words,
 )
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
@@ -88,7 +89,7 @@ class Ranking(Sequence[RankedValve]):
         self._screenings, self._context, self._evidence = screenings, context, evidence
         notes, costs = [], {}
         for screening in screenings:
-            notes.append(light(screening))
+            notes.append(reduced_for_ranking(screening))
             cost = self._cost(screening)
             if cost is not None:  # of several recordings the last counts
                 costs[screening.valve] = cost
@@ -113,6 +114,13 @@ class Ranking(Sequence[RankedValve]):
             (note.valve, decision) for note, decision in zip(notes, decided, strict=True)
         )
         self.cost_of_sticking = total_in_words(costs)
+        self.units = _by_unit(
+            [
+                (context.facts(note.valve), note.valve, decision)
+                for note, decision in zip(notes, decided, strict=True)
+            ],
+            costs,
+        )
         self.suspected = loops_to_test(notes[index] for index in self._order)
         used_anchors: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
@@ -142,7 +150,13 @@ class Ranking(Sequence[RankedValve]):
         facts = self._context.facts(screening.valve)
         stands, confirmed = self.discovered.standing[rank], self.discovered.confirmed[rank]
         remark = self.discovered.remark(facts.by_window) if stands is False else ""
-        finding = present(screening, stands=stands, confirmed=confirmed, held_back=remark)
+        finding = present(
+            screening,
+            stands=stands,
+            confirmed=confirmed,
+            held_back=remark,
+            groups=self._context.groups,
+        )
         return RankedValve(
             rank=rank + 1,
             anchor=self._anchors[rank],
@@ -193,13 +207,55 @@ def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:
     return count_valves((valve.screening.valve, valve.decision) for valve in ranked)
 
 
-def light(screening: Screening) -> Screening:
+def reduced_for_ranking(screening: Screening) -> Screening:
     """As much of a screening as it takes to rank it and to say which effects stand."""
     mismatch = screening.mismatch
     if mismatch is not None:
         empty_map = ResidualMap()
         mismatch = replace(mismatch, before=empty_map, after=empty_map, runs=None, not_testable=())
     return replace(screening.without_samples(), mismatch=mismatch, indicators={})
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitWork:
+    """How the valves of one unit stand with maintenance, and what their sticking costs a month."""
+
+    area: str
+    unit: str
+    work: WorkCounts
+    cost: str
+
+
+def work_by_unit(ranked: Sequence[RankedValve]) -> Sequence[UnitWork]:
+    """The units that valves are in, those with most to do first; none where there are not two."""
+    if isinstance(ranked, Ranking):
+        return ranked.units
+    return _by_unit(
+        [(valve.facts, valve.screening.valve, valve.decision) for valve in ranked],
+        {valve.screening.valve: valve.cost for valve in ranked if valve.cost},
+    )
+
+
+def _by_unit(
+    decided: Iterable[tuple[ValveFacts, str, WorkDecision]], costs: Mapping[str, CostOfSticking]
+) -> tuple[UnitWork, ...]:
+    by_unit: dict[tuple[str, str], list[tuple[str, WorkDecision]]] = {}
+    for facts, valve, decision in decided:
+        by_unit.setdefault((facts.area, facts.unit), []).append((valve, decision))
+    if sum(bool(unit) for _, unit in by_unit) < 2:
+        return ()
+    units = [
+        UnitWork(
+            area=area,
+            unit=unit,
+            work=count_valves(of_unit),
+            cost=money_a_month({valve: costs[valve] for valve, _ in of_unit if valve in costs}),
+        )
+        for (area, unit), of_unit in by_unit.items()
+    ]
+    return tuple(
+        sorted(units, key=lambda one: (-one.work.needs_work, -one.work.watch, one.area, one.unit))
+    )
 
 
 def count_verdicts(ranked: Sequence[RankedValve]) -> dict[Verdict, int]:

@@ -13,6 +13,7 @@ from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
 from stemwatch.service.presenter.cost_of_sticking import Prices
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
+from stemwatch.service.presenter.plant_path import PlantPath
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 
 
@@ -22,7 +23,7 @@ def software_name() -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ValveFacts:
+class ValveFacts(PlantPath):
     """What the plant says of a valve: its service, where it is, how much hangs on it.
 
     ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
@@ -32,7 +33,6 @@ class ValveFacts:
     """
 
     description: str = ""
-    area: str = ""
     criticality: str = ""
     stroke: str = ""
     previous: PreviousFinding | None = None

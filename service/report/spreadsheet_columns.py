@@ -82,7 +82,10 @@ def _identity_columns() -> list[SpreadsheetColumn]:
         _text("rank", "1 is the valve to look at first", lambda v: v.rank, 6),
         _text("valve", "tag", lambda v: v.screening.valve, 18),
         _text("service", "what the valve does", lambda v: v.facts.description, 32),
+        _text("site", "ISA-95 site", lambda v: v.facts.site, 12),
         _text("area", "plant area", lambda v: v.facts.area, 14),
+        _text("unit", "ISA-95 unit", lambda v: v.facts.unit, 12),
+        _text("loop", "control loop", lambda v: v.facts.loop, 14),
         _text("criticality", "as the plant states it", lambda v: v.facts.criticality, 11),
     ]
 

@@ -101,6 +101,8 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
             zone=context.tz,
             groups=context.groups,
             cost=valve.cost,
+            path=valve.facts,
+            weeks=valve.facts.weeks,
         )
         text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
         file.write((between + text.replace("\n", "\n ")).encode())

@@ -31,7 +31,7 @@ from stemwatch.service.interruption import (
 )
 from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.report import ReportFiles
-from stemwatch.service.report.ranking import light
+from stemwatch.service.report.ranking import reduced_for_ranking
 from stemwatch.service.run.execute import (
     Executed,
     OnScreened,
@@ -177,7 +177,7 @@ def continue_queued(
 def in_brief(screening: Screening) -> Screening:
     """The screening reduced to what its rank and a line of text need, some KB."""
     no_residuals: dict[str, Residual | None] = {}
-    return replace(light(screening), residuals=no_residuals, network=None)
+    return replace(reduced_for_ranking(screening), residuals=no_residuals, network=None)
 
 
 def _note_end(run: Run, error: BaseException) -> None:

@@ -11,13 +11,11 @@ from dataclasses import replace
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup, plant_groups
-from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
-from stemwatch.service.config import Plant
-from stemwatch.service.maintenance import stored as stored_maintenance
 from stemwatch.service.maintenance import write_maintenance
-from stemwatch.service.maintenance.stored import background_of
+from stemwatch.service.maintenance.stored import background_of, facts_of, plant_facts
 from stemwatch.service.maintenance.write_maintenance import WORK_FILES
 from stemwatch.service.presenter.false_discoveries import (
     Discoveries,
@@ -25,7 +23,7 @@ from stemwatch.service.presenter.false_discoveries import (
     p_in_run,
 )
 from stemwatch.service.report import ReportContext, ReportFiles, write_report
-from stemwatch.service.report.report_context import SourceNotRead, ValveFacts
+from stemwatch.service.report.report_context import SourceNotRead
 from stemwatch.service.run.execute import Executed, Run
 from stemwatch.service.run.spill import WorstScreenings
 from stemwatch.service.store.screenings.false_discoveries import StandingMark, TestedScreening
@@ -155,7 +153,7 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
         ]
         if other_valves:
             screenings = [*executed.results, *other_valves]
-            facts = stored_maintenance.facts_of(run.store, run.plant, other_valves)
+            facts = facts_of(run.store, run.plant, other_valves)
             context = replace(context, valves={**context.valves, **facts})
     write_maintenance(screenings, context, run.out, background)
 
@@ -164,7 +162,7 @@ def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
     """Loops of the run that oscillate together, kept in the store with what earlier windows found;
     none where looking for them fails, since all else matters more."""
     try:
-        groups = plant_groups(executed.results.waves())
+        groups = plant_groups(executed.results.thinned_loops())
         return tuple(run.store.keep_oscillations(run.number, groups))
     except Exception:
         text = "run %d: loops that oscillate together could not be looked for"
@@ -193,7 +191,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         settings_digest=plant.settings_digest if plant else "",
         valves={
             valve: replace(
-                facts_of(plant, valve, before),
+                plant_facts(plant, valve, before),
                 weeks=weeks.get(valve),
                 by_window=by_window.get(valve),
             )
@@ -202,19 +200,4 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         sources_not_read=tuple(notes),
         groups=_groups(run, executed),
         currency=plant.currency if plant else "",
-    )
-
-
-def facts_of(plant: Plant | None, valve: str, previous: PreviousFinding | None) -> ValveFacts:
-    """The valve's description in the plant file and its previous result, for a report."""
-    entry = plant.valves.get(valve) if plant else None
-    if entry is None:
-        return ValveFacts(previous=previous)
-    return ValveFacts(
-        description=entry.description,
-        area=entry.area,
-        criticality=str(entry.criticality),
-        stroke=entry.stroke or "",
-        prices=entry.prices,
-        previous=previous,
     )

@@ -22,6 +22,7 @@ from stemwatch.connectors.historian.options import given_options
 from stemwatch.connectors.parquet import ParquetAddress, split_archives
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant
+from stemwatch.service.config.schema import Valve
 from stemwatch.service.executors import Executor, outcomes
 from stemwatch.service.run.task import (
     InStore,
@@ -52,8 +53,8 @@ FEWEST_TAGS = 2
 class Request:
     """What to screen: sources, with a plant, with tags, or with neither (then valves are proposed).
 
-    Without sources: ``valves`` of the plant, or all of them. ``live_window`` applies to valves
-    whose samples are in the store; by default ``window`` applies to them too.
+    ``valves`` are those of the plant that are screened, or all of them. ``live_window`` applies to
+    valves whose samples are in the store; by default ``window`` applies to them too.
     """
 
     sources: Sequence[str] = ()
@@ -64,6 +65,10 @@ class Request:
     window: Window = WHOLE
     live_window: Window | None = None
     read_options: ReadOptions = field(default_factory=ReadOptions)
+
+    def chosen(self, plant: Plant) -> list[Valve]:
+        """The valves of ``plant`` to screen, in the order in which they are asked for."""
+        return [plant.valves[valve] for valve in self.valves or plant.valves]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +132,7 @@ def _plan(request: Request, read_tags: ReadTags) -> Plan:
 
 def _of_plant(request: Request, plant: Plant, read_tags: ReadTags) -> Plan:
     """Every valve in every file of its source that has its OP tag."""
-    chosen = [plant.valves[valve] for valve in request.valves or plant.valves]
+    chosen = request.chosen(plant)
     live_window = request.live_window or request.window
     tasks = [live_task(plant, v.id, live_window) for v in chosen if plant.is_live(v.id)]
     archived = [valve for valve in chosen if valve.source in plant.archives]
@@ -224,7 +229,7 @@ def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
     stem = Path(path.removesuffix(".gz")).stem
     options, window = request.read_options, request.window
     if request.plant is not None:
-        valves = [request.plant.valve_tags(v) for v in request.plant.valves.values()]
+        valves = [request.plant.valve_tags(valve) for valve in request.chosen(request.plant)]
         options = _plant_options(request.plant, path, options)
         tasks = tasks_of_files(valves, [path], options, window, read_tags)
         readable = [task for task in tasks if not task.reason]
@@ -251,7 +256,7 @@ def _of_archive(request: Request, path: str) -> list[Task]:
     try:
         if request.plant is not None:
             in_archive = {info.tag for info in open_archive(address).tags()}
-            tagged = [request.plant.valve_tags(valve) for valve in request.plant.valves.values()]
+            tagged = [request.plant.valve_tags(valve) for valve in request.chosen(request.plant)]
             valves = [valve for valve in tagged if valve.tags[Role.OP].tag in in_archive]
             reason = f"{path}: none of the plant's OP tags is in it"
         elif request.tags:

@@ -179,13 +179,8 @@ class QueueWorker:
             schedule.schedule.name: schedule.schedule for schedule in self._store.schedules.all()
         }
         schedule = known_valves.get(stored.schedule or "")
-        if schedule is None or not (schedule.areas or schedule.valves):
-            return list(self._plant.valves)
-        return [
-            valve.id
-            for valve in self._plant.valves.values()
-            if valve.area in schedule.areas or valve.id in schedule.valves
-        ]
+        valves = self._plant.valves.values()
+        return [valve.id for valve in valves if schedule is None or schedule.takes(valve)]
 
     def _stopped(self, stored: StoredRun, heart: _Heartbeat) -> None:
         """Finish a cancelled run; release any other for a later start or another process."""

@@ -10,12 +10,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, overload
 
-from stemwatch.models.oscillation_groups.plant_groups import LoopWaves
+from stemwatch.models.oscillation_groups.plant_groups import ThinnedLoop
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import RankKey, worst_first
 
-MOST_WAVES = 4000  # loops of a run that are compared with each other, 0.1 MB on the disk each
+MOST_LOOPS = 4000  # loops of a run that are compared with each other, 0.1 MB on the disk each
 
 
 class _ReversedRank:
@@ -43,7 +43,7 @@ class ResultSpill(Sequence[Screening]):
         self._plotted = plotted
         self._where: dict[int, int] = {}  # place -> offset of the screening
         self._plots: dict[int, int] = {}  # place -> offset of its plots
-        self._waves: list[int] = []  # offsets
+        self._thinned_loops: list[int] = []  # offsets
         self._badness: dict[int, tuple[float, str]] = {}  # as ``Store.worst_of_run`` sorts
         self._worst: list[tuple[_ReversedRank, int]] = []
         self._order: list[int] | None = None
@@ -51,10 +51,10 @@ class ResultSpill(Sequence[Screening]):
     def add(self, index: int, screening: Screening, evidence: ValvePlots) -> None:
         """Store the screening at ``index``, and its plots while it is among the worst."""
         self._where[index] = self._write(screening)
-        if evidence.waves is not None:
-            if len(self._waves) < MOST_WAVES:
-                self._waves.append(self._write(evidence.waves))
-            evidence = replace(evidence, waves=None)
+        if evidence.thinned_loop is not None:
+            if len(self._thinned_loops) < MOST_LOOPS:
+                self._thinned_loops.append(self._write(evidence.thinned_loop))
+            evidence = replace(evidence, thinned_loop=None)
         self._badness[index] = (-screening.severity, screening.valve)
         self._order = None
         heapq.heappush(self._worst, (_ReversedRank(worst_first(screening)), index))
@@ -68,9 +68,9 @@ class ResultSpill(Sequence[Screening]):
         """The plots of the screening at ``at`` of this sequence, where they are kept."""
         return self.evidence_at(self._places()[rank])
 
-    def waves(self) -> Iterator[LoopWaves]:
+    def thinned_loops(self) -> Iterator[ThinnedLoop]:
         """What the loops are compared by, in the order in which they came."""
-        return (self._read(offset) for offset in self._waves)
+        return (self._read(offset) for offset in self._thinned_loops)
 
     def at_place(self, index: int) -> Screening:
         """The screening that was put at ``index``."""

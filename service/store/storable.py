@@ -1,9 +1,16 @@
-"""Texts and numbers in the form that both SQLite and PostgreSQL accept."""
+"""Texts and numbers in the form that both SQLite and PostgreSQL accept, and rows as values."""
 
 from __future__ import annotations
 
 import math
 import re
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Value = TypeVar("Value", bound="DataclassInstance")
 
 _NOT_STORABLE = re.compile("[\x00\ud800-\udfff]")
 
@@ -16,3 +23,9 @@ def clean_text(text: str) -> str:
 def finite(value: float | None) -> float | None:
     """``value``, or ``None`` where it is not a finite number."""
     return float(value) if value is not None and math.isfinite(value) else None
+
+
+def from_row(kind: type[Value], row: object, /, **others: Any) -> Value:
+    """A ``kind`` whose fields are the columns of ``row`` with their names, but for ``others``."""
+    names = (field.name for field in fields(kind) if field.name not in others)
+    return kind(**{name: getattr(row, name) for name in names}, **others)

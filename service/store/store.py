@@ -18,6 +18,7 @@ from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
+from stemwatch.service.presenter.plant_path import PartOfPlant
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
@@ -320,15 +321,15 @@ class Store:
         with self.transactions.reading() as session:
             return screenings.is_known(session, valve)
 
-    def areas(self) -> tuple[str, ...]:
-        """The areas that valves are in, by name."""
+    def levels(self) -> dict[str, tuple[str, ...]]:
+        """The sites, areas and units that valves are in, by name."""
         with self.transactions.reading() as session:
-            return ranking.read_areas(session)
+            return ranking.read_levels(session)
 
-    def valves_in(self, area: str) -> list[str]:
-        """The valves of one area, by id."""
+    def valves_in(self, part: PartOfPlant) -> list[str]:
+        """The valves of a part of the plant, by id."""
         with self.transactions.reading() as session:
-            return ranking.read_valves_in(session, area)
+            return ranking.read_valves_in(session, part)
 
     def ranking(self, ranking_filter: RankingFilter) -> RankingPage:
         """One page of valves, each with its latest screening."""

@@ -234,8 +234,12 @@ class _Book:
         named = alert.evidence.get("valves", ())
         valves = (alert.valve,) if alert.valve else tuple(str(name) for name in named)
         seen = range(max(day - LOOKS_BACK, 0), day + 1)
+        foreseen = alert.kind is AlertKind.FORESEEN
         caused = any(
-            life.has_cause(when) for life in self.lives if life.tag in valves for when in seen
+            life.has_cause(when) or (foreseen and life.will_have_cause(when))
+            for life in self.lives
+            if life.tag in valves
+            for when in seen
         )
         return PlayedAlert(
             cause=alert.cause,

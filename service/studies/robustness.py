@@ -9,7 +9,9 @@ that is named is named in error.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,13 +24,13 @@ from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import Executor, map_in_order
+from stemwatch.service.studies.kept_lines import keep_line, kept_lines
 
 Change = Callable[[Recording], Recording]
 
 STICKING_S = (3.0, 8.0)  # percent
 HEALTHY_S = (0.1, 0.5)
 RANGEABILITY = 40.0
-BATCH = 4
 LONG_HOURS = 8
 FINE_S, SLIP_SAMPLES = 0.1, 5
 
@@ -185,13 +187,24 @@ class StudyAnswer:
     named: tuple[str, ...]  # in error
     seconds: float
 
+    def as_json(self) -> dict[str, Any]:
+        """The answer as a JSON object."""
+        return {**asdict(self), "verdict": self.verdict.value}
+
+    @classmethod
+    def of_json(cls, kept: dict[str, Any]) -> StudyAnswer:
+        """The answer that was written as ``kept``."""
+        kept |= {name: tuple(kept[name]) for name in ("S", "J") if kept[name] is not None}
+        return cls(**{**kept, "verdict": Verdict(kept["verdict"]), "named": tuple(kept["named"])})
+
 
 @dataclass(frozen=True)
 class RobustnessBatch:
-    """Valves that one worker simulates, changes and screens."""
+    """A valve that one worker simulates, changes and screens; the answers are kept in ``file``."""
 
-    valves: tuple[StudiedValve, ...]
+    valve: StudiedValve
     ways: tuple[str, ...]
+    file: Path | None = None
 
 
 def draw_valves(valves_each: int, seed: int) -> list[StudiedValve]:
@@ -252,20 +265,28 @@ def _levels_shown(loop: PlantLoop, seed: int, J: float) -> tuple[float, float]:
 
 
 def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
-    """Simulate each valve once, store it in every way, and screen what was stored."""
-    answers = []
-    for valve in batch.valves:
-        recordings: dict[int, Recording] = {}
-        for storage in batch.ways:
-            hours = WAYS[storage].hours
-            if hours not in recordings:
-                recordings[hours] = recorded(valve, hours)
-            recording = recordings[hours]
-            stored = WAYS[storage].change(recording)
-            (screening,) = screen([Case(recording=stored)], Options(narx=False))
-            scale = _op_per_travel(recording, stored) if WAYS[storage].strokes else 1.0
-            answers.append(_answer(storage, valve, screening, scale))
-    return answers
+    """Simulate a valve once, store it in every way, and screen what was stored; what was kept is
+    not done again."""
+    kept = map(StudyAnswer.of_json, kept_lines(batch.file))
+    answers = {answer.way: answer for answer in kept}
+    recordings: dict[int, Recording] = {}
+    for storage in batch.ways:
+        if storage in answers:
+            continue
+        hours = WAYS[storage].hours
+        if hours not in recordings:
+            recordings[hours] = recorded(batch.valve, hours)
+        answers[storage] = answered(batch.valve, recordings[hours], storage)
+        keep_line(batch.file, answers[storage].as_json())
+    return [answers[storage] for storage in batch.ways]
+
+
+def answered(valve: StudiedValve, recording: Recording, storage: str) -> StudyAnswer:
+    """What is said of the ``recording`` of a valve, stored in one way."""
+    stored = WAYS[storage].change(recording)
+    (screening,) = screen([Case(recording=stored)], Options(narx=False))
+    scale = _op_per_travel(recording, stored) if WAYS[storage].strokes else 1.0
+    return _answer(storage, valve, screening, scale)
 
 
 def recorded(valve: StudiedValve, hours: int = 1) -> Recording:
@@ -319,15 +340,19 @@ def run_robustness(
     storages: Sequence[str],
     executor: Executor,
     on_progress: Callable[[int], None],
+    keep: Path | None = None,
 ) -> list[StudyAnswer]:
-    """``valves_each`` sticking and healthy valves in each way; Raises ``KeyError`` for an unknown
-    way."""
+    """``valves_each`` sticking and healthy valves in each way. What is said of them is kept in the
+    folder ``keep``, and is not asked again. Raises ``KeyError`` for an unknown way."""
     for storage in storages:
         WAYS[storage]
-    valves = draw_valves(valves_each, seed)
     batches = [
-        RobustnessBatch(tuple(valves[first : first + BATCH]), tuple(storages))
-        for first in range(0, len(valves), BATCH)
+        RobustnessBatch(
+            valve,
+            tuple(storages),
+            None if keep is None else keep / f"{seed}-{valves_each}-{number}.jsonl",
+        )
+        for number, valve in enumerate(draw_valves(valves_each, seed))
     ]
     return map_in_order(executor, answer_batch, batches, on_progress)
 

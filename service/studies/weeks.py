@@ -6,7 +6,6 @@ catalogue over some windows, through ``explain`` and ``models.evidence_over_wind
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
@@ -31,6 +30,7 @@ from stemwatch.models.studies.simulator.hidden import (
 )
 from stemwatch.models.studies.simulator.hidden.draws import windows_of
 from stemwatch.service.executors import Executor, map_in_order
+from stemwatch.service.studies.kept_lines import keep_line, kept_lines
 
 _BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
 
@@ -98,11 +98,12 @@ def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
 
 
 def _followed(job: WatchedValve) -> FollowedValve:
-    windows = _kept(job.file)[: job.windows]
+    windows = [_read(line) for line in kept_lines(job.file)[: job.windows]]
     for index, case in enumerate(windows_of(job.case, job.windows)):
         if index >= len(windows):
-            windows.append(_explained(case, index))
-            _keep(job.file, windows[-1])
+            window, could = _explained(case, index)
+            keep_line(job.file, {**asdict(window), "could": could})
+            windows.append((window, could))
     valve = job.case.loop.valve
     return FollowedValve(
         hidden=job.case.hidden,
@@ -125,27 +126,6 @@ def _explained(case: HiddenCase, day: int) -> Said:
     at = _BEGIN + timedelta(days=day)
     window = WindowEvidence.of(explain(run.recording), at, start=at - timedelta(hours=1))
     return window, shown.excited and all(window.looked_for(slug) for slug in case.hidden)
-
-
-def _keep(file: Path | None, said: Said) -> None:
-    """One line more: times in ISO 8601, estimates and scores as objects."""
-    if file is None:
-        return
-    window, could = said
-    line = json.dumps({**asdict(window), "could": could}, default=datetime.isoformat)
-    with file.open("a", encoding="utf-8") as kept:
-        kept.write(line + "\n")
-
-
-def _kept(file: Path | None) -> list[Said]:
-    """What was kept; a last line that was cut off is written again."""
-    if file is None or not file.is_file():
-        return []
-    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-    whole = [line for line in lines if line.endswith("\n")]
-    if len(whole) < len(lines):
-        file.write_text("".join(whole), encoding="utf-8")
-    return [_read(json.loads(line)) for line in whole]
 
 
 def _read(kept: dict[str, Any]) -> Said:

@@ -98,7 +98,7 @@ def _judged(loop: PlantLoop, seed: int) -> ForetoldLoop:
     )
     figures: list[ForetoldFigure] = []
     for name, change, changed in changes:
-        prediction, truth = predict(twin, change), _truth(changed, seed)
+        prediction, truth = predict(twin, change), _truth(changed, seed, twin.valve.noise)
         falls = 100.0 * (1.0 - (truth.error_std / prediction.recorded.error_std) ** 2)
         foretold = {FALL: prediction.fall("error_std", squared=True), **prediction.predicted}
         came = {FALL: falls, **vars(truth)}
@@ -109,7 +109,7 @@ def _judged(loop: PlantLoop, seed: int) -> ForetoldLoop:
     return ForetoldLoop(tag=loop.tag, figures=tuple(figures))
 
 
-def _truth(loop: PlantLoop, seed: int) -> LoopFigures:
+def _truth(loop: PlantLoop, seed: int, noise: float) -> LoopFigures:
     recording = simulate_loop(loop, seed).recording
     pv, sp, mv = recording.signals[Role.PV], recording.signals[Role.SP], recording.signals[Role.MV]
     return figures_of(
@@ -119,5 +119,6 @@ def _truth(loop: PlantLoop, seed: int) -> LoopFigures:
             pv=pv.values,
             sp=sp.values,
             interval_s=recording.interval_s,
-        )
+        ),
+        noise=noise,
     )

@@ -32,3 +32,19 @@ def test_prints_value_interval_and_unit():
     """A known estimate prints three digits, its interval and its unit."""
     assert "4.98 (4.39 to 5.50) %" == str(Estimate(value=4.981, low=4.39, high=5.5, unit="%"))
     assert "2" == str(Estimate(value=2.0))
+
+
+def test_intervals_that_have_nothing_in_common_contradict_each_other():
+    """Those that touch do not; nor does an end that is not known."""
+    first, second = Estimate(value=2.0, low=1.0, high=3.0), Estimate(value=4.0, low=3.5, high=5.0)
+    assert first.contradicts(second)
+    assert second.contradicts(first)
+    assert not first.contradicts(Estimate(value=3.5, low=3.0, high=4.0))
+    assert not first.contradicts(Estimate(value=9.0))
+
+
+def test_an_estimate_that_holds_others_keeps_its_value():
+    """Its interval grows to theirs, and by nothing where theirs are not known."""
+    first, second = Estimate(value=2.0, low=1.0, high=3.0), Estimate(value=4.0, low=3.5, high=5.0)
+    assert first.holding(second) == Estimate(value=2.0, low=1.0, high=5.0)
+    assert first.holding(Estimate(value=9.0)) == first

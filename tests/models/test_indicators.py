@@ -11,7 +11,6 @@ from stemwatch.models import indicators
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import Indicator, Residual
-from stemwatch.models.stickslip.events import slip_events
 from stemwatch.models.stickslip.fit import fit_stickslip
 from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
@@ -34,7 +33,7 @@ def simulated(lag_s=0.1, dead_time_s=0.0, S=5.0, J=4.0):
 
 def all_of(fit, S, J):
     return [
-        *indicators.of_movement(fit.evaluator.problem, slip_events(fit)),
+        *indicators.of_movement(fit.evaluator.problem, fit.events),
         *indicators.of_friction(fit, S, J),
     ]
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import gzip
 import json
 import tomllib
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from stemwatch.service.config import load_plant
 from stemwatch.service.run.plan import Request, make_plan
+from tests.connectors.pi.loopback_server import ARCHIVE, Served, serving
 from tests.models.test_stroke_curve import stored
 
 
@@ -280,3 +283,104 @@ def test_an_empty_folder_says_so(stemwatch, tmp_path: Path) -> None:
     assert seen.status == 2
     assert "the folder is empty" in seen.said
     assert not (tmp_path / "plant.toml").exists()
+
+
+@pytest.fixture
+def pi_file(tmp_path: Path) -> Iterator[tuple[Path, Served]]:
+    """A plant file with nothing but a PI server, and the server: two loops and what is none."""
+    names = ("FIC-101.OP", "FIC-101.PV", "FIC-101.SP", "ZT-101", "LIC-7.OUT", "LIC-7.MV", "TI-9")
+    units = {"FIC-101.OP": "%", "FIC-101.PV": "t/h"}
+    points: dict[str, list[dict[str, Any]]] = {name: [] for name in names}
+    ranges = {"FIC-101.PV": (0.0, 40.0), "FIC-101.OP": (0.0, 100.0)}
+    with serving(Served(points=points, units=units, ranges=ranges)) as served:
+        file = tmp_path / "pi.toml"
+        file.write_text(
+            f'# our plant\n[[sources]]\nname = "pi"\nkind = "pi"\nurl = "{served.url}"\n'
+            f'server = "{ARCHIVE}"\nsign_in = "anonymous"\n',
+            encoding="utf-8",
+        )
+        yield file, served
+
+
+def test_valves_of_a_pi_server_are_proposed_from_the_names_of_its_points(
+    stemwatch, pi_file: tuple[Path, Served]
+) -> None:
+    """By the rules of the files: a position by its number, no guess at MV, ranges of the points.
+    What is written is the plant file that was given and the valves, and it loads."""
+    file, served = pi_file
+    plant = file.with_name("plant.toml")
+    seen = stemwatch("inspect", file, "--write", plant)
+    assert seen.status == 0, seen.said
+    assert "pi: 7 tags, 2 valves by their names" in seen.said
+    text = plant.read_text(encoding="utf-8")
+    assert text.startswith("# our plant\n")
+    loaded = load_plant(plant)
+    assert loaded.problems == ()
+    tags = loaded.valves["FIC-101"].tags
+    names = [tag.tag for tag in (tags.op, tags.mv, tags.pv, tags.sp)]
+    assert names == ["FIC-101.OP", "ZT-101", "FIC-101.PV", "FIC-101.SP"]
+    assert (tags.pv.low, tags.pv.high, tags.pv.unit) == (0.0, 40.0, "t/h")
+    assert loaded.valves["LIC-7"].tags.mv is None
+    assert "which tag is the measured position (MV) of LIC-7? (perhaps LIC-7.MV)" in text
+    assert served.methods == {"GET"}
+
+    again = stemwatch("inspect", plant)
+    assert again.status == 0, again.said
+    assert "No new valve is proposed" in again.said
+
+
+def test_only_points_that_fit_the_pattern_are_asked_for(
+    stemwatch, pi_file: tuple[Path, Served], tmp_path: Path
+) -> None:
+    """The server itself is given the pattern; JSON has the tags that were found."""
+    file, served = pi_file
+    found = tmp_path / "tags.json"
+    seen = stemwatch("inspect", file, "--pattern", "LIC*", "--source", "pi", "--json", found)
+    assert seen.status == 0, seen.said
+    assert any("nameFilter=LIC" in asked for asked in served.asked)
+    names = [info["tag"] for info in json.loads(found.read_text(encoding="utf-8"))["pi"]]
+    assert names == ["LIC-7.MV", "LIC-7.OUT"]
+    assert "FIC-101" not in seen.out
+
+
+def test_many_points_are_found_page_by_page(stemwatch, pi_file: tuple[Path, Served]) -> None:
+    """More valves than a page of points, or a terminal, holds; each once."""
+    file, served = pi_file
+    served.points |= {f"FIC-{number}.OP": [] for number in range(2000, 3500)}
+    plant = file.with_name("plant.toml")
+    seen = stemwatch("inspect", file, "--write", plant)
+    assert seen.status == 0, seen.said
+    assert "1502 valves by their names" in seen.said
+    assert len(tomllib.loads(plant.read_text(encoding="utf-8"))["valves"]) == 1502
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fault", "message"),
+    [
+        ((), (401, {}, {"Message": "Authorization has been denied."}), "check sign_in, the user"),
+        ((), (200, {}, {"Errors": ["The archive is offline."]}), "The archive is offline"),
+        (("--source", "pa"), None, "has no archive 'pa'; its archives are 'pi'"),
+        (("--write", "elsewhere/plant.toml"), None, "name a file beside it"),
+    ],
+)
+def test_what_hinders_an_inspection_of_pi_is_said(
+    stemwatch, pi_file: tuple[Path, Served], arguments, fault, message: str
+) -> None:
+    """Refused, an error inside a success, a wrong name: nothing is written."""
+    file, served = pi_file
+    served.faults += [fault] if fault else []
+    before = sorted(file.parent.iterdir())
+    seen = stemwatch("inspect", file, "--write", file.with_name("p.toml"), *arguments)
+    assert seen.status == 2
+    assert message in seen.said
+    assert sorted(file.parent.iterdir()) == before
+
+
+def test_a_plant_file_without_archives_and_a_pattern_for_a_file(
+    stemwatch, one_valve: Path, tmp_path: Path
+) -> None:
+    """Each is told what the other needs."""
+    empty = tmp_path / "empty.toml"
+    empty.write_text('[plant]\nname = "x"\n', encoding="utf-8")
+    assert 'kind = "pi"' in stemwatch("inspect", empty).said
+    assert "are for archives" in stemwatch("inspect", one_valve, "--pattern", "F*").said

@@ -20,6 +20,7 @@ WRONG = {
     "no such verdict": (("x.csv", "--fail-on", "broken"), "'broken' is not one of"),
     "no workers": (("x.csv", "--workers", "0"), "Invalid value for '--workers'"),
     "no such option": (("x.csv", "--quick"), "No such option"),
+    "a unit without a plant": (("x.csv", "--unit", "200"), "--unit needs --plant plant.toml"),
     "no database": (("x.csv", "--db", "oracle://x"), "the store needs SQLite or PostgreSQL"),
 }
 

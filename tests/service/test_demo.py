@@ -11,6 +11,10 @@ from typing import Any
 import pytest
 
 from stemwatch.service.config import load_plant
+from stemwatch.service.explain.explain_json import to_object
+from stemwatch.service.explain.explained import Job, explain_one
+from stemwatch.service.explain.to_explain import what_to_explain
+from stemwatch.service.run.plan import Request
 from tests.shared_setup import made_once
 
 
@@ -101,6 +105,26 @@ def test_what_cannot_be_judged_is_said_with_the_reason(
     assert valve["advice"]
     assert valve["still_seen"]
     assert valve["stiction"]["S"]["value"] is None
+
+
+@pytest.mark.long
+def test_explain_tells_of_each_valve_what_its_report_tells(demo: Path, result) -> None:
+    """S, J, what was left out, its sentence and its fit, to the last digit."""
+    plant = load_plant(demo / "plant.toml")
+    for valve in what_to_explain(Request(plant=plant)).valves:
+        explained = to_object(explain_one(Job(to_explain=valve, narx=False)))
+        reported = result[valve.valve]
+        if reported["mismatch"] is None:
+            assert explained["verdict"] != "none"
+            assert reported["reason"] in explained["sentence"]
+            continue
+        assert explained["stiction"]["restated"] == reported["stiction"]
+        for name in ("verdict", "sentence", "stiction", "not_testable"):
+            assert explained[name] == reported["mismatch"][name], (valve.valve, name)
+        slugs = [[effect["slug"] for effect in one] for one in (
+            explained["effects"], reported["mismatch"]["effects"],
+        )]  # fmt: skip
+        assert slugs[0] == slugs[1]
 
 
 def test_simulate_writes_export_plant_file_and_truth(stemwatch, tmp_path: Path) -> None:

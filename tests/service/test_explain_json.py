@@ -13,9 +13,9 @@ import jsonschema
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import HeldOutFit
+from stemwatch.models.mismatch.findings import HeldOutFit, Mismatch
 from stemwatch.service.explain.explain_json import to_json, to_object
-from stemwatch.service.explain.explained import Explained, not_testable
+from stemwatch.service.explain.explained import Explained
 from tests.service.example_mismatches import effect, named, of_every_kind
 
 SCHEMA = json.loads(
@@ -68,7 +68,7 @@ def test_the_fields_are_the_ones_that_a_reader_may_rely_on():
 
 def test_what_could_not_be_read_is_an_object_too():
     """An unreadable recording is not testable, and its S and J say why."""
-    as_object = to_object(explained(not_testable("FV-1.csv: line 3: no number.")))
+    as_object = to_object(explained(Mismatch.unknown("FV-1.csv: line 3: no number.")))
     jsonschema.validate([as_object], SCHEMA)
     assert (as_object["verdict"], as_object["sentence"]) == (
         "not_testable",

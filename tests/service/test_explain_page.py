@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.service.cli.explanation import explanation
-from stemwatch.service.explain.explained import Explained, not_testable
+from stemwatch.service.explain.explained import Explained
 from stemwatch.service.explain.write_explanation import MOST_PLOTTED, entries, write_pages
 from stemwatch.service.report import ReportContext
 from tests.service.example_mismatches import named, of_every_kind
@@ -51,7 +52,7 @@ def result() -> list[Explained]:
     ]
     return [
         *complete,
-        Explained(source="x.csv", valve="x", mismatch=not_testable("x.csv: no table.")),
+        Explained(source="x.csv", valve="x", mismatch=Mismatch.unknown("x.csv: no table.")),
     ]
 
 

@@ -117,7 +117,7 @@ def make_grid(
 
 
 @dataclass(frozen=True)
-class Laid:
+class ColumnOnGrid:
     """A column on the grid: (n,) values and quality."""
 
     values: Floats
@@ -125,10 +125,12 @@ class Laid:
     decision: str = ""
 
 
-def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> Laid:
+def lay_column(column: Column, grid: Grid, *, is_clock: bool) -> ColumnOnGrid:
     """``column`` on ``grid``: at the nearest instants where it has the grid's rate, else held."""
     if column.ns.size == 0:
-        return Laid(np.full(grid.size, np.nan), np.full(grid.size, Quality.MISSING, np.uint8))
+        return ColumnOnGrid(
+            np.full(grid.size, np.nan), np.full(grid.size, Quality.MISSING, np.uint8)
+        )
     exception, usual_step = column.times.by_exception, column.times.usual_step
     own_step_ns = grid.interval_ns if usual_step is None else usual_step
     if not exception and (is_clock or own_step_ns <= 1.1 * grid.interval_ns):
@@ -161,7 +163,7 @@ def samples_on_grid(times: Timeline, grid: Grid) -> SamplesOnGrid:
     return SamplesOnGrid(in_grid, instants, one_to_one, moved)
 
 
-def _lay_nearest(column: Column, grid: Grid) -> Laid:
+def _lay_nearest(column: Column, grid: Grid) -> ColumnOnGrid:
     places = samples_on_grid(column.times, grid)
     decision = (
         f"{places.moved} rows repeat the time before them and leave the next instant empty; their "
@@ -170,13 +172,13 @@ def _lay_nearest(column: Column, grid: Grid) -> Laid:
         else ""
     )
     if places.one_to_one:
-        return Laid(column.values, column.quality, decision)
+        return ColumnOnGrid(column.values, column.quality, decision)
     values = np.full(grid.size, np.nan)
     quality = np.full(grid.size, Quality.MISSING, dtype=np.uint8)
     # Of several samples at one instant numpy keeps the last written, which is the last in time.
     values[places.instants] = column.values[places.inside]
     quality[places.instants] = column.quality[places.inside]
-    return Laid(values, quality, decision)
+    return ColumnOnGrid(values, quality, decision)
 
 
 def nearest_index(ns: Ints, grid: Grid) -> Ints:
@@ -203,7 +205,7 @@ def _repeated_to_hole(ns: Ints, index: Ints) -> tuple[Ints, int]:
     return np.where(twin, index + 1, index), int(twin.sum())
 
 
-def _lay_held(column: Column, grid: Grid, own_step_ns: float, exception: bool) -> Laid:
+def _lay_held(column: Column, grid: Grid, own_step_ns: float, exception: bool) -> ColumnOnGrid:
     instants = grid.instants
     last = np.searchsorted(column.ns, instants, side="right") - 1
     age = instants - column.ns[np.maximum(last, 0)]
@@ -221,7 +223,7 @@ def _lay_held(column: Column, grid: Grid, own_step_ns: float, exception: bool) -
         f"{column.tag} {kind}; its last value is held for at most {limit / 1e9:g} s and marked as "
         f"held when older than {_GAP * max(grid.interval_ns, own_step_ns) / 1e9:g} s."
     )
-    return Laid(values, quality.astype(np.uint8), decision)
+    return ColumnOnGrid(values, quality.astype(np.uint8), decision)
 
 
 def _hold_limit(times: Timeline, own_step_ns: float, exception: bool) -> float:

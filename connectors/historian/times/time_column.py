@@ -25,8 +25,8 @@ from stemwatch.connectors.historian.times.time_fields import (
     NO_OFFSET,
     Ints,
     Order,
-    take_apart,
-    take_apart_stored,
+    stored_time_fields,
+    time_fields,
 )
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
@@ -222,7 +222,7 @@ def _numeric(
             return None
     else:
         decimal = "."
-    if len(probe[0]) == 14 and take_apart(probe[:1]).order[0] != Order.UNREADABLE:
+    if len(probe[0]) == 14 and time_fields(probe[:1]).order[0] != Order.UNREADABLE:
         return None
     numbers = parse_numbers(texts, decimal)
     ok = np.isfinite(numbers)
@@ -367,7 +367,7 @@ def _dated(
         if in_pieces is not None:
             return _in_zone(*in_pieces, table, options, notes)
         texts = list(texts)
-    fields = take_apart(texts)
+    fields = time_fields(texts)
     if (fields.order == Order.NUMERIC).any():
         notes.use("day_first")
     readable = np.flatnonzero(fields.order != Order.UNREADABLE)
@@ -387,7 +387,7 @@ def _in_pieces(
     # Mostly all rows have one offset, which then needs no memory.
     offsets = np.broadcast_to(np.int32(NO_OFFSET), size)
     for text in texts.arrays():
-        fields = take_apart_stored(text)
+        fields = stored_time_fields(text)
         if (fields.order == Order.NUMERIC).any():
             return None
         local, real = local_ns(fields, None, name, "", notes)

@@ -55,7 +55,7 @@ class TimeFields:
     offset_min: Ints
 
 
-def take_apart(texts: Sequence[str]) -> TimeFields:
+def time_fields(texts: Sequence[str]) -> TimeFields:
     """Fields of every text; rows that are no time have order ``UNREADABLE``."""
     uniform = _uniform(texts)
     if uniform is not None:
@@ -67,7 +67,7 @@ def take_apart(texts: Sequence[str]) -> TimeFields:
     return TimeFields(*(np.ascontiguousarray(column) for column in table.T))
 
 
-def take_apart_stored(text: pa.Array) -> TimeFields:
+def stored_time_fields(text: pa.Array) -> TimeFields:
     """The same of Arrow text, blanks at both ends taken off."""
     import pyarrow.compute as pc
 
@@ -86,7 +86,7 @@ def take_apart_stored(text: pa.Array) -> TimeFields:
             if letter_fields is not None:
                 return letter_fields
     encoded = text.dictionary_encode()
-    fields_of_each = take_apart(encoded.dictionary.to_pylist())
+    fields_of_each = time_fields(encoded.dictionary.to_pylist())
     rows = encoded.indices.to_numpy(zero_copy_only=False)
     return TimeFields(*(getattr(fields_of_each, name.name)[rows] for name in fields(TimeFields)))
 

@@ -47,6 +47,16 @@ class StemTerm(_Defect):
         out[:] = command
 
 
+class OneNumberTerm(StemTerm):
+    """A term whose one coordinate is the number ``fills`` of the stem."""
+
+    fills: int
+
+    def fill(self, stem: Stem, values: Floats) -> None:
+        """The coordinate, as it is."""
+        stem.numbers[self.fills] = values[0]
+
+
 class ReadingTerm(StemTerm):
     """A term that is one of the reading's own numbers."""
 

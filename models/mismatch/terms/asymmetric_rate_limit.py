@@ -144,7 +144,9 @@ class AsymmetricRateLimit(CommandTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         up, down = (
-            about_value(inverse(parameters[name], STEP_PERCENT))
+            "at once"
+            if number(parameters[name]) >= 0.99 * FREE
+            else f"in about {about_value(inverse(parameters[name], STEP_PERCENT))}"
             for name in ("rate_rising", "rate_falling")
         )
         return FieldTest(
@@ -152,7 +154,7 @@ class AsymmetricRateLimit(CommandTerm):
                 f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem to its "
                 "place."
             ),
-            fails=f"about {up} rising and {down} falling",
+            fails=f"{up} rising and {down} falling",
             passes=(
                 f"both within {STEP_PERCENT / AS_BUILT:g} s, or alike to within "
                 f"{MATERIAL_RATIO} times"

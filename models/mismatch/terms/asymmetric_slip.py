@@ -13,9 +13,8 @@ from collections.abc import Mapping
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number
+from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value, either_sign, number
 from stemwatch.models.recording import Floats
 
 # Jumps that differ by less than 1.5 to 1 lie within the scatter of a few dozen slips.
@@ -23,10 +22,11 @@ MATERIAL = 0.2
 MOST = 0.95
 
 
-class AsymmetricSlip(StemTerm):
+class AsymmetricSlip(OneNumberTerm):
     """Slips that differ by direction: one coordinate, the share ``a`` by which J is uneven."""
 
     slug = "asymmetric_slip"
+    fills = stem_number.ASYMMETRY
     order = 20
     contains: tuple[str, ...] = ("zero_shift",)
     words = Words(
@@ -72,10 +72,6 @@ class AsymmetricSlip(StemTerm):
     def starts(self, summary: RecordingSummary) -> Floats:
         """Ratios of the jumps of 1.7, 3.4 and 9, either way."""
         return either_sign(0.25, 0.55, 0.8)
-
-    def fill(self, stem: Stem, values: Floats) -> None:
-        """The asymmetry of the jump."""
-        stem.numbers[stem_number.ASYMMETRY] = values[0]
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The larger jump is at least one and a half times the smaller."""

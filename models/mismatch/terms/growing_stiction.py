@@ -14,19 +14,19 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number, size
+from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value, number, size
 from stemwatch.models.recording import Floats
 
 MATERIAL_SHARE = 0.2  # over the record; less is what warm packing does in a shift
 MATERIAL_PERCENT = 0.2  # of span: growth of a stick band that nobody sees is no finding
 
 
-class GrowingStiction(StemTerm):
+class GrowingStiction(OneNumberTerm):
     """Friction that grows over the record: one coordinate, the share ``g`` of growth."""
 
     slug = "growing_stiction"
+    fills = stem_number.GROWTH
     order = 20
     words = Words(
         plain="the friction changed while it was recorded",
@@ -64,10 +64,6 @@ class GrowingStiction(StemTerm):
     def starts(self, summary: RecordingSummary) -> Floats:
         """Shrinking and growing."""
         return np.array([[-0.3], [0.3], [0.6], [1.0], [1.5]])
-
-    def fill(self, stem: Stem, values: Floats) -> None:
-        """The growth of both friction levels."""
-        stem.numbers[stem_number.GROWTH] = values[0]
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A fifth of S, and a fifth of a percent of span."""

@@ -15,18 +15,18 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import StemTerm, about_value
+from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel; good linkages have a tenth
 
 
-class LostMotion(StemTerm):
+class LostMotion(OneNumberTerm):
     """Play between stem and position sensor: one coordinate, its width ``b`` in percent."""
 
     slug = "lost_motion"
+    fills = stem_number.PLAY
     order = 60
     words = Words(
         plain="there is play between the stem and its position sensor",
@@ -72,10 +72,6 @@ class LostMotion(StemTerm):
     def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.4 to 4 % of travel."""
         return np.array([[0.4], [0.8], [1.3], [1.8], [2.4], [3.2], [4.5]])
-
-    def fill(self, stem: Stem, values: Floats) -> None:
-        """The play before the reading."""
-        stem.numbers[stem_number.PLAY] = values[0]
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """More than a good linkage has."""

@@ -13,18 +13,24 @@ from dataclasses import replace
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
+from stemwatch.models.mismatch.terms._common import (
+    OneNumberTerm,
+    about_value,
+    either_sign,
+    number,
+    size,
+)
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT_PER_S = 0.004  # 1 % of travel in four minutes: a loop has to work against it
 
 
-class StemCreep(StemTerm):
+class StemCreep(OneNumberTerm):
     """A stem that moves on at rest: one coordinate, its speed in %/s."""
 
     slug = "stem_creep"
+    fills = stem_number.CREEP
     order = 40
     words = Words(
         plain="the stem creeps while it should rest",
@@ -66,10 +72,6 @@ class StemCreep(StemTerm):
     def starts(self, summary: RecordingSummary) -> Floats:
         """From 0.5 to 6 % a minute, either way."""
         return either_sign(0.008, 0.025, 0.1)
-
-    def fill(self, stem: Stem, values: Floats) -> None:
-        """The speed of a resting stem."""
-        stem.numbers[stem_number.CREEP] = values[0]
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A percent of travel in four minutes."""

@@ -15,18 +15,18 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import StemTerm, about_value
+from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value
 from stemwatch.models.recording import Floats
 
 MATERIAL_S = 0.7  # a slip that takes less is how good valves are
 
 
-class ViscousDrag(StemTerm):
+class ViscousDrag(OneNumberTerm):
     """Drag on a moving stem: one coordinate, the time constant ``tau_v`` in seconds."""
 
     slug = "viscous_drag"
+    fills = stem_number.DRAG_S
     order = 30
     words = Words(
         plain="the stem starts on time but slides slowly, as through thick grease",
@@ -72,10 +72,6 @@ class ViscousDrag(StemTerm):
         """From half a second or half a sample upwards."""
         unit = max(summary.interval_s, 1.0)
         return np.array([[0.5], [1.0], [2.0], [3.5], [6.0]]) * unit
-
-    def fill(self, stem: Stem, values: Floats) -> None:
-        """The time constant of sliding."""
-        stem.numbers[stem_number.DRAG_S] = values[0]
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A slip that takes 0.2 s is not worth a work order."""

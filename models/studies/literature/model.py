@@ -41,17 +41,8 @@ class Parameter:
             raise ValueError(f"{self.name}: a logarithmic parameter needs lower above 0")
 
 
-class ValveModel(Protocol):
-    """A stiction model, from command to stem position, both in percent.
-
-    An implementation must
-    1. give every parameter bounds within which ``simulate`` works,
-    2. start at ``y0`` and depend on nothing before its first sample,
-    3. leave a resting stem where it is for as long as OP stands still,
-    4. return finite numbers for every finite OP and every admissible parameter,
-    5. name in ``source`` the authors and how certain the reconstruction is, and in ``limits`` the
-       known faults of the model.
-    """
+class DescribedModel(Protocol):
+    """What stiction models and networks say of themselves."""
 
     @property
     def name(self) -> str:
@@ -64,22 +55,35 @@ class ValveModel(Protocol):
         ...
 
     @property
+    def limits(self) -> tuple[str, ...]:
+        """The known faults of the model, a sentence each."""
+        ...
+
+    def equation(self) -> str:
+        """The model in a few lines."""
+        ...
+
+
+class ValveModel(DescribedModel, Protocol):
+    """A stiction model, from command to stem position, both in percent.
+
+    An implementation must
+    1. give every parameter bounds within which ``simulate`` works,
+    2. start at ``y0`` and depend on nothing before its first sample,
+    3. leave a resting stem where it is for as long as OP stands still,
+    4. return finite numbers for every finite OP and every admissible parameter,
+    5. name in ``source`` the authors and how certain the reconstruction is, and in ``limits`` the
+       known faults of the model.
+    """
+
+    @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters (k,), with units, bounds and meaning."""
         ...
 
     @property
-    def limits(self) -> tuple[str, ...]:
-        """The known faults of the model, a sentence each."""
-        ...
-
-    @property
     def slow(self) -> bool:
         """Whether a simulation takes milliseconds; a fit then tries fewer candidates."""
-        ...
-
-    def equation(self) -> str:
-        """The model in a few lines."""
         ...
 
     def objection(self, parameters: Floats) -> str | None:

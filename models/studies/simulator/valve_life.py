@@ -103,6 +103,12 @@ class ValveLife:
         vents = self.life is Life.VENTS and self.begins is not None and day >= self.begins
         return vents or self.S(day) >= IS_A_CAUSE_PERCENT
 
+    def will_have_cause(self, day: int) -> bool:
+        """Whether it wears on ``day`` and will cross its limit, so that foreseeing it is right."""
+        crosses = self.crosses
+        begun = self.begins is not None and day >= self.begins
+        return begun and crosses is not None and day <= crosses
+
     @property
     def crosses(self) -> int | None:
         """The first day on which it needs work; ``None`` where there is none."""

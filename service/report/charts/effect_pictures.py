@@ -1,4 +1,4 @@
-"""The pictures that must convince a sceptic of what was named: strokes, shift, loop, telltale.
+"""The pictures that must convince a sceptic of what was named: strokes, shift, loop, signature.
 
 All are made where the samples are, from the recording, the free runs of both models, and the
 numbers that the page says beside them.
@@ -15,13 +15,18 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from stemwatch.models.excitation import reversals, swing
+from stemwatch.models.mismatch.effect_signature import (
+    EffectSignature,
+    Moves,
+    effect_signature,
+    later,
+)
 from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch
-from stemwatch.models.mismatch.telltale import Moves, Telltale, later, telltale
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.stroke_curve import in_travel
 from stemwatch.service.presenter.physics_words import effect_name
 from stemwatch.service.presenter.wording import figure
-from stemwatch.service.report.charts.small_plot import Drawn, Note, SmallPlot
+from stemwatch.service.report.charts.small_plot import Note, PlottedLine, SmallPlot
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 
 STROKES = 3
@@ -90,7 +95,7 @@ def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Pi
         *_strokes(seen, mismatch.effects),
         *_shifted(seen),
         *_loops(seen),
-        *(picture for effect in mismatch.effects for picture in _telltale(seen, effect)),
+        *(picture for effect in mismatch.effects for picture in _signature(seen, effect)),
     )
 
 
@@ -221,16 +226,16 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
     sample_index = np.arange(begin, end)
     time = _since(sample_index, first, seen.interval_s)
     lines = [
-        Drawn("op", "OP", time, seen.op[sample_index]),
-        Drawn("naive", NAIVE, time, seen.runs.naive[sample_index], dashed=True),
-        Drawn("extended", EXTENDED, time, seen.runs.extended[sample_index]),
-        Drawn("mv", "MV, recorded", time, seen.mv[sample_index]),
+        PlottedLine("op", "OP", time, seen.op[sample_index]),
+        PlottedLine("naive", NAIVE, time, seen.runs.naive[sample_index], dashed=True),
+        PlottedLine("extended", EXTENDED, time, seen.runs.extended[sample_index]),
+        PlottedLine("mv", "MV, recorded", time, seen.mv[sample_index]),
     ]
     notes = []
     if seen.late_s:
         lines.insert(
             1,
-            Drawn(
+            PlottedLine(
                 "op", "OP, later by the dead time", time, seen.command[sample_index], dashed=True
             ),
         )
@@ -242,7 +247,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
         start, start_s = float(seen.mv[turn]), (turn - first) * seen.interval_s
         took = min(abs(float(seen.op[last]) - start) / abs(slope), float(time[-1]) - start_s)
         line = np.array([start_s, start_s + took])
-        lines.append(Drawn("law", "fitted limit", line, start + slope * (line - start_s)))
+        lines.append(PlottedLine("law", "fitted limit", line, start + slope * (line - start_s)))
         middle = float(line.mean())
         slope_text = f"{figure(abs(slope))} %/s"
         notes.append(
@@ -274,9 +279,11 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
         y_label="percent",
         description="OP, OP later by the dead time, and MV over a typical stretch.",
         lines=[
-            Drawn("op", "OP", time, seen.op[sample_index], dashed=True),
-            Drawn("sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[sample_index]),
-            Drawn("mv", "MV, recorded", time, seen.mv[sample_index]),
+            PlottedLine("op", "OP", time, seen.op[sample_index], dashed=True),
+            PlottedLine(
+                "sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[sample_index]
+            ),
+            PlottedLine("mv", "MV, recorded", time, seen.mv[sample_index]),
         ],
         width=740,
     )
@@ -314,8 +321,8 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
             y_label="MV, %",
             description=f"MV against OP, recorded and {name}.",
             lines=[
-                Drawn("mv", "recorded", seen.op[part], seen.mv[part]),
-                Drawn(kind, name, seen.op[part], run[part]),
+                PlottedLine("mv", "recorded", seen.op[part], seen.mv[part]),
+                PlottedLine(kind, name, seen.op[part], run[part]),
             ],
             equal=True,
             limits=limits,
@@ -340,11 +347,11 @@ def _around(values: Floats) -> tuple[float, float]:
 # What shows the effect directly
 
 
-def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
+def _signature(seen: _Seen, effect: Effect) -> Iterator[Picture]:
     late = 0.0 if effect.slug == "dead_time" else seen.late_s
 
-    def of(position: Floats) -> Telltale | None:
-        return telltale(
+    def of(position: Floats) -> EffectSignature | None:
+        return effect_signature(
             effect.slug, Moves(seen.op, position, seen.interval_s, late, effect.parameters)
         )
 
@@ -359,8 +366,8 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
         simulated = of(run)
         if simulated is not None:
             x, y = _course(simulated, recorded)
-            lines.append(Drawn(kind, name, x, y, dashed=kind == "naive"))
-    lines += [Drawn("law", law.label, law.x, law.y) for law in recorded.laws]
+            lines.append(PlottedLine(kind, name, x, y, dashed=kind == "naive"))
+    lines += [PlottedLine("law", law.label, law.x, law.y) for law in recorded.laws]
     plot = SmallPlot(
         x_label=recorded.x_label,
         y_label=recorded.y_label,
@@ -379,36 +386,36 @@ def _telltale(seen: _Seen, effect: Effect) -> Iterator[Picture]:
     )
 
 
-def _points(seen_telltale: Telltale) -> Iterator[Drawn]:
-    if seen_telltale.joined:
-        yield Drawn("mv", "recorded", seen_telltale.x, seen_telltale.y)
+def _points(seen_signature: EffectSignature) -> Iterator[PlottedLine]:
+    if seen_signature.joined:
+        yield PlottedLine("mv", "recorded", seen_signature.x, seen_signature.y)
         return
-    stride = -(-seen_telltale.x.size // MOST_POINTS)
-    kept_points = np.arange(0, seen_telltale.x.size, stride)
+    stride = -(-seen_signature.x.size // MOST_POINTS)
+    kept_points = np.arange(0, seen_signature.x.size, stride)
     for kind, name, group in (
-        ("mv", seen_telltale.groups[0], seen_telltale.rising),
-        ("pv", seen_telltale.groups[1], ~seen_telltale.rising),
+        ("mv", seen_signature.groups[0], seen_signature.rising),
+        ("pv", seen_signature.groups[1], ~seen_signature.rising),
     ):
         chosen = kept_points[group[kept_points]]
         if chosen.size:
-            yield Drawn(
+            yield PlottedLine(
                 kind,
                 f"recorded, {name}",
-                seen_telltale.x[chosen],
-                seen_telltale.y[chosen],
+                seen_signature.x[chosen],
+                seen_signature.y[chosen],
                 dots=True,
             )
 
 
-def _course(seen_telltale: Telltale, reference: Telltale) -> tuple[Floats, Floats]:
+def _course(seen_signature: EffectSignature, reference: EffectSignature) -> tuple[Floats, Floats]:
     """Medians of a cloud over even parts of what the recording covers."""
-    if seen_telltale.joined:
-        return seen_telltale.x, seen_telltale.y
+    if seen_signature.joined:
+        return seen_signature.x, seen_signature.y
     edges = np.linspace(*_bulk(reference.x), BINS + 1)
-    bin_of_point = np.digitize(seen_telltale.x, edges) - 1
+    bin_of_point = np.digitize(seen_signature.x, edges) - 1
     x, y = 0.5 * (edges[1:] + edges[:-1]), np.full(BINS, np.nan)
     for k in range(BINS):
-        in_bin = seen_telltale.y[bin_of_point == k]
+        in_bin = seen_signature.y[bin_of_point == k]
         if in_bin.size >= FEWEST_IN_BIN:
             y[k] = np.median(in_bin)
     return x, y

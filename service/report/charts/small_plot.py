@@ -22,7 +22,7 @@ _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 @dataclass(frozen=True)
-class Drawn:
+class PlottedLine:
     """One line or cloud: ``kind`` is its class in the style sheet; ``label`` stands in the legend
     unless it is empty. ``dots`` are points instead of a line."""
 
@@ -50,7 +50,7 @@ class SmallPlot:
     x_label: str
     y_label: str
     description: str
-    lines: Sequence[Drawn]
+    lines: Sequence[PlottedLine]
     notes: Sequence[Note] = ()
     equal: bool = False  # one percent is as long along both axes
     width: int = WIDTH
@@ -173,7 +173,7 @@ def _equal(
     return x_low, x_high, y_low - margin, y_high + margin
 
 
-def _line(line: Drawn, x: Floats, y: Floats) -> Markup:
+def _line(line: PlottedLine, x: Floats, y: Floats) -> Markup:
     finite = np.isfinite(x) & np.isfinite(y)
     if line.dots:
         path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[finite], y[finite], strict=True))

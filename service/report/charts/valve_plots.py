@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stemwatch.models.oscillation_groups.plant_groups import LoopWaves, waves_of
+from stemwatch.models.oscillation_groups.plant_groups import ThinnedLoop, thinned_loop
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
@@ -27,13 +27,13 @@ class ValvePlots:
     """The plots of a valve; ``None`` for one that has nothing to draw.
 
     ``overlay`` is drawn where something was left out; else the chart says it all. ``pictures`` are
-    what the store keeps as well. ``waves`` is what all loops of the run are compared by.
+    what the store keeps as well. ``thinned_loop`` is what all loops of the run are compared by.
     """
 
     chart: Chart | None
     overlay: Chart | None
     pictures: WindowPictures = field(default_factory=WindowPictures)
-    waves: LoopWaves | None = None
+    thinned_loop: ThinnedLoop | None = None
 
 
 def plots_of(screening: Screening) -> ValvePlots:
@@ -44,15 +44,15 @@ def plots_of(screening: Screening) -> ValvePlots:
         chart=chart_of(screening),
         overlay=overlay_of(screening.recording, mismatch.runs) if mismatch and left_out else None,
         pictures=window_pictures(screening),
-        waves=_waves(screening),
+        thinned_loop=_thinned_loop(screening),
     )
 
 
-def _waves(screening: Screening) -> LoopWaves | None:
+def _thinned_loop(screening: Screening) -> ThinnedLoop | None:
     if screening.recording is None:
         return None
     sticks = {Verdict.STICKY: True, Verdict.HEALTHY: False}.get(screening.verdict)
-    return waves_of(screening.recording, sticks)
+    return thinned_loop(screening.recording, sticks)
 
 
 def plots_instead_of_samples(screening: Screening) -> tuple[Screening, ValvePlots]:

@@ -15,7 +15,7 @@ import numpy as np
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
-from stemwatch.service.report.charts.small_plot import Drawn, Note, SmallPlot
+from stemwatch.service.report.charts.small_plot import Note, PlottedLine, SmallPlot
 from stemwatch.service.report.charts.thinning import telling_samples
 from stemwatch.service.report.charts.traces import packed, unpacked
 from stemwatch.service.report.charts.typical_stretch import typical_stretch
@@ -75,8 +75,8 @@ def before_and_after(before: WindowLoop, after: WindowLoop) -> SmallPlot:
         y_label="MV, %",
         description="MV against OP in the window before the work and in the latest one after it.",
         lines=[
-            Drawn(BEFORE, "before the work", before.op, before.mv, dashed=True),
-            Drawn(AFTER, "after it", after.op, after.mv),
+            PlottedLine(BEFORE, "before the work", before.op, before.mv, dashed=True),
+            PlottedLine(AFTER, "after it", after.op, after.mv),
         ],
         equal=True,
         height=320,
@@ -150,7 +150,7 @@ def _picture(as_json: dict[str, Any]) -> Picture:
         limits=None if limits is None else (limits[0], limits[1], limits[2], limits[3]),
         legend=as_json["legend"],
         lines=tuple(
-            Drawn(
+            PlottedLine(
                 line["kind"],
                 line["label"],
                 unpacked(line["x"]),

@@ -7,7 +7,7 @@
   var rows = Array.prototype.slice.call(body.rows);
   var heads = Array.prototype.slice.call(table.tHead.rows[0].cells);
   var find = document.getElementById("find");
-  var area = document.getElementById("area");
+  var levels = Array.prototype.slice.call(document.querySelectorAll("select.level"));
   var ticks = Array.prototype.slice.call(document.querySelectorAll('input[name="verdict"]'));
   var words = new Map(rows.map(function (row) {
     return [row, ["c-valve", "c-area"].map(function (name) {
@@ -50,7 +50,7 @@
     var text = find.value.trim().toLowerCase();
     var verdicts = ticks.filter(function (one) { return one.checked; });
     return words.get(row).indexOf(text) >= 0 &&
-      (!area || !area.value || row.dataset.area === area.value) &&
+      levels.every(function (one) { return !one.value || row.dataset[one.id] === one.value; }) &&
       verdicts.some(function (one) { return one.value === row.dataset.verdict; });
   }
 
@@ -69,7 +69,7 @@
 
   function clear() {
     find.value = "";
-    if (area) area.value = "";
+    levels.forEach(function (one) { one.value = ""; });
     ticks.forEach(function (one) { one.checked = true; });
     filter();
   }

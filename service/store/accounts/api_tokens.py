@@ -11,6 +11,7 @@ from stemwatch.service.store.accounts.records import ApiToken, Scope
 from stemwatch.service.store.accounts.tables import TokenRow, UserRow
 from stemwatch.service.store.accounts.users import user_of
 from stemwatch.service.store.database.transactions import Transactions
+from stemwatch.service.store.storable import from_row
 
 
 class ApiTokens:
@@ -87,14 +88,6 @@ def _with_user() -> Select[TokenRow, UserRow]:
 
 
 def _token_of(row: TokenRow, user: UserRow) -> ApiToken:
-    return ApiToken(
-        id=row.id,
-        user=user_of(user),
-        name=row.name,
-        begins=row.begins,
-        scopes=tuple(Scope(scope) for scope in row.scopes),
-        created=row.created,
-        expires=row.expires,
-        last_used=row.last_used,
-        revoked=row.revoked,
+    return from_row(
+        ApiToken, row, user=user_of(user), scopes=tuple(Scope(scope) for scope in row.scopes)
     )

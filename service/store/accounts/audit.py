@@ -10,6 +10,7 @@ from sqlalchemy import select
 from stemwatch.service.store.accounts.records import AuditEntry, AuditOutcome, StoredAuditEntry
 from stemwatch.service.store.accounts.tables import AuditRow
 from stemwatch.service.store.database.transactions import Transactions
+from stemwatch.service.store.storable import from_row
 
 LONGEST = 500  # characters of a field: texts from outside must not fill the database
 
@@ -75,14 +76,4 @@ class AuditLog:
 
 
 def _entry_of(row: AuditRow) -> StoredAuditEntry:
-    return StoredAuditEntry(
-        id=row.id,
-        at=row.at,
-        who=row.who,
-        how=row.how,
-        address=row.address,
-        action=row.action,
-        about=row.about,
-        outcome=AuditOutcome(row.outcome),
-        detail=row.detail,
-    )
+    return from_row(StoredAuditEntry, row, outcome=AuditOutcome(row.outcome))

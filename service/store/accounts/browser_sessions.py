@@ -10,6 +10,7 @@ from stemwatch.service.store.accounts.records import WebSession
 from stemwatch.service.store.accounts.tables import SessionRow, UserRow
 from stemwatch.service.store.accounts.users import user_of
 from stemwatch.service.store.database.transactions import Transactions
+from stemwatch.service.store.storable import from_row
 
 
 class WebSessions:
@@ -97,12 +98,4 @@ def _with_user() -> Select[SessionRow, UserRow]:
 
 
 def _session_of(row: SessionRow, user: UserRow) -> WebSession:
-    return WebSession(
-        digest=row.digest,
-        user=user_of(user),
-        created=row.created,
-        seen=row.seen,
-        expires=row.expires,
-        address=row.address,
-        agent=row.agent,
-    )
+    return from_row(WebSession, row, user=user_of(user))

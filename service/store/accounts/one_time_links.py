@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from stemwatch.service.store.accounts.records import OneTimeLink, OneTimeLinkKind, UserRole
 from stemwatch.service.store.accounts.tables import LinkRow
 from stemwatch.service.store.database.transactions import Transactions
+from stemwatch.service.store.storable import from_row
 
 
 class AccessLinks:
@@ -98,15 +99,4 @@ def _open(now: datetime) -> tuple[ColumnElement[bool], ...]:
 
 
 def _link_of(row: LinkRow) -> OneTimeLink:
-    return OneTimeLink(
-        id=row.id,
-        kind=OneTimeLinkKind(row.kind),
-        role=UserRole(row.role),
-        user_id=row.user_id,
-        note=row.note,
-        created=row.created,
-        created_by=row.created_by,
-        expires=row.expires,
-        used=row.used,
-        revoked=row.revoked,
-    )
+    return from_row(OneTimeLink, row, kind=OneTimeLinkKind(row.kind), role=UserRole(row.role))

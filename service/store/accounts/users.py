@@ -14,7 +14,7 @@ from stemwatch.service.store.accounts.tables import LinkRow, SessionRow, UserRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.storable import clean_text
+from stemwatch.service.store.storable import clean_text, from_row
 
 
 class NameTaken(StoreError):
@@ -135,16 +135,7 @@ class Accounts:
 
 def user_of(row: UserRow) -> User:
     """The row as a ``User``."""
-    return User(
-        id=row.id,
-        name=row.name,
-        role=UserRole(row.role),
-        created=row.created,
-        created_by=row.created_by,
-        password_changed=row.password_changed,
-        last_login=row.last_login,
-        disabled=row.disabled,
-    )
+    return from_row(User, row, role=UserRole(row.role))
 
 
 def _by_name(session: Session, name: str) -> UserRow | None:

@@ -20,8 +20,8 @@ from stemwatch.service.store.administration.schema import (
 )
 from stemwatch.service.store.database.engine import existing_engine
 from stemwatch.service.store.database_url import DatabaseUrl
+from stemwatch.service.store.migrations import views_v1, views_v2
 from stemwatch.service.store.migrations.migrate import newest_revision
-from stemwatch.service.store.migrations.views_v1 import NAMES as VIEWS
 from stemwatch.service.store.samples import partitions
 from stemwatch.service.store.samples.partitions import SampleLayout
 
@@ -136,7 +136,9 @@ def _orphans(connection: Connection, schema: DatabaseSchema) -> Iterator[str]:
 
 def _views(connection: Connection, schema: DatabaseSchema, newest: str) -> Iterator[str]:
     if schema.revision == newest:
-        missing = sorted(set(VIEWS) - set(inspect(connection).get_view_names()))
+        missing = sorted(
+            set(views_v1.NAMES + views_v2.NAMES) - set(inspect(connection).get_view_names())
+        )
         if missing:
             yield f"views are missing: {', '.join(missing)}; `db downgrade 0004`, then `db upgrade`"
 

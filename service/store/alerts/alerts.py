@@ -15,17 +15,22 @@ from typing import Any
 from sqlalchemy import ColumnElement, func, or_, select, update
 from sqlalchemy.orm import Session
 
+from stemwatch.service.presenter.plant_path import WHOLE_PLANT, PartOfPlant
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
+from stemwatch.service.store.screenings.ranking import in_part
 from stemwatch.service.store.screenings.screenings import ensure_valve
+from stemwatch.service.store.screenings.tables import ValveRow
+from stemwatch.service.store.storable import from_row
 
 
 class AlertKind(StrEnum):
     """What an alert is about."""
 
     STICKY = "sticky"  # the verdict became sticky
+    FORESEEN = "foreseen"  # S will probably reach the limit of sticky within some weeks
     GROWN = "grown"  # S is significantly larger than in the baseline's window
     BASELINE = "baseline"  # MV no longer follows the baseline network
     MISMATCH = "mismatch"  # an effect beside S and J was named
@@ -147,12 +152,22 @@ class Alerts:
             return stored_alert(_row(session, alert))
 
     def in_state(
-        self, state: str, now: datetime, *, valve: str | None = None, limit: int = MOST_ALERTS
+        self,
+        state: str,
+        now: datetime,
+        *,
+        valve: str | None = None,
+        part: PartOfPlant = WHOLE_PLANT,
+        limit: int = MOST_ALERTS,
     ) -> list[StoredAlert]:
-        """The newest ``limit`` alerts in one of ``STATES``; those not closed sorted by urgency."""
+        """The newest ``limit`` alerts in one of ``STATES``; those not closed sorted by urgency.
+        With ``part`` only those about one of its valves."""
         statement = select(AlertRow).where(*_in_state(state, now))
         if valve is not None:
             statement = statement.where(AlertRow.valve == valve)
+        if part:
+            of_part = select(ValveRow.id).where(*in_part(part))
+            statement = statement.where(AlertRow.valve.in_(of_part))
         newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
         with self._transactions.reading() as session:
             alerts = [stored_alert(row) for row in session.scalars(newest)]
@@ -249,27 +264,8 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
 
 def stored_alert(row: AlertRow) -> StoredAlert:
     """The row as a ``StoredAlert``."""
-    return StoredAlert(
-        id=row.id,
-        cause=row.cause,
-        kind=AlertKind(row.kind),
-        severity=AlertSeverity(row.severity),
-        text=row.text,
-        valve=row.valve,
-        source=row.source,
-        run_id=row.run_id,
-        evidence=row.evidence,
-        opened=row.opened,
-        seen=row.seen,
-        closed=row.closed,
-        closed_why=row.closed_why,
-        acknowledged=row.acknowledged,
-        acknowledged_by=row.acknowledged_by,
-        comment=row.comment,
-        snoozed_until=row.snoozed_until,
-        snoozed_by=row.snoozed_by,
-        false_alarm=row.false_alarm,
-        told=row.told,
+    return from_row(
+        StoredAlert, row, kind=AlertKind(row.kind), severity=AlertSeverity(row.severity)
     )
 
 

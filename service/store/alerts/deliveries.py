@@ -18,6 +18,7 @@ from stemwatch.service.store.alerts.alerts import StoredAlert, stored_alert
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions, database_now
+from stemwatch.service.store.storable import from_row
 
 CLAIM = timedelta(minutes=5)  # no notifier takes longer to send one message
 LONGEST_WAIT = timedelta(hours=1)  # between two attempts
@@ -134,15 +135,4 @@ class Deliveries:
 
 
 def _stored(row: DeliveryRow) -> StoredDelivery:
-    return StoredDelivery(
-        id=row.id,
-        notifier=row.notifier,
-        key=row.key,
-        message=row.message,
-        created=row.created,
-        attempts=row.attempts,
-        next_try=row.next_try,
-        sent=row.sent,
-        given_up=row.given_up,
-        error=row.error,
-    )
+    return from_row(StoredDelivery, row)

@@ -13,6 +13,7 @@ from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.runs.schedule import ScreeningSchedule
 from stemwatch.service.store.runs.tables import ScheduleRow
+from stemwatch.service.store.storable import from_row
 
 FROM_FILE, FROM_BROWSER = "plant.toml", "browser"  # where a schedule comes from
 
@@ -107,22 +108,15 @@ def _columns(schedule: ScreeningSchedule, origin: str) -> dict[str, object]:
         "jitter_s": schedule.jitter_s,
         "window_s": schedule.window_s,
         "areas": list(schedule.areas),
+        "units": list(schedule.units),
         "valves": list(schedule.valves),
         "enabled": schedule.enabled,
     }
 
 
 def _stored(row: ScheduleRow) -> StoredSchedule:
-    schedule = ScreeningSchedule(
-        name=row.name,
-        cron=row.cron,
-        every_s=row.every_s,
-        jitter_s=row.jitter_s,
-        window_s=row.window_s,
-        areas=tuple(row.areas),
-        valves=tuple(row.valves),
-        enabled=row.enabled,
-    )
+    lists = {name: tuple(getattr(row, name)) for name in ("areas", "units", "valves")}
+    schedule = from_row(ScreeningSchedule, row, **lists)
     return StoredSchedule(
         schedule=schedule,
         origin=row.origin,

@@ -34,8 +34,8 @@ class RunValveRow(TableBase):
 class ScheduleRow(TableBase):
     """A schedule, of the plant file or made on the pages.
 
-    ``cron`` or ``every_s``; empty ``areas`` and ``valves`` mean all. ``last_due`` is the last
-    instant that was queued or noted as missed.
+    ``cron`` or ``every_s``; empty ``areas``, ``units`` and ``valves`` mean all. ``last_due`` is the
+    last instant that was queued or noted as missed.
     """
 
     __tablename__ = "schedules"
@@ -47,6 +47,7 @@ class ScheduleRow(TableBase):
     jitter_s: Mapped[float]
     window_s: Mapped[float | None]
     areas: Mapped[list[str]]
+    units: Mapped[list[str]] = mapped_column(server_default="[]")
     valves: Mapped[list[str]]
     enabled: Mapped[bool]
     created: Mapped[datetime]

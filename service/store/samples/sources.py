@@ -11,6 +11,7 @@ from sqlalchemy import select
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.samples.tables import SourceStateRow, TakenFileRow
+from stemwatch.service.store.storable import from_row
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,12 +110,4 @@ class Sources:
 
 
 def _file(row: TakenFileRow) -> TakenFile:
-    return TakenFile(
-        digest=row.digest,
-        name=row.name,
-        source=row.source,
-        accepted=row.accepted,
-        samples=row.samples,
-        note=row.note,
-        taken=row.taken,
-    )
+    return from_row(TakenFile, row)

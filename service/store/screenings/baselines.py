@@ -15,6 +15,7 @@ from stemwatch.service.store.screenings.tables import (
     RemarkRow,
     ValveRow,
 )
+from stemwatch.service.store.storable import from_row
 
 BASELINE = "baseline"
 FITTED = "fitted"
@@ -92,4 +93,4 @@ def _first_maintenance(session: Session, valve: str, since: datetime) -> Remark 
 
 
 def _remark(row: RemarkRow) -> Remark:
-    return Remark(valve=row.valve, at=row.at, note=row.note, who=row.who)
+    return from_row(Remark, row)

@@ -20,6 +20,7 @@ from stemwatch.service.store.screenings.named_effects import (
     remark_of,
 )
 from stemwatch.service.store.screenings.tables import FeedbackRow, ScreeningRow
+from stemwatch.service.store.storable import from_row
 
 MOST_SHOWN = 500
 
@@ -120,19 +121,13 @@ def count_effects(labels: Sequence[Feedback]) -> Mapping[str, Mapping[Judgement,
 
 
 def _feedback(row: FeedbackRow) -> Feedback:
-    return Feedback(
-        id=row.id,
-        valve=row.valve,
-        at=row.at,
+    return from_row(
+        Feedback,
+        row,
         judgement=Judgement(row.judgement),
-        found=row.found,
-        who=row.who,
-        screened=row.screened,
         window=(row.window_start, row.window_end),
-        source=row.source,
         verdict=Verdict(row.verdict),
         effects=tuple(row.effects),
         S=row.s_percent,
         J=row.j_percent,
-        software_version=row.software_version,
     )

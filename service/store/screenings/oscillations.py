@@ -18,6 +18,7 @@ from stemwatch.models.oscillation_groups.over_windows import (
 )
 from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
 from stemwatch.service.store.screenings.tables import OscillationRow, ScreeningRow
+from stemwatch.service.store.storable import from_row
 
 SHOWN_DAYS = 30
 
@@ -162,20 +163,14 @@ def _row(run_id: int, follows: int | None, group: OscillationGroup) -> Oscillati
 def _group(row: OscillationRow, pictures: bool = False) -> OscillationGroup:
     of_members = (row.members[key] for key in ("loops", "shares", "probabilities", "evidence"))
     pictures_stored = row.pictures if pictures else {"strength": (), "periods_s": (), "spectra": ()}
-    return OscillationGroup(
-        period_s=row.period_s,
+    return from_row(
+        OscillationGroup,
+        row,
         members=tuple(
             GroupMember(loop=loop, share=share, probability=probability, evidence=tuple(evidence))
             for loop, share, probability, evidence in zip(*of_members, strict=True)
         ),
-        outside=row.outside,
-        regularity=row.regularity,
-        start=row.start,
-        duration_s=row.duration_s,
-        since=row.since,
         strength=tuple(pictures_stored["strength"]),
         periods_s=tuple(pictures_stored["periods_s"]),
         spectra=tuple(tuple(powers) for powers in pictures_stored["spectra"]),
-        windows=row.windows,
-        first_found=row.first_found,
     )

@@ -19,6 +19,14 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import WORST_FIRST, Shape, Verdict
+from stemwatch.service.presenter.plant_path import (
+    LEVELS,
+    PartOfPlant,
+    PlantPath,
+    UnknownPart,
+    levels_of,
+    names_by_level,
+)
 from stemwatch.service.presenter.wording import finite
 from stemwatch.service.presenter.work_decision import (
     STATE_OF,
@@ -36,7 +44,10 @@ from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 PAGE = 50
 MOST_PAGE = 500
 NOT_SCREENED = "none"
-SORTS = ("rank", "valve", "area", "criticality", "S", "J", "severity", "confidence", "at", "grade")
+SORTS = (
+    *("rank", "valve", "area", "unit", "criticality", "S", "J", "severity", "confidence", "at"),
+    "grade",
+)
 # Columns that are sorted with the largest value first by default.
 LARGEST_FIRST = ("criticality", "S", "J", "severity", "confidence", "at")
 
@@ -46,7 +57,9 @@ class RankingFilter:
     """Which valves, in which order. Empty filters keep everything; ``page`` counts from 1."""
 
     text: str = ""
+    sites: tuple[str, ...] = ()
     areas: tuple[str, ...] = ()
+    units: tuple[str, ...] = ()
     verdicts: tuple[str, ...] = ()  # of ``Verdict``, or "none": not screened yet
     criticalities: tuple[int, ...] = ()
     sort: str = "rank"
@@ -54,16 +67,20 @@ class RankingFilter:
     page: int = 1
     size: int = PAGE
 
+    @property
+    def part(self) -> PartOfPlant:
+        """The sites, areas and units."""
+        return PartOfPlant(sites=self.sites, areas=self.areas, units=self.units)
+
 
 @dataclass(frozen=True, kw_only=True)
-class RankingLine:
+class RankingLine(PlantPath):
     """A valve in the ranking. ``verdict`` is on the valve, ``stem_verdict`` by S and J alone, both
     ``None`` where it has not been screened. ``confidence`` is that in ``stem_verdict``."""
 
     place: int
     valve: str
     description: str
-    area: str
     criticality: int
     verdict: Verdict | None
     stem_verdict: Verdict | None
@@ -98,8 +115,17 @@ class RankingPage:
     counts: Mapping[str, int]
     states: Mapping[WorkState, int]
     total: int
-    areas: tuple[str, ...]
+    levels: Mapping[str, tuple[str, ...]]  # the names of sites, areas and units that there are
     largest_percent: float  # the largest S or J of all filtered valves, the scale of the bars
+
+    def unknown(self, ranking_filter: RankingFilter) -> str:
+        """Which site, area or unit of the filter there is not, with those there are; empty where
+        each is there."""
+        try:
+            ranking_filter.part.check(self.levels)
+        except UnknownPart as error:
+            return str(error)
+        return ""
 
 
 def _joined(*columns: Any, until: datetime | None = None) -> Select[Any]:
@@ -111,10 +137,9 @@ def _conditions(ranking_filter: RankingFilter) -> list[ColumnElement[bool]]:
     """All filters except that by verdict, which is applied after the verdicts are counted."""
     conditions: list[ColumnElement[bool]] = []
     for word in ranking_filter.text.split():
-        named = (ValveRow.id, ValveRow.description, ValveRow.area)
+        named = (ValveRow.id, ValveRow.description, *(getattr(ValveRow, one) for one in LEVELS))
         conditions.append(or_(*(column.icontains(word, autoescape=True) for column in named)))
-    if ranking_filter.areas:
-        conditions.append(ValveRow.area.in_(ranking_filter.areas))
+    conditions += in_part(ranking_filter.part)
     if ranking_filter.criticalities:
         conditions.append(ValveRow.criticality.in_(ranking_filter.criticalities))
     return conditions
@@ -146,6 +171,7 @@ def _deciding() -> tuple[Any, ...]:
 _SORTED_IN_SQL: dict[str, Any] = {
     "valve": ValveRow.id,
     "area": ValveRow.area,
+    "unit": ValveRow.unit,
     "criticality": ValveRow.criticality,
     "S": ScreeningRow.s_percent,
     "J": ScreeningRow.j_percent,
@@ -207,7 +233,7 @@ def _in_order(
 _COLUMNS = (
     ValveRow.id,
     ValveRow.description,
-    ValveRow.area,
+    *(getattr(ValveRow, level) for level in LEVELS),
     ValveRow.criticality,
     ScreeningRow.id.label("screening_id"),
     ScreeningRow.verdict,
@@ -259,7 +285,7 @@ def read_ranking(session: Session, ranking_filter: RankingFilter) -> RankingPage
         counts=counts,
         states=states,
         total=len(chosen),
-        areas=read_areas(session),
+        levels=read_levels(session),
         largest_percent=largest,
     )
 
@@ -292,15 +318,21 @@ def _lines(
     )
 
 
-def read_areas(session: Session) -> tuple[str, ...]:
-    """The areas that valves are in, by name."""
-    areas = session.scalars(select(ValveRow.area).distinct().order_by(ValveRow.area))
-    return tuple(area for area in areas if area)
+def in_part(part: PartOfPlant) -> list[ColumnElement[bool]]:
+    """The conditions for a row of valves to be in ``part``."""
+    return [getattr(ValveRow, level).in_(names) for level, names in part.asked.items()]
 
 
-def read_valves_in(session: Session, area: str) -> list[str]:
-    """The valves of one area, by id."""
-    query = select(ValveRow.id).where(ValveRow.area == area).order_by(ValveRow.id)
+def read_levels(session: Session) -> dict[str, tuple[str, ...]]:
+    """The sites, areas and units that valves are in, by name."""
+    columns = (getattr(ValveRow, level) for level in LEVELS)
+    rows = session.execute(select(*columns).distinct())
+    return names_by_level(PlantPath(**dict(zip(LEVELS, row, strict=True))) for row in rows)
+
+
+def read_valves_in(session: Session, part: PartOfPlant) -> list[str]:
+    """The valves of a part of the plant, by id."""
+    query = select(ValveRow.id).where(*in_part(part)).order_by(ValveRow.id)
     return list(session.scalars(query))
 
 
@@ -311,7 +343,7 @@ def _line(row: Any, rank: int, severity: float, previous: PreviousFinding | None
         place=rank,
         valve=row.id,
         description=row.description,
-        area=row.area,
+        **levels_of(row),
         criticality=row.criticality,
         verdict=None if stem is None else overall_verdict(stem, named=bool(defects)),
         stem_verdict=stem,

@@ -10,16 +10,18 @@ from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening_result import DataQuality, Residual
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
+from stemwatch.service.presenter.plant_path import HasPath, PlantPath, levels_of
 
 UtcWindow = tuple[datetime | None, datetime | None]  # start and end, where known
 
 
-class DescribedValve(Protocol):
+class DescribedValve(HasPath, Protocol):
     """A valve's description as the store needs it; the plant file's ``Valve`` fulfils it."""
 
     @property
@@ -27,19 +29,26 @@ class DescribedValve(Protocol):
     @property
     def description(self) -> str: ...
     @property
-    def area(self) -> str: ...
-    @property
     def criticality(self) -> int: ...
 
 
 @dataclass(frozen=True, kw_only=True)
-class StoredValve:
+class StoredValve(PlantPath):
     """A valve; ``criticality`` 1 to 3, 3 the valve the plant can least do without."""
 
     id: str
     description: str = ""
-    area: str = ""
     criticality: int = 2
+
+    @classmethod
+    def of(cls, valve: DescribedValve) -> StoredValve:
+        """What the plant file says of ``valve``."""
+        return cls(
+            id=valve.id,
+            description=valve.description,
+            criticality=valve.criticality,
+            **levels_of(valve),
+        )
 
 
 class RunState(StrEnum):
@@ -143,6 +152,7 @@ class StoredScreening:
     seconds: float
     baseline_id: int | None = None
     without_position: WithoutPosition | None = None
+    histograms: PositionHistograms | None = None
     mismatch: Mismatch | None = None
     held_back: str = ""
     confirmed: tuple[str, ...] | None = None

@@ -53,6 +53,7 @@ def screening_of(
         provenance=stored.provenance,
         mismatch=stored.mismatch,
         without_position=stored.without_position,
+        histograms=stored.histograms,
         stroke_curve=None if stored.mismatch is None else stored.mismatch.stroke_curve,
         seconds=stored.seconds,
         stored_window=stored.window,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import PERCENT, Provenance
 from stemwatch.models.screening_result import DataQuality, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
@@ -22,7 +24,7 @@ from stemwatch.service.store.screenings.records import (
     StoredValve,
 )
 from stemwatch.service.store.screenings.tables import RunRow, ScreeningRow, ValveRow
-from stemwatch.service.store.storable import clean_text, finite
+from stemwatch.service.store.storable import clean_text, finite, from_row
 
 
 def window_key(screening: Screening) -> str:
@@ -66,6 +68,7 @@ def screening_columns(screening: Screening, now: datetime) -> dict[str, Any]:
         "decisions": list(screening.provenance.decisions),
         "seconds": finite(screening.seconds) or 0.0,
         "without_position": _without_position_json(screening.without_position),
+        "histograms": None if screening.histograms is None else asdict(screening.histograms),
         **_mismatch_columns(screening),
     }
 
@@ -91,41 +94,36 @@ def indicator_columns(
 
 def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> StoredScreening:
     """The row as ``StoredScreening``; ``with_mismatch=False`` saves time for thousands of rows."""
-    return StoredScreening(
-        id=row.id,
-        valve=row.valve,
-        run_id=row.run_id,
+    return from_row(
+        StoredScreening,
+        row,
         window=(row.window_start, row.window_end),
-        at=row.at,
         verdict=Verdict(row.verdict),
-        reason=row.reason,
-        advice=row.advice,
         shape=None if row.shape is None else Shape(row.shape),
-        severity=row.severity,
-        confidence=row.confidence,
         S=_estimate(row.s_percent, row.s_low_percent, row.s_high_percent, row.s_reason),
         J=_estimate(row.j_percent, row.j_low_percent, row.j_high_percent, row.j_reason),
         residuals={name: _residual(stored) for name, stored in row.residuals.items()},
         quality=DataQuality(grade=row.grade, reasons=tuple(row.grade_reasons)),
         still_seen=tuple(row.still_seen),
-        baseline_note=row.baseline_note,
         provenance=_provenance(row),
-        software_version=row.software_version,
-        settings_digest=row.settings_digest,
-        seconds=row.seconds,
-        baseline_id=row.baseline_id,
         without_position=_without_position(row.without_position),
+        histograms=_histograms(row.histograms),
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
         held_back=remark_of(row.mismatch) if with_mismatch else "",
         confirmed=confirmed_of(row.evidence),
     )
 
 
+def _histograms(stored: Any) -> PositionHistograms | None:
+    if not isinstance(stored, dict):
+        return None
+    lists = {name: tuple(kept) for name, kept in stored.items() if isinstance(kept, list)}
+    return PositionHistograms(**stored | lists)
+
+
 def stored_valve(row: ValveRow) -> StoredValve:
     """The row as ``StoredValve``."""
-    return StoredValve(
-        id=row.id, description=row.description, area=row.area, criticality=row.criticality
-    )
+    return StoredValve.of(row)
 
 
 def _mismatch_columns(screening: Screening) -> dict[str, Any]:
@@ -228,25 +226,11 @@ def _number(stored: float | None) -> float:
 
 def stored_run(run: RunRow) -> StoredRun:
     """The row as ``StoredRun``."""
-    return StoredRun(
-        id=run.id,
-        started=run.started,
-        finished=run.finished,
-        command=run.command,
-        software_version=run.software_version,
-        settings_digest=run.settings_digest,
+    return from_row(
+        StoredRun,
+        run,
         counts={Verdict(verdict): count for verdict, count in run.counts.items()},
         state=RunState(run.state),
-        schedule=run.schedule,
-        due=run.due,
         window=(run.window_start, run.window_stop),
         asked=tuple(run.asked or ()),
-        who=run.who,
-        total=run.total,
-        done=run.done,
-        set_aside=run.set_aside,
-        heartbeat=run.heartbeat,
-        cancel_asked_by=run.cancel_asked_by,
-        reason=run.reason,
-        report=run.report,
     )

@@ -12,6 +12,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, undefer
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.plant_path import LEVELS, levels_of
 from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.errors import StoreError
@@ -61,7 +62,7 @@ def write_screening(
 
 def ensure_valve(session: Session, valve: str) -> None:
     """Add a row for the valve where there is none; an existing one is not changed."""
-    values = {"id": valve, "description": "", "area": "", "criticality": 2}
+    values = {"id": valve, "description": "", "criticality": 2, **dict.fromkeys(LEVELS, "")}
     session.execute(upsert(session, ValveRow, [values], ("id",), update=False))
 
 
@@ -71,8 +72,8 @@ def write_valves(session: Session, valves: Iterable[DescribedValve]) -> None:
         valve.id: {
             "id": valve.id,
             "description": valve.description,
-            "area": valve.area,
             "criticality": valve.criticality,
+            **levels_of(valve),
         }
         for valve in valves
     }

@@ -23,6 +23,10 @@ class ValveRow(TableBase):
     description: Mapped[str] = mapped_column(default="")
     area: Mapped[str] = mapped_column(default="")
     criticality: Mapped[int] = mapped_column(default=2)
+    # The other levels of its path by ISA-95.
+    site: Mapped[str] = mapped_column(default="", server_default="")
+    unit: Mapped[str] = mapped_column(default="", server_default="")
+    loop: Mapped[str] = mapped_column(default="", server_default="")
 
 
 class RunRow(TableBase):
@@ -115,6 +119,7 @@ class ScreeningRow(TableBase):
     mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, strongest first
     mismatch: Mapped[dict[str, Any] | None]  # without samples
     without_position: Mapped[dict[str, Any] | None]  # what OP and PV alone say
+    histograms: Mapped[dict[str, Any] | None]  # where the stem stood, travelled and turned round
     # What it adds to the evidence of many windows; short, since weeks of it are read at once.
     evidence: Mapped[dict[str, Any] | None] = mapped_column(deferred=True)
 

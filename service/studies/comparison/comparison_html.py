@@ -5,8 +5,6 @@ One file that loads nothing; its policy allows exactly the scripts that are in i
 
 from __future__ import annotations
 
-import base64
-import hashlib
 from importlib.resources import files
 from typing import Any
 
@@ -16,6 +14,7 @@ from markupsafe import Markup
 
 from stemwatch.models.recording import Floats
 from stemwatch.service.report.charts.thinning import ThinningGrid, lowest_and_highest
+from stemwatch.service.report.html_page import script_policy
 from stemwatch.service.studies.comparison.compare_models import Comparison, ModelRow
 
 SHOWN_FIRST = 3  # models drawn before a reader chooses: the best
@@ -44,7 +43,7 @@ def html_bytes(comparison: Comparison) -> bytes:
         styles=Markup("\n".join(styles)),
         script=Markup(script),
         licence=_text(REPORT, "scripts/vendor/uPlot-LICENSE.txt"),
-        policy=_policy(script),
+        policy=script_policy(script),
         data=_data(comparison),
     )
     return page.encode()
@@ -80,11 +79,3 @@ def _points(values: Floats, grid: ThinningGrid) -> list[float | None]:
 
 def _text(package: str, name: str) -> str:
     return files(package).joinpath(name).read_text("utf-8")
-
-
-def _policy(script: str) -> str:
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return (
-        f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; "
-        "base-uri 'none'; form-action 'none'"
-    )

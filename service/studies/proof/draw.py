@@ -33,17 +33,18 @@ START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 SUFFIX = {Role.OP: "OP", Role.MV: "ZT", Role.PV: "PV", Role.SP: "SP"}
 
 
-def write_case(file: Path, recording: Recording) -> None:
+def write_case(file: Path, recording: Recording, tags: Mapping[Role, str] | None = None) -> None:
     """Time, output, position, process variable and set point in percent, one row a sample.
 
-    Tags are made of the file's name alone, so that they do not reveal the truth. A sample without a
-    value is written as ``Bad``.
+    Without ``tags`` they are made of the file's name alone, so that they do not reveal the truth. A
+    sample without a value is written as ``Bad``.
     """
+    tags = tags or {role: f"{file.stem}.{suffix}" for role, suffix in SUFFIX.items()}
     roles = [role for role in SUFFIX if role in recording.signals]
     columns = [_cells(recording.signals[role].values) for role in roles]
     with file.open("w", encoding="utf-8", newline="") as out:
         writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(["Time", *(f"{file.stem}.{SUFFIX[role]}" for role in roles)])
+        writer.writerow(["Time", *(tags[role] for role in roles)])
         writer.writerow(["", *("%" for _ in roles)])
         writer.writerows(zip(_times(recording.time_s), *columns, strict=True))
 

@@ -11,6 +11,7 @@ from pydantic import AwareDatetime
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.access.permissions import Operation
+from stemwatch.service.presenter.plant_path import PartOfPlant, levels_of
 from stemwatch.service.presenter.work_decision import ne107_word
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
 from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
@@ -29,8 +30,20 @@ Id = Annotated[str, Query(alias="id", min_length=1, max_length=500, description=
 Number = Annotated[int, Query(ge=1, le=LARGEST_NUMBER)]
 Word = Literal["sticky", "defective", "watch", "undetermined", "healthy", "none"]
 Sort = Literal[
-    "rank", "valve", "area", "criticality", "S", "J", "severity", "confidence", "at", "grade"
+    "rank",
+    "valve",
+    "area",
+    "unit",
+    "criticality",
+    "cost",
+    "S",
+    "J",
+    "severity",
+    "confidence",
+    "at",
+    "grade",
 ]
+Names = Annotated[list[str], Query(max_length=100)]
 State = Literal["open", "acknowledged", "snoozed", "closed", "false", "all"]
 
 NEWEST_RUNS = 5  # of which a page notices that something changed
@@ -42,7 +55,9 @@ router = APIRouter(prefix="/api/v1", tags=["read"], responses=shapes.REFUSALS)
 def valves(
     deps: Deps,
     q: Annotated[str, Query(max_length=200, description="in tag, service or area")] = "",
-    area: Annotated[list[str], Query(max_length=100)] = [],  # noqa: B006  # read, never changed
+    site: Names = [],  # noqa: B006  # read, never changed
+    area: Names = [],  # noqa: B006
+    unit: Names = [],  # noqa: B006
     verdict: Annotated[list[Word], Query(max_length=6)] = [],  # noqa: B006
     criticality: Annotated[list[Literal["1", "2", "3"]], Query(max_length=3)] = [],  # noqa: B006
     sort: Sort = "rank",
@@ -50,10 +65,15 @@ def valves(
     page: Annotated[int, Query(ge=1, le=10_000)] = 1,
     size: Annotated[int, Query(ge=1, le=MOST_PAGE)] = PAGE,
 ) -> shapes.RankingAnswer:
-    """The valves with their latest findings, worst first unless asked otherwise."""
+    """The valves with their latest findings, worst first unless asked otherwise.
+
+    A site, area or unit that no valve is in is refused with the names there are.
+    """
     ranking_filter = RankingFilter(
         text=q,
+        sites=tuple(site),
         areas=tuple(area),
+        units=tuple(unit),
         verdicts=tuple(verdict),
         criticalities=tuple(int(level) for level in criticality),
         sort=sort,
@@ -62,6 +82,8 @@ def valves(
         size=size,
     )
     ranked = deps.store.ranking(ranking_filter)
+    if complaint := ranked.unknown(ranking_filter):
+        raise HTTPException(422, complaint)
     lines = [valve_line(line) for line in ranked.lines]
     return shapes.RankingAnswer(
         total=ranked.total, page=page, size=size, counts=dict(ranked.counts), valves=lines
@@ -127,9 +149,15 @@ def oscillations(deps: Deps) -> list[shapes.OscillationAnswer]:
 
 
 @router.get("/alerts")
-def alert_list(deps: Deps, state: State = "open") -> list[shapes.AlertLine]:
-    """Alerts in a state, the newest first."""
-    alerts = deps.store.alerts.in_state(state, deps.now)
+def alert_list(
+    deps: Deps,
+    state: State = "open",
+    area: Names = [],  # noqa: B006
+    unit: Names = [],  # noqa: B006
+) -> list[shapes.AlertLine]:
+    """Alerts in a state, the newest first; with an area or unit those of its valves."""
+    part = PartOfPlant(areas=tuple(area), units=tuple(unit))
+    alerts = deps.store.alerts.in_state(state, deps.now, part=part)
     return [alert_line(alert, deps) for alert in alerts]
 
 
@@ -187,6 +215,7 @@ def schedules(deps: Deps) -> list[shapes.ScheduleAnswer]:
             every_s=schedule.schedule.every_s,
             window_s=schedule.schedule.window_s,
             areas=list(schedule.schedule.areas),
+            units=list(schedule.schedule.units),
             valves=list(schedule.schedule.valves),
             enabled=schedule.schedule.enabled,
             last_due=schedule.last_due,
@@ -214,7 +243,7 @@ def valve_line(line: RankingLine) -> shapes.ValveLine:
     return shapes.ValveLine(
         valve=line.valve,
         description=line.description,
-        area=line.area,
+        **levels_of(line),
         criticality=line.criticality,
         verdict=None if line.verdict is None else line.verdict.value,
         ne107=ne107_word(line.verdict),

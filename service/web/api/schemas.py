@@ -40,7 +40,10 @@ class ValveLine(BaseModel):
 
     valve: str
     description: str
+    site: str
     area: str
+    unit: str
+    loop: str
     criticality: int = Field(description="1 to 3; 3 is what the plant can least do without")
     verdict: str | None = Field(description="sticky, defective, watch, undetermined or healthy")
     ne107: str | None = Field(description="state by NAMUR NE 107; null where undetermined")
@@ -243,13 +246,14 @@ class SourceAnswer(BaseModel):
 
 
 class ScheduleAnswer(BaseModel):
-    """When which valves are screened; no areas and no valves mean all."""
+    """When which valves are screened; no areas, units and valves mean all."""
 
     name: str
     cron: str | None
     every_s: float | None
     window_s: float | None
     areas: list[str]
+    units: list[str]
     valves: list[str]
     enabled: bool
     last_due: datetime | None

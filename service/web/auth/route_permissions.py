@@ -29,6 +29,7 @@ ROUTE_OPERATIONS: Mapping[str, Operation] = MappingProxyType(
         "GET /overview": Operation.READ,
         "GET /valve": Operation.READ,
         "GET /valve/what-if": Operation.READ,
+        "GET /valve/what-if/valve.fmu": Operation.READ,
         "GET /valve/test-plan": Operation.READ,
         "GET /valve/test-plan/sheet": Operation.READ,
         "GET /oscillations": Operation.READ,

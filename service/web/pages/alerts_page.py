@@ -8,6 +8,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from stemwatch.service.presenter.plant_path import PartOfPlant
 from stemwatch.service.store.alerts.alerts import MOST_ALERTS, STATES, state_of
 from stemwatch.service.web.auth.current_user import SignedIn
 from stemwatch.service.web.auth.forms import SentForm
@@ -24,7 +25,8 @@ def alert_list(request: Request, deps: Deps) -> HTMLResponse:
     """Alerts in the state that the address names, the open ones unless it says otherwise."""
     state = request.query_params.get("state", "open")
     state = state if state in STATES else "open"
-    alerts = deps.store.alerts.in_state(state, deps.now)
+    units = tuple(unit for unit in request.query_params.getlist("unit") if unit)
+    alerts = deps.store.alerts.in_state(state, deps.now, part=PartOfPlant(units=units))
     return deps.renderer.page(
         request,
         "alerts_page.html",
@@ -33,6 +35,8 @@ def alert_list(request: Request, deps: Deps) -> HTMLResponse:
         state=state,
         states=STATES,
         alerts=alerts,
+        units=deps.store.levels()["unit"],
+        unit=units[0] if units else "",
         most=MOST_ALERTS,
         state_of=lambda alert: state_of(alert, deps.now),
         back="",

@@ -17,7 +17,7 @@ from stemwatch.service.presenter.stale_data import DueSchedule, SilentSource, st
 from stemwatch.service.presenter.trend_over_weeks import WEEKS
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.change_since_last_run import change_since_last_run
-from stemwatch.service.report.charts.small_plot import Drawn, SmallPlot
+from stemwatch.service.report.charts.small_plot import PlottedLine, SmallPlot
 from stemwatch.service.store.runs.schedules import StoredSchedule
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.records import RunState, StoredRun
@@ -130,7 +130,7 @@ def picture_of(weeks: list[Week]) -> Markup | None:
         description=f"Valves that need work over {len(weeks)} weeks, now "
         f"{weeks[-1].counts.needs_work} of {weeks[-1].counts.valves}.",
         lines=[
-            Drawn(kind, label, days, np.array(counts, dtype=np.float64), dashed=dashed)
+            PlottedLine(kind, label, days, np.array(counts, dtype=np.float64), dashed=dashed)
             for kind, label, counts, dashed in lines
         ],
         limits=(float(days[0]) - 1.0, 1.0, 0.0, 1.08 * top),

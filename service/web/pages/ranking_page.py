@@ -32,6 +32,7 @@ COLUMNS = (
     ("rank", "#"),
     ("valve", "Valve and service"),
     ("area", "Area"),
+    ("unit", "Unit"),
     ("criticality", "Crit."),
     ("severity", "Verdict"),
     ("S", "S, %"),
@@ -59,6 +60,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         here="ranking",
         wanted=ranking_filter,
         ranking=page,
+        unknown=page.unknown(ranking_filter),
         work=WorkCounts.of_states(page.states),
         trends=[
             change_since_last_run(line, line.verdict, line.previous, weeks.get(line.valve))
@@ -84,7 +86,9 @@ def wanted_of(query: QueryParams) -> RankingFilter:
     levels = [text for text in query.getlist("criticality") if text in ("1", "2", "3")]
     return RankingFilter(
         text=query.get("q", "").strip()[:LONGEST_SEARCH],
+        sites=tuple(site for site in query.getlist("site") if site),
         areas=tuple(area for area in query.getlist("area") if area),
+        units=tuple(unit for unit in query.getlist("unit") if unit),
         verdicts=tuple(word for word in query.getlist("verdict") if word in _VERDICTS),
         criticalities=tuple(int(level) for level in levels),
         sort=sort if sort in SORTS else "rank",
@@ -97,7 +101,9 @@ def link(ranking_filter: RankingFilter, **changes: Any) -> str:
     """The address of the ranking with ``changes`` to what is wanted, defaults left out."""
     fields: dict[str, Any] = {
         "q": ranking_filter.text,
+        "site": ranking_filter.sites,
         "area": ranking_filter.areas,
+        "unit": ranking_filter.units,
         "verdict": ranking_filter.verdicts,
         "criticality": ranking_filter.criticalities,
         "sort": "" if ranking_filter.sort == "rank" else ranking_filter.sort,

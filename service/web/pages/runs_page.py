@@ -7,6 +7,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
+from stemwatch.service.presenter.plant_path import PartOfPlant, UnknownPart
 from stemwatch.service.store.screenings.records import RunState, StoredRun
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.auth.current_user import SignedIn
@@ -37,7 +38,7 @@ def run_list(request: Request, deps: Deps) -> HTMLResponse:
         going=[run for run in runs if is_alive(run)],
         over=[run for run in runs if not is_alive(run)],
         schedules=deps.store.schedules.all(),
-        areas=deps.store.areas(),
+        levels=deps.store.levels(),
     )
 
 
@@ -71,13 +72,19 @@ def _report_files(deps: Dependencies, number: int) -> list[str]:
 
 @router.post("/runs/begin")
 def begin(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> RedirectResponse:
-    """Queue a run over one valve, the valves of an area, or all."""
+    """Queue a run over one valve, the valves of an area or unit, or all."""
     valves = [valve for valve in form.all("valve") if valve]
-    area = form.text("area")
-    if area:
-        valves += deps.store.valves_in(area)
-        if not valves:
-            raise HTTPException(422, f"no valve is known in the area {area!r}")
+    area, unit = form.text("area"), form.text("unit")
+    if area or unit:
+        part = PartOfPlant(areas=(area,) if area else (), units=(unit,) if unit else ())
+        in_part = deps.store.valves_in(part)
+        if not in_part:
+            try:
+                part.check(deps.store.levels())
+            except UnknownPart as error:
+                raise HTTPException(422, str(error)) from None
+            raise HTTPException(422, f"no valve is in area {area!r} and unit {unit!r}")
+        valves += in_part
     deps.actions.run_now(valves, current_user.signature())
     return _to_runs_page(request, "run")
 

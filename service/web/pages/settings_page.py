@@ -110,6 +110,7 @@ def set_schedule(request: Request, deps: Deps, current_user: SignedIn, form: Sen
         "name": form.text("name", longest=100),
         "cron": form.text("cron", longest=100) or None,
         "areas": [area for area in form.all("area") if area],
+        "units": [unit for unit in form.all("unit") if unit],
         "valves": form.text("valves").replace(",", " ").split(),
         "enabled": form.text("off") == "",
     }
@@ -117,7 +118,7 @@ def set_schedule(request: Request, deps: Deps, current_user: SignedIn, form: Sen
         for key, field, unit_s in TIMES:
             table |= _seconds(form.text(field, longest=20), key, field, unit_s)
         known_valves = [valve.id for valve in deps.store.valves()]
-        schedule = checked_schedule(table, deps.store.areas(), known_valves)
+        schedule = checked_schedule(table, deps.store.levels(), known_valves)
     except BadSetting as error:
         return _page(request, deps, message=f"{error}. Nothing is changed.", status=422)
     deps.actions.set_schedule(schedule, current_user.signature(), deps.now)
@@ -163,7 +164,7 @@ def _page(
         rules=shown_keys(plant.alerts.model_dump()) if plant else [],
         schedules=deps.store.schedules.all(),
         authors=deps.store.browser_settings.schedules(),
-        areas=deps.store.areas(),
+        levels=deps.store.levels(),
         storage=str(deps.store.address),
         sources=_sources(plant),
         notifiers=_notifiers(plant),

@@ -7,11 +7,11 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import HTMLResponse, Response
 
 from stemwatch.models.recording import Floats
-from stemwatch.service.report.charts.small_plot import Drawn, SmallPlot
+from stemwatch.service.report.charts.small_plot import PlottedLine, SmallPlot
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.web.api.signals import LONGEST, SignalWindow, read_recording
 from stemwatch.service.web.dependencies import Dependencies, Deps
@@ -22,10 +22,14 @@ if TYPE_CHECKING:
     from stemwatch.models.closed_loop.what_if import LoopFigures, Prediction
     from stemwatch.models.estimate import Estimate
     from stemwatch.models.recording import Recording
+    from stemwatch.models.valve_chain import ValveChain
+    from stemwatch.service.store.screenings.records import StoredScreening
+    from stemwatch.service.store.screenings.restored import Restored
     from stemwatch.service.twin.loop_twin import TwinCache
 
 SHOWN_S = 3600.0  # of the stretch, its newest part
 POINTS = 700
+NOT_SCREENED = "no run has screened it yet"
 FRICTION_TIMES, TUNING_TIMES = (0.0, 2.0), (0.25, 4.0)
 
 router = APIRouter(include_in_schema=False)
@@ -68,8 +72,26 @@ def what_if(request: Request, deps: Deps) -> HTMLResponse:
         limits={key: FRICTION_TIMES if key == "S" else TUNING_TIMES for key in _NAMES},
         names=_NAMES,
         refused=refused.replace("..", "."),
+        has_model=not isinstance(_chain(deps, name), str),
         **values,
     )
+
+
+@router.get("/valve/what-if/valve.fmu")
+def valve_unit(request: Request, deps: Deps) -> Response:
+    """The valve ``id`` of its last screening as an FMI 3.0 unit for other simulators."""
+    from stemwatch.service.twin.simulation_model.write_model import (
+        functional_mockup_unit,
+        identifier_of,
+    )
+
+    name = deps.need_valve(request.query_params.get("id", ""))
+    chain = _chain(deps, name)
+    if isinstance(chain, str):
+        raise HTTPException(404, f"There is no model of {name} to download: {chain.rstrip('.')}.")
+    headers = {"content-disposition": f'attachment; filename="{identifier_of(name)}.fmu"'}
+    content = functional_mockup_unit(chain).content
+    return Response(content, media_type="application/octet-stream", headers=headers)
 
 
 _NAMES = {
@@ -97,23 +119,38 @@ def _kept() -> TwinCache:
     return TwinCache()
 
 
-def _loop(deps: Dependencies, name: str) -> FittedLoop | str:
+def _latest(deps: Dependencies, name: str) -> tuple[StoredScreening, Restored] | None:
+    """The last screening of a valve, as it is stored and as one; ``None`` before the first run."""
     latest = deps.store.screenings(name, 1)
     if not latest:
-        return "no run has screened it yet"
-    stored = latest[0]
+        return None
+    points = deps.store.indicators(latest[0].id)
+    numbers = {name: indicator_of(name, point) for name, point in points.items()}
+    return latest[0], screening_of(latest[0], numbers)
+
+
+def _chain(deps: Dependencies, name: str) -> ValveChain | str:
+    from stemwatch.models.valve_chain import valve_chain
+
+    latest = _latest(deps, name)
+    return NOT_SCREENED if latest is None else valve_chain(latest[1])
+
+
+def _loop(deps: Dependencies, name: str) -> FittedLoop | str:
+    latest = _latest(deps, name)
+    if latest is None:
+        return NOT_SCREENED
+    stored, screening = latest
     start, end = stored.window
     if start is None or end is None or end - start > LONGEST:
         return "its last window has no dates, or is longer than what is read at once"
     window = SignalWindow(valve=name, start=start, stop=end)
-    points = deps.store.indicators(stored.id)
-    numbers = {name: indicator_of(name, point) for name, point in points.items()}
 
     def read() -> Recording | str:
         recording, sentence = read_recording(deps.site, window)
         return sentence.rstrip(".") if recording is None else recording
 
-    return _kept().twin(id(deps.store), stored.id, screening_of(stored, numbers), read)
+    return _kept().twin(id(deps.store), stored.id, screening, read)
 
 
 def _shown(loop: FittedLoop, times: dict[str, float]) -> dict[str, Any]:
@@ -171,9 +208,9 @@ def _plot(loop: FittedLoop, prediction: Prediction) -> object:
         return values[values.size - shown :][::stride][: minutes.size]
 
     drawn = [
-        Drawn("naive", "PV as recorded", minutes, newest(recorded.pv)),
-        Drawn("extended", "PV with the change", minutes, newest(run.pv)),
-        Drawn("sp", "SP", minutes, newest(recorded.sp), dashed=True),
+        PlottedLine("naive", "PV as recorded", minutes, newest(recorded.pv)),
+        PlottedLine("extended", "PV with the change", minutes, newest(run.pv)),
+        PlottedLine("sp", "SP", minutes, newest(recorded.sp), dashed=True),
     ]
     plot = SmallPlot(
         x_label="minutes",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Any
@@ -12,6 +13,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.models.indicator_meanings import meaning_of
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Indicator, Screening
 from stemwatch.models.verdict import Verdict
@@ -66,7 +68,8 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     name = deps.need_valve(request.query_params.get("id", ""))
     store = deps.store
     stored = store.valve(name) or _from_plant(deps, name)
-    shown_screening = _shown_screening(deps, name)
+    groups = store.oscillations_of(name, deps.now)
+    shown_screening = _shown_screening(deps, name, groups)
     points = store.s_and_j(name)
     marks = read_marks(store, name)
     raised = store.alerts.in_state("all", deps.now, valve=name)
@@ -104,7 +107,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         judgements=list(Judgement),
         plan_link=_plan_link(request, shown_screening),
         work=None if around is None else compare(around),
-        oscillates=of_loops(store.oscillations_of(name, deps.now), name, deps.site.tz),
+        oscillates=of_loops(groups, name, deps.site.tz),
     )
 
 
@@ -166,15 +169,12 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
     settings: Any = deps.site.plant.valves[name] if deps.site.plant else None
     if settings is None:
         return StoredValve(id=name)
-    return StoredValve(
-        id=name,
-        description=settings.description,
-        area=settings.area,
-        criticality=settings.criticality,
-    )
+    return StoredValve.of(settings)
 
 
-def _shown_screening(deps: Dependencies, name: str) -> ShownScreening | None:
+def _shown_screening(
+    deps: Dependencies, name: str, groups: Sequence[OscillationGroup]
+) -> ShownScreening | None:
     store, limits, plant = deps.store, deps.site.limits, deps.site.plant
     latest = store.screenings(name, 1)
     if not latest:
@@ -190,6 +190,7 @@ def _shown_screening(deps: Dependencies, name: str) -> ShownScreening | None:
         stands=not stored.held_back if found else None,
         confirmed=stored.confirmed,
         held_back=stored.held_back,
+        groups=groups,
     )
     weeks = store.trends([name], limits).get(name)
     return ShownScreening(

@@ -9,7 +9,7 @@ from pymodbus.constants import ExcCodes
 
 from stemwatch.connectors.modbus.commissioning import (
     TriedRegister,
-    meanings,
+    interpretations,
     other_orders,
     read_raw_words,
     try_map,
@@ -29,7 +29,7 @@ from tests.connectors.modbus.loopback_servers import (
 
 def test_every_type_and_order_is_shown_and_the_right_one_looks_likely() -> None:
     """-37.625 word-swapped: of the four orders of FLOAT32 one is likely."""
-    as_list = list(meanings([0x8000, 0xC216, 0, 0]))
+    as_list = list(interpretations([0x8000, 0xC216, 0, 0]))
     floats = {m.order: m for m in as_list if m.kind is DataType.FLOAT32}
     assert floats[ByteOrder.CDAB].value == -37.625
     assert [order for order, m in floats.items() if m.likely] == [ByteOrder.CDAB]
@@ -43,7 +43,7 @@ def test_every_type_and_order_is_shown_and_the_right_one_looks_likely() -> None:
 
 def test_what_does_not_fit_is_left_out() -> None:
     """Two registers hold no 64 bits."""
-    assert {m.kind.words for m in meanings([1, 2])} == {1, 2}
+    assert {m.kind.words for m in interpretations([1, 2])} == {1, 2}
 
 
 def test_raw_words_are_read_once() -> None:

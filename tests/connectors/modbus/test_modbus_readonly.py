@@ -14,7 +14,7 @@ from pymodbus import FramerType
 from pymodbus.client.mixin import ModbusClientMixin
 
 from stemwatch.connectors.modbus.commissioning import try_map
-from stemwatch.connectors.modbus.connection import Connection, OnlyReading, gate
+from stemwatch.connectors.modbus.connection import Connection, OnlyReading, only_reading
 from stemwatch.connectors.modbus.device import LinkKind
 from stemwatch.connectors.modbus.poller import DevicePoller
 from stemwatch.connectors.modbus.read_fault import ReadFault
@@ -84,10 +84,10 @@ def test_the_gate_lets_two_functions_through(function: int, rtu: bool) -> None:
     """Of all 256, as a TCP frame and as an RTU frame."""
     frame = bytes([1, function]) if rtu else bytes([0, 1, 0, 0, 0, 6, 1, function])
     if function in (3, 4):
-        assert gate(frame, rtu=rtu) == frame
+        assert only_reading(frame, rtu=rtu) == frame
         return
     with pytest.raises(OnlyReading, match="was not sent"):
-        gate(frame, rtu=rtu)
+        only_reading(frame, rtu=rtu)
 
 
 @pytest.mark.parametrize("framer", [FramerType.SOCKET, FramerType.RTU])

@@ -35,6 +35,7 @@ class Served:
 
     points: dict[str, list[Value]]
     units: dict[str, str] = field(default_factory=dict)
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)  # zero and span
     most: int = 150_000  # values for one stream at a time
     user: str = ""  # and password, where the server wants them: name:password
     token: str = ""
@@ -144,6 +145,8 @@ class Handler(BaseHTTPRequestHandler):
             "Descriptor": "",
             "EngineeringUnits": self.served.units.get(name, ""),
             "PointType": "Float32",
+            "Zero": self.served.ranges.get(name, (0.0, 0.0))[0],
+            "Span": self.served.ranges.get(name, (0.0, 0.0))[1],
         }
 
     def _points(self, asked: dict[str, list[str]]) -> Value:

@@ -192,3 +192,35 @@ def test_pv_is_in_its_own_unit() -> None:
     only_pv = {**in_bar, Role.SP: whole.signals[Role.SP]}
     said = fit_loop(replace(whole, signals=only_pv), FittedValve(S=5.0, J=2.0))
     assert said == "the set point is in % and PV in bar"
+
+
+def test_drawn_loops_break_away_otherwise() -> None:
+    """The loop itself has breakaways of one level; each draw has its own, by its scatter."""
+    made = plant(5.0, 2.0)
+    known = {"breakaway_scatter_percent": 10.0, "position_noise_percent": 0.2}
+    S, J = (Estimate(value=one, unit="%") for one in (5.0, 2.0))
+    valve = FittedValve.of(S, J, known)
+    assert not isinstance(valve, str)
+    assert (valve.scatter, valve.noise) == (0.1, 0.2)
+    loop = fit_loop(recording(made), valve)
+    assert not isinstance(loop, str)
+    assert loop.breakaways.tolist() == [1.0]
+    levels = loop.drawn(np.random.default_rng(1)).breakaways
+    assert np.std(levels) == pytest.approx(0.1, rel=0.1)
+    scattered, even = replace(loop, breakaways=levels).run(), loop.run()
+    assert np.max(np.abs(scattered.x - even.x)) > 1.0
+    assert replace(loop, breakaways=np.ones(7)).run().x.tolist() == even.x.tolist()
+
+
+def test_noise_of_the_reading_is_no_travel() -> None:
+    """Of a stem that stands, and of one that moves beyond the noise."""
+    loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
+    assert not isinstance(loop, str)
+    noise = 0.2 * np.random.default_rng(2).standard_normal(N)
+    standing = replace(loop.recorded, x=50.0 + noise)
+    counted = figures_of(standing).travel_per_hour
+    assert figures_of(standing, noise=0.2).travel_per_hour < 0.1 * counted
+    moved = replace(loop.recorded, x=loop.recorded.x + noise)
+    truth = figures_of(loop.recorded).turns_per_hour
+    assert figures_of(moved).turns_per_hour > 10.0 * truth
+    assert truth <= figures_of(moved, noise=0.2).turns_per_hour < 2.0 * truth

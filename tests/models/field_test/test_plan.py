@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stemwatch.models.closed_loop.process_response import ProcessResponse
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_test.plan import FREE, STICKS, PlanKind, plan_test
 from stemwatch.models.field_test.programme import MoveKind, TestLimits
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
-from stemwatch.models.process_response import ProcessResponse
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 

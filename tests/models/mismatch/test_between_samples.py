@@ -154,6 +154,23 @@ def test_reports_by_exception_widen_what_they_leave_open() -> None:
         assert estimate.low <= truth <= estimate.high
 
 
+@pytest.mark.parametrize(("S", "holds_none_missed"), [(2.1, True), (2.9, True), (3.1, False)])
+def test_an_S_of_some_deviations_may_be_that_of_the_reports(
+    S: float, holds_none_missed: bool
+) -> None:
+    """Up to three deviations the low end is that of S as fitted: a valve that follows its reports
+    may show two, and is not to be called sticky for what is added."""
+    archive = Archive(ArchiveKind.REPORTS, per_turn=np.inf, deviation=1.0, interval_s=1.0)
+    fitted = Estimate(value=S, low=S - 0.2, high=S + 0.2, unit=PERCENT)
+    restored, _ = archive.restored(fitted, fitted, 0.0)
+    assert restored.value == pytest.approx(S + 0.75)
+    assert restored.low is not None
+    assert restored.high is not None
+    error = float(np.hypot(0.2, 0.98))
+    assert restored.high == pytest.approx(S + 0.75 + error)
+    assert restored.low == pytest.approx(S - error + (0.0 if holds_none_missed else 0.75))
+
+
 widths = st.floats(0.0, 20.0)
 
 

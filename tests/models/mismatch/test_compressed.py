@@ -10,7 +10,11 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
-from stemwatch.models.mismatch.compression import NARROWEST_DOOR, WIDEST_DOOR, door
+from stemwatch.models.mismatch.compression import (
+    NARROWEST_DOOR,
+    WIDEST_DOOR,
+    swinging_door_deviation,
+)
 from stemwatch.models.mismatch.evaluator import make_evaluator
 from stemwatch.models.mismatch.explain import explain, scores
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
@@ -52,7 +56,7 @@ def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
     """The slack is as wide as the archive's door where that can be told, and never absurd."""
     true = simulated_by_chain(noise=noise, seed=seed)
     recording, stored = archived(true, deviation)
-    result = door(recording.mv.values, stored)
+    result = swinging_door_deviation(recording.mv.values, stored)
     assert NARROWEST_DOOR <= result <= WIDEST_DOOR
     error = np.abs(recording.mv.values - true.mv.values)
     assert np.mean(error > result) < 0.02

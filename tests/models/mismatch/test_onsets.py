@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.stickslip.onsets import Onsets, onsets
@@ -54,6 +54,19 @@ def test_a_step_from_rest_is_found_at_its_first_sample(parts, seed):
     assert sides == result.side.tolist()
     np.testing.assert_allclose(result.place, levels, atol=4.0 * SIGMA)
     assert (result.rested <= [rest + 1 for rest, *_ in parts]).all()
+
+
+@given(rests, st.integers(0, 2**20), st.sampled_from([0.25, 0.4, 0.5]))
+@settings(max_examples=40, deadline=None)
+@example([(40, 2.0, 1.0, 2)], 0, 0.25)
+def test_a_rest_of_many_samples_has_its_place(parts, seed, interval_s):
+    """Where three seconds are more samples than a resting place is a mean of: the same onsets."""
+    parts = [(rest + 40, *other) for rest, *other in parts]
+    place, at, sides, levels = steps_from_rest(parts)
+    result = seen(noisy(place, seed), interval_s=interval_s)
+    assert at == result.at.tolist()
+    assert sides == result.side.tolist()
+    np.testing.assert_allclose(result.place, levels, atol=4.0 * SIGMA)
 
 
 @given(rests, st.integers(0, 2**20))

@@ -252,3 +252,21 @@ def test_another_term_goes_before_a_second_one_of_the_same_kind(monkeypatch):
     monkeypatch.setattr(term_selection, "_nearly", lambda *_: True)
     taken = term_selection.accepted(None, scores, 1)
     assert [item.slug for item in taken] == ["dead_time", "asymmetric_lag"]
+
+
+def test_play_goes_where_a_later_term_has_taken_the_jump(monkeypatch):
+    """What tells play from friction is asked again at the end: without a jump the two are one dead
+    band, and everything is looked for once more without play."""
+    base, terms = begun(simulated_by_chain(lost_motion=np.atleast_1d(0.8)))
+    assert ["lost_motion"] == [item.term.slug for item in name(base, terms).needed]
+
+    def lose_the_jump(evaluator, fitted, stages):
+        fitted, needed = pruned(evaluator, fitted, stages)
+        candidates = fitted.candidates.copy()
+        candidates[:, base_coordinate.RATIO] = 0.0
+        return replace(fitted, candidates=candidates), needed
+
+    monkeypatch.setattr(term_selection, "pruned", lose_the_jump)
+    again = name(base, terms)
+    assert "lost_motion" not in [item.term.slug for item in again.needed]
+    assert "lost_motion" not in again.fitted.slugs

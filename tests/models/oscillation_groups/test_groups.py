@@ -13,9 +13,9 @@ from stemwatch.models.oscillation_groups.limits import LIMITS, SourceWeights
 from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra, oscillations
 from stemwatch.models.oscillation_groups.plant_groups import (
     LONGEST,
-    LoopWaves,
+    ThinnedLoop,
     plant_groups,
-    waves_of,
+    thinned_loop,
 )
 from stemwatch.models.oscillation_groups.sources import (
     MemberEvidence,
@@ -149,10 +149,10 @@ def test_probabilities_are_of_one_source_or_none() -> None:
     assert rank_sources(MemberEvidence(members=(4, 7, 9), values=values), none).outside
 
 
-def loop(name: str, values: np.ndarray, start: datetime | None = START, **more) -> LoopWaves:
+def loop(name: str, values: np.ndarray, start: datetime | None = START, **more) -> ThinnedLoop:
     small = (50.0 + values).astype(np.float32)
     known = {"source": "a.csv", "interval_s": INTERVAL_S, "sp": np.empty(0, np.float32)} | more
-    return LoopWaves(loop=name, start=start, op=-small, pv=small, **known)
+    return ThinnedLoop(loop=name, start=start, op=-small, pv=small, **known)
 
 
 def test_loops_recorded_together_are_compared() -> None:
@@ -202,10 +202,10 @@ def test_a_recording_is_thinned_and_its_bad_samples_left_out() -> None:
         Role.SP: signal(np.ones(n), "%"),
     }
     recording = Recording(valve="A", signals=signals, interval_s=2.0, start=START)
-    waves = waves_of(recording)
+    waves = thinned_loop(recording)
     assert waves.interval_s == 6.0
     assert waves.op.size == LONGEST
     assert waves.op[1] == 4.0
     assert np.isnan(waves.pv[0])
     assert waves.sp.size == 0
-    assert waves_of(replace(recording, signals={Role.OP: signals[Role.OP]})) is None
+    assert thinned_loop(replace(recording, signals={Role.OP: signals[Role.OP]})) is None

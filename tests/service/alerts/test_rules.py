@@ -21,6 +21,7 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.wear_forecast import WearForecast
 from stemwatch.service.alerts.rules import (
     AlertDecision,
     ValveRecord,
@@ -31,6 +32,7 @@ from stemwatch.service.alerts.rules import (
 )
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -276,3 +278,68 @@ def test_a_window_that_the_work_lies_in_tells_nothing() -> None:
     clean = screening(1, WELL, window=days[0])
     assert AlertKind.STICKY in kinds(later, mixed, clean)[0]
     assert AlertKind.STICKY not in kinds(later, mixed, clean, worked_at=[work])[0]
+
+
+def foresight(weeks: float | None, *, rises: float = 1.0) -> TrendOverWeeks:
+    """S that rises by 0.3 % a month and reaches 1.5 % in ``weeks``, or nobody knows when."""
+    until = Estimate.unknown("S does not rise by more than its own scatter", "weeks")
+    if weeks is not None:
+        until = Estimate(value=weeks, low=0.5 * weeks, high=1.5 * weeks, unit="weeks")
+    forecast = WearForecast(limit=1.5, until=until, probability_rises=rises)
+    return TrendOverWeeks(per_month=0.3, low=0.2, high=0.4, days=80.0, forecast=forecast)
+
+
+@pytest.mark.parametrize(
+    ("weeks", "raised", "closed"),
+    [
+        (foresight(6.0), True, False),
+        (foresight(8.0), True, False),
+        (foresight(9.0), False, False),  # no alert that comes and goes with the day
+        (foresight(17.0), False, True),
+        (foresight(None), False, False),
+        (foresight(None, rises=0.4), False, True),
+        (None, False, True),
+    ],
+)
+def test_what_is_foreseen_is_raised_at_once_and_closed_where_no_trend_stands(
+    weeks: TrendOverWeeks | None, raised: bool, closed: bool
+) -> None:
+    """One run is enough, since the trend is of weeks; where nothing can be said nothing changes."""
+    found = kinds(screening(9, S=percent(1.2)), weeks=weeks)
+    assert (AlertKind.FORESEEN in found[0], "foreseen" in found[1]) == (raised, closed)
+
+
+def test_the_foreseen_alert_says_when_and_gives_way_to_the_sticking_stem() -> None:
+    """Its text has the rate and the weeks; once the stem sticks, that is the alert."""
+    record = ValveRecord(
+        valve=replace(VALVE, unit="200"),
+        screenings=[screening(9, S=percent(1.2))],
+        weeks=foresight(6.0),
+    )
+    (alert,), _ = apply_rules(record, RULES)
+    assert alert.text.startswith("FIC-1 (Feed, unit 200): S +0.30 % a month (+0.20 to +0.40), ")
+    assert "reaches 1.5 % in 3 to 9 weeks, where the stem counts as sticky." in alert.text
+    assert alert.evidence["unit"] == "200"
+    assert alert.severity is AlertSeverity.MEDIUM
+    stuck = [screening(9 - n, STICKY) for n in range(3)]
+    raised, closed = apply_rules(replace(record, screenings=stuck), RULES)
+    assert [one.kind for one in raised] == [AlertKind.STICKY]
+    assert "foreseen:FIC-1" in closed
+    none, _ = apply_rules(record, AlertRules(foreseen_within_weeks=0))
+    assert none == []
+
+
+def test_growth_is_evidence_of_what_is_foreseen() -> None:
+    """One alert for a valve that wears, not two."""
+    record = ValveRecord(
+        valve=VALVE,
+        screenings=[screening(9 - n, S=percent(1.2, 0.1)) for n in range(3)],
+        at_baseline=percent(0.4, 0.1),
+        weeks=foresight(6.0),
+    )
+    raised, _ = apply_rules(record, RULES)
+    ((lead, *rest), joined) = one_per_cause(raised, ())
+    assert lead.kind is AlertKind.FORESEEN
+    assert rest == []
+    assert "Also seen: S has grown from" in lead.text
+    assert joined == ["grown:FIC-1"]

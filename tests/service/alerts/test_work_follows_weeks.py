@@ -111,7 +111,7 @@ def test_every_output_has_the_verdict_of_the_weeks(
     for valve in WINDOWS:
         newest = either_store.s_and_j(valve)[-1]
         assert (newest.verdict is Verdict.DEFECTIVE) is (valve in DEFECTIVE)
-    book = report_of_store(either_store, tmp_path, run=run).book
+    book = report_of_store(either_store, tmp_path, run=run).work_list
     assert {sheet.screening.valve for sheet in book.to_work_on} == DEFECTIVE
     assert hold_back(either_store, run) == hold_back(either_store, run)
     assert either_store.ranking(RankingFilter()).lines == lines

@@ -13,12 +13,14 @@ from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
 from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.presenter.plant_path import path_of
 
 WHOLE = """\
 valve_list = "valves.csv"
 
 [plant]
 name = "Demo refinery"
+site = "Inland"
 zone = "Europe/Berlin"
 
 [limits]
@@ -45,6 +47,8 @@ zone = "UTC"
 id = "FIC-101"
 description = "Naphtha feed to the reactor"
 area = "Reforming"
+unit = "100"
+loop = "FC-101"
 criticality = 3
 source = "historian"
 [valves.tags.op]
@@ -65,9 +69,9 @@ tags = { op = { tag = "LIC-7.OUT" }, mode = { tag = "LIC-7.MODE" } }
 """
 
 LIST = """\
-id,description,area,criticality,source,op,op_unit,op_low,op_high,mv
-TIC-1,"Column, top",East,1,historian,TIC-1.OP,mA,4,20,TIC-1.ZT
-TIC-2,,,,boiler,TIC-2.OP,,,,
+id,description,site,area,unit,criticality,source,op,op_unit,op_low,op_high,mv
+TIC-1,"Column, top",Harbour,East,200,1,historian,TIC-1.OP,mA,4,20,TIC-1.ZT
+TIC-2,,,,,,boiler,TIC-2.OP,,,,
 """
 
 
@@ -123,6 +127,18 @@ def test_a_listed_valve_is_like_one_of_the_file(plant: Plant) -> None:
     } == plant.valve_tags("TIC-1").tags
     assert 2 == plant.valves["TIC-2"].criticality
     assert {Role.OP: TagMapping(tag="TIC-2.OP")} == plant.valve_tags("TIC-2").tags
+
+
+def test_each_valve_has_its_path_through_the_plant(plant: Plant) -> None:
+    """Site, area, unit and loop, from the file and the list; the plant's site where one names
+    none."""
+    paths = {name: path_of(valve) for name, valve in plant.valves.items()}
+    assert {
+        "FIC-101": "Inland/Reforming/100/FC-101",
+        "LIC-7": "Inland",
+        "TIC-1": "Harbour/East/200",
+        "TIC-2": "Inland",
+    } == paths
 
 
 def test_limits_are_the_files_and_otherwise_the_defaults(plant: Plant) -> None:

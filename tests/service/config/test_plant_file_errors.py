@@ -71,8 +71,9 @@ ID, S = 'id = "V"', 'source = "s"'
         (
             valve(ID, S, 'descripton = "x"'),
             "12: valves[V].descripton: found an unknown key; expected one of area, criticality, "
-            "description, id, price_per_hour_off_target, price_per_stroke, price_per_unit_hour, "
-            "source, stroke, stroke_curve, tags, target_band (did you mean 'description'?)",
+            "description, id, loop, price_per_hour_off_target, price_per_stroke, "
+            "price_per_unit_hour, site, source, stroke, stroke_curve, tags, target_band, unit "
+            "(did you mean 'description'?)",
         ),
         (
             valve(ID, S, 'description = "a\\nb"'),
@@ -199,8 +200,8 @@ def test_a_second_source_of_one_name_is_left_out(tmp_path: Path) -> None:
          "limits, notifiers, plant, schedules, service, sources, storage, valve_list, valves (did "
          "you mean 'sources'?)"),
         ('[plant]\nvalve_list = "v.csv"', "2: plant.valve_list: found an unknown key; expected "
-         "one of currency, name, zone; valve_list belongs at the top of the file, before the first "
-         "[table]"),
+         "one of currency, name, site, zone; valve_list belongs at the top of the file, before the "
+         "first [table]"),
         ('[plant]\nzone = "CET+1"', "2: plant.zone: found the text 'CET+1'; expected an IANA"),
         ('[limits]\nmin_reversals = "6"', "2: limits.min_reversals: found the text '6'; expected "
          "a number"),

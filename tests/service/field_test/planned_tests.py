@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+from stemwatch.models.closed_loop.process_response import ProcessResponse
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_test.plan import FieldTestPlan, plan_test
 from stemwatch.models.field_test.programme import TestLimits
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
-from stemwatch.models.process_response import ProcessResponse
 
 PROCESS = ProcessResponse(
     gain=Estimate(value=2.0, low=1.8, high=2.2), unit="t/h", pv_low=90.0, pv_high=110.0

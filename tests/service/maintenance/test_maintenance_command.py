@@ -166,7 +166,7 @@ def test_the_page_prints_one_sheet_per_valve(browser, tmp_path, make):
     page.goto(files.html.as_uri())
     assert page.evaluate(FITS)
     printed = page.pdf(prefer_css_page_size=True)
-    assert len(re.findall(rb"/Type\s*/Page\b(?!s)", printed)) == 1 + len(files.book.sheets)
+    assert len(re.findall(rb"/Type\s*/Page\b(?!s)", printed)) == 1 + len(files.work_list.sheets)
     page.emulate_media(media="screen")
     page.set_viewport_size({"width": 390, "height": 800})
     assert page.evaluate("document.documentElement.scrollWidth") <= 390

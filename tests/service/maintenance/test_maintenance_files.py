@@ -13,9 +13,9 @@ import pytest
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance import write_maintenance
-from stemwatch.service.maintenance.maintenance_html import book_html
+from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.paper import BOX, TypeSize, height_of, is_whole, runs
-from stemwatch.service.maintenance.pdf import ROOM, SIZES, _fitting, _sheet, book_pdf
+from stemwatch.service.maintenance.pdf import ROOM, SIZES, _fitting, _sheet, work_list_pdf
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.maintenance.work_orders import (
     FIELDS,
@@ -87,7 +87,7 @@ def test_with_all_every_valve_has_a_page_and_only_those_with_work_an_order():
 
 def test_the_pdf_has_a_page_for_each_valve_after_the_list(whole):
     """And its outline leads to them."""
-    pdf = book_pdf(whole, compress=False)
+    pdf = work_list_pdf(whole, compress=False)
     assert pages(pdf) == 1 + len(whole.sheets)
     text = text_of(pdf)
     for part in ("FV-100", "Check in this order".upper(), "packing set", "2.8 mm", "Priority"):
@@ -97,7 +97,7 @@ def test_the_pdf_has_a_page_for_each_valve_after_the_list(whole):
 
 def test_the_pdf_is_the_same_for_the_same_book(whole):
     """Two reports of one run can be compared byte for byte."""
-    assert book_pdf(whole) == book_pdf(whole)
+    assert work_list_pdf(whole) == work_list_pdf(whole)
 
 
 def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
@@ -108,7 +108,7 @@ def test_long_texts_flow_over_several_pages_and_nothing_is_cut():
     assert all(
         height_of(_sheet(TypeSize(SIZES[-1]), sheet, created)) > ROOM for sheet in result.sheets
     )
-    pdf = book_pdf(result, compress=False)
+    pdf = work_list_pdf(result, compress=False)
     text = text_of(pdf)
     assert text.count("Done, parts used") == 2 * len(screenings)
     assert pages(pdf) > 2 * len(screenings)
@@ -129,7 +129,7 @@ def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
     several = [frozen(f"PIC-{k}") for k in range(90)]
     several += [screening(f"H-{k}", Verdict.HEALTHY, S=0.2, J=0.1, samples=60) for k in range(90)]
     result = book(several)
-    pdf = book_pdf(result, compress=False)
+    pdf = work_list_pdf(result, compress=False)
     lists = pages(pdf) - 90
     assert lists >= 4
     for item in several:
@@ -139,7 +139,7 @@ def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
 def test_an_empty_run_is_a_report_that_says_so(tmp_path):
     """No valve, no page, no order, four files."""
     files = write_maintenance([], context([]), tmp_path / "new")
-    assert files.book.counts == "No valve was screened."
+    assert files.work_list.counts == "No valve was screened."
     assert pages(files.pdf.read_bytes()) == 1
     assert "No valve was screened" in files.html.read_text("utf-8")
     assert list(openpyxl.load_workbook(files.xlsx)["Work orders"].values)[1:] == []
@@ -156,7 +156,7 @@ def test_one_file_that_cannot_be_written_does_not_cost_the_others(tmp_path):
 
 def test_the_page_runs_nothing_and_loads_nothing(whole):
     """A hostile tag is text; there is no script and no address in it."""
-    html = book_html(whole).decode()
+    html = work_list_html(whole).decode()
     assert "<script" not in html
     assert "&lt;script&gt;alert" in html
     assert "default-src 'none'" in html
@@ -166,7 +166,7 @@ def test_the_page_runs_nothing_and_loads_nothing(whole):
 
 def test_the_page_says_what_a_planner_asks(whole):
     """Finding, travel, since when, work, priority with its reason, and the warning."""
-    html = book_html(whole).decode()
+    html = work_list_html(whole).decode()
     for part in (
         "7.00 %",
         "2.8 mm",
@@ -185,7 +185,7 @@ def test_travel_needs_a_stroke():
     matching = [screening("FV-1")]
     report_context = context(matching)
     facts = {"FV-1": replace(report_context.facts("FV-1"), stroke="")}
-    html = book_html(work_list_of(matching, replace(report_context, valves=facts))).decode()
+    html = work_list_html(work_list_of(matching, replace(report_context, valves=facts))).decode()
     assert "The plant file gives no stroke" in html
     assert " mm<" not in html
 
@@ -270,4 +270,4 @@ def test_any_text_is_laid_out(text):
         valve: replace(item, description=text) for valve, item in report_context.valves.items()
     }
     book = work_list_of([changed, blind], replace(report_context, valves=facts), BACKGROUND)
-    assert pages(book_pdf(book, compress=False)) >= 2
+    assert pages(work_list_pdf(book, compress=False)) >= 2

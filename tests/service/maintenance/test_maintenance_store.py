@@ -12,7 +12,7 @@ import pytest
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.drawing import DrawnLine
-from stemwatch.service.maintenance.pdf import book_pdf
+from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import (
     background_of,
     report_of_store,
@@ -65,7 +65,7 @@ def weeks(store) -> list[int]:
 def test_the_latest_look_of_each_valve_is_reported(store, weeks, tmp_path):
     """With its history, its facts, and no picture where no samples are kept."""
     files = report_of_store(store, tmp_path / "out")
-    (sheet,) = files.book.sheets
+    (sheet,) = files.work_list.sheets
     assert sheet.screening.valve == "FV-1"
     assert sheet.since.count == 2
     assert sheet.since.first.run == weeks[1]
@@ -75,17 +75,17 @@ def test_the_latest_look_of_each_valve_is_reported(store, weeks, tmp_path):
     assert sheet.valve.trend.direction == "same"
     assert sheet.picture is None
     assert "not kept" in files.html.read_text("utf-8")
-    assert [other.valve for other in files.book.others] == ["FV-2"]
+    assert [other.valve for other in files.work_list.others] == ["FV-2"]
 
 
 def test_a_run_is_reported_as_it_was(store, weeks, tmp_path):
     """What came later is not known to it."""
     files = report_of_store(store, tmp_path / "out", run=weeks[1], zone="Europe/Berlin")
-    (sheet,) = files.book.sheets
+    (sheet,) = files.work_list.sheets
     assert sheet.since.count == 1
     assert sheet.run == weeks[1]
     assert sheet.valve.trend.words == "worse, was healthy"
-    assert files.book.context.zone == "Europe/Berlin"
+    assert files.work_list.context.zone == "Europe/Berlin"
     with files.csv.open(encoding="utf-8-sig", newline="") as file:
         assert [row["run"] for row in csv.DictReader(file)] == [str(weeks[1])]
 
@@ -106,9 +106,9 @@ def test_what_stands_is_decided_over_all_valves_also_for_one(store, tmp_path):
     tested = replace(named(), finding=Finding.NONE, effects=(), p_value=None)
     others = [short(f"H-{k}", Verdict.HEALTHY, S=0.2, mismatch=tested) for k in range(9)]
     looked(store, 0, valve, *others)
-    assert report_of_store(store, tmp_path / "all").book.to_work_on == ()
+    assert report_of_store(store, tmp_path / "all").work_list.to_work_on == ()
     item = report_of_store(store, tmp_path / "one", valves=["FV-1"], all_valves=True)
-    assert item.book.sheets[0].valve.stands is False
+    assert item.work_list.sheets[0].valve.stands is False
     assert "held back" in item.html.read_text("utf-8")
 
 
@@ -161,21 +161,21 @@ def test_loops_before_and_after_the_last_work_are_laid_over_each_other(store, we
         runs.append(run)
     store.record_maintenance("FV-3", START + 4 * WEEK - timedelta(days=1), "packing renewed", "")
     before = report_of_store(store, tmp_path / "before", run=runs[0])
-    assert before.book.done == ()
+    assert before.work_list.done == ()
     assert "Before and after the last work" not in before.html.read_text("utf-8")
     after = report_of_store(store, tmp_path / "after", run=runs[1])
-    (item,) = after.book.done
+    (item,) = after.work_list.done
     assert item.sizes == ("6.25 → 0.31 %", "2.50 → 0.12 %")
     assert item.drawing is not None
-    assert after.book.done_title == "Before and after the last work"
-    assert "12 newest of 30" in replace(after.book, done=(item,) * 12, worked=30).done_title
+    assert after.work_list.done_title == "Before and after the last work"
+    assert "12 newest of 30" in replace(after.work_list, done=(item,) * 12, worked=30).done_title
     dashes = {mark.dash for mark in item.drawing.marks if isinstance(mark, DrawnLine)}
     assert dashes == {(), BEFORE_DASH}  # told apart on a copy of a copy
     text = after.html.read_text("utf-8")
     part = text[text.index("Before and after the last work") :]
     for result in ("FV-3", "packing renewed", "S 6.25 → 0.31 %", "the latest one, until", "<svg "):
         assert result in part[: part.index("</section>")]
-    paper = book_pdf(after.book, compress=False)
+    paper = work_list_pdf(after.work_list, compress=False)
     result = b" ".join(re.findall(rb"\((.*?)(?<!\\)\) Tj", paper)).decode("latin-1")
     for word in ("packing renewed", "before the work", "after it"):
         assert word in result

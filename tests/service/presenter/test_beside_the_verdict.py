@@ -23,13 +23,13 @@ from stemwatch.models.oscillation_groups.plant_groups import GroupMember, Oscill
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import views
-from stemwatch.service.maintenance.maintenance_html import book_html
-from stemwatch.service.maintenance.pdf import book_pdf
+from stemwatch.service.maintenance.maintenance_html import work_list_html
+from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter.work_decision import ne107_word
-from stemwatch.service.presenter.worth_a_test import suspected_sentence
+from stemwatch.service.presenter.worth_a_test import suspected_sentence, worth_a_test_sentence
 from stemwatch.service.report import write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
@@ -37,7 +37,7 @@ from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.site import Site
 from tests.service.maintenance.example_book import context, with_effects
-from tests.service.presenter.test_one_run_everywhere import by_chance
+from tests.service.presenter.test_one_run_everywhere import NO_POSITION, by_chance
 from tests.service.report.conftest import START, screening
 from tests.service.report.test_without_position import suspected
 from tests.service.web import example_plant
@@ -45,6 +45,8 @@ from tests.service.web.signed_in import cookie_of
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
 DAY = timedelta(days=1)
+# What the recording of an oscillating loop with a healthy valve says by itself.
+OWN_TUNING = "Look for the cause in the controller's tuning or in a disturbance upstream."
 DAYS = 20  # of history, over which S of one valve rises
 
 
@@ -67,12 +69,14 @@ def on_day(found: Screening, day: int) -> Screening:
 def last_run() -> list[Screening]:
     """Sticky, rising towards its limit, defective, named by chance, and without a position."""
     blind = screening("PIC-5", Verdict.UNDETERMINED)
-    blind = replace(blind, without_position=suspected(), still_seen=())
+    blind = replace(blind, reason=NO_POSITION, without_position=suspected(), still_seen=())
+    victim = replace(screening("FIC-7", Verdict.HEALTHY, S=0.3), advice=OWN_TUNING)
     every = [
         screening("FIC-1", S=6.0),
         screening("FIC-6", Verdict.WATCH, S=0.5 + 0.03 * DAYS),
         with_effects("FIC-4", Verdict.HEALTHY),
         by_chance("FIC-8"),
+        victim,
         blind,
     ]
     return [on_day(one, DAYS) for one in every]
@@ -83,6 +87,7 @@ GROUP = OscillationGroup(
     members=(
         GroupMember(loop="FIC-1", share=0.8, probability=0.6, evidence=("it leads",)),
         GroupMember(loop="PIC-5", share=0.5, probability=0.2),
+        GroupMember(loop="FIC-7", share=0.4, probability=0.1),
     ),
     outside=0.1,
     regularity=5.0,
@@ -91,7 +96,7 @@ GROUP = OscillationGroup(
     since=None,
     strength=(0.1, 1.4),
     periods_s=(40.0, 60.0, 90.0, 135.0, 229.0, 900.0),
-    spectra=((0.0, 0.0, 0.1, 0.2, 1.0, 0.3),) * 2,
+    spectra=((0.0, 0.0, 0.1, 0.2, 1.0, 0.3),) * 3,
 )
 
 
@@ -134,7 +139,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
         facts = {valve: replace(one, weeks=weeks.get(valve)) for valve, one in made.valves.items()}
         made = replace(made, valves=facts)
         files = write_report(every, made, folder / "report")
-        book = report_of_store(store, folder / "book", run=number, all_valves=True).book
+        book = report_of_store(store, folder / "book", run=number, all_valves=True).work_list
         site = Site(store=store, clock=lambda: START + (DAYS + 1) * DAY)
         with (
             example_plant.serving(site) as base,
@@ -147,7 +152,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
             lines = client.get("/api/v1/valves").json()["valves"]
             groups = client.get("/api/v1/oscillations").json()
             overview = client.get("/overview").text
-    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", book_pdf(book, compress=False))
+    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
     written = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
     header, *cells = openpyxl.load_workbook(files.xlsx)["Ranking"].iter_rows(values_only=True)
     rows = [dict(zip(map(str, header), row, strict=True)) for row in cells]
@@ -155,7 +160,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
     return Outputs(
         ranking=rank_valves(every, made),
         report=page_text(files.html.read_text("utf-8")),
-        maintenance=page_text(book_html(book).decode()),
+        maintenance=page_text(work_list_html(book).decode()),
         paper=bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1"))),
         terminal=bare(str(views.summary([in_brief(one) for one in every]).caption)),
         overview=page_text(overview),
@@ -214,6 +219,13 @@ def test_what_op_and_pv_let_suspect_is_no_verdict_anywhere(run: Outputs) -> None
         assert float(row["sticking score (0 to 1)"]) == pytest.approx(told.score)
     first = bare(suspected_sentence(["PIC-5"]))
     assert first in run.report
+    (blind,) = [one for one in run.ranking if one.screening.valve == "PIC-5"]
+    sooner = blind.finding.still_seen[0]
+    assert sooner == worth_a_test_sentence(blind.screening)
+    assert "Test it before other loops" in sooner
+    for text in (run.maintenance, run.paper):
+        assert bare(sooner) in text
+    assert sooner in run.orders["PIC-5"]["long_text"]
     assert first in run.terminal
     assert run.lines["PIC-5"]["verdict"] == "undetermined"
 
@@ -228,9 +240,23 @@ def test_loops_that_oscillate_together_are_the_same_group(run: Outputs) -> None:
     for name, one in run.objects.items():
         inside = [told["loops"] for told in one["oscillates_with"]]
         assert inside == ([members] if name in members else [])
-        assert (bare("more likely begins") in run.pages[name]) == (name == "PIC-5")
+        assert (bare("more likely begins") in run.pages[name]) == (name in ("PIC-5", "FIC-7"))
     (told,) = run.objects["PIC-5"]["oscillates_with"]
     assert told["source"] == group["source"] == GROUP.source == "FIC-1"
+
+
+def test_a_healthy_loop_that_another_moves_is_sent_there(run: Outputs) -> None:
+    """Its advice is that of the group in report, JSON, tables and page; its own tuning, which its
+    recording alone would have blamed, is blamed nowhere."""
+    (victim,) = [one for one in run.ranking if one.screening.valve == "FIC-7"]
+    advice = victim.finding.next_step
+    assert "look at FIC-1 first" in advice
+    assert run.objects["FIC-7"]["advice"] == advice
+    for table in run.tables:
+        assert table["FIC-7"]["advice"] == advice
+    for text in (run.report, run.pages["FIC-7"]):
+        assert bare(advice) in text
+        assert bare(OWN_TUNING) not in text
 
 
 def test_what_chance_may_have_named_is_held_back_everywhere(run: Outputs) -> None:
@@ -250,3 +276,16 @@ def test_what_chance_may_have_named_is_held_back_everywhere(run: Outputs) -> Non
     assert remark not in run.pages["FIC-4"]
     assert remark in run.maintenance
     assert remark in run.paper
+
+
+def test_what_is_foreseen_is_the_same_everywhere(run: Outputs) -> None:
+    """Ranking, report, page and JSON have the sentence of one function; JSON its numbers; a valve
+    without weeks behind it has none."""
+    trend = run.objects["FIC-6"]["trend"]
+    assert trend["is_change"] is True
+    assert trend["S_per_month"]["value"] == pytest.approx(0.91, abs=0.05)
+    assert 0 < trend["weeks_until_sticky"]["low"] < trend["weeks_until_sticky"]["value"]
+    assert "reaches 1.5 % in" in trend["sentence"]
+    for text in (run.report, run.pages["FIC-6"]):
+        assert bare(trend["sentence"]) in text
+    assert run.objects["FIC-1"]["trend"] is None

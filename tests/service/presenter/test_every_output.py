@@ -22,8 +22,8 @@ from stemwatch.service.cli import views
 from stemwatch.service.cli.explanation import explanation
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.explain.explained import Explained
-from stemwatch.service.maintenance.maintenance_html import book_html
-from stemwatch.service.maintenance.pdf import book_pdf
+from stemwatch.service.maintenance.maintenance_html import work_list_html
+from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.evidence_of_weeks import evidence_of_weeks
@@ -47,17 +47,17 @@ class Outputs:
     def __init__(self, screenings: list[Screening], made: ReportContext, folder) -> None:
         files = write_report(screenings, made, folder)
         self.ranking: Ranking = rank_valves(screenings, made)
-        self.book: WorkList = work_list_of(screenings, made)
+        self.work_list: WorkList = work_list_of(screenings, made)
         self.report = bare(re.sub(r"<[^>]+>", "", files.html.read_text("utf-8")))
-        self.maintenance = bare(re.sub(r"<[^>]+>", "", book_html(self.book).decode()))
-        pdf = book_pdf(self.book, compress=False)
+        self.maintenance = bare(re.sub(r"<[^>]+>", "", work_list_html(self.work_list).decode()))
+        pdf = work_list_pdf(self.work_list, compress=False)
         parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", pdf)
         self.pdf = bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1")))
         rows = csv.DictReader(io.StringIO(files.csv.read_text("utf-8-sig")))
         self.rows = {row["valve"]: row for row in rows}
         objects = json.loads(files.json.read_text("utf-8"))
         self.objects = {object["valve"]: object for object in objects}
-        orders = csv.DictReader(io.StringIO(orders_csv(self.book).decode("utf-8-sig")))
+        orders = csv.DictReader(io.StringIO(orders_csv(self.work_list).decode("utf-8-sig")))
         self.orders = {row["functional_location"]: row for row in orders}
         sheet = openpyxl.load_workbook(files.xlsx)["Read me"]
         self.read_me = bare(" ".join(str(cell.value) for row in sheet for cell in row))
@@ -105,7 +105,7 @@ def test_severity_and_state_are_the_same_number_and_word(outputs: Outputs) -> No
             assert outputs.orders[name]["ne107"] == outputs.rows[name]["NE 107"]
         if decision.ne107 is not None:
             assert bare(f"NE 107{decision.ne107}") in outputs.report
-    for sheet in outputs.book.sheets:
+    for sheet in outputs.work_list.sheets:
         assert f"severity {sheet.finding.decision.severity:.0f} of 100" in sheet.priority.reason
     needing = {v.screening.valve for v in outputs.ranking if v.decision.needs_work}
     assert needing <= set(outputs.orders)
@@ -133,7 +133,7 @@ def test_response_figures_are_on_the_page_and_in_json_with_S_and_J(outputs: Outp
 def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) -> None:
     """Report, maintenance as HTML and PDF, workbook and terminal."""
     counts = outputs.ranking.counts
-    assert counts == outputs.book.counted
+    assert counts == outputs.work_list.counted
     assert bare(counts.headline) in outputs.report
     assert bare(counts.rest) in outputs.report
     for text in (outputs.maintenance, outputs.pdf, outputs.read_me):
@@ -159,7 +159,7 @@ def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: 
     for where, text in answer.items():
         assert bare(effect.sentence) in text, where
         assert bare(effect.check) in text, where
-    (sheet,) = [sheet for sheet in outputs.book.sheets if sheet.screening.valve == "FIC-9"]
+    (sheet,) = [sheet for sheet in outputs.work_list.sheets if sheet.screening.valve == "FIC-9"]
     assert bare(effect.sentence) in outputs.pdf
     for step in sheet.steps:
         assert bare(step.text) in outputs.pdf

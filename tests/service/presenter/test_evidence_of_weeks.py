@@ -85,7 +85,7 @@ def test_nothing_named_is_nothing_to_say():
 
 
 def test_the_picture_has_a_row_for_each_effect_and_a_cell_for_each_window():
-    """Drawn as SVG that reads aloud what the sentences say."""
+    """PlottedLine as SVG that reads aloud what the sentences say."""
     evidence = evidence_of_weeks([window(0, True), window(1, False), window(2, True)])
     picture = ElementTree.fromstring(str(evidence_picture(evidence, UTC)))
     kinds = [part.get("class") for part in picture if part.tag == "rect"]

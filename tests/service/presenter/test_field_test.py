@@ -14,7 +14,12 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip.kernel import START, simulate
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.finding import field_test, present
-from stemwatch.service.presenter.physics_words import PARAMETERS, parameter_name
+from stemwatch.service.presenter.physics_words import (
+    PARAMETERS,
+    no_limit,
+    parameter_name,
+    record_parameter,
+)
 from tests.service.report.conftest import screening
 
 GREEK = ("theta", "zeta", "sigma", "omega", "alpha", "beta", "gamma", "delta", "kappa", "lambda")
@@ -114,3 +119,27 @@ def test_every_number_of_an_effect_has_words(slug: str) -> None:
         text = parameter_name(name, slug)
         letters = text not in GREEK and len(text) > 3
         assert name in PARAMETERS or f"{slug}.{name}" in PARAMETERS or letters, text
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("step_percent", 0.1, "step 0.10 %"),
+        ("late_s", 2.5, "OP stored late by 2.5 s"),
+        ("frozen_share", 0.82, "frozen share 82 %"),
+        ("stretches", 3.0, "stretches 3"),
+    ],
+)
+def test_what_the_recorder_did_has_a_unit(name: str, value: float, text: str) -> None:
+    """No bare number stands behind a name."""
+    assert record_parameter(name, value) == text
+
+
+def test_a_stem_that_is_free_has_no_top_speed() -> None:
+    """The bound that stands for none is neither a number of the effect nor of its field test."""
+    free, slow = (Estimate(value=v, low=0.9 * v, high=1.1 * v, unit="%/s") for v in (100.0, 0.5))
+    assert (no_limit(free), no_limit(slow)) == (True, False)
+    test = catalogue()["asymmetric_rate_limit"].field_test(
+        {"rate_rising": free, "rate_falling": slow}
+    )
+    assert test.fails == "at once rising and in about 40 s (36 to 44) falling"

@@ -28,7 +28,7 @@ from stemwatch.service.alerts.rules import apply_rules
 from stemwatch.service.cli import views
 from stemwatch.service.config import load_plant
 from stemwatch.service.maintenance.labels import labels_csv
-from stemwatch.service.maintenance.maintenance_html import book_html
+from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.presenter.finding import belong_to_machine
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
@@ -249,7 +249,7 @@ def test_what_belongs_to_the_machine_is_a_defect_nowhere(
     assert says in text_of(pages.get("/valve", params={"id": "FIC-9"}).text)
     (line,) = [line for line in _lines(pages) if line["valve"] == "FIC-9"]
     assert line["verdict"] == "healthy"
-    book = report_of_store(stored[0], tmp_path, run=stored[1]).book
+    book = report_of_store(stored[0], tmp_path, run=stored[1]).work_list
     assert "FIC-9" not in {sheet.screening.valve for sheet in book.to_work_on}
 
 
@@ -310,7 +310,7 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
         assert [effect["sentence"] for effect in item["over_weeks"]] == list(
             answer[: len(item["over_weeks"])]
         )
-        book = report_of_store(store, tmp_path / "book", plant=plant, run=run).book
+        book = report_of_store(store, tmp_path / "book", plant=plant, run=run).work_list
         (record,) = gathered(store, plant, [valve], {valve: (by_window, True)})
         (alert,) = [
             apply_rule
@@ -323,7 +323,7 @@ def test_what_weeks_say_has_the_same_words_and_days_everywhere(tmp_path: Path) -
                 f"{base}/valve", params={"id": valve}, cookies=cookie_of(site), trust_env=False,
                 verify=False, timeout=30.0,
             ).text  # fmt: skip
-    html_texts = (files.html.read_text("utf-8"), page, book_html(book).decode())
+    html_texts = (files.html.read_text("utf-8"), page, work_list_html(book).decode())
     for sentence in answer:
         for text in html_texts:
             assert sentence in text_of(text).replace("\N{NO-BREAK SPACE}", " ")
@@ -358,7 +358,7 @@ def test_headline_and_counts_are_the_same(
     ]
     assert headline in str(views.summary([in_brief(item) for item in every_kind()]).title)
     book = report_of_store(store, tmp_path, run=run)
-    assert headline in book.book.counts
+    assert headline in book.work_list.counts
     by_word = Counter(valve.verdict.value for valve in ranking)
     assert dict(store.run(run).counts) == dict(by_word)
     assert {k: v for k, v in pages.get("/api/v1/valves").json()["counts"].items() if v} == by_word
@@ -369,7 +369,7 @@ def test_work_orders_are_of_the_valves_that_need_work(
 ) -> None:
     """And of those that somebody can find out about; severity and order are the ranking's."""
     store, run = stored
-    book = report_of_store(store, tmp_path, run=run).book
+    book = report_of_store(store, tmp_path, run=run).work_list
     ordered = {sheet.screening.valve: sheet for sheet in book.to_work_on}
     needing = {valve.screening.valve for valve in ranking if valve.decision.needs_work}
     assert needing == {"FIC-1", "FIC-2", "FIC-3", "FIC-4", "FIC-5"}

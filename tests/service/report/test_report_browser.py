@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from itertools import pairwise
 
@@ -72,6 +73,34 @@ def test_filters_hide_rows_and_sections(open_page):
     assert tags(page) == []
     assert page.get_by_text("No valve matches these filters.").is_visible()
     assert page.locator("#shown").inner_text() == f"0 of {len(everything)} valves"
+
+
+def test_the_report_is_filtered_and_counted_by_unit(
+    browser, make_screening, make_context, tmp_path
+) -> None:
+    """A choice of a unit leaves its rows and sections; *By unit* counts the work of each."""
+    valves = [make_screening(f"FV-{n}", samples=50) for n in range(4)]
+    facts = {
+        valve.valve: ValveFacts(site="Harbour", area="Crude", unit=str(100 + 100 * (n % 2)))
+        for n, valve in enumerate(valves)
+    }
+    files = write_report(valves, make_context(valves, valves=facts), tmp_path)
+    page = browser.new_page()
+    page.goto(files.html.as_uri())
+    page.select_option("#unit", "200")
+    shown = page.locator("#ranking-table tbody tr:visible .c-valve a").all_inner_texts()
+    assert sorted(shown) == ["FV-1", "FV-3"]
+    assert page.locator("#site").count() == 0
+    page.locator("details.units summary").click()
+    rows = page.locator("details.units tbody tr").all_inner_texts()
+    assert [row.split() for row in rows] == [
+        ["Crude", "100", "2", "0", "0", "0"],
+        ["Crude", "200", "2", "0", "0", "0"],
+    ]
+    page.close()
+    contracts = json.loads(files.json.read_text("utf-8"))
+    assert {one["valve"]: one["path"]["unit"] for one in contracts}["FV-3"] == "200"
+    assert "unit" in files.csv.read_text("utf-8-sig").splitlines()[0].split(",")
 
 
 def test_a_link_reaches_a_valve_that_a_filter_hides(open_page):

@@ -59,6 +59,7 @@ _SPECIAL: dict[str, Any] = {
     "alerts.closed": [None, TIME],
     "alerts.source": None,
     "schedules.areas": "[]",
+    "schedules.units": "[]",
     "schedules.valves": "[]",
 }
 

@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from stemwatch.models.recording import Recording
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.executors import InProcess
 from stemwatch.service.studies import robustness
-from stemwatch.service.studies.robustness import StudyAnswer, draw_valves, recorded, rows
+from stemwatch.service.studies.robustness import (
+    StudiedValve,
+    StudyAnswer,
+    draw_valves,
+    recorded,
+    rows,
+    run_robustness,
+)
 
 WAY = "8 hours, stored every 60 s"
 
@@ -55,3 +66,40 @@ def test_where_no_valve_has_an_S_the_table_says_so(stemwatch, monkeypatch) -> No
     assert "no S" in text
     assert "no J" in text
     assert "nan" not in text
+
+
+def test_a_run_goes_on_from_what_is_kept_way_by_way(monkeypatch, tmp_path) -> None:
+    """A second way is added to what was kept; what a stopped run left of a line is asked again."""
+    asked: list[str] = []
+
+    def said(valve: StudiedValve, recording: Recording, storage: str) -> StudyAnswer:
+        asked.append(storage)
+        return replace(answer(None, (4.8, 4.0, 5.5)), way=storage, sticking=valve.sticking)
+
+    def run(*ways: str) -> list[StudyAnswer]:
+        asked.clear()
+        return run_robustness(1, 8484, ways, InProcess(), lambda _: None, tmp_path)
+
+    monkeypatch.setattr(robustness, "answered", said)
+    first = run("as it is")
+    assert asked == ["as it is"] * 2
+    file = min(tmp_path.iterdir())
+    file.write_text(file.read_text(encoding="utf-8")[:-20], encoding="utf-8")
+    both = run("as it is", "position reversed")
+    assert sorted(asked) == ["as it is", "position reversed", "position reversed"]
+    assert [one for one in both if one.way == "as it is"] == first
+    assert run("position reversed") == [one for one in both if one.way == "position reversed"]
+    assert not asked
+    assert [row.way for row in rows(both)] == ["as it is", "position reversed"]
+
+
+def test_the_table_of_the_page_is_printed(stemwatch, monkeypatch) -> None:
+    """As Markdown, with the columns that docs/robustness.md has."""
+    given = [
+        answer(None, (4.8, 4.0, 5.5)),
+        replace(answer(None), sticking=False, verdict=Verdict.HEALTHY),
+    ]
+    monkeypatch.setattr(robustness, "run_robustness", lambda *_: given)
+    text = stemwatch("robustness", "--valves", 1, "--seed", 8484, "--markdown").said
+    assert "| the same recording ... | healthy: called sticky, undetermined |" in text
+    assert f"| {WAY} | 0, 0 of 1 | 0 of 1 | 0.20 %, 1 of 1, 1.5 % | none |" in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -96,3 +97,31 @@ def test_a_price_in_the_plant_file_becomes_money(
     file.write_text(priced.replace("12.5", "-1"), encoding="utf-8")
     refused = stemwatch("screen", "--plant", file, "--out", out, "--workers", "1")
     assert "price_per_unit_hour" in refused.said
+
+
+def test_the_valve_for_other_simulators(stemwatch, small_plant: Path, tmp_path: Path) -> None:
+    """As FMI 3.0 unit and Modelica text in one go, with what the model has; nothing else is run."""
+    unit, text = tmp_path / "valve.fmu", tmp_path / "valve.mo"
+    made = stemwatch("twin", STICKY, "--plant", small_plant, "--fmu", unit, "--modelica", text)
+    assert made.status == 0, made.err
+    assert "It has S and J" in made.out
+    assert f"Written: {unit}" in made.out
+    assert f"Written: {text}" in made.out
+    assert "repaired" not in made.out
+    with zipfile.ZipFile(unit) as archive:
+        names = archive.namelist()
+    assert {"modelDescription.xml", "sources/fmi3.c", "documentation/index.html"} <= set(names)
+    assert "block " in text.read_text(encoding="utf-8")
+
+
+def test_a_model_needs_S_and_a_name_that_tools_know(
+    stemwatch, small_plant: Path, tmp_path: Path
+) -> None:
+    """A valve without a position has none, a file of another ending is refused before the fit."""
+    blind = stemwatch("twin", BLIND, "--plant", small_plant, "--fmu", tmp_path / "valve.fmu")
+    assert blind.status == 2
+    assert "there is no model to write: S is not known" in " ".join(blind.err.split())
+    assert not (tmp_path / "valve.fmu").exists()
+    other = stemwatch("twin", STICKY, "--plant", small_plant, "--fmu", tmp_path / "valve.zip")
+    assert other.status == 2
+    assert "ends in .fmu is expected" in " ".join(other.err.split())

@@ -36,8 +36,8 @@ HOUR_S = 3600
 S_MADE, J_MADE = 4.0, 2.0
 
 VALVES = (
-    StoredValve(id=STICKY, description="Reactor feed", area="Area 100", criticality=3),
-    StoredValve(id=WATCH, description="Column reflux", area="Area 100", criticality=1),
+    StoredValve(id=STICKY, description="Reactor feed", area="Area 100", unit="110", criticality=3),
+    StoredValve(id=WATCH, description="Column reflux", area="Area 100", unit="120", criticality=1),
     StoredValve(id=HEALTHY, description="Steam to E-104", area="Area 200", criticality=2),
     StoredValve(id=BLIND, description="50 % of <b>cooling</b>", area="Area 300", criticality=2),
     StoredValve(
@@ -191,6 +191,7 @@ path = "exports/*.csv"
 [[valves]]
 id = "{STICKY}"
 area = "Area 100"
+unit = "110"
 source = "{SOURCE}"
 [valves.tags.op]
 tag = "{STICKY}.OP"

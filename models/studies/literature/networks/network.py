@@ -13,11 +13,12 @@ from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.studies.literature.canonical import CANONICAL
 from stemwatch.models.studies.literature.fit import ModelFit, cut, fit_model, score_run
+from stemwatch.models.studies.literature.model import DescribedModel
 from stemwatch.models.studies.literature.scores import FitScore
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lesson:
+class TrainingInput:
     """A recording prepared for training: the samples to learn from and the stretches to run over.
 
     ``stretches`` are (first, last) of runs without a hole, cut at ``train_until``. ``learned`` (n,)
@@ -34,7 +35,7 @@ class Lesson:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Learned:
+class TrainedNetwork:
     """``weights`` (P,) of all networks together and their free run ``simulated`` (n,), percent;
     both ``None`` where nothing was learned. ``outcome``: why not, or a remark on the result."""
 
@@ -43,33 +44,14 @@ class Learned:
     outcome: str = ""
 
 
-class Network(Protocol):
+class Network(DescribedModel, Protocol):
     """A network from command to stem position, both in percent.
 
     ``learn`` must look at no position outside ``lesson.learned`` but for those a free run starts
     from, give the same numbers for the same recording, and refuse with a sentence.
     """
 
-    @property
-    def name(self) -> str:
-        """The name by which a comparison is asked for it."""
-        ...
-
-    @property
-    def source(self) -> str:
-        """Authors and publication, and how certain the reconstruction is."""
-        ...
-
-    @property
-    def limits(self) -> tuple[str, ...]:
-        """The known faults of the network, a sentence each."""
-        ...
-
-    def equation(self) -> str:
-        """The network in a line."""
-        ...
-
-    def learn(self, lesson: Lesson) -> Learned:
+    def learn(self, lesson: TrainingInput) -> TrainedNetwork:
         """Weights from the samples that may be learned from and a free run, or why not."""
         ...
 
@@ -91,7 +73,7 @@ def fit_network(
     problem = make_problem(recording)
     runs = cut(problem, train_until)
     learned = network.learn(
-        Lesson(
+        TrainingInput(
             recording=recording,
             train_until=train_until,
             problem=problem,
@@ -121,7 +103,7 @@ def _refused(network: Network, reason: str, started: float) -> ModelFit:
     return ModelFit(model=network.name, parameters=unknown, seconds=seconds, outcome=reason)
 
 
-def _outcome(learned: Learned, training: FitScore | None) -> str:
+def _outcome(learned: TrainedNetwork, training: FitScore | None) -> str:
     if training is None or training.fit_percent > 0.0:
         return learned.outcome
     poor = "Even on the samples it was trained on, the free run is no better than a constant."

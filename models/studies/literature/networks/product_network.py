@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stemwatch.models.studies.literature.networks.network import Learned, Lesson
+from stemwatch.models.studies.literature.networks.network import TrainedNetwork, TrainingInput
 
 
 class ProductNarx:
@@ -27,7 +27,7 @@ class ProductNarx:
         """The network in a line."""
         return "y(t) = y(t-1) + se sigmoid(wg.h + bg) (wv.h + c.x + bv), h = tanh(W x + b)"
 
-    def learn(self, lesson: Lesson) -> Learned:
+    def learn(self, lesson: TrainingInput) -> TrainedNetwork:
         """Train on the samples before ``train_until``; the ensemble's mean free run."""
         from stemwatch.models.narx.architecture import StickSlipStart
         from stemwatch.models.narx.example import NarxExample
@@ -38,9 +38,9 @@ class ProductNarx:
         example = NarxExample.of(lesson.recording, lesson.train_until, start)
         (fit,) = train([example])
         if fit.network is None or fit.simulated is None:
-            return Learned(outcome=fit.reason or "")
+            return TrainedNetwork(outcome=fit.reason or "")
         weights = [array.ravel() for array in fit.network.weights.values()]
-        return Learned(weights=np.concatenate(weights), simulated=fit.simulated)
+        return TrainedNetwork(weights=np.concatenate(weights), simulated=fit.simulated)
 
 
 PRODUCT = ProductNarx()

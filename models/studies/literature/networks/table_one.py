@@ -9,7 +9,7 @@ import numpy as np
 
 from stemwatch.models.decision import shape_of
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.studies.literature.networks.network import Learned, Lesson
+from stemwatch.models.studies.literature.networks.network import TrainedNetwork, TrainingInput
 from stemwatch.models.verdict import Shape
 
 SOURCE = (
@@ -61,7 +61,7 @@ class TableOne:
         """The network in a line."""
         return self.text
 
-    def learn(self, lesson: Lesson) -> Learned:
+    def learn(self, lesson: TrainingInput) -> TrainedNetwork:
         """Several seeds, trained side by side; the one best on the watched block of time."""
         from stemwatch.models.studies.literature.networks import (
             training,  # torch takes two seconds to import
@@ -75,17 +75,17 @@ class TableOne:
         y = (problem.mv - scale.mv_middle) / scale.half
         trained = training.train(shape, u, y, _runs(lesson), recurrent=self.recurrent)
         if isinstance(trained, str):
-            return Learned(outcome=trained)
+            return TrainedNetwork(outcome=trained)
         step, weights = trained
         run, diverged = training.run(step, weights, u, y, lesson.stretches)
-        return Learned(
+        return TrainedNetwork(
             weights=weights,
             simulated=scale.mv_middle + scale.half * run,
             outcome=_outcome(shape, S, J, diverged),
         )
 
 
-def _runs(lesson: Lesson) -> list[Bools]:
+def _runs(lesson: TrainingInput) -> list[Bools]:
     """(n,) samples of each training stretch that may be learned from."""
     index = np.arange(lesson.learned.size)
     within_learned = partial(np.logical_and, lesson.learned)

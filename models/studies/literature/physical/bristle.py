@@ -13,12 +13,16 @@ percent of u. All in SI units.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numba import njit
 
 from stemwatch.models.recording import Floats
+from stemwatch.models.studies.literature.model import Run
 from stemwatch.models.studies.literature.physical import bristle
 from stemwatch.models.studies.literature.physical.body import Packing, ValveBody
+from stemwatch.models.studies.literature.physical.published import ParameterSet
 from stemwatch.models.studies.literature.physical.shared_parameters import actuator_force
 
 MASS, SPRING, STATIC, KINETIC, VISCOUS, STRIBECK, STIFFNESS, DAMPING = range(8)
@@ -105,3 +109,15 @@ def bristle_constants(body: ValveBody, packing: Packing, tolerance_percent: floa
     c[bristle.TOLERANCE] = 0.01 * tolerance_percent * body.stroke_m
     c[bristle.FORCE], c[bristle.FORCE_PER_PERCENT] = actuator_force(body)
     return c
+
+
+def bristle_run(
+    valve: ParameterSet, packing_of_parameters: Callable[[Floats], Packing], tolerance: float
+) -> Run:
+    """The run of a model whose parameters make the packing; ``tolerance`` in percent."""
+
+    def run(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:
+        c = bristle_constants(valve.body, packing_of_parameters(q), tolerance)
+        bristle.run_bristle(op, interval_s, valve.body.stroke_m, y0, c, out)
+
+    return run

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import KernelModel
 from stemwatch.models.studies.literature.physical.body import Packing
-from stemwatch.models.studies.literature.physical.bristle import bristle_constants, run_bristle
+from stemwatch.models.studies.literature.physical.bristle import bristle_run
 from stemwatch.models.studies.literature.physical.classical import PHYSICAL_LIMITS
 from stemwatch.models.studies.literature.physical.published import ParameterSet
 from stemwatch.models.studies.literature.physical.shared_parameters import (
@@ -22,17 +24,9 @@ from stemwatch.models.studies.literature.shared_parameters import UNREAD
 def dahl(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERCENT) -> KernelModel:
     """Dahl's model of ``valve``; parameters Fc (N) and Fv (N s/m), s0 the packing's."""
 
-    def run(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:
-        packing = Packing(
-            static_n=q[0],
-            kinetic_n=q[0],
-            viscous_ns_per_m=q[1],
-            stribeck_m_per_s=valve.packing.stribeck_m_per_s,
-            bristle_n_per_m=valve.packing.bristle_n_per_m,
-            bristle_ns_per_m=0.0,
-        )
-        c = bristle_constants(valve.body, packing, tolerance_percent)
-        run_bristle(op, interval_s, valve.body.stroke_m, y0, c, out)
+    def packing(q: Floats) -> Packing:
+        levels = {"static_n": q[0], "kinetic_n": q[0], "viscous_ns_per_m": q[1]}
+        return replace(valve.packing, bristle_ns_per_m=0.0, **levels)
 
     return KernelModel(
         name="dahl",
@@ -44,7 +38,7 @@ def dahl(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERCE
             "It drifts in presliding, like LuGre.",
             *PHYSICAL_LIMITS,
         ),
-        run=run,
+        run=bristle_run(valve, packing, tolerance_percent),
         slow=True,
     )
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import KernelModel
-from stemwatch.models.studies.literature.physical.bristle import bristle_constants, run_bristle
+from stemwatch.models.studies.literature.physical.bristle import bristle_run
 from stemwatch.models.studies.literature.physical.classical import PHYSICAL_LIMITS
 from stemwatch.models.studies.literature.physical.published import ParameterSet
 from stemwatch.models.studies.literature.physical.shared_parameters import (
@@ -25,12 +24,6 @@ def lugre(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERC
     s0 = 2.6e7 N/m and s1 = 2.04e4 N s/m were published with set b; for the other sets they are
     assumed.
     """
-
-    def run(op: Floats, q: Floats, interval_s: float, y0: float, out: Floats) -> None:
-        packing = packing_of(q, valve.packing)
-        c = bristle_constants(valve.body, packing, tolerance_percent)
-        run_bristle(op, interval_s, valve.body.stroke_m, y0, c, out)
-
     return KernelModel(
         name="lugre",
         source=(
@@ -50,7 +43,7 @@ def lugre(valve: ParameterSet = USUAL, tolerance_percent: float = TOLERANCE_PERC
             "A threshold on position is a poor way to read S from it: presliding trips it early.",
             *PHYSICAL_LIMITS,
         ),
-        run=run,
+        run=bristle_run(valve, lambda q: packing_of(q, valve.packing), tolerance_percent),
         relation=kinetic_not_above_static,
         slow=True,
     )

@@ -55,15 +55,17 @@ def test_up_and_down_again_gives_every_value_back(store_url: str, revision: str)
 
 def test_down_and_up_again_keeps_what_the_older_schema_holds(store_url: str) -> None:
     """From the newest schema down and up: nothing is lost but the evidence of windows, what OP and
-    PV alone say, what people found, pictures and oscillations, which only it has; views and the
-    layout of samples come back."""
+    PV alone say, histograms, what people found, pictures, oscillations, and site, unit and loop of
+    valves, which only it has; views and the layout of samples come back."""
     with database_at(store_url, NEWEST) as engine:
         before = contents(engine)
         downgrade(engine, "0004")
         upgrade(engine, DatabaseUrl(store_url))
         after = contents(engine)
-    for column in ("evidence", "without_position"):
+    for column in ("evidence", "without_position", "histograms"):
         assert before["screenings"].pop(column) != after["screenings"].pop(column)
+    for column in ("site", "unit", "loop"):
+        assert before["valves"].pop(column) != after["valves"].pop(column)
     for newer in ("feedback", "pictures", "oscillations"):
         assert before.pop(newer) != after.pop(newer)
     assert before == after

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import io
+import re
+import zipfile
 from dataclasses import replace
 from datetime import timedelta
 
 import pytest
 
+from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.service.web.pages import twin_page
 from tests.models.closed_loop.test_fitted_loop import plant
-from tests.service.web.example_plant import HOUR_S, NOW, STICKY, screening
+from tests.models.test_response_figures import judged, percent
+from tests.service.web.example_plant import BLIND, HOUR_S, NOW, STICKY, screening
 
 
 @pytest.fixture
@@ -23,7 +28,9 @@ def looped(live, client_of):
         interval_s=1.0,
         start=NOW - timedelta(seconds=HOUR_S),
     )
-    live.store.save(screening(STICKY, S=5.0, J=2.0), live.store.begin_run(software_version="1"))
+    mismatch = judged(percent(5.0), percent(2.0), question=OpenQuestion(interval=1.0)).mismatch
+    found = screening(STICKY, S=5.0, J=2.0, mismatch=mismatch)
+    live.store.save(found, live.store.begin_run(software_version="1"))
     return client_of(replace(live, read=lambda valve, window: loop))
 
 
@@ -59,3 +66,25 @@ def test_a_twin_is_fitted_once(looped, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(twin_page, "read_recording", lambda *_: pytest.fail("read again"))
     page = looped.get("/valve/what-if", params={"id": STICKY, "S": "0.5"}).text
     assert "would fall by" in page
+
+
+def test_the_valve_is_downloaded_for_other_simulators(looped) -> None:
+    """The page links an FMU with the S and J that the page shows."""
+    page = looped.get("/valve/what-if", params={"id": STICKY}).text
+    link = re.search(r'href="([^"]*valve\.fmu[^"]*)"', page)
+    assert link is not None
+    answer = looped.get(link[1].replace("&amp;", "&"))
+    assert answer.status_code == 200
+    assert answer.headers["content-disposition"].endswith('.fmu"')
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as unit:
+        described = unit.read("modelDescription.xml").decode()
+    assert re.search(r'name="S" .* start="5\.0"', described)
+    assert re.search(r'name="J" .* start="2\.0"', described)
+
+
+def test_a_valve_without_S_has_no_model(client) -> None:
+    """Neither a link nor a file, but why."""
+    assert "valve.fmu" not in client.get("/valve/what-if", params={"id": BLIND}).text
+    answer = client.get("/valve/what-if/valve.fmu", params={"id": BLIND})
+    assert answer.status_code == 404
+    assert "There is no model" in answer.text

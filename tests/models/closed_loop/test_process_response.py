@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.process_response import ProcessResponse, process_response
+from stemwatch.models.closed_loop.process_response import ProcessResponse, process_response
 from stemwatch.models.recording import Recording, Role, Signal
 
 
@@ -66,7 +66,7 @@ def test_upset_takes_the_end_of_the_interval_that_is_farther_from_zero():
     [
         (None, "no PV was recorded"),
         (np.full(1800, 7.0), "did not move"),
-        (np.random.default_rng(2).normal(50.0, 3.0, 1800), "explains only"),
+        (np.random.default_rng(2).normal(50.0, 3.0, 1800), "cannot be told from what else"),
     ],
 )
 def test_gain_that_nothing_tells_is_not_known_and_says_why(pv, why):

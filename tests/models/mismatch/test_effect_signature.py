@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.telltale import Moves, later, telltale
+from stemwatch.models.mismatch.effect_signature import Moves, effect_signature, later
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.terms.rate_limit import limited
 
@@ -27,7 +27,7 @@ def test_a_limited_stem_does_not_move_faster_however_far_it_is():
     """Every point of a valve limited to 4 %/s lies on the fitted law, flat from 4 % on."""
     op, mv = command(), np.empty(N)
     limited(op, np.zeros(N, dtype=np.int8), 1.0, 0.25, mv)
-    result = telltale("rate_limit", moves(op, mv, rate=4.0))
+    result = effect_signature("rate_limit", moves(op, mv, rate=4.0))
     assert result is not None
     (law,) = result.laws
     assert np.abs(result.y - np.interp(result.x, law.x, law.y)).max() < 1e-9
@@ -41,7 +41,7 @@ def test_a_lag_is_a_slope_of_its_time_constant():
     mv[0] = op[0]
     for k in range(1, N):
         mv[k] = mv[k - 1] + (1.0 - np.exp(-1.0 / 4.0)) * (op[k] - mv[k - 1])
-    result = telltale("actuator_lag", moves(op, mv, tau=4.0))
+    result = effect_signature("actuator_lag", moves(op, mv, tau=4.0))
     assert result is not None
     (law,) = result.laws
     inside = (result.x > law.x[0]) & (result.x < law.x[-1])
@@ -52,7 +52,7 @@ def test_a_lag_is_a_slope_of_its_time_constant():
 def test_the_moves_are_most_alike_at_the_dead_time():
     """The peak of the likeness is where the delay is."""
     op = np.cumsum(np.random.default_rng(5).normal(0.0, 1.0, N)) + 50.0
-    result = telltale("dead_time", moves(op, later(op, 3.0, 1.0), theta=3.0))
+    result = effect_signature("dead_time", moves(op, later(op, 3.0, 1.0), theta=3.0))
     assert result is not None
     assert result.joined
     assert result.x[np.argmax(result.y)] == pytest.approx(3.0, abs=0.2)
@@ -70,7 +70,7 @@ def test_every_effect_of_the_catalogue_shows_itself_somehow(slug):
     """No effect is without its plot, and none breaks on a stem that slips now and then."""
     op = command()
     mv = np.repeat(op[::40], 40)[:N] + np.random.default_rng(1).normal(0.0, 0.05, N)
-    result = telltale(slug, moves(op, mv))
+    result = effect_signature(slug, moves(op, mv))
     if result is None:  # nothing but slips, of which there were too few
         assert slug in {"asymmetric_slip", "lost_motion", "dwell_dependent_breakaway"}
         return
@@ -82,4 +82,4 @@ def test_every_effect_of_the_catalogue_shows_itself_somehow(slug):
 
 def test_an_effect_of_another_version_shows_nothing():
     """What is not known here is left out, and is no error."""
-    assert telltale("of_tomorrow", moves(command(), command())) is None
+    assert effect_signature("of_tomorrow", moves(command(), command())) is None

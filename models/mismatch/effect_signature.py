@@ -25,7 +25,7 @@ SPEED = "speed of the stem, %/s"
 
 
 @dataclass(frozen=True)
-class Law:
+class FittedLine:
     """A fitted number drawn as a line: its ``label`` with the number, and points (k,)."""
 
     label: str
@@ -34,7 +34,7 @@ class Law:
 
 
 @dataclass(frozen=True)
-class Telltale:
+class EffectSignature:
     """Points (m,) that show an effect. ``rising`` (m,) marks those of a rising stem.
 
     ``groups`` names the two kinds of points; ``joined`` where they are a curve and no cloud.
@@ -46,7 +46,7 @@ class Telltale:
     y: Floats
     rising: Bools
     caption: str
-    laws: tuple[Law, ...] = ()
+    laws: tuple[FittedLine, ...] = ()
     groups: tuple[str, str] = ("rising", "falling")
     joined: bool = False
 
@@ -81,21 +81,21 @@ def later(values: Floats, delay_s: float, interval_s: float) -> Floats:
     return np.asarray(np.where(part > 0.0, (1.0 - part) * first + part * upper_values, first))
 
 
-def telltale(slug: str, moves: Moves) -> Telltale | None:
+def effect_signature(slug: str, moves: Moves) -> EffectSignature | None:
     """What shows the effect ``slug`` in these moves; ``None`` where too few samples tell."""
-    make_telltale = _SHOWN.get(slug)
-    telltale_found = None if make_telltale is None else make_telltale(moves)
-    if telltale_found is None:
+    make_signature = _SHOWN.get(slug)
+    signature = None if make_signature is None else make_signature(moves)
+    if signature is None:
         return None
-    finite = np.isfinite(telltale_found.x) & np.isfinite(telltale_found.y)
+    finite = np.isfinite(signature.x) & np.isfinite(signature.y)
     if np.count_nonzero(finite) < FEWEST:
         return None
-    return Telltale(
+    return EffectSignature(
         **{
-            **telltale_found.__dict__,
-            "x": telltale_found.x[finite],
-            "y": telltale_found.y[finite],
-            "rising": telltale_found.rising[finite],
+            **signature.__dict__,
+            "x": signature.x[finite],
+            "y": signature.y[finite],
+            "rising": signature.rising[finite],
         }
     )
 
@@ -113,9 +113,9 @@ def _speed_by_error(moves: Moves, time_s: float) -> tuple[Floats, Floats, float]
     return error, speed, took
 
 
-def _of_speed(error: Floats, speed: Floats, caption: str, law: Law) -> Telltale:
+def _of_speed(error: Floats, speed: Floats, caption: str, law: FittedLine) -> EffectSignature:
     """The speed of the stem against its distance from the command, with what bounds it."""
-    return Telltale(
+    return EffectSignature(
         x_label="OP less position, %",
         y_label=SPEED,
         x=error,
@@ -126,7 +126,7 @@ def _of_speed(error: Floats, speed: Floats, caption: str, law: Law) -> Telltale:
     )
 
 
-def _limited(moves: Moves) -> Telltale:
+def _limited(moves: Moves) -> EffectSignature:
     both_rates = moves.value("rate")
     up, down = moves.value("rate_rising") or both_rates, moves.value("rate_falling") or both_rates
     slower = min((rate for rate in (up, down) if rate > 0.0), default=1.0)
@@ -138,10 +138,12 @@ def _limited(moves: Moves) -> Telltale:
         "However far the stem is from its command, it does not move faster than the limit; "
         "without one the points would go on along the slope."
     )
-    return _of_speed(error, speed, caption, Law(label, speeds, np.clip(speeds / took, -down, up)))
+    return _of_speed(
+        error, speed, caption, FittedLine(label, speeds, np.clip(speeds / took, -down, up))
+    )
 
 
-def _lagging(moves: Moves) -> Telltale:
+def _lagging(moves: Moves) -> EffectSignature:
     both_lags = moves.value("tau") or moves.value("tau_v") or moves.value("recovery")
     up, down = moves.value("tau_rising") or both_lags, moves.value("tau_falling") or both_lags
     error, speed, took = _speed_by_error(moves, STEP_OF_LAG * max(up, down))
@@ -159,15 +161,15 @@ def _lagging(moves: Moves) -> Telltale:
         "The farther the stem is from its command, the faster it moves, by the slope of the "
         "time constant; a speed limit would be flat instead."
     )
-    return _of_speed(error, speed, caption, Law(f"time constant {lag_text}", speeds, law))
+    return _of_speed(error, speed, caption, FittedLine(f"time constant {lag_text}", speeds, law))
 
 
-def _late(moves: Moves) -> Telltale:
+def _late(moves: Moves) -> EffectSignature:
     theta = max(moves.value("theta"), moves.interval_s)
     shifts = np.linspace(0.0, MOST_SHIFT * theta, SHIFTS)
     step = np.diff(moves.mv)
     likeness = np.array([_likeness(moves, step, float(shift)) for shift in shifts])
-    return Telltale(
+    return EffectSignature(
         x_label="OP taken later by, s",
         y_label="likeness of the moves of OP and stem",
         x=shifts,
@@ -178,7 +180,7 @@ def _late(moves: Moves) -> Telltale:
             "longer ago the farther to the right; what else slows the stem moves the peak as well."
         ),
         laws=(
-            Law(
+            FittedLine(
                 f"dead time {moves.value('theta'):.3g} s",
                 np.full(2, moves.value("theta")),
                 np.array([float(np.nanmin(likeness)), float(np.nanmax(likeness))]),
@@ -209,8 +211,8 @@ def _is_rising(moves: Moves) -> Bools:
     return np.asarray(step[last] > 0.0)
 
 
-def _by_place(moves: Moves, caption: str, *laws: Law) -> Telltale:
-    return Telltale(
+def _by_place(moves: Moves, caption: str, *laws: FittedLine) -> EffectSignature:
+    return EffectSignature(
         x_label="position, %",
         y_label="position less OP, %",
         x=moves.mv,
@@ -221,7 +223,7 @@ def _by_place(moves: Moves, caption: str, *laws: Law) -> Telltale:
     )
 
 
-def _friction_by_place(moves: Moves) -> Telltale:
+def _friction_by_place(moves: Moves) -> EffectSignature:
     return _by_place(
         moves,
         "Where friction is higher, the stem lags more behind OP, below it when rising and above it "
@@ -229,35 +231,35 @@ def _friction_by_place(moves: Moves) -> Telltale:
     )
 
 
-def _force_by_place(moves: Moves) -> Telltale:
+def _force_by_place(moves: Moves) -> EffectSignature:
     return _by_place(
         moves,
         "A force that depends on the place moves both directions alike, up or down.",
     )
 
 
-def _zero(moves: Moves) -> Telltale:
+def _zero(moves: Moves) -> EffectSignature:
     zero, ends = moves.value("zero"), np.array(_ends(moves.mv))
-    law = Law(f"zero off by {zero:.2g} %", ends, np.full(2, zero))
+    law = FittedLine(f"zero off by {zero:.2g} %", ends, np.full(2, zero))
     return _by_place(moves, "The reading is off by the same everywhere, both ways.", law)
 
 
-def _span(moves: Moves) -> Telltale:
+def _span(moves: Moves) -> EffectSignature:
     gain, ends = moves.value("gain") or 1.0, np.array(_ends(moves.mv))
-    law = Law(f"{gain:.3g} % for each percent", ends, (gain - 1.0) * (ends - 50.0))
+    law = FittedLine(f"{gain:.3g} % for each percent", ends, (gain - 1.0) * (ends - 50.0))
     return _by_place(moves, "The reading is off by more, the farther from mid-travel.", law)
 
 
-def _stopped(moves: Moves) -> Telltale:
+def _stopped(moves: Moves) -> EffectSignature:
     op = later(moves.op, moves.late_s, moves.interval_s)
     ends = np.array(_ends(op))
     stops = (("lower", moves.value("stop_low"), 0.1), ("upper", moves.value("stop_high"), 99.9))
     laws = tuple(
-        Law(f"{name} stop at {stop_name:.3g} %", ends, np.full(2, stop_name))
+        FittedLine(f"{name} stop at {stop_name:.3g} %", ends, np.full(2, stop_name))
         for name, stop_name, end in stops
         if (stop_name > end if name == "lower" else 0.0 < stop_name < end)
     )
-    return Telltale(
+    return EffectSignature(
         x_label="OP, %",
         y_label="position, %",
         x=op,
@@ -268,8 +270,8 @@ def _stopped(moves: Moves) -> Telltale:
     )
 
 
-def _by_time(moves: Moves) -> Telltale:
-    return Telltale(
+def _by_time(moves: Moves) -> EffectSignature:
+    return EffectSignature(
         x_label="time, min",
         y_label="position less OP, %",
         x=np.arange(moves.op.size, dtype=np.float64) * (moves.interval_s / 60.0),
@@ -279,12 +281,12 @@ def _by_time(moves: Moves) -> Telltale:
     )
 
 
-def _by_speed(moves: Moves) -> Telltale:
+def _by_speed(moves: Moves) -> EffectSignature:
     step = 10
     x, y = np.full(moves.op.size, np.nan), np.full(moves.op.size, np.nan)
     x[step:] = (moves.op[step:] - moves.op[:-step]) / (step * moves.interval_s)
     y[step:] = (moves.mv[step:] - moves.mv[:-step]) / (step * moves.interval_s)
-    return Telltale(
+    return EffectSignature(
         x_label="speed of OP, %/s",
         y_label=SPEED,
         x=x,
@@ -297,14 +299,14 @@ def _by_speed(moves: Moves) -> Telltale:
     )
 
 
-def _slips(moves: Moves) -> Telltale | None:
+def _slips(moves: Moves) -> EffectSignature | None:
     both_finite = np.isfinite(moves.op) & np.isfinite(moves.mv)
     if not both_finite.all():
         return None
     noise = 1.4826 * float(np.median(np.abs(np.diff(moves.mv)))) / np.sqrt(2.0)
     jumps = jumps_from_rest(moves.mv, moves.op, max(noise, 0.01))
     rest_s = np.diff(jumps.begins, prepend=jumps.begins[:1]) * moves.interval_s
-    return Telltale(
+    return EffectSignature(
         x_label="time since the slip before, s",
         y_label="size of the slip, %",
         x=rest_s.astype(np.float64),
@@ -322,7 +324,7 @@ def _ends(values: Floats) -> tuple[float, float]:
     return float(low), float(high)
 
 
-_SHOWN: Mapping[str, Callable[[Moves], Telltale | None]] = MappingProxyType(
+_SHOWN: Mapping[str, Callable[[Moves], EffectSignature | None]] = MappingProxyType(
     {
         **dict.fromkeys(("rate_limit", "asymmetric_rate_limit"), _limited),
         **dict.fromkeys(

@@ -1,0 +1,1 @@
+"""A public set of valve recordings with a sealed truth, and the scoring of anybody's answers."""

@@ -1,0 +1,29 @@
+"""What a study that may be stopped has counted so far: a file of JSON objects, one in each line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+
+def keep_line(file: Path | None, value: Mapping[str, object]) -> None:
+    """One line more, where there is a file: times in ISO 8601."""
+    if file is None:
+        return
+    line = json.dumps(value, default=datetime.isoformat)
+    with file.open("a", encoding="utf-8") as kept:
+        kept.write(line + "\n")
+
+
+def kept_lines(file: Path | None) -> list[dict[str, Any]]:
+    """What was kept; a last line that was cut off is taken away, and is to be written again."""
+    if file is None or not file.is_file():
+        return []
+    lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
+    whole = [line for line in lines if line.endswith("\n")]
+    if len(whole) < len(lines):
+        file.write_text("".join(whole), encoding="utf-8")
+    return [json.loads(line) for line in whole]

@@ -1,0 +1,1 @@
+"""The fitted valve written for other simulators."""

@@ -1,0 +1,179 @@
+block {{ identifier }} "A control valve with stick-slip, fitted to the recording of {{ chain.valve }}"
+  // {{ sentence }}
+  // Written by {{ tool }}. OP and position in percent; S and J in percent of OP, others of travel.
+  //
+  //   OP --curve--> command --dead time--> lag --> ringing --> speed limit --> air supply --> force
+  //      --stick-slip--> stem --play--> position
+  //
+  // The element is the canonical one of Choudhury, Thornhill and Shah (2005,
+  // doi:10.1016/j.conengprac.2004.05.005): a stem at rest breaks away when the force on it exceeds
+  // (S + J)/2, and slides (S - J)/2 behind its force until it stops. The valve moves once every
+  // sample_time, with the OP of that moment, beginning at time 0.
+
+  input Real OP(start = {{ chain.op_start | exact }}) "The controller's output, %";
+  output Real position(start = {{ values.position_start | exact }}) "The position as it is read, %";
+  output Real stem(start = {{ values.position_start | exact }}) "Where the stem is, %";
+
+{% for one in parameters %}
+  parameter Real {{ one.name }}{% if one.low is not none %}(min = {{ one.low | exact }}){% endif %} = {{ one.value | exact }} "{{ one.meaning }}, {{ one.unit }}";
+{% endfor %}
+{% if curve_op %}
+  parameter Real curve_op[{{ curve_op | length }}] = { {{- curve_op | map("exact") | join(", ") -}} } "Points of the curve: OP, %";
+  parameter Real curve_travel[{{ curve_op | length }}] = { {{- curve_travel | map("exact") | join(", ") -}} } "Points of the curve: travel, %";
+{% endif %}
+
+protected
+  constant Boolean one_actuator = {{ "true" if chain.one_actuator else "false" }} "Lag and speed limit are one device, and the stem slides while its command moves";
+  constant Real unit_s = {{ chain.unit_s | exact }} "Seconds in a unit of the clock on which the valve was fitted";
+  constant Real rounding = 1e-9 "Percent; a smaller step of the force is a held command";
+  parameter Integer delay = integer(dead_time / sample_time) "Whole samples of the dead time";
+  parameter Real late = dead_time / sample_time - delay "The rest of them";
+  parameter Integer ring_parts = max(10, integer(ceil(sample_time / unit_s / 0.1 - 1e-9))) "Of a sample, in which ringing is counted";
+  discrete Real waiting[delay + 2] "Commands that are on their way, the newest first, %";
+  discrete Real command, lagged, rung, ring_speed, limited, step, air, before_air, force;
+  discrete Real x "The stem, %";
+  discrete Real z "Where its reading stands, %";
+  discrete Real way "1 rising, -1 falling";
+  discrete Real speed "Of a stem with inertia, %/s";
+  discrete Real rested "Samples";
+  discrete Boolean moving;
+  Real error, part, f, level, jump, up, down, rise, sliding, gap, share, place, off, pushed, least;
+  Boolean begun(start = false, fixed = true);
+
+algorithm
+  when sample(0, sample_time) then
+{% if curve_op %}
+    command := if OP <= curve_op[1] then curve_travel[1] else curve_travel[{{ curve_op | length }}];
+    for i in 1:{{ curve_op | length - 1 }} loop
+      if OP >= curve_op[i] and OP < curve_op[i + 1] then
+        command := (curve_travel[i + 1] - curve_travel[i]) / (curve_op[i + 1] - curve_op[i]) * (OP - curve_op[i]) + curve_travel[i];
+      end if;
+    end for;
+{% else %}
+    command := OP;
+{% endif %}
+
+    if not begun then
+      // At the first sample all is at rest, the stem at position_start or as near as friction lets it.
+      begun := true;
+      waiting := fill(command, delay + 2);
+      lagged := command;
+      rung := command;
+      limited := command;
+      before_air := command;
+      ring_speed := 0;
+      step := 0;
+      air := 0;
+      speed := 0;
+      rested := 0;
+      way := 1;
+      moving := false;
+      z := (position_start - 50 - reading_zero) / reading_gain + 50;
+      level := abs(0.5 * (S + J) * abs(travel_per_op)) + 0.5 * play;
+      x := z;
+    else
+      // Dead time, on the line between two samples.
+      for i in 1:delay + 1 loop
+        waiting[delay + 3 - i] := waiting[delay + 2 - i];
+      end for;
+      waiting[1] := command;
+      command := waiting[delay + 1] + late * (waiting[delay + 2] - waiting[delay + 1]);
+      level := -1;
+    end if;
+
+    // Friction and force at this place of the stem, from a table with a step of 1 %.
+    place := min(max(x + 20, 0), 139.999999);
+    off := 0;
+    pushed := 0;
+    for i in 0:1 loop
+      share := if i == 0 then 1 - (place - floor(place)) else place - floor(place);
+      part := floor(place) + i - 20;
+      gap := (part - tight_place) / tight_width;
+      off := off + (if abs(gap) < 6 then share * tight_friction * exp(-gap * gap) else 0);
+      pushed := pushed + share * flow_force * (4 * part / 100 * (1 - part / 100) - 1);
+      part := min(max(part / 50 - 1, -1), 1);
+      pushed := pushed + share * (load_linear * part + load_square * part ^ 2 + load_cube * part ^ 3);
+    end for;
+
+    if level >= 0 then
+      level := level + abs(off) + abs(pushed);
+      x := min(max(z, command - level), command + level);
+      z := x;
+    else
+      if one_actuator then
+        error := command - limited;
+        share := if error > 0 then lag_rising else lag_falling;
+        share := if share > 1e-3 * unit_s then 1 - exp(-sample_time / share) else 1;
+        step := min(max(error * share, -speed_falling * sample_time), speed_rising * sample_time);
+        limited := limited + step;
+      else
+        error := command - lagged;
+        share := if error > 0 then lag_rising else lag_falling;
+        lagged := lagged + (if share > 1e-3 * unit_s then 1 - exp(-sample_time / share) else 1) * error;
+        error := rung - lagged;
+        if ring_frequency > 0 then
+          part := sample_time / ring_parts;
+          for i in 1:ring_parts loop
+            ring_speed := (1 - 2 * part * ring_damping * ring_frequency) * ring_speed - part * ring_frequency ^ 2 * error;
+            error := error + part * ring_speed;
+          end for;
+          rung := lagged + error;
+        else
+          rung := lagged;
+        end if;
+        limited := limited + min(max(rung - limited, -speed_falling * sample_time), speed_rising * sample_time);
+      end if;
+
+      share := if supply_sag > 0 then 1 else -1;
+      air := max(1 - sample_time / supply_recovery, 0) * air + abs(supply_sag) / 100 * max(share * (limited - before_air), 0);
+      before_air := limited;
+      force := limited - share * air - pushed;
+
+      level := 0.5 * S * abs(travel_per_op) + off;
+      jump := 0.5 * J * abs(travel_per_op);
+      up := jump * (1 + slip_asymmetry);
+      down := jump * (1 - slip_asymmetry);
+      rise := dwell_breakaway * log(1 + (if moving then 0 else rested) * sample_time / dwell_time);
+      rested := if moving then 1 else rested + 1;
+
+      if run_up > 0 then
+        // With inertia: the force balance in four implicit steps.
+        part := sample_time / 4;
+        for i in 1:4 loop
+          f := force - x;
+          if speed > 0 or f > level + up + rise or -f > level + down + rise then
+            way := if speed > 0 then way else if f > level + up + rise then 1 else -1;
+            gap := way * f - (level - (if way > 0 then up else down));
+            speed := min(max((drag * run_up / part * speed + gap) / (drag * run_up / part + drag + part), 0), top_speed);
+            x := x + way * speed * part;
+          end if;
+        end for;
+        speed := if x < stop_low or x > stop_high then 0 else speed;
+        moving := speed > 0;
+      else
+        f := force - x;
+        share := if drag > 1e-3 * unit_s then 1 - exp(-sample_time / drag) else 1;
+        least := if restick_speed < 0 then -rounding else max(max(restick_speed, if share < 1 then 0.01 / unit_s else 0) * sample_time / share, rounding);
+        sliding := level - (if way > 0 then up else down);
+        moving := moving and (if one_actuator then way * step > restick_speed * sample_time else way * f - sliding > least);
+        if not moving and (f > level + up + rise or -f > level + down + rise) then
+          moving := true;
+          way := if f > level + up + rise then 1 else -1;
+          sliding := level - (if way > 0 then up else down);
+        end if;
+        if not moving then
+          x := x + creep * sample_time;
+        elseif one_actuator then
+          x := force - way * sliding;
+        else
+          x := x + share * way * max(way * f - sliding, 0);
+        end if;
+      end if;
+      x := min(max(x, stop_low), stop_high);
+      z := min(max(z, x - 0.5 * play), x + 0.5 * play);
+    end if;
+
+    stem := x;
+    position := reading_gain * (z - 50) + 50 + reading_zero;
+  end when;
+end {{ identifier }};

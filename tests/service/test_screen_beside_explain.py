@@ -1,0 +1,84 @@
+"""``screen`` and ``explain`` of one recording say the same of it."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import pytest
+from rich.console import Console
+
+from stemwatch.models.recording import Recording
+from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening_result import Screening
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.loop import PlantLoop
+from stemwatch.models.studies.simulator.simulate import simulate_loop
+from stemwatch.models.studies.simulator.valve import SimulatedValve
+from stemwatch.service.cli.explanation import explanation
+from stemwatch.service.explain.explain_json import to_object
+from stemwatch.service.explain.explained import Explained, explain_recording
+from stemwatch.service.presenter.wording import span_percent
+from stemwatch.service.report import to_contract
+
+STEPS = tuple((60.0 + 55.0 * k, 50.0 + (-1) ** k * (4.0 + k % 5)) for k in range(16))
+
+
+def loop(S: float, J: float) -> Recording:
+    """A quarter of an hour of steps."""
+    simulated = PlantLoop(
+        tag="FIC-1", valve=SimulatedValve(S=S, J=J), setpoints=STEPS, duration_s=900.0
+    )
+    return simulate_loop(simulated, 3).recording
+
+
+def blind() -> Recording:
+    """A recording in which OP hardly moves."""
+    return loop(4.0, 2.0).part(0, 240)
+
+
+def hidden(slug: str, seed: int) -> Recording:
+    """A recording with one effect hidden, or none."""
+    case = draw_nulls(1, seed)[0] if slug == "null" else draw_effect(slug, 1, seed)[0]
+    return simulate_hidden(case)[1].recording
+
+
+KINDS = {
+    "sticky": lambda: loop(4.0, 2.0),
+    "overshoots": lambda: loop(3.0, 3.8),
+    "healthy": lambda: loop(0.3, 0.1),
+    "nothing hidden": lambda: hidden("null", 4001),
+    "late": lambda: hidden("dead_time", 4012),
+    "cannot be judged": blind,
+}
+
+
+def agree(screened: Screening, explained: Explained) -> None:
+    """Every number and sentence that both tell is one; what is not used is called that."""
+    told, mismatch = to_contract(screened), to_object(explained)
+    terminal = Console(width=240, record=True, file=io.StringIO())
+    terminal.print(explanation(explained))
+    lines = terminal.export_text().splitlines()
+    if screened.mismatch is None:
+        assert screened.reason in mismatch["sentence"]
+        assert mismatch["verdict"] != "none"
+        return
+    assert mismatch["stiction"]["restated"] == told["stiction"]
+    assert told["mismatch"]["stiction"] == mismatch["stiction"]
+    for name in ("verdict", "sentence", "effects", "heldout", "not_testable", "record_effects"):
+        assert mismatch[name] == told["mismatch"][name], name
+    (line,) = [line for line in lines if line.strip().startswith("of this valve")]
+    if screened.S.value is not None:
+        numbers = re.findall(r"[\d.]+", line)
+        assert numbers[0] == span_percent(screened.S.value)
+    alternatives = [line for line in lines if line.strip().startswith("not used: ")]
+    same = mismatch["stiction"]["naive"] == mismatch["stiction"]["restated"]
+    assert len(alternatives) == (0 if same else 1)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_s_and_j_and_what_was_left_out_are_one(kind: str) -> None:
+    """Of a valve of every kind: S, J, finding, effects, sentence, fit."""
+    recording = KINDS[kind]()
+    (screened,) = screen([Case(recording=recording)], Options(narx=False))
+    agree(screened, explain_recording(recording, "a.csv", narx=False))
