@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import TypedDict
 
 
 class IsolationLevel(IntEnum):
@@ -26,6 +27,22 @@ class CheckStep:
 
     level: IsolationLevel
     text: str
+
+
+class FailureCodes(TypedDict):
+    """Failure mode and mechanism by ISO 14224, and the part that is suspected first."""
+
+    damage: str
+    cause: str
+    part: str
+
+
+# FTR: fails to regulate, DOP: delayed operation, AIR: abnormal instrument reading.
+STICKING_PACKING = FailureCodes(damage="FTR", cause="1.6", part="packing")
+FORCE_ON_ACTUATOR = FailureCodes(damage="FTR", cause="1.0", part="actuator")
+SLOW_POSITIONER = FailureCodes(damage="DOP", cause="5.1", part="positioner")
+WEAK_AIR = FailureCodes(damage="DOP", cause="5.1", part="air supply")
+TRANSMITTER_SETTING = FailureCodes(damage="AIR", cause="3.4", part="position transmitter")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -515,6 +515,14 @@ def _charge_onsets(
 
 
 @njit(cache=True)
+def _note(s: Floats, m: int, before: Floats) -> None:
+    """What stands at ``_BEFORE`` of ``m`` lanes, into ``before``; one by one, since copying a slice
+    has the words of an error about shapes compiled."""
+    for lane in range(m):
+        before[lane] = s[_BEFORE + _U(lane)]
+
+
+@njit(cache=True)
 def follow(
     force: Floats,
     rows: NDArray[np.int64],
@@ -573,7 +581,7 @@ def follow(
             end = _end_of_alike(k, last_sample, marks, block, next_up[k], next_down[k], patience)
         near_up = _share_near_onset(next_up[k], k, n, window, patience)
         near_onset = near_up, _share_near_onset(next_down[k], k, n, window, patience)
-        before[:m] = s[_BEFORE : _BEFORE + _U(m)]
+        _note(s, m, before)
         started_at, charged_more = k, _I(0)
         while k < end and charged_more == 0:
             if each:

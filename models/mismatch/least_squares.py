@@ -90,14 +90,15 @@ def _moved(
     """
     steps = np.empty(index.size)
     moved = np.empty((index.size + 1, candidate.size))
-    moved[0] = candidate
+    for row in range(index.size + 1):
+        for j in range(candidate.size):
+            moved[row, j] = candidate[j]
     for row in range(index.size):
         i = index[row]
         step = max(_STEP_SHARE * abs(candidate[i]), _STEP_RANGE * (high[i] - low[i]))
         if i < usual.size:
             step = usual[i]
         steps[row] = -step if candidate[i] + step > high[i] else step
-        moved[row + 1] = candidate
         moved[row + 1, i] += steps[row]
     return steps, moved
 
@@ -233,11 +234,14 @@ def _trials(
     trials = np.empty((damping.size, candidate.size))
     a, step = np.empty((k, k)), np.empty(k)
     for way in range(damping.size):
-        a[:], step[:] = normal, slope
         for i in range(k):
+            step[i] = slope[i]
+            for j in range(k):
+                a[i, j] = normal[i, j]
             a[i, i] += damping[way] * normal[i, i] + floor
         _solve(a, step)
-        trials[way] = candidate
+        for i in range(candidate.size):
+            trials[way, i] = candidate[i]
         for i in range(k):
             trials[way, index[i]] += step[i]
         for i in range(candidate.size):

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ _OVERLAP = 0.5  # of the shorter window, that loops were recorded together
 _ACTIVE = 0.5  # of the usual strength, from which on a group oscillates
 _SAID = 0.3  # of evidence above the group's mean, from which on it is said
 Small = NDArray[np.float32]
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
 
 _WORDS = {
     "share": "most of its movement is this oscillation",
@@ -145,12 +147,15 @@ def _block_means(values: Floats, stride: int) -> Floats:
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 
-def plant_groups(loops: Iterable[ThinnedLoop]) -> list[OscillationGroup]:
+def plant_groups(
+    loops: Iterable[ThinnedLoop], units: Mapping[str, str] = NO_UNITS
+) -> list[OscillationGroup]:
     """The groups of all loops, those that move most loops first. Loops are compared where they were
-    recorded together; where nothing dates them, within one file."""
+    recorded together; where nothing dates them, within one file. ``units`` has the unit of the
+    plant that a loop is in, where that is known: loops of one unit are neighbours."""
     groups: list[OscillationGroup] = []
     for recorded_together in _recorded_together(list(loops)):
-        groups += _groups_of(recorded_together)
+        groups += _groups_of(recorded_together, units)
     return sorted(groups, key=lambda group: -sum(member.share for member in group.members))
 
 
@@ -178,7 +183,7 @@ def _recorded_together(loops: Sequence[ThinnedLoop]) -> list[list[ThinnedLoop]]:
     ]
 
 
-def _groups_of(loops: Sequence[ThinnedLoop]) -> list[OscillationGroup]:
+def _groups_of(loops: Sequence[ThinnedLoop], units: Mapping[str, str]) -> list[OscillationGroup]:
     loops = list({recorded_loop.loop: recorded_loop for recorded_loop in loops}.values())
     interval_s = max(recorded_loop.interval_s for recorded_loop in loops)
     starts = [recorded_loop.start for recorded_loop in loops if recorded_loop.start is not None]
@@ -205,7 +210,7 @@ def _groups_of(loops: Sequence[ThinnedLoop]) -> list[OscillationGroup]:
             lambda i: _as_number(loops[i].sticks),
         )
         names = {i: loops[i].loop for i in group.members}
-        groups.append(_group_result(spectra, group, evidence, names, start))
+        groups.append(_group_result(spectra, group, evidence, names, start, units))
     return groups
 
 
@@ -238,6 +243,7 @@ def _group_result(
     evidence: MemberEvidence,
     names: Mapping[int, str],
     start: datetime | None,
+    units: Mapping[str, str],
 ) -> OscillationGroup:
     ranking = rank_sources(evidence, WEIGHTS)
     shares = dict(zip(group.members, group.shares, strict=True))
@@ -254,7 +260,10 @@ def _group_result(
                 loop=names[i],
                 share=min(shares[i], 1.0),
                 probability=p,
-                evidence=sentences.get(i, ()),
+                evidence=(
+                    *sentences.get(i, ()),
+                    *(_neighbours(names, i, units) if i in sentences else ()),
+                ),
             )
             for i, p in zip(ranking.members, ranking.probability, strict=True)
         ),
@@ -280,6 +289,17 @@ def _evidence_sentences(
         order = np.argsort(-row)
         out[i] = tuple(_WORDS[NAMES[k]] for k in order[:3] if row[k] >= _SAID)
     return out
+
+
+def _neighbours(names: Mapping[int, str], member: int, units: Mapping[str, str]) -> tuple[str, ...]:
+    """That other loops of the group are of its unit: what begins there reaches them first."""
+    unit = units.get(names[member], "")
+    others = [units.get(name, "") for i, name in names.items() if i != member]
+    near = sum(one == unit for one in others)
+    if not unit or not near:
+        return ()
+    verb = "is" if near == 1 else "are"
+    return (f"{near} of the {len(others)} other loops {verb} of its unit {unit}",)
 
 
 def _since(strength: Floats, start: datetime | None, duration_s: float) -> datetime | None:

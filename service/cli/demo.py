@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -50,7 +51,8 @@ def demo(
     """Simulate a small plant, screen its export into SQLite, and leave a report.
 
     Fifteen valves in closed loops: healthy ones, four shapes of stiction, a badly tuned loop, an
-    oscillating disturbance, a quiet loop, and data that is bad in the usual ways.
+    oscillating disturbance, a quiet loop, and data that is bad in the usual ways. One valve has
+    earlier weeks, in which its friction grew; the prices in plant.toml are made up.
 
     With --live: three valves behind Modbus, one of which wears within minutes, the service that
     watches them, and a catcher for its mails. Record maintenance of the valve, and it is repaired.
@@ -73,14 +75,24 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
     executor = choose_executor(workers)
     if executor.workers > 1:
         expect_workers()  # its imports and ours side by side
+    from stemwatch.models.studies.simulator import simulate_loop, weeks_before
     from stemwatch.service.executors.compile_ahead import compile_ahead
-    from stemwatch.service.studies.simulated_export import write_export
+    from stemwatch.service.studies.simulated_export import write_export, write_historian
 
     with compile_ahead(executor):
         written = write_export(simulated(What.DEMO, 0, seed), out, start=START, zone=ZONE)
+        earlier = [
+            write_historian(
+                [simulate_loop(loop, seed)],
+                out / "earlier" / f"{weeks:g}-weeks-before.csv",
+                start=START - timedelta(weeks=weeks),
+                zone=ZONE,
+            )
+            for weeks, loop in weeks_before(seed)
+        ]
     views.say(f"     wrote {written.files[0]} and {written.plant_toml}")
-    views.say("2/3  Screening the export ...")
-    screen_plant(written.plant_toml, out / "report", workers)
+    views.say("2/3  Screening the export, after earlier weeks of one valve ...")
+    screen_plant(written.plant_toml, out / "report", workers, earlier)
     views.say(f"3/3  Done in {time.perf_counter() - started:.0f} s. Open the report in a browser.")
     views.say_next(
         "`stemwatch demo --live` shows the service on a valve that wears; an export of your own "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,9 +19,11 @@ from stemwatch.service.cli.reading import (
     say_unused_options,
     valves_in_part,
 )
+from stemwatch.service.presenter.cost_of_sticking import RankBy
 
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
+    from stemwatch.service.config import Plant
     from stemwatch.service.run.plan import Request
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
@@ -42,6 +45,10 @@ def screen(
     new_baseline: Annotated[
         bool, typer.Option("--new-baseline", help="Make this window each valve's baseline.")
     ] = False,
+    rank_by: Annotated[
+        RankBy,
+        typer.Option(help="Order of the report: worst first, or what sticking costs most first."),
+    ] = RankBy.VERDICT,
     site: o.Site = None,
     area: o.Area = None,
     unit: o.Unit = None,
@@ -54,9 +61,25 @@ def screen(
     """
     chosen = valves_in_part(request.plant, part_of(site, area, unit))
     request = replace(request, valves=chosen)
-    screenings = _run(request, out, db, (workers, executor), new_baseline, json_file)
+    _need_prices(request.plant, rank_by)
+    screenings = _run(request, out, db, (workers, executor), new_baseline, json_file, rank_by)
     if fail_on is not None and _is_found(fail_on, screenings):
         raise typer.Exit(1)
+
+
+def _need_prices(plant: Plant | None, rank_by: RankBy) -> None:
+    """Wrong usage where an order by cost would be none."""
+    if rank_by is RankBy.VERDICT:
+        return
+    if plant is None or not any(valve.prices for valve in plant.valves.values()):
+        where = (
+            "give --plant with a plant file that has" if plant is None else "the plant file has no"
+        )
+        raise typer.BadParameter(
+            f"an order by cost needs a price: {where} one of price_per_unit_hour, "
+            "price_per_hour_off_target and price_per_stroke of a valve",
+            param_hint="--rank-by",
+        )
 
 
 def _is_found(verdict: Verdict, screenings: tuple[Screening, ...]) -> bool:
@@ -71,13 +94,20 @@ def _is_found(verdict: Verdict, screenings: tuple[Screening, ...]) -> bool:
     return any(verdict in (valve.verdict, valve.screening.verdict) for valve in ranked)
 
 
-def screen_plant(plant: Path, out: Path, workers: int | None) -> tuple[Screening, ...]:
-    """Screen a plant file's own sources into its own database."""
+def screen_plant(
+    plant: Path, out: Path, workers: int | None, earlier: Sequence[Path] = ()
+) -> tuple[Screening, ...]:
+    """Screen a plant file's own sources into its own database, after the files ``earlier``, of
+    which nothing is said and whose report lies beside them."""
     from stemwatch.service.cli.reading import loaded_plant
     from stemwatch.service.run.plan import Request
 
     request = Request(plant=loaded_plant(plant, None))
-    return _run(request, out, "", (workers, "local"), False, None)
+    how = ("", (workers, "local"), False, None)
+    if earlier:
+        before = replace(request, sources=tuple(str(path) for path in earlier))
+        _run(before, earlier[0].parent / "report", *how, said=False)
+    return _run(request, out, *how)
 
 
 def _run(
@@ -87,6 +117,9 @@ def _run(
     workers: tuple[int | None, str],
     new_baseline: bool,
     json_file: Path | None,
+    rank_by: RankBy = RankBy.VERDICT,
+    *,
+    said: bool = True,
 ) -> tuple[Screening, ...]:
     from stemwatch.service.executors import LocalProcesses, choose_executor
     from stemwatch.service.process_lifecycle import expect_workers
@@ -115,12 +148,14 @@ def _run(
             limits=plant.limits if plant else Limits(),
             command=("stemwatch", *sys.argv[1:]),
             new_baseline=new_baseline,
+            rank_by=rank_by,
         )
         result: RunResult = screen_now(request, how_to_run, on_screened)
-    show(result, json_file)
+    if said:
+        show(result, json_file)
     # What a plant file says of its sources holds for all their files; the report names those that
     # did without.
-    if request.sources:
+    if request.sources and said:
         say_unused_options(screening.provenance for screening in result.brief)
     return result.brief
 

@@ -8,6 +8,8 @@ import typer
 
 from stemwatch.service.cli import options as o
 
+MOST_WATCHED = 60  # valves of each kind that are looked at every week: it takes longer
+
 
 def study_wear_forecast(
     valves: Annotated[
@@ -25,7 +27,8 @@ def study_wear_forecast(
 
     from stemwatch.service.cli import views
     from stemwatch.service.cli.prove_tables import plain_table
-    from stemwatch.service.studies.wear import WearKind, run_wear_study
+    from stemwatch.service.config.service_schema import AlertRules
+    from stemwatch.service.studies.wear import WearKind, run_wear_study, watch_valves
 
     cases = list(run_wear_study(valves, seed))
     columns = ("valves", "trend claimed", "with weeks", "interval holds", "half open", "error")
@@ -49,3 +52,22 @@ def study_wear_forecast(
             f"{np.median(errors):.1f} weeks" if errors else "–",
         )
     views.out.print(table)
+
+    within = AlertRules().foreseen_within_weeks
+    watched = list(watch_valves(min(valves, MOST_WATCHED), seed, within))
+    alerts = plain_table(
+        f"Alert within {within:g} weeks, looked at weekly",
+        ("wear",),
+        ("valves", "reach the limit", "alerted before", "weeks ahead"),
+    )
+    for wear in WearKind:
+        of_kind = [valve for valve in watched if valve.wear is wear]
+        ahead = [valve.weeks_ahead for valve in of_kind if valve.weeks_ahead is not None]
+        alerts.add_row(
+            wear.value,
+            str(len(of_kind)),
+            str(sum(valve.crosses is not None for valve in of_kind)),
+            str(sum(valve.alerted is not None for valve in of_kind)),
+            f"{np.median(ahead):.1f}" if ahead else "\N{EN DASH}",
+        )
+    views.out.print(alerts)

@@ -9,22 +9,24 @@ from __future__ import annotations
 import asyncio
 import importlib
 import logging
-import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from threading import Event
 from typing import Any
 
 from stemwatch.service import __version__
 from stemwatch.service.executors.address import DASK, host_and_port
 from stemwatch.service.executors.executor import (
     Answer,
+    Batches,
     ExecutorUnavailable,
     Failure,
     Item,
     Result,
+    Work,
     failure_of,
     one_thread,
 )
@@ -65,12 +67,7 @@ class DaskCluster:
             return max(sum(_threads(client)), 1)
 
     def hand_out(
-        self,
-        work: Callable[[Sequence[Item]], Sequence[Result]],
-        batches: Iterable[Sequence[Item]],
-        stop: threading.Event,
-        *,
-        alone: bool = False,
+        self, work: Work[Item, Result], batches: Batches[Item], stop: Event, *, alone: bool = False
     ) -> Generator[Answer[Result]]:
         """An answer for each batch, until ``stop``, also while no worker answers.
 
@@ -133,7 +130,7 @@ class _HandedOut:
         self._out: dict[str, int] = {}  # places by the futures' keys
         self._pulse = _Pulse(client)
 
-    def answers(self, stop: threading.Event) -> Generator[Answer[Any]]:
+    def answers(self, stop: Event) -> Generator[Answer[Any]]:
         """The answer of each batch, until ``stop``."""
         out = distributed().as_completed(self._submit_more(self._ahead), loop=self._client.loop)
         while not out.is_empty() and not stop.is_set():

@@ -10,18 +10,20 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
+from threading import Event
 from typing import Generic, Protocol, TypeVar
 
 log = logging.getLogger(__name__)
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Work = Callable[[Sequence[Item]], Sequence[Result]]  # done on a batch
+Batches = Iterable[Sequence[Item]]
 
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 LONGEST_REASON = 500
@@ -75,12 +77,7 @@ class Executor(Protocol):
         ...
 
     def hand_out(
-        self,
-        work: Callable[[Sequence[Item]], Sequence[Result]],
-        batches: Iterable[Sequence[Item]],
-        stop: threading.Event,
-        *,
-        alone: bool = False,
+        self, work: Work[Item, Result], batches: Batches[Item], stop: Event, *, alone: bool = False
     ) -> Generator[Answer[Result]]:
         """An answer for each batch. ``alone``: the batches are repeated after a failure, so that a
         worker may hold only one of them at a time, and none is done in the calling process, where
@@ -96,7 +93,7 @@ def outcomes(
     executor: Executor,
     work: Callable[[Sequence[Item]], Sequence[Result]],
     batches: Sequence[Sequence[Item]],
-    stop: threading.Event,
+    stop: Event,
 ) -> Iterator[list[Outcome[Item, Result]]]:
     """The outcome of each item, those of a batch together, as soon as the batch is done.
 
@@ -139,7 +136,7 @@ def map_items(
             yield [item]
 
     work_on_each = partial(_work_on_each, work)
-    never = threading.Event()
+    never = Event()
     lost: list[tuple[int, Item]] = []
     with closing(executor.hand_out(work_on_each, singly(), never)) as answers:
         for answer in answers:

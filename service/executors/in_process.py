@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Generator
 from dataclasses import dataclass
+from threading import Event
 
-from stemwatch.service.executors.executor import Answer, Item, Result, failure_of
+from stemwatch.service.executors.executor import Answer, Batches, Item, Result, Work, failure_of
 
 
 @dataclass(frozen=True)
@@ -17,12 +17,7 @@ class InProcess:
     workers: int = 1
 
     def hand_out(
-        self,
-        work: Callable[[Sequence[Item]], Sequence[Result]],
-        batches: Iterable[Sequence[Item]],
-        stop: threading.Event,
-        *,
-        alone: bool = False,
+        self, work: Work[Item, Result], batches: Batches[Item], stop: Event, *, alone: bool = False
     ) -> Generator[Answer[Result]]:
         """An answer for each batch, in order; an exception is a failure of its batch."""
         for index, batch in enumerate(batches):

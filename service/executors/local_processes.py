@@ -7,21 +7,23 @@ import logging
 import math
 import pickle
 import signal
-import threading
 import time
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from threading import Event
 from typing import Any, Generic
 
 from stemwatch.service.executors.executor import (
     Answer,
+    Batches,
     ExecutorUnavailable,
     Failure,
     Item,
     Result,
+    Work,
     failure_of,
     one_thread,
 )
@@ -58,12 +60,7 @@ class LocalProcesses:
     isolated: bool = False
 
     def hand_out(
-        self,
-        work: Callable[[Sequence[Item]], Sequence[Result]],
-        batches: Iterable[Sequence[Item]],
-        stop: threading.Event,
-        *,
-        alone: bool = False,
+        self, work: Work[Item, Result], batches: Batches[Item], stop: Event, *, alone: bool = False
     ) -> Generator[Answer[Result]]:
         """An answer for each batch, in the order in which they are done."""
         waiting = iter(batches)
@@ -106,9 +103,7 @@ class _Pool(Generic[Item, Result]):
         self._busy: list[_Worker] = []
         self._failed_starts = 0
 
-    def answers(
-        self, batches: Iterable[Sequence[Item]], stop: threading.Event
-    ) -> Generator[Answer[Result]]:
+    def answers(self, batches: Iterable[Sequence[Item]], stop: Event) -> Generator[Answer[Result]]:
         """An answer for each batch, until ``stop``."""
         numbered = enumerate(batches)
         answers: list[Answer[Result]] = []

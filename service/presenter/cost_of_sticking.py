@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from math import sqrt
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,14 @@ PRICED = {
     "per_hour_off_target": ("off_target_from_sticking_percent", 100.0),
     "per_stroke": ("travel_from_sticking_per_hour_percent", 100.0),
 }
+MADE_BY_STICKING = (SHARE, STD, REPAIRED, *(name for name, _ in PRICED.values()))
+
+
+class RankBy(StrEnum):
+    """What the order of a report goes by."""
+
+    VERDICT = "verdict"
+    COST = "cost"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +60,16 @@ class CostOfSticking:
     currency: str = ""
 
     @property
+    def is_money(self) -> bool:
+        """Whether a price says what it costs."""
+        return self.money.value is not None
+
+    @property
+    def a_month(self) -> str:
+        """The money with its interval; empty where no price says it."""
+        return money_in_words(self.money, self.currency) if self.is_money else ""
+
+    @property
     def sentence(self) -> str:
         """Both in one or two sentences."""
         share, unit = self.share, self.repaired.unit
@@ -60,9 +79,7 @@ class CostOfSticking:
             f"stick its standard deviation would be {figure(self.repaired.value, 2)} instead of "
             f"{figure(self.std, 2)} {unit}."
         )
-        if self.money.value is None:
-            return said
-        return f"{said} That is {money_in_words(self.money, self.currency)} a month."
+        return f"{said} That is {self.a_month} a month." if self.is_money else said
 
 
 def money_in_words(money: Estimate, currency: str) -> str:
@@ -87,6 +104,13 @@ def cost_of_sticking(
         money=_money(indicators, prices, currency),
         currency=currency,
     )
+
+
+def money_of(costs: Mapping[str, CostOfSticking]) -> dict[str, float]:
+    """What each valve costs a month, those left out of which nobody knows."""
+    return {
+        valve: cost.money.value for valve, cost in costs.items() if cost.money.value is not None
+    }
 
 
 def total_in_words(costs: Mapping[str, CostOfSticking]) -> str:

@@ -14,6 +14,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.presenter.cost_of_sticking import (
     CostOfSticking,
+    RankBy,
     cost_of_sticking,
     money_a_month,
     total_in_words,
@@ -28,6 +29,7 @@ from stemwatch.service.presenter.work_decision import (
     decide,
 )
 from stemwatch.service.presenter.worth_a_test import loops_to_test, worth_a_test
+from stemwatch.service.report.at_a_glance import GlanceLine, at_a_glance
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
@@ -73,7 +75,8 @@ class RankedValve:
 
 
 class Ranking(Sequence[RankedValve]):
-    """The valves of a report, worst first: by verdict, severity and tag.
+    """The valves of a report, worst first: by verdict, severity and tag; by cost where the context
+    says so, and then worst first.
 
     A valve is made when it is asked for, from whatever ``screenings`` is: where that reads from a
     disk, only one valve is held at a time. ``evidence`` gives the plots of the screening at a place
@@ -102,7 +105,11 @@ class Ranking(Sequence[RankedValve]):
             decide(note, stands=stands, confirmed=confirmed)
             for note, stands, confirmed in zip(notes, run.standing, run.confirmed, strict=True)
         ]
-        keys = [_key(note, decision) for note, decision in zip(notes, decided, strict=True)]
+        by_cost = context.rank_by is RankBy.COST
+        keys = [
+            (-_a_month(costs.get(note.valve)) if by_cost else 0.0, _key(note, decision))
+            for note, decision in zip(notes, decided, strict=True)
+        ]
         self._order = sorted(range(len(notes)), key=lambda index: keys[index])
         self.discovered: Discoveries = replace(
             run,
@@ -120,6 +127,12 @@ class Ranking(Sequence[RankedValve]):
                 for note, decision in zip(notes, decided, strict=True)
             ],
             costs,
+        )
+        self.glance = at_a_glance(
+            notes,
+            self.verdicts,
+            {note.valve: context.facts(note.valve).weeks for note in notes},
+            self.cost_of_sticking,
         )
         self.suspected = loops_to_test(notes[index] for index in self._order)
         used_anchors: Counter[str] = Counter()
@@ -173,11 +186,28 @@ class Ranking(Sequence[RankedValve]):
         )
 
 
+def _a_month(cost: CostOfSticking | None) -> float:
+    """What it costs; 0 where that is not known, so that it comes after all that does cost."""
+    return 0.0 if cost is None else max(cost.money.value or 0.0, 0.0)
+
+
 def cost_in_words(ranked: Sequence[RankedValve]) -> str:
     """What the sticking of all valves costs a month; empty where no price is known."""
     if isinstance(ranked, Ranking):
         return ranked.cost_of_sticking
     return total_in_words({valve.screening.valve: valve.cost for valve in ranked if valve.cost})
+
+
+def glance(ranked: Sequence[RankedValve]) -> tuple[GlanceLine, ...]:
+    """What the first screen says beside the verdicts."""
+    if isinstance(ranked, Ranking):
+        return ranked.glance
+    return at_a_glance(
+        [valve.screening for valve in ranked],
+        [valve.verdict for valve in ranked],
+        {valve.screening.valve: valve.facts.weeks for valve in ranked},
+        cost_in_words(ranked),
+    )
 
 
 def rank_valves(

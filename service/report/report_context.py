@@ -11,7 +11,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.service import __version__
-from stemwatch.service.presenter.cost_of_sticking import Prices
+from stemwatch.service.presenter.cost_of_sticking import Prices, RankBy
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.plant_path import PlantPath
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
@@ -60,7 +60,8 @@ class ReportContext:
     the ``Mismatch.p_value`` of every other valve that was tested (``None`` where nothing was
     named), so that what stands is decided over the whole run. ``work_files`` are the names of the
     files for maintenance that lie beside the report, with what each is. ``groups`` are the loops of
-    the whole run that oscillate together.
+    the whole run that oscillate together. ``rank_by`` is the order of the valves: worst first, or
+    what costs most first and the others after it.
 
     Raises ``ValueError`` on a naive ``started`` or a zone that the time zone database does not
     have.
@@ -79,6 +80,7 @@ class ReportContext:
     work_files: Mapping[str, str] = field(default_factory=dict)
     groups: tuple[OscillationGroup, ...] = ()
     currency: str = ""
+    rank_by: RankBy = RankBy.VERDICT
 
     def __post_init__(self) -> None:
         if self.started.tzinfo is None:

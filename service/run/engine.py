@@ -29,6 +29,7 @@ from stemwatch.service.interruption import (
     interrupts_let_through,
     is_interrupt,
 )
+from stemwatch.service.presenter.cost_of_sticking import RankBy
 from stemwatch.service.process_lifecycle import process_name
 from stemwatch.service.report import ReportFiles
 from stemwatch.service.report.ranking import reduced_for_ranking
@@ -61,6 +62,7 @@ class RunNow:
     limits: Limits = field(default_factory=Limits)
     command: tuple[str, ...] = ()
     new_baseline: bool = False  # make this window each valve's baseline, replacing any other
+    rank_by: RankBy = RankBy.VERDICT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +127,7 @@ def screen_now(
             command=masked_command(how_to_run.command),
             zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
             new_baseline=how_to_run.new_baseline,
+            rank_by=how_to_run.rank_by,
         )
         try:
             with interrupts_let_through():

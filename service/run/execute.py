@@ -15,6 +15,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
+from stemwatch.service.presenter.cost_of_sticking import RankBy
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.charts.window_pictures import pack_pictures
 from stemwatch.service.report.html_page import MOST_PLOTTED
@@ -101,6 +102,7 @@ class Run:
     queued: bool = False
     shown: int | None = None
     networks: bool = True  # train the valves' networks
+    rank_by: RankBy = RankBy.VERDICT  # the order of its report
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -162,7 +162,9 @@ def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
     """Loops of the run that oscillate together, kept in the store with what earlier windows found;
     none where looking for them fails, since all else matters more."""
     try:
-        groups = plant_groups(executed.results.thinned_loops())
+        valves = run.plant.valves.values() if run.plant else ()
+        units = {valve.id: valve.unit for valve in valves}
+        groups = plant_groups(executed.results.thinned_loops(), units)
         return tuple(run.store.keep_oscillations(run.number, groups))
     except Exception:
         text = "run %d: loops that oscillate together could not be looked for"
@@ -200,4 +202,5 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
         sources_not_read=tuple(notes),
         groups=_groups(run, executed),
         currency=plant.currency if plant else "",
+        rank_by=run.rank_by,
     )

@@ -84,6 +84,7 @@ from stemwatch.service.store.screenings.restored import Restored
 from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
+NO_COSTS: Mapping[str, float] = MappingProxyType({})
 _GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
 
 
@@ -331,10 +332,19 @@ class Store:
         with self.transactions.reading() as session:
             return ranking.read_valves_in(session, part)
 
-    def ranking(self, ranking_filter: RankingFilter) -> RankingPage:
-        """One page of valves, each with its latest screening."""
+    def ranking(
+        self, ranking_filter: RankingFilter, costs: Mapping[str, float] = NO_COSTS
+    ) -> RankingPage:
+        """One page of valves, each with its latest screening; ``costs`` is what each costs a month,
+        for an order by it."""
         with self.transactions.reading() as session:
-            return ranking.read_ranking(session, ranking_filter)
+            return ranking.read_ranking(session, ranking_filter, costs)
+
+    def made_by_sticking(self, valves: Sequence[str]) -> dict[str, dict[str, TrendPoint]]:
+        """The indicators of what the sticking of each of ``valves`` makes of its loop, by its
+        latest screening; valves without any are left out."""
+        with self.transactions.reading() as session:
+            return screenings.read_made_by_sticking(session, valves)
 
     def work_counts(self, until: datetime) -> WorkCounts:
         """How many valves needed work, by the latest screening that each had at ``until``."""

@@ -60,10 +60,9 @@ def write_export(
     """
     interval_s = _check(loops, start)
     folder = Path(folder)
-    historian = folder / EXPORT_FILE
-    historian.parent.mkdir(parents=True, exist_ok=True)
-    times = _local_times(loops, start, ZoneInfo(zone), interval_s, with_offset)
-    _write_table(historian, loops, times)
+    historian = write_historian(
+        loops, folder / EXPORT_FILE, start=start, zone=zone, with_offset=with_offset
+    )
     plant_toml, truth_file = folder / PLANT_FILE, folder / TRUTH_FILE
     plant_toml.write_text(_plant_toml(loops, name, zone), encoding="utf-8", newline="\n")
     truth = {
@@ -74,6 +73,22 @@ def write_export(
     text = json.dumps(truth, indent=1, ensure_ascii=False) + "\n"
     truth_file.write_text(text, encoding="utf-8", newline="\n")
     return ExportedPlant(files=(historian,), plant_toml=plant_toml, truth_file=truth_file)
+
+
+def write_historian(
+    loops: Sequence[SimulatedLoop],
+    file: Path,
+    *,
+    start: datetime,
+    zone: str,
+    with_offset: bool = True,
+) -> Path:
+    """Write the export alone, to ``file``; as ``write_export`` does."""
+    interval_s = _check(loops, start)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    times = _local_times(loops, start, ZoneInfo(zone), interval_s, with_offset)
+    _write_table(file, loops, times)
+    return file
 
 
 def _check(loops: Sequence[SimulatedLoop], start: datetime) -> float:
@@ -166,7 +181,10 @@ def _engineering(loop: SimulatedLoop, percent: Floats) -> Floats:
 
 
 def _plant_toml(loops: Sequence[SimulatedLoop], name: str, zone: str) -> str:
-    lines = ["[plant]", f"name = {_quoted(name)}", f"zone = {_quoted(zone)}", ""]
+    lines = ["[plant]", f"name = {_quoted(name)}", f"zone = {_quoted(zone)}"]
+    if any(loop.loop.price_per_unit_hour is not None for loop in loops):
+        lines.append('currency = "EUR"')
+    lines.append("")
     lines += ["[[sources]]", 'name = "historian"', 'path = "export/*.csv"']
     lines += [f"zone = {_quoted(zone)}"]
     for loop in loops:
@@ -175,12 +193,15 @@ def _plant_toml(loops: Sequence[SimulatedLoop], name: str, zone: str) -> str:
 
 
 def _valve_toml(loop: SimulatedLoop) -> list[str]:
+    price = loop.loop.price_per_unit_hour
     lines = [
         "[[valves]]",
         f"id = {_quoted(loop.recording.valve)}",
         f"description = {_quoted(loop.loop.description)}",
         f"area = {_quoted(loop.loop.area)}",
+        *([f"unit = {_quoted(loop.loop.unit)}"] if loop.loop.unit else []),
         f"criticality = {loop.loop.criticality}",
+        *([] if price is None else [f"price_per_unit_hour = {price}"]),
         'source = "historian"',
     ]
     for role, signal in _ordered(loop.recording):

@@ -6,7 +6,7 @@ hundreds of valves take seconds. How well S itself is estimated is counted by ot
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -15,6 +15,7 @@ import numpy as np
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.wear_forecast import WEEK, WearForecast, forecast_wear
+from stemwatch.service.presenter.trend_over_weeks import trend_over_weeks
 
 DAYS = 300
 SEEN_DAYS = 84  # before the forecast, as the product looks back
@@ -66,6 +67,47 @@ def run_wear_study(valves: int, seed: int) -> Iterator[ForecastCase]:
             rng = np.random.default_rng([seed, index, list(WearKind).index(wear)])
             if (case := _case(wear, rng)) is not None:
                 yield case
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlertedValve:
+    """A valve that was looked at every week: the day of the first alert that foresees it sticking,
+    and the day on which S truly reaches the limit; ``None`` where there is no such day."""
+
+    wear: WearKind
+    alerted: int | None
+    crosses: int | None
+
+    @property
+    def weeks_ahead(self) -> float | None:
+        """How long before the limit the alert came."""
+        if self.alerted is None or self.crosses is None:
+            return None
+        return (self.crosses - self.alerted) / WEEK
+
+
+def watch_valves(
+    valves: int, seed: int, within_weeks: float, wears: Sequence[WearKind] = tuple(WearKind)
+) -> Iterator[AlertedValve]:
+    """``valves`` of each of ``wears``, by the rule of the alert ``foreseen``, up to the limit."""
+    for wear in wears:
+        for index in range(valves):
+            rng = np.random.default_rng([seed, index, list(WearKind).index(wear)])
+            S = true_S(wear, rng)
+            measured, measured_days = estimated_S(S, rng)
+            crosses = int(np.argmax(S >= LIMIT)) if (S >= LIMIT).any() else None
+            looks = range(LEAST_SEEN_DAYS, DAYS if crosses is None else crosses, int(WEEK))
+            foreseen = (
+                day for day in looks if _foresees(measured, measured_days, day, within_weeks)
+            )
+            yield AlertedValve(wear=wear, alerted=next(foreseen, None), crosses=crosses)
+
+
+def _foresees(S: Floats, measured_days: Bools, today: int, within_weeks: float) -> bool:
+    days = np.arange(max(0, today - SEEN_DAYS), today + 1)
+    days = days[measured_days[days]]
+    trend = trend_over_weeks(days.tolist(), S[days].tolist(), LIMIT)
+    return trend is not None and trend.foresees_within(within_weeks) is True
 
 
 def _case(wear: WearKind, rng: np.random.Generator) -> ForecastCase | None:

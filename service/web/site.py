@@ -5,7 +5,7 @@ The pages never screen, fit or poll: what takes longer than a query is queued fo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, tzinfo
 from zoneinfo import ZoneInfo
@@ -13,8 +13,10 @@ from zoneinfo import ZoneInfo
 from stemwatch.connectors.connector import Window
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
+from stemwatch.models.screening_result import Indicator
 from stemwatch.service.config import Plant
 from stemwatch.service.config.in_force import limits_in_force
+from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.actions import Actions
 
@@ -72,6 +74,24 @@ class Site:
     def name(self) -> str:
         """The plant's name; empty where it has none."""
         return self.plant.name if self.plant else ""
+
+    def cost_of(self, valve: str, made: Mapping[str, Indicator]) -> CostOfSticking | None:
+        """What the sticking of ``valve`` costs, by the indicators of its screening and the plant
+        file's prices."""
+        entry = self.plant.valves.get(valve) if self.plant else None
+        currency = self.plant.currency if self.plant else ""
+        return cost_of_sticking(made, entry.prices if entry else None, currency)
+
+    def costs(self) -> dict[str, CostOfSticking]:
+        """What the sticking costs of each valve with a price that sticks by its latest
+        screening."""
+        valves = self.plant.valves.values() if self.plant else ()
+        made = self.store.made_by_sticking([valve.id for valve in valves if valve.prices])
+        costs = {
+            valve: self.cost_of(valve, {name: one.indicator(name) for name, one in points.items()})
+            for valve, points in made.items()
+        }
+        return {valve: cost for valve, cost in costs.items() if cost and cost.is_money}
 
     @property
     def limits(self) -> Limits:

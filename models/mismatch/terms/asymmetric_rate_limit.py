@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import SLOW_POSITIONER, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, inverse, number
 from stemwatch.models.recording import Floats
@@ -83,9 +83,7 @@ class AsymmetricRateLimit(CommandTerm):
                 "speed controller",
                 "filter element",
             ),
-            damage="DOP",
-            cause="5.1",
-            part="positioner",
+            **SLOW_POSITIONER,
         ),
     )
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value, either_sign, number
@@ -59,9 +59,7 @@ class AsymmetricSlip(OneNumberTerm):
                 "piston seals",
                 "actuator spring",
             ),
-            damage="FTR",
-            cause="1.6",
-            part="packing",
+            **STICKING_PACKING,
         ),
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -80,9 +80,7 @@ class DwellDependentBreakaway(StemTerm):
                 "lubricant that suits the packing",
                 "soft seals and seat",
             ),
-            damage="FTR",
-            cause="1.6",
-            part="packing",
+            **STICKING_PACKING,
         ),
     )
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import FORCE_ON_ACTUATOR, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -59,9 +59,7 @@ class FlowForce(StemTerm):
                 "spring or actuator of the next size",
                 "positioner, where there is none",
             ),
-            damage="FTR",
-            cause="1.0",
-            part="actuator",
+            **FORCE_ON_ACTUATOR,
         ),
     )
 

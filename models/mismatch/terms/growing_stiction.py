@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value, number, size
@@ -51,9 +51,7 @@ class GrowingStiction(OneNumberTerm):
                 "steam tracing or purge",
                 "stem and guide bushing",
             ),
-            damage="FTR",
-            cause="1.6",
-            part="packing",
+            **STICKING_PACKING,
         ),
     )
 

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import FORCE_ON_ACTUATOR, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -57,9 +57,7 @@ class LoadByPosition(StemTerm):
                 "line: Balance the load, or add integral action to the position controller.",
             ),
             parts=("counterweight or balance spring", "drive of the next size"),
-            damage="FTR",
-            cause="1.0",
-            part="actuator",
+            **FORCE_ON_ACTUATOR,
         ),
     )
 

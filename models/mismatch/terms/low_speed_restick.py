@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -53,9 +53,7 @@ class LowSpeedRestick(ReadingTerm):
                 "guide bushing",
                 "piston seals",
             ),
-            damage="FTR",
-            cause="1.6",
-            part="packing",
+            **STICKING_PACKING,
         ),
     )
 

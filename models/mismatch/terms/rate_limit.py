@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import WEAK_AIR, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, inverse
 from stemwatch.models.recording import Floats
@@ -85,9 +85,7 @@ class RateLimit(CommandTerm):
                 "volume booster",
                 "speed controller",
             ),
-            damage="DOP",
-            cause="5.1",
-            part="air supply",
+            **WEAK_AIR,
         ),
     )
 

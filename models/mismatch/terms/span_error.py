@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import TRANSMITTER_SETTING, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -52,9 +52,7 @@ class SpanError(ReadingTerm):
                 "none; a calibrator",
                 "feedback arm or cam, where it is the wrong one",
             ),
-            damage="AIR",
-            cause="3.4",
-            part="position transmitter",
+            **TRANSMITTER_SETTING,
         ),
     )
 

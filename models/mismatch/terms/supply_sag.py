@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from numba import njit
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import WEAK_AIR, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, grid, number, size
 from stemwatch.models.recording import Floats
@@ -33,7 +33,8 @@ def sagged(
     seconds; the supply is full where marked START.
     """
     if share == 0.0 or recovery_s <= 0.0:
-        out[:] = command
+        for k in range(command.size):
+            out[k] = command[k]
         return
     side = 1.0 if share > 0.0 else -1.0
     kept_share = max(1.0 - dt / recovery_s, 0.0)
@@ -78,9 +79,7 @@ class SupplySag(CommandTerm):
                 "volume tank",
                 "supply tubing of a larger bore",
             ),
-            damage="DOP",
-            cause="5.1",
-            part="air supply",
+            **WEAK_AIR,
         ),
     )
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import FORCE_ON_ACTUATOR, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -57,9 +57,7 @@ class TravelStop(StemTerm):
                 "none before it is found",
                 "seat and plug, where a foreign body has marked them",
             ),
-            damage="FTR",
-            cause="1.0",
-            part="actuator",
+            **FORCE_ON_ACTUATOR,
         ),
     )
 

@@ -35,7 +35,8 @@ def rung(command: Floats, marks: Marks, dt: float, wn: float, zeta: float, out: 
     that the sub-steps are one linear map of the error ``p - u`` and the velocity.
     """
     if wn <= 0.0:
-        out[:] = command
+        for k in range(command.size):
+            out[k] = command[k]
         return
     steps = max(10, int(np.ceil(dt / 0.1 - 1e-9)))
     h = dt / steps

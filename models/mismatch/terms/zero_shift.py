@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.field_advice import TRANSMITTER_SETTING, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -56,9 +56,7 @@ class ZeroShift(ReadingTerm):
                 "none; a calibrator",
                 "actuator spring, where the bench set cannot be reached",
             ),
-            damage="AIR",
-            cause="3.4",
-            part="position transmitter",
+            **TRANSMITTER_SETTING,
         ),
     )
 

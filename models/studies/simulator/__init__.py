@@ -5,6 +5,7 @@ discretisation with the stick-slip element that the product fits.
 """
 
 from stemwatch.models.studies.simulator.demo import demo_plant as demo_plant
+from stemwatch.models.studies.simulator.demo import weeks_before as weeks_before
 from stemwatch.models.studies.simulator.draws import draw_healthy as draw_healthy
 from stemwatch.models.studies.simulator.draws import draw_sticky as draw_sticky
 from stemwatch.models.studies.simulator.loop import PlantLoop as PlantLoop

@@ -34,6 +34,7 @@ from stemwatch.models.studies.simulator.loop import (
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 
 DEMO_DURATION_S = 7200.0
+WEEKS_BEFORE = 5
 Change = Callable[[PlantLoop, np.random.Generator], PlantLoop]
 
 
@@ -42,6 +43,7 @@ class _Nameplate(NamedTuple):
 
     kind: ProcessKind
     area: str
+    unit: str
     criticality: int
     description: str
 
@@ -84,6 +86,8 @@ def _loop(nameplate: _Nameplate, story: _Story, number: int, rng: np.random.Gene
         tag=f"{LETTER[nameplate.kind]}-{number}",
         description=nameplate.description,
         area=nameplate.area,
+        unit=nameplate.unit,
+        price_per_unit_hour=_PRICES[nameplate.kind],
         criticality=nameplate.criticality,
         story=story.text,
         valve=valve,
@@ -95,6 +99,21 @@ def _loop(nameplate: _Nameplate, story: _Story, number: int, rng: np.random.Gene
         duration_s=DEMO_DURATION_S,
     )
     return story.change(loop, rng) if story.change is not None else loop
+
+
+def weeks_before(seed: int) -> list[tuple[float, PlantLoop]]:
+    """One valve of the plant in the weeks before, 40 minutes each, while its friction grew: the
+    weeks, and the loop as it was. S rises to what ``demo_plant`` has."""
+    index = next(k for k, story in enumerate(_STORIES) if story.text == "sticky, undershoot")
+    nameplate, story = _PLANT[index], _STORIES[index]
+    earlier = []
+    for weeks in range(WEEKS_BEFORE, 0, -1):
+        share = 1.0 - 0.6 * weeks / WEEKS_BEFORE
+        worn = story._replace(S=share * story.S, J=share * story.J)
+        rng = np.random.default_rng([seed, index, 2])
+        loop = _loop(nameplate, worn, 101 + index, rng)
+        earlier.append((float(weeks), replace(loop, duration_s=DEMO_DURATION_S / 3.0)))
+    return earlier
 
 
 def _set_points(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
@@ -172,22 +191,26 @@ def _bad_data(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 
 _FLOW, _LEVEL = ProcessKind.FLOW, ProcessKind.LEVEL
 _PRESSURE, _TEMPERATURE = ProcessKind.PRESSURE, ProcessKind.TEMPERATURE
+# Made up: money for an hour with PV one unit away from its set point.
+_PRICES = {_FLOW: 9.0, _LEVEL: 0.4, _PRESSURE: 40.0, _TEMPERATURE: 1.5}
 _PLANT = (
-    _Nameplate(_FLOW, "Reforming", 3, "Naphtha feed to the reactor"),
-    _Nameplate(_TEMPERATURE, "Reforming", 3, "Fuel gas to the charge heater"),
-    _Nameplate(_LEVEL, "Reforming", 2, "Product separator bottoms to the stabiliser"),
-    _Nameplate(_FLOW, "Reforming", 3, "Recycle gas to the charge heater"),
-    _Nameplate(_PRESSURE, "Reforming", 2, "Stabiliser overhead to fuel gas"),
-    _Nameplate(_FLOW, "Crude distillation", 3, "Reflux to the atmospheric column"),
-    _Nameplate(_FLOW, "Crude distillation", 2, "Stripping steam to the side strippers"),
-    _Nameplate(_PRESSURE, "Crude distillation", 2, "Desalter back pressure"),
-    _Nameplate(_TEMPERATURE, "Crude distillation", 1, "Cooling water to the kerosene cooler"),
-    _Nameplate(_FLOW, "Crude distillation", 1, "Heavy gas oil rundown"),
-    _Nameplate(_FLOW, "Utilities", 3, "Boiler feed water to the waste heat boiler"),
-    _Nameplate(_PRESSURE, "Utilities", 1, "Low-pressure steam let-down"),
-    _Nameplate(_FLOW, "Utilities", 2, "Demineralised water to the deaerator"),
-    _Nameplate(_LEVEL, "Utilities", 2, "Condensate drum to the deaerator"),
-    _Nameplate(_FLOW, "Vacuum distillation", 3, "Reflux to the vacuum column"),
+    _Nameplate(_FLOW, "Reforming", "300", 3, "Naphtha feed to the reactor"),
+    _Nameplate(_TEMPERATURE, "Reforming", "300", 3, "Fuel gas to the charge heater"),
+    _Nameplate(_LEVEL, "Reforming", "300", 2, "Product separator bottoms to the stabiliser"),
+    _Nameplate(_FLOW, "Reforming", "300", 3, "Recycle gas to the charge heater"),
+    _Nameplate(_PRESSURE, "Reforming", "300", 2, "Stabiliser overhead to fuel gas"),
+    _Nameplate(_FLOW, "Crude distillation", "100", 3, "Reflux to the atmospheric column"),
+    _Nameplate(_FLOW, "Crude distillation", "100", 2, "Stripping steam to the side strippers"),
+    _Nameplate(_PRESSURE, "Crude distillation", "100", 2, "Desalter back pressure"),
+    _Nameplate(
+        _TEMPERATURE, "Crude distillation", "100", 1, "Cooling water to the kerosene cooler"
+    ),
+    _Nameplate(_FLOW, "Crude distillation", "100", 1, "Heavy gas oil rundown"),
+    _Nameplate(_FLOW, "Utilities", "900", 3, "Boiler feed water to the waste heat boiler"),
+    _Nameplate(_PRESSURE, "Utilities", "900", 1, "Low-pressure steam let-down"),
+    _Nameplate(_FLOW, "Utilities", "900", 2, "Demineralised water to the deaerator"),
+    _Nameplate(_LEVEL, "Utilities", "900", 2, "Condensate drum to the deaerator"),
+    _Nameplate(_FLOW, "Vacuum distillation", "200", 3, "Reflux to the vacuum column"),
 )
 # What each of them is there to show, in the same order.
 _STORIES = (

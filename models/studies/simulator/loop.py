@@ -196,6 +196,8 @@ class PlantLoop:
     tag: str = "FIC-101"
     description: str = ""
     area: str = ""
+    unit: str = ""
+    price_per_unit_hour: float | None = None  # for an hour with PV one unit away from its set point
     criticality: int = 2
     story: str = ""  # what the loop is there to show: "healthy, quiet", "sticky, undershoot"
     valve: SimulatedValve = field(default_factory=SimulatedValve)

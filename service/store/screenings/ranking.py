@@ -45,11 +45,11 @@ PAGE = 50
 MOST_PAGE = 500
 NOT_SCREENED = "none"
 SORTS = (
-    *("rank", "valve", "area", "unit", "criticality", "S", "J", "severity", "confidence", "at"),
-    "grade",
+    *("rank", "valve", "area", "unit", "criticality", "cost", "S", "J", "severity", "confidence"),
+    *("at", "grade"),
 )
 # Columns that are sorted with the largest value first by default.
-LARGEST_FIRST = ("criticality", "S", "J", "severity", "confidence", "at")
+LARGEST_FIRST = ("criticality", "cost", "S", "J", "severity", "confidence", "at")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,7 +200,7 @@ def _decided(row: Any) -> tuple[Verdict | None, float]:
 
 
 def _in_order(
-    rows: Sequence[Any], ranking_filter: RankingFilter
+    rows: Sequence[Any], ranking_filter: RankingFilter, costs: Mapping[str, float]
 ) -> list[tuple[Any, Verdict | None, float]]:
     """The rows in the wanted order, each with verdict and severity. Where the database has sorted
     them, rows with equal values are ordered worst first."""
@@ -223,6 +223,10 @@ def _in_order(
         sign = -1.0 if ranking_filter.descending else 1.0
         ordered = sorted(rows, key=worst_first)
         ordered.sort(key=lambda row: (row.verdict is None, sign * decided[row.id][1]))
+    elif ranking_filter.sort == "cost":
+        sign = -1.0 if ranking_filter.descending else 1.0
+        ordered = sorted(rows, key=worst_first)
+        ordered.sort(key=lambda row: (row.id not in costs, sign * costs.get(row.id, 0.0)))
     elif ranking_filter.descending:
         ordered = sorted(rows, key=urgency, reverse=True)
     else:
@@ -254,8 +258,10 @@ _COLUMNS = (
 )
 
 
-def read_ranking(session: Session, ranking_filter: RankingFilter) -> RankingPage:
-    """One page of the ranking.
+def read_ranking(
+    session: Session, ranking_filter: RankingFilter, costs: Mapping[str, float]
+) -> RankingPage:
+    """One page of the ranking; ``costs`` of valves a month, for an order by them.
 
     All latest screenings are read with the few columns that order and counts need; the other
     columns only for the lines of the page. Texts are compared by the database.
@@ -270,7 +276,7 @@ def read_ranking(session: Session, ranking_filter: RankingFilter) -> RankingPage
     largest = 0.0
     # Not through the session, whose rows cost several times as much: these are all valves.
     rows = session.connection().execute(statement).all()
-    for row, verdict, severity in _in_order(rows, ranking_filter):
+    for row, verdict, severity in _in_order(rows, ranking_filter, costs):
         word = NOT_SCREENED if verdict is None else verdict.value
         counts[word] += 1
         if verdict is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -9,10 +10,11 @@ from enum import StrEnum
 from typing import Protocol
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import Provenance
-from stemwatch.models.screening_result import DataQuality, Residual
+from stemwatch.models.screening_result import DataQuality, Indicator, Residual
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import WithoutPosition
@@ -203,6 +205,19 @@ class TrendPoint:
     low: float | None
     high: float | None
     unit: str
+
+    def indicator(self, name: str) -> Indicator:
+        """As the indicator ``name`` with what it means; NaN where the store has no value."""
+        meaning, worse = meaning_of(name)
+        return Indicator(
+            name=name,
+            value=math.nan if self.value is None else self.value,
+            unit=self.unit,
+            meaning=meaning,
+            worse=worse,
+            low=self.low,
+            high=self.high,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

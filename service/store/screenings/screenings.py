@@ -12,6 +12,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session, aliased, undefer
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.cost_of_sticking import MADE_BY_STICKING
 from stemwatch.service.presenter.plant_path import LEVELS, levels_of
 from stemwatch.service.presenter.work_decision import overall_verdict
 from stemwatch.service.store.database.insert_or_update import upsert
@@ -23,6 +24,7 @@ from stemwatch.service.store.screenings.records import (
     EarlierCurve,
     StoredScreening,
     StoredValve,
+    TrendPoint,
 )
 from stemwatch.service.store.screenings.rows import (
     indicator_columns,
@@ -132,6 +134,30 @@ def read_indicator(session: Session, name: str, screenings: Sequence[int]) -> di
         IndicatorRow.screening_id.in_(screenings), IndicatorRow.name == name
     )
     return {number: value for number, value in session.execute(rows) if value is not None}
+
+
+def read_made_by_sticking(
+    session: Session, valves: Sequence[str]
+) -> dict[str, dict[str, TrendPoint]]:
+    """What the sticking makes of the loop of each of ``valves``, as indicators of its latest
+    screening."""
+    found: dict[str, dict[str, TrendPoint]] = {}
+    for first in range(0, len(valves), _IN_ONE_STATEMENT):
+        part = valves[first : first + _IN_ONE_STATEMENT]
+        rows = (
+            select(IndicatorRow)
+            .join(ValveRow, ValveRow.id == IndicatorRow.valve)
+            .where(
+                ValveRow.id.in_(part),
+                IndicatorRow.screening_id == latest_screening_id(),
+                IndicatorRow.name.in_(MADE_BY_STICKING),
+            )
+        )
+        for row in session.scalars(rows):
+            found.setdefault(row.valve, {})[row.name] = TrendPoint(
+                at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit
+            )
+    return found
 
 
 def read_worst(session: Session, run_id: int, limit: int) -> list[str]:

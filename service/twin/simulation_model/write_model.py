@@ -127,7 +127,14 @@ def _environment(*, escapes: bool) -> Environment:
         keep_trailing_newline=True,
     )
     environment.filters["exact"] = lambda number: repr(float(number))
+    environment.filters["in_string"] = _in_string
     return environment
+
+
+def _in_string(text: str) -> str:
+    """``text`` between the quotation marks of Modelica: whatever a plant may call a valve."""
+    plain = "".join(letter if letter.isprintable() else " " for letter in text)
+    return plain.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _platform() -> tuple[str, str]:

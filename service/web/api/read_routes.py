@@ -11,6 +11,7 @@ from pydantic import AwareDatetime
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.access.permissions import Operation
+from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, money_of
 from stemwatch.service.presenter.plant_path import PartOfPlant, levels_of
 from stemwatch.service.presenter.work_decision import ne107_word
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
@@ -81,10 +82,11 @@ def valves(
         page=page,
         size=size,
     )
-    ranked = deps.store.ranking(ranking_filter)
+    costs = deps.site.costs()
+    ranked = deps.store.ranking(ranking_filter, money_of(costs))
     if complaint := ranked.unknown(ranking_filter):
         raise HTTPException(422, complaint)
-    lines = [valve_line(line) for line in ranked.lines]
+    lines = [valve_line(line, costs.get(line.valve)) for line in ranked.lines]
     return shapes.RankingAnswer(
         total=ranked.total, page=page, size=size, counts=dict(ranked.counts), valves=lines
     )
@@ -238,7 +240,7 @@ def me(current_user: SignedIn) -> MeAnswer:
     )
 
 
-def valve_line(line: RankingLine) -> shapes.ValveLine:
+def valve_line(line: RankingLine, cost: CostOfSticking | None = None) -> shapes.ValveLine:
     """A line of the ranking for the API."""
     return shapes.ValveLine(
         valve=line.valve,
@@ -256,6 +258,7 @@ def valve_line(line: RankingLine) -> shapes.ValveLine:
         shape=line.shape,
         S=_estimated(line.S),
         J=_estimated(line.J),
+        cost_per_month=None if cost is None else _estimated(cost.money),
         left_out=list(line.left_out),
         held_back=line.held_back,
     )

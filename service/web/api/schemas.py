@@ -56,6 +56,9 @@ class ValveLine(BaseModel):
     shape: str | None
     S: Estimated = Field(description="dead band plus stick band, percent of OP span")
     J: Estimated = Field(description="slip jump, percent of OP span")
+    cost_per_month: Estimated | None = Field(
+        description="money that its sticking costs, 90 % interval; null without a price"
+    )
     left_out: list[str] = Field(description="effects beside S and J, strongest first")
     held_back: bool = Field(description="across all valves chance alone may have named left_out")
 

@@ -13,6 +13,7 @@ from fastapi.responses import HTMLResponse
 from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.service.presenter.cost_of_sticking import money_of, total_in_words
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.store.screenings.ranking import (
@@ -35,6 +36,7 @@ COLUMNS = (
     ("unit", "Unit"),
     ("criticality", "Crit."),
     ("severity", "Verdict"),
+    ("cost", "Cost a month"),
     ("S", "S, %"),
     ("J", "J, %"),
     ("confidence", "Confidence"),
@@ -50,7 +52,8 @@ router = APIRouter(include_in_schema=False)
 def ranking(request: Request, deps: Deps) -> HTMLResponse:
     """The valves, worst first unless the address says otherwise."""
     ranking_filter = wanted_of(request.query_params)
-    page = deps.store.ranking(ranking_filter)
+    costs = deps.site.costs()
+    page = deps.store.ranking(ranking_filter, money_of(costs))
     weeks = deps.store.trends([line.valve for line in page.lines], deps.site.limits)
     alerted = deps.store.alerts.open_by_valve(deps.now)
     open_alerts = deps.open_alerts()
@@ -60,6 +63,8 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         here="ranking",
         wanted=ranking_filter,
         ranking=page,
+        costs=costs,
+        cost=total_in_words(costs),
         unknown=page.unknown(ranking_filter),
         work=WorkCounts.of_states(page.states),
         trends=[

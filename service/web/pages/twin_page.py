@@ -15,7 +15,6 @@ from stemwatch.service.report.charts.small_plot import PlottedLine, SmallPlot
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.web.api.signals import LONGEST, SignalWindow, read_recording
 from stemwatch.service.web.dependencies import Dependencies, Deps
-from stemwatch.service.web.pages.valve_page import indicator_of
 
 if TYPE_CHECKING:
     from stemwatch.models.closed_loop.fitted_loop import FittedLoop
@@ -125,7 +124,7 @@ def _latest(deps: Dependencies, name: str) -> tuple[StoredScreening, Restored] |
     if not latest:
         return None
     points = deps.store.indicators(latest[0].id)
-    numbers = {name: indicator_of(name, point) for name, point in points.items()}
+    numbers = {name: point.indicator(name) for name, point in points.items()}
     return latest[0], screening_of(latest[0], numbers)
 
 

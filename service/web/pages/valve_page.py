@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -12,14 +11,13 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse
 
-from stemwatch.models.indicator_meanings import meaning_of
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import Role
-from stemwatch.models.screening_result import Indicator, Screening
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.maintenance.work_compared import compare
-from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
+from stemwatch.service.presenter.cost_of_sticking import CostOfSticking
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.oscillation_words import of_loops
 from stemwatch.service.presenter.physics_words import left_to_tell
@@ -31,7 +29,7 @@ from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
 from stemwatch.service.store.alerts.alerts import state_of
 from stemwatch.service.store.samples.tag_quality import BadSamples
 from stemwatch.service.store.screenings.feedback import Judgement
-from stemwatch.service.store.screenings.records import StoredScreening, StoredValve, TrendPoint
+from stemwatch.service.store.screenings.records import StoredScreening, StoredValve
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.web.api.history import read_marks
 from stemwatch.service.web.api.signals import LONGEST, tags_of
@@ -175,13 +173,13 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
 def _shown_screening(
     deps: Dependencies, name: str, groups: Sequence[OscillationGroup]
 ) -> ShownScreening | None:
-    store, limits, plant = deps.store, deps.site.limits, deps.site.plant
+    store, limits = deps.store, deps.site.limits
     latest = store.screenings(name, 1)
     if not latest:
         return None
     stored = latest[0]
     points = store.indicators(stored.id)
-    indicators = {name: indicator_of(name, point) for name, point in points.items()}
+    indicators = {name: point.indicator(name) for name, point in points.items()}
     screening = screening_of(stored, indicators)
     mismatch = screening.mismatch
     found = mismatch is not None and (mismatch.effects or stored.confirmed)
@@ -196,11 +194,7 @@ def _shown_screening(
     return ShownScreening(
         screening=screening,
         finding=presented,
-        cost=cost_of_sticking(
-            indicators,
-            plant.valves[name].prices if plant and name in plant.valves else None,
-            plant.currency if plant else "",
-        ),
+        cost=deps.site.cost_of(name, indicators),
         stored=stored,
         weeks=weeks,
         trend=change_since_last_run(
@@ -217,20 +211,6 @@ def _shown_screening(
             counts=(screening.S, screening.J),
             pictures=unpack_pictures(store.packed_pictures(stored.id)).effects,
         ),
-    )
-
-
-def indicator_of(name: str, point: TrendPoint) -> Indicator:
-    """A stored number with what it means; NaN where the store has none."""
-    meaning, worse = meaning_of(name)
-    return Indicator(
-        name=name,
-        value=math.nan if point.value is None else point.value,
-        unit=point.unit,
-        meaning=meaning,
-        worse=worse,
-        low=point.low,
-        high=point.high,
     )
 
 

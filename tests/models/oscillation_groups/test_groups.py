@@ -175,6 +175,15 @@ def test_loops_recorded_together_are_compared() -> None:
     assert 0.2 < group.variance_share <= 1.0
     total = sum(member.probability for member in group.members) + group.outside
     assert total == pytest.approx(1.0)
+    units = {"A": "100", "B": "100", "C": "200", "D": "100"}
+    (in_units,) = plant_groups(loops, units)
+    assert [(m.loop, m.probability) for m in in_units.members] == [
+        (m.loop, m.probability) for m in group.members
+    ]
+    for place, member in enumerate(in_units.members):
+        near = "1 of the 2 other loops is of its unit 100" in member.evidence
+        assert near == (place < 2 and units[member.loop] == "100")
+        assert not any("unit 200" in text for text in member.evidence)
 
 
 def test_undated_loops_are_compared_within_a_file() -> None:

@@ -336,6 +336,15 @@ def test_a_step_out_of_turn_is_refused(running) -> None:
     assert "begins where the one before ended" in running.said[-1]
 
 
+def test_a_name_cannot_break_the_descriptions(tmp_path: Path) -> None:
+    """Whatever a plant may call a valve, the importer finds no fault and reads the name back."""
+    file = tmp_path / "valve.fmu"
+    name = 'FIC"1 <b>&/*\\'
+    file.write_bytes(functional_mockup_unit(replace(quick_fit(), valve=name)).content)
+    assert validate_fmu(str(file)) == []
+    assert fmpy.read_model_description(str(file)).modelName == name
+
+
 def sources(tmp_path: Path, chain: ValveChain) -> Path:
     """The unpacked sources of an FMU."""
     file = tmp_path / "valve.fmu"

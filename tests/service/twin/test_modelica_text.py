@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -166,6 +167,13 @@ def test_the_text_on_another_clock() -> None:
     command = BENT.command(op)
     expected = by_fitted_model(question, command)
     assert np.max(np.abs(run(chain, op, position_start=command[0]) - expected)) < NEAR
+
+
+def test_a_name_cannot_break_the_text() -> None:
+    """Quotation marks, backslashes and ends of lines in a tag stay within the description."""
+    chain = replace(PLAIN, valve='FIC"1\\\n"; end x;')
+    op = wandering_op(60)
+    assert run(chain, op).tolist() == run(PLAIN, op).tolist()
 
 
 def test_names_of_modelica() -> None:

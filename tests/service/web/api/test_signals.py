@@ -23,7 +23,6 @@ from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.api.loop import fitted_run, loop_of
 from stemwatch.service.web.api.signals import SignalWindow, signals_of
-from stemwatch.service.web.pages.valve_page import indicator_of
 from stemwatch.service.web.site import Site
 from tests.service.web.example_plant import J_MADE, NOW, S_MADE, SOURCE, STICKY, reader_of
 
@@ -240,9 +239,9 @@ def test_every_indicator_of_a_screening_has_its_words(live):
     indicators = screened.indicators
     assert len(indicators) > 12
     restored = {
-        name: indicator_of(
-            name, TrendPoint(at=NOW, value=item.value, low=item.low, high=item.high, unit=item.unit)
-        )
+        name: TrendPoint(
+            at=NOW, value=item.value, low=item.low, high=item.high, unit=item.unit
+        ).indicator(name)
         for name, item in indicators.items()
     }
     assert {name: (item.meaning, item.worse) for name, item in indicators.items()} == {
