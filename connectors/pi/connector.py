@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, model_validator
 
+from stemwatch.connectors.archive.http_reader import LOOPBACK
 from stemwatch.connectors.archive.settings import ArchiveSettings
 from stemwatch.connectors.connector import (
     RANGE_HIGH,
@@ -23,7 +24,7 @@ from stemwatch.connectors.connector import (
     ValveTags,
     Window,
 )
-from stemwatch.connectors.pi.web_api import LOOPBACK, WEB_ID, PiServer, SignIn
+from stemwatch.connectors.pi.web_api import WEB_ID, PiServer, SignIn
 from stemwatch.connectors.secret import Secret
 from stemwatch.connectors.settings import Name, Positive, Text, contradiction
 from stemwatch.models.recording import Recording, Role

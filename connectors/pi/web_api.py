@@ -8,35 +8,31 @@ from __future__ import annotations
 
 import json
 import re
-import ssl
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal
-from urllib.parse import urlsplit
 
+from stemwatch.connectors.archive.http_reader import (
+    HttpAnswer,
+    HttpReader,
+    Parameter,
+    one_line,
+    token_of,
+    verified,
+)
 from stemwatch.connectors.connector import ConnectorError, UnknownTag
 from stemwatch.connectors.secret import Secret, masked
 
 if TYPE_CHECKING:
     import httpx
 
-Parameter = tuple[str, str | int | float | bool | None]
 SignIn = Literal["basic", "bearer", "kerberos", "anonymous"]
 
-ATTEMPTS = 4  # of a request that the server could not answer now
-FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 30.0
 LEAST_PAGE = 100
-# An answer may take so many times the time-out while it comes, and hold so many bytes: the server,
-# or whoever stands between, is not trusted with our time and memory.
-LONGEST_ANSWER = 10
-ANSWER_BYTES, VALUE_BYTES = 64 * 1024**2, 1000
-LOOPBACK = ("localhost", "127.0.0.1", "::1")
 WEB_ID = "webid:"  # before a tag that is a WebId and no name
 _IS_WEB_ID = re.compile(r"[A-Za-z0-9_-]+")
-_BUSY = (429, 502, 503, 504)
 _MISSING = (
     "reading PI needs the package httpx, which is not installed; expected the extra: "
     "pip install 'stemwatch[pi]'"
@@ -84,7 +80,7 @@ class PiWebApi:
 
     def __init__(self, server: PiServer, client: httpx.Client) -> None:
         self.server = server
-        self._client = client
+        self._reader = HttpReader(str(server), client, server.timeout_s)
         self._page = server.page
 
     def point(self, tag: str) -> PiPoint:
@@ -182,7 +178,7 @@ class PiWebApi:
         """A WebId that the server gave: it becomes a part of addresses."""
         if not _IS_WEB_ID.fullmatch(web_id):
             raise ConnectorError(
-                f"{self.server}: the server gave {_line(web_id)!r} where a WebId is expected; "
+                f"{self.server}: the server gave {one_line(web_id)!r} where a WebId is expected; "
                 "check url, which ends in /piwebapi as a rule"
             )
         return web_id
@@ -224,50 +220,12 @@ class PiWebApi:
         missing: str = "",
     ) -> dict[str, Any]:
         """The JSON object at ``path``; ``missing`` is what a 404 says is not there."""
-        import httpx
-
-        wait_s = FIRST_WAIT_S
-        for attempt in range(1, ATTEMPTS + 1):
-            last = attempt == ATTEMPTS
-            try:
-                answer = self._answer(path, parameters)
-            except httpx.HTTPError as error:
-                if last:
-                    raise self._unreached(error) from None
-            else:
-                if answer.status not in _BUSY or last:
-                    return self._object(answer, missing)
-                wait_s = max(wait_s, _seconds(answer.headers.get("Retry-After")))
-            time.sleep(min(wait_s, LONGEST_WAIT_S))
-            wait_s *= 2.0
-        raise AssertionError("the last attempt returns or raises")
-
-    def _answer(self, path: str, parameters: Mapping[str, str] | list[Parameter]) -> _Answer:
-        """One answer, whole; ``httpx.ReadTimeout`` for one that dribbles.
-
-        Raises ``ConnectorError`` for one that is larger than what was asked for can be.
-        """
-        import httpx
-
         streams = sum(name == "webId" for name, _ in parameters) if type(parameters) is list else 0
-        most = ANSWER_BYTES + VALUE_BYTES * self._page * (streams + 1)
-        until = time.monotonic() + LONGEST_ANSWER * self.server.timeout_s
-        parts: list[bytes] = []
-        with self._client.stream("GET", path, params=parameters) as answer:
-            for part in answer.iter_bytes():
-                most -= len(part)
-                parts.append(part)
-                if most < 0:
-                    raise ConnectorError(
-                        f"{self.server}: an answer is larger than {self._page} values for each "
-                        "tag can be; it was not read to its end. Check url, and what stands "
-                        "between this machine and the server"
-                    )
-                if time.monotonic() > until:
-                    raise httpx.ReadTimeout("the answer does not come to an end")
-            return _Answer(answer.status_code, answer.headers, b"".join(parts), answer.is_redirect)
+        too_large = f"{self._page} values for each tag"
+        answer = self._reader.get(path, parameters, self._page * (streams + 1), too_large)
+        return self._object(answer, missing)
 
-    def _object(self, answer: _Answer, missing: str) -> dict[str, Any]:
+    def _object(self, answer: HttpAnswer, missing: str) -> dict[str, Any]:
         status = answer.status
         try:
             body = json.loads(answer.body)
@@ -286,7 +244,7 @@ class PiWebApi:
         if answer.is_redirect:
             raise ConnectorError(
                 f"{self.server}: the server sends on to another address; expected the PI Web API "
-                f"itself. Set url to where it is, {_line(answer.headers.get('Location', ''))}"
+                f"itself. Set url to where it is, {one_line(answer.headers.get('Location', ''))}"
             )
         if status != 200:
             raise ConnectorError(f"{self.server}: the server answered {status}{_in_words(errors)}")
@@ -309,23 +267,6 @@ class PiWebApi:
             raise ConnectorError(f"{self.server}: Items is no list of objects in the answer")
         return items
 
-    def _unreached(self, error: Exception) -> ConnectorError:
-        text = _line(str(error)) or type(error).__name__
-        hint = "check the address, and that the network lets it through"
-        if "CERTIFICATE" in text.upper():
-            hint = "set authority to a file with the certificates of the site's own authority"
-        return ConnectorError(
-            f"{self.server}: the server could not be asked ({type(error).__name__}: {text}); {hint}"
-        )
-
-
-@dataclass(frozen=True)
-class _Answer:
-    status: int
-    headers: Mapping[str, str]
-    body: bytes
-    is_redirect: bool
-
 
 class _PageTooLarge(Exception):
     """The server gives fewer values at a time than were asked for."""
@@ -347,7 +288,7 @@ def connected(server: PiServer) -> Iterator[PiWebApi]:
         auth=_auth(server),
         headers=_headers(server),
         timeout=server.timeout_s,
-        verify=_verified(server),
+        verify=verified(str(server), server.url, server.authority),
         follow_redirects=False,
         trust_env=False,
     ) as client:
@@ -378,27 +319,8 @@ def _auth(server: PiServer) -> Any:
 def _headers(server: PiServer) -> dict[str, str]:
     headers = {"Accept": "application/json", "X-Requested-With": "stemwatch"}
     if server.sign_in == "bearer":
-        token = server.secret.reveal()
-        if not (token.isascii() and token.isprintable()) or " " in token:
-            # What the library says of such a header would show it.
-            raise ConnectorError(
-                f"{server}: the token that {server.secret} holds has blanks, line ends or signs "
-                "outside ASCII; expected one token and nothing else"
-            )
-        headers["Authorization"] = f"Bearer {token}"
+        headers["Authorization"] = f"Bearer {token_of(str(server), server.secret)}"
     return headers
-
-
-def _verified(server: PiServer) -> ssl.SSLContext | bool:
-    if urlsplit(server.url).scheme != "https":
-        return True
-    try:
-        return ssl.create_default_context(cafile=server.authority or None)
-    except (OSError, ssl.SSLError) as error:
-        raise ConnectorError(
-            f"{server}: the file {server.authority} cannot be used ({type(error).__name__}); "
-            "expected certificates in PEM form"
-        ) from None
 
 
 def _point(point: Mapping[str, Any]) -> PiPoint:
@@ -433,22 +355,8 @@ def _errors(body: Any) -> str:
         return ""
     said = body.get("Errors") or body.get("Message") or ""
     words = said if isinstance(said, list) else [said]
-    return _line("; ".join(str(word) for word in words if word))
-
-
-def _line(said: str) -> str:
-    """What a server says, for messages and logs: one line without control signs, not endless."""
-    return masked(" ".join("".join(c if c.isprintable() else " " for c in said[:3000]).split()))[
-        :300
-    ]
+    return one_line("; ".join(str(word) for word in words if word))
 
 
 def _in_words(messages: str) -> str:
     return f": {messages}" if messages else ""
-
-
-def _seconds(header: str | None) -> float:
-    try:
-        return max(float(header or 0.0), 0.0)
-    except ValueError:
-        return 0.0

@@ -7,12 +7,13 @@ record effects -> base (S, J, reading) -> terms, one by one -> the reading's own
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import chance, strength
 from stemwatch.models.mismatch.accepted_hypothesis import (
@@ -75,6 +76,8 @@ from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
+# What makes the stem late by an amount that grows with the speed of its command, as friction does.
+LAGS = ("actuator_lag", "asymmetric_lag", "viscous_drag", "underdamped_positioner")
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
 
 
@@ -186,27 +189,11 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     hypothesis = if_followed(accepted_hypothesis(case))
     evaluator, comparison, effects = hypothesis.evaluator, hypothesis.shown, hypothesis.effects
     naive_only = naive_evaluator(evaluator)
-    simple = naive_layout(naive_only)
     naive = conclude(
         naive_only, fit_naive(naive_only, np.ones(evaluator.problem.n_blocks, dtype=bool))
     )
     archive = _archive(case, evaluator, hypothesis.best)
-    # With nothing left out that moves the levels, and every sample kept, the breakaways tell S and
-    # J best: a line through the reading moves the two directions apart and not their mean.
-    can_be_restated = not hypothesis.open_end and not hypothesis.worse and archive is None
-    can_be_restated = can_be_restated and all(
-        effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects
-    )
-    fitted = (hypothesis.best,) if effects else (naive, hypothesis.best)
-    elements = fitted if can_be_restated else ()
-    friction_alone = stiction(
-        naive_only, lambda: draws(naive_only, simple, naive), naive, () if effects else elements
-    )
-    refitted = stiction(
-        evaluator, hypothesis.drawn, hypothesis.best, elements, _delay_s(hypothesis)
-    )
-    if case.balance is not None and DRIVE in hypothesis.layout.places:
-        refitted = of_balance(case.balance, refitted)
+    friction_alone, refitted = _stictions(case, hypothesis, naive_only, naive, archive)
     reason = hypothesis.worse
     if not effects and not reason:
         reason = doubt(
@@ -287,6 +274,55 @@ def _delay_s(hypothesis: AcceptedHypothesis) -> float:
         return 0.0
     usual_s = LATE[0] * hypothesis.evaluator.problem.interval_s
     return max(float(hypothesis.best[coordinate_slice][0]) - usual_s, 0.0)
+
+
+def _stictions(
+    case: PreparedRecording,
+    hypothesis: AcceptedHypothesis,
+    naive_only: Evaluator,
+    naive: Floats,
+    archive: Archive | None,
+) -> tuple[Stiction, Stiction]:
+    """S and J of friction ``naive`` alone and of the hypothesis, each with its intervals."""
+    evaluator, effects = hypothesis.evaluator, hypothesis.effects
+    # With nothing left out that moves the levels, and every sample kept, the breakaways tell S and
+    # J best: a line through the reading moves the two directions apart and not their mean.
+    can_be_restated = not hypothesis.open_end and not hypothesis.worse and archive is None
+    can_be_restated = can_be_restated and all(
+        effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects
+    )
+    fitted = (hypothesis.best,) if effects else (naive, hypothesis.best)
+    elements = fitted if can_be_restated else ()
+    simple = naive_layout(naive_only)
+    friction_alone = stiction(
+        naive_only, lambda: draws(naive_only, simple, naive), naive, () if effects else elements
+    )
+    refitted = stiction(
+        evaluator,
+        hypothesis.drawn,
+        hypothesis.best,
+        elements,
+        _delay_s(hypothesis),
+        with_lag=any(effect.slug in LAGS for effect in effects),
+    )
+    if case.balance is not None and DRIVE in hypothesis.layout.places:
+        refitted = of_balance(case.balance, refitted)
+    for S, J in of_rivals(hypothesis):
+        # Which of them it is cannot be told, so neither can whose S and J these are.
+        refitted = Stiction(S=refitted.S.holding(S), J=refitted.J.holding(J))
+    return friction_alone, refitted
+
+
+def of_rivals(hypothesis: AcceptedHypothesis) -> Iterator[tuple[Estimate, Estimate]]:
+    """S and J of the models that cannot be told from the effect that was found last."""
+    if not hypothesis.named.needed or not hypothesis.effects:
+        return
+    for rival in hypothesis.named.needed[-1].stage.accepted[1:]:
+        middle = rival.fitted.candidates.mean(axis=0)
+        S = float(middle[base_coordinate.S_PERCENT])
+        values = (S, S * float(middle[base_coordinate.RATIO]))
+        S_alone, J_alone = (Estimate(value=v, low=v, high=v, unit=PERCENT) for v in values)
+        yield S_alone, J_alone
 
 
 def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:

@@ -51,8 +51,8 @@ def inspect(
 
     Where OP strokes a valve by a curve, as in a split range, the curve is proposed as well.
 
-    Of a plant file the tags of its archives (PI, OPC UA, SQL, Parquet) are listed, and valves are
-    proposed by their names.
+    Of a plant file the tags of its archives (PI, InfluxDB, OPC UA, SQL, Parquet) are listed, and
+    valves are proposed by their names.
 
     Encoding, separator, decimal mark, layout, time zone, every tag with unit and role, sampling
     interval and jitter, bad values, gaps, and evidence of compression, quantisation and frozen

@@ -126,9 +126,22 @@ def pi_table() -> Iterator[Table]:
         yield {"url": served.url, "server": ARCHIVE, "sign_in": "anonymous"}
 
 
+@pytest.fixture(scope="module")
+def influx_table() -> Iterator[Table]:
+    """Of an InfluxDB with the same samples."""
+    from tests.connectors.influx.loopback_server import Served, serving
+
+    points: dict[str, list[tuple[int, Any, str]]] = {"FIC1.OP": [], "FIC1.PV": []}
+    for tag, time, number, quality in samples():
+        points[tag].append((int(time.timestamp()) * 10**9, number, quality))
+    with serving(Served(points=points)) as served:
+        table = {"url": served.url, "database": "plant", "quality_field": "quality"}
+        yield table | {"measurement": "opc", "tag_key": "tag"}
+
+
 PREPARED = {"csv": csv, "parquet": parquet, "sql": sql}
-SERVED = ("opcua", "pi")
-UNCOUNTED = ("opcua", "pi")  # counting would mean reading everything
+SERVED = ("influx", "opcua", "pi")
+UNCOUNTED = ("influx", "opcua", "pi")  # counting would mean reading everything
 PREFIXES = {"opcua": "ns=2;s="}
 INSTALLED = sorted(installed_connectors())
 

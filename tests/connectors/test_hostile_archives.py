@@ -140,7 +140,7 @@ def test_a_pi_server_that_fails_amid_its_values(
     pi_port: int, fault: str, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The server is named, and each of its four attempts has ``timeout_s``."""
-    monkeypatch.setattr("stemwatch.connectors.pi.web_api.FIRST_WAIT_S", 0.01)
+    monkeypatch.setattr("stemwatch.connectors.archive.http_reader.FIRST_WAIT_S", 0.01)
     with faulty_line(pi_port, fault, most) as line:
         said = failure(pi_address(line.port).open(), made.valve())
     assert said.startswith(f"PI http://127.0.0.1:{line.port}/piwebapi: "), said

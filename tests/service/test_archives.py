@@ -130,6 +130,22 @@ def pi(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
         yield f'kind = "pi"\nurl = "{served.url}"\nserver = "{ARCHIVE}"\n{sign_in}', ""
 
 
+@contextmanager
+def influx(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
+    """Two tags of an InfluxDB on loopback, which wants a token."""
+    from tests.connectors.influx.loopback_server import Served, serving
+
+    points: dict[str, list[tuple[int, Any, str]]] = {}
+    for tag, time, number, quality in rows:
+        points.setdefault(tag, []).append((round(time.timestamp()) * 10**9, number, quality))
+    (folder / "influx-token").write_text("open-sesame\n")
+    with serving(Served(points=points, token="open-sesame")) as served:
+        place = 'measurement = "opc"\ntag_key = "tag"\nquality_field = "quality"'
+        signing = 'secret_file = "influx-token"'
+        table = f'kind = "influx"\nurl = "{served.url}"\ndatabase = "plant"\n{place}\n{signing}'
+        yield table, ""
+
+
 def test_each_kind_is_screened_as_the_export_is(
     stemwatch: Callable[..., Any], one_valve: Path, rows: list[Row], tmp_path: Path
 ) -> None:
@@ -148,7 +164,7 @@ def test_each_kind_is_screened_as_the_export_is(
     expected = screened("csv", f"path = '{one_valve}'", "")
     assert expected["verdict"] == "sticky"
     kinds: dict[str, Callable[..., AbstractContextManager[tuple[str, str]]]]
-    kinds = {"parquet": parquet, "sql": sql, "opcua": opcua, "pi": pi}
+    kinds = {"parquet": parquet, "sql": sql, "opcua": opcua, "pi": pi, "influx": influx}
     for name, kind in kinds.items():
         with kind(rows, tmp_path) as (source, prefix):
             assert screened(name, source, prefix) == expected

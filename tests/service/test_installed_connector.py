@@ -179,7 +179,10 @@ def test_a_kind_that_nobody_brings_is_said_with_the_nearest(plant: Path) -> None
     plant.write_text(text, encoding="utf-8")
     problem = str(load_plant(plant, environment={}).problems[0])
     assert "plant.toml, line 3: sources[archive].kind: found the text 'parket'" in problem
-    assert "one of csv, opcua, parquet, pi, sql; without kind a source is a text export" in problem
+    assert (
+        "one of csv, influx, opcua, parquet, pi, sql; without kind a source is a text export"
+        in problem
+    )
     assert problem.endswith("(did you mean 'parquet'?)")
 
 

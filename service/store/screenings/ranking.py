@@ -33,6 +33,7 @@ from stemwatch.service.presenter.work_decision import (
     WorkState,
     confidence_in,
     kinds_of,
+    ne107_word,
     overall_verdict,
     severity_of,
 )
@@ -99,6 +100,11 @@ class RankingLine(PlantPath):
     def state(self) -> WorkState | None:
         """Whether the valve needs work; ``None`` where it has not been screened."""
         return None if self.verdict is None else STATE_OF[self.verdict]
+
+    @property
+    def ne107(self) -> str | None:
+        """Its state by NAMUR NE 107; ``None`` where there is no verdict."""
+        return ne107_word(self.verdict)
 
     @property
     def sure(self) -> float | None:

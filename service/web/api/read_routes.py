@@ -13,7 +13,6 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.service.access.permissions import Operation
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, money_of
 from stemwatch.service.presenter.plant_path import PartOfPlant, levels_of
-from stemwatch.service.presenter.work_decision import ne107_word
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
 from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
 from stemwatch.service.store.screenings.records import StoredRun
@@ -248,7 +247,7 @@ def valve_line(line: RankingLine, cost: CostOfSticking | None = None) -> shapes.
         **levels_of(line),
         criticality=line.criticality,
         verdict=None if line.verdict is None else line.verdict.value,
-        ne107=ne107_word(line.verdict),
+        ne107=line.ne107,
         stem_verdict=None if line.stem_verdict is None else line.stem_verdict.value,
         at=line.at,
         severity=line.severity,

@@ -12,6 +12,7 @@ import httpx
 import pytest
 from pydantic import ValidationError
 
+from stemwatch.connectors.archive import http_reader
 from stemwatch.connectors.connector import (
     ConnectorError,
     TagMapping,
@@ -57,7 +58,7 @@ def served() -> Iterator[Served]:
 def quick(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """Waits between attempts are noted, not spent."""
     waits: list[float] = []
-    monkeypatch.setattr("stemwatch.connectors.pi.web_api.time.sleep", waits.append)
+    monkeypatch.setattr("stemwatch.connectors.archive.http_reader.time.sleep", waits.append)
     return waits
 
 
@@ -174,7 +175,7 @@ def test_a_server_that_stays_busy_is_given_up(served: Served, quick: list[float]
     served.faults = [(503, {}, {"Errors": ["maintenance until noon"]})] * 9
     with pytest.raises(ConnectorError, match="503: maintenance until noon"):
         archive(served).read(VALVE)
-    assert len(quick) == web_api.ATTEMPTS - 1
+    assert len(quick) == http_reader.ATTEMPTS - 1
 
 
 def test_a_refused_sign_in_says_what_to_check_and_shows_no_secret(
@@ -304,7 +305,7 @@ def test_a_sites_own_authority_is_needed_and_enough(tmp_path: Path) -> None:
 
 def test_the_client_asks_without_writing() -> None:
     """No method but ``get`` of the client is used anywhere in the connector."""
-    source = Path(web_api.__file__).read_text("utf-8")
+    source = "".join(Path(m.__file__).read_text("utf-8") for m in (web_api, http_reader))
     writing = [f".{name}(" for name in ("post", "put", "patch", "delete", "request", "send")]
     assert [word for word in writing if f"_client{word}" in source] == []
     assert hasattr(httpx.Client, "get")
@@ -337,7 +338,7 @@ def test_an_answer_without_end_does_not_fill_the_memory(
     served: Served, monkeypatch: pytest.MonkeyPatch, packed: bool
 ) -> None:
     """It is left where it is larger than what was asked for can be, unpacked."""
-    monkeypatch.setattr(web_api, "ANSWER_BYTES", 100_000)
+    monkeypatch.setattr(http_reader, "ANSWER_BYTES", 100_000)
     body = b" " * 3_000_000
     headers = {"Content-Encoding": "gzip"} if packed else {}
     served.faults = [(200, headers, gzip.compress(body) if packed else body)]

@@ -8,14 +8,16 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR
-from stemwatch.models.mismatch.explain import explain, scores
+from stemwatch.models.mismatch.explain import explain, of_rivals, scores
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
 from stemwatch.models.mismatch.term import ActsOn
@@ -336,3 +338,20 @@ def test_a_reversed_position_is_not_called_a_sticking_valve():
     assert result.stroke_curve.slope == pytest.approx(-1.0, abs=0.1)
     assert result.sentence.startswith(result.stroke_curve.sentence())
     assert result.restated.S.low <= plain.restated.S.value <= result.restated.S.high
+
+
+def test_S_and_J_of_what_cannot_be_told_from_the_effect_are_known_too():
+    """The last stage's rivals, each with the middle of its two folds; none without an effect."""
+
+    def score(S, ratio):
+        candidates = np.zeros((2, base_coordinate.N_BASE))
+        candidates[:, base_coordinate.S_PERCENT] = S
+        candidates[:, base_coordinate.RATIO] = ratio
+        return SimpleNamespace(fitted=SimpleNamespace(candidates=candidates))
+
+    stage = SimpleNamespace(accepted=(score((8.0, 9.0), 0.3), score((7.0, 8.0), 0.2)))
+    named = SimpleNamespace(needed=(SimpleNamespace(stage=stage),))
+    ((S, J),) = of_rivals(SimpleNamespace(named=named, effects=("viscous_drag",)))
+    assert (S.low, S.high) == (7.5, 7.5)
+    assert J.low == J.high == pytest.approx(1.5)
+    assert not list(of_rivals(SimpleNamespace(named=named, effects=())))

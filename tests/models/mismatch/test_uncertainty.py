@@ -13,7 +13,7 @@ from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, search
 from stemwatch.models.mismatch.reading_errors import pinned
-from stemwatch.models.mismatch.stiction import MODEL_ERROR
+from stemwatch.models.mismatch.stiction import MODEL_ERROR, stiction
 from stemwatch.models.mismatch.uncertainty import REPLICATES, draws, estimate
 from stemwatch.models.recording import PERCENT
 from tests.models.mismatch.fitted_chain import (
@@ -123,3 +123,19 @@ def test_an_estimate_holds_its_value_and_the_errors_add_in_squares(values, best,
         (plain.high - best, wide.high - best),
     ):
         assert after == pytest.approx(np.hypot(before, 1.96 * error), abs=1e-9)
+
+
+def test_beside_a_lag_that_was_named_S_and_J_are_less_sure():
+    """The same fit and draws: an error of 12 % of the level or 0.2 % instead of 8 % or 0.1 %."""
+    best = np.zeros(base_coordinate.N_BASE)
+    best[base_coordinate.S_PERCENT], best[base_coordinate.RATIO] = 6.0, 0.0
+
+    def told(evaluator, with_lag):
+        return stiction(evaluator, lambda: best[None, :], best, (), with_lag=with_lag)
+
+    evaluator = evaluator_of(simulated_by_chain())
+    plain, with_lag = told(evaluator, False), told(evaluator, True)
+    assert plain.S.high - plain.S.value == pytest.approx(1.96 * 0.08 * 3.0)
+    assert with_lag.S.high - with_lag.S.value == pytest.approx(1.96 * 0.12 * 3.0)
+    assert plain.S.value == with_lag.S.value == 6.0
+    assert with_lag.J.low == 0.0

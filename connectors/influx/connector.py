@@ -1,0 +1,218 @@
+"""``InfluxArchive``: an InfluxDB as a source of recordings."""
+
+from __future__ import annotations
+
+import difflib
+import fnmatch
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Self
+from urllib.parse import urlsplit
+
+from pydantic import Field, model_validator
+
+from stemwatch.connectors.archive.http_reader import LOOPBACK
+from stemwatch.connectors.archive.settings import ArchiveSettings
+from stemwatch.connectors.connector import (
+    WHOLE,
+    ArchiveAddress,
+    TagInfo,
+    UnknownTag,
+    ValveTags,
+    Window,
+)
+from stemwatch.connectors.influx.query import InfluxServer
+from stemwatch.connectors.secret import Secret
+from stemwatch.connectors.settings import Name, Positive, contradiction
+from stemwatch.models.recording import Recording, Role
+
+if TYPE_CHECKING:
+    from stemwatch.connectors.historian.values.columns import Column
+    from stemwatch.connectors.influx.query import InfluxQuery
+
+LAYOUT = "InfluxDB, points of a tag through InfluxQL"
+ZONE = "The server gives instants in UTC."
+_URL = "the address of an InfluxDB such as https://host:8086"
+
+
+@dataclass(frozen=True, kw_only=True)
+class InfluxAddress(InfluxServer):
+    """A server, as it is sent to the worker that reads it; an ``ArchiveAddress``."""
+
+    before_s: float = 0.0
+    pattern: str = "*"
+    good: tuple[str, ...] = ()
+
+    def open(self) -> InfluxArchive:
+        """The archive; no connection is made yet."""
+        return InfluxArchive(self)
+
+
+class InfluxSettings(ArchiveSettings):
+    """``kind = "influx"``: fields of an InfluxDB 2 or 3."""
+
+    url: Name = Field(description=_URL)
+    database: Name = Field(description="the name of the database, or of the bucket")
+    measurement: Name | None = Field(
+        default=None, description="the measurement; without it each tag is one of its own"
+    )
+    tag_key: Name | None = Field(
+        default=None, description="the Influx tag that holds the name of the plant's tag"
+    )
+    field: Name = Field(default="value", description="the field that holds the value")
+    quality_field: Name | None = Field(
+        default=None, description="the field that holds the quality code"
+    )
+    secret_variable: Name | None = Field(
+        default=None, description="the name of the environment variable that holds the token"
+    )
+    secret_file: Name | None = Field(
+        default=None, description="the name of a file that holds nothing but the token"
+    )
+    authority: Name | None = Field(
+        default=None,
+        description="a file with the certificates of the site's own authority, relative to the "
+        "plant file",
+    )
+    timeout_s: Positive = Field(default=60.0, description="seconds, above 0")
+    page: Annotated[int, Field(ge=100, le=1_000_000)] = Field(
+        default=50_000, description="values of a tag asked for at a time, 100 to 1000000"
+    )
+    pattern: Name = Field(default="*", description="names of the tags that are listed, such as F*")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        parts = urlsplit(self.url)
+        if parts.scheme not in ("http", "https") or not parts.hostname or "@" in parts.netloc:
+            raise contradiction(("url",), "something else", f"{_URL}, without a password in it")
+        if self.tag_key and not self.measurement:
+            raise contradiction(("tag_key",), "tag_key alone", "measurement as well")
+        secrets = sum(secret is not None for secret in (self.secret_variable, self.secret_file))
+        if secrets > 1:
+            raise contradiction(("secret_file",), "two places", "secret_variable or secret_file")
+        if secrets and parts.scheme == "http" and parts.hostname not in LOOPBACK:
+            found_text = "an address that sends the token unencrypted"
+            raise contradiction(("url",), found_text, "an address with https://")
+        return self
+
+    def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
+        """Of the server; files count from ``folder``. Times are UTC, so that no zone is needed."""
+
+        def inside_folder(name: str | None) -> str:
+            return "" if name is None else str(folder / name)
+
+        return InfluxAddress(
+            url=self.url,
+            database=self.database,
+            measurement=self.measurement or "",
+            tag_key=self.tag_key or "",
+            value_field=self.field,
+            quality_field=self.quality_field or "",
+            secret=Secret(
+                variable=self.secret_variable or "", file=inside_folder(self.secret_file)
+            ),
+            authority=inside_folder(self.authority),
+            timeout_s=self.timeout_s,
+            page=self.page,
+            before_s=self.before_s or 0.0,
+            pattern=self.pattern,
+            good=tuple(self.good_quality or ()),
+        )
+
+
+class InfluxArchive:
+    """An InfluxDB; implements ``stemwatch.connectors.connector.Connector``."""
+
+    settings = InfluxSettings
+
+    def __init__(self, address: InfluxAddress) -> None:
+        self.address = address
+
+    def tags(self) -> Sequence[TagInfo]:
+        """Every tag that fits the address's pattern, with role and valve proposed from its name;
+        samples are not counted."""
+        from stemwatch.connectors.historian.tags.roles import propose_roles
+        from stemwatch.connectors.influx.query import connected
+
+        with connected(self.address) as query:
+            names = fnmatch.filter(query.tags(), self.address.pattern)
+        tags = [(name, "", "", None) for name in names]
+        return [
+            TagInfo(
+                tag=proposed.tag,
+                proposed_role=proposed.role,
+                proposed_valve=proposed.valve,
+                remark=proposed.remark,
+            )
+            for proposed in propose_roles(tags, stem="", mv_is_output=False)
+        ]
+
+    def present(self, valve: ValveTags) -> ValveTags:
+        """``valve`` without the roles beside OP and MV whose tag the archive does not have."""
+        from stemwatch.connectors.archive.valve_columns import with_existing
+        from stemwatch.connectors.influx.query import connected
+
+        def existing(_: frozenset[str]) -> set[str]:
+            with connected(self.address) as query:
+                return set(query.tags())
+
+        return with_existing(valve, existing)
+
+    def read(self, valve: ValveTags, window: Window = WHOLE) -> Recording:
+        """The recording of one valve, tag by tag.
+
+        Raises ``UnknownTag`` for a tag that is not there, and ``ConnectorError`` for a window
+        without values of OP, and a server that does not answer.
+        """
+        from stemwatch.connectors.archive.valve_columns import ValveColumns, need_samples
+        from stemwatch.connectors.historian.recordings import assemble, need_op
+        from stemwatch.connectors.influx.query import connected
+
+        server = str(self.address)
+        need_op(server, valve)
+        with connected(self.address) as query:
+            columns = {
+                mapping.tag: self._column(query, mapping.tag, role, window)
+                for role, mapping in valve.tags.items()
+            }
+        nothing_there = "the archive has nothing there. Ask for another window"
+        need_samples(columns[valve.tags[Role.OP].tag], window, server, lambda: nothing_there)
+        loaded = ValveColumns(
+            source_name=server, layout=LAYOUT, columns=columns, zone=ZONE, decisions=(ZONE,)
+        )
+        return assemble(loaded, valve, window)
+
+    def _column(self, query: InfluxQuery, tag: str, role: Role, window: Window) -> Column:
+        import numpy as np
+
+        from stemwatch.connectors.archive.number_column import Codes, number_column
+        from stemwatch.connectors.archive.valve_columns import bounds_of, empty_column
+
+        rows = query.points(tag, *bounds_of(window, self.address.before_s))
+        if not rows.ns.size:
+            self._need(query, tag)
+            return empty_column(tag)
+        codes = None
+        if rows.codes:
+            words, index = np.unique(np.array(rows.codes), return_inverse=True)
+            good = self.address.good
+            codes = Codes(words=words.tolist(), index=index.astype(np.int64), good=good)
+        return number_column(
+            tag,
+            rows.ns,
+            np.ones(rows.ns.size, dtype=bool),
+            rows.values,
+            source_name=str(self.address),
+            codes=codes,
+            as_mode=role is Role.MODE,
+        )
+
+    def _need(self, query: InfluxQuery, tag: str) -> None:
+        """Raise ``UnknownTag`` with the names that come nearest, where there is no such tag."""
+        known = query.tags()
+        if tag in known:
+            return
+        nearest = difflib.get_close_matches(tag, known, n=3, cutoff=0.4) or known[:5]
+        names = ", ".join(map(repr, nearest)) or "none: nothing is there"
+        raise UnknownTag(f"{self.address}: there is no {tag!r}; the nearest are {names}")

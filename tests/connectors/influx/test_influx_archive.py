@@ -1,0 +1,175 @@
+"""InfluxDB: what it says at /query, in three layouts, and what is said when it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from stemwatch.connectors.connector import ConnectorError, TagMapping, ValveTags, Window
+from stemwatch.connectors.influx import InfluxArchive
+from stemwatch.connectors.influx.connector import InfluxSettings
+from stemwatch.models.recording import Quality, Role
+from tests.connectors.influx.loopback_server import Served, serving
+
+START = datetime(2026, 1, 5, 6, tzinfo=UTC)
+NS = int(START.timestamp()) * 10**9
+VALVE = ValveTags(
+    valve="FIC1",
+    tags={Role.OP: TagMapping(tag="FIC1.OP", unit="%"), Role.MV: TagMapping(tag="FIC1.POS")},
+)
+LAYOUTS = {
+    "tag_key": {"measurement": "opc", "tag_key": "tag"},
+    "field": {"measurement": "opc"},
+    "measurement": {},
+}
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    """600 points of 1 s of OP and position."""
+    rows = [(NS + i * 10**9, float(i % 100), "Good") for i in range(600)]
+    with serving(Served(points={"FIC1.OP": list(rows), "FIC1.POS": list(rows)})) as item:
+        yield item
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Waits between attempts are noted, not spent."""
+    waits: list[float] = []
+    monkeypatch.setattr("stemwatch.connectors.archive.http_reader.time.sleep", waits.append)
+    return waits
+
+
+def archive(served: Served, folder: Path = Path(), **changes: Any) -> InfluxArchive:
+    """The archive of a table of a plant file."""
+    table = {"name": "influx", "kind": "influx", "url": served.url, "database": "plant"}
+    settings = InfluxSettings.model_validate(table | LAYOUTS[served.layout] | changes)
+    opened = settings.address(folder, None).open()
+    assert isinstance(opened, InfluxArchive)
+    return opened
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_three_layouts_give_the_same_recording(served: Served, layout: str) -> None:
+    """The tag's name may be an Influx tag, a field or a measurement."""
+    served.layout = layout
+    recording = archive(served).read(VALVE)
+    assert (recording.start, recording.interval_s, len(recording)) == (START, 1.0, 600)
+    assert recording.mv.values[250] == 50.0
+    assert {info.tag for info in archive(served).tags()} == {"FIC1.OP", "FIC1.POS"}
+    assert served.methods == {"GET"}
+
+
+def test_a_page_ends_in_the_middle_of_an_instant_and_nothing_is_lost(served: Served) -> None:
+    """Points at one instant are told apart by how many of them were read."""
+    served.points["FIC1.OP"][99:99] = [(NS + 99 * 10**9, 7.0, "Good")] * 3
+    recording = archive(served, page=100).read(VALVE)
+    assert len(recording) == 600
+    assert recording.op.values[99] == 99.0  # the last one counts
+    window = Window(start=START + timedelta(seconds=60), stop=START + timedelta(seconds=120))
+    assert len(archive(served, page=100).read(VALVE, window)) == 60
+
+
+def test_a_page_that_does_not_lead_on_is_an_error_and_no_endless_loop(served: Served) -> None:
+    """A cache that repeats the first page; more points at one instant than a page holds."""
+    served.same_page = True
+    with pytest.raises(ConnectorError, match="expected it to heed time and OFFSET"):
+        archive(served, page=100).read(VALVE)
+    served.same_page = False
+    served.points["FIC1.OP"] = [(NS, 1.0, "Good")] * 300
+    with pytest.raises(ConnectorError, match="more than 100 points of a tag stand at one instant"):
+        archive(served, page=100).read(VALVE)
+
+
+def test_quality_codes_are_read_where_a_field_has_them(served: Served) -> None:
+    """A bad one is bad; a value that is no number is missing."""
+    served.points["FIC1.OP"][5] = (NS + 5 * 10**9, 40.0, "Bad")
+    served.points["FIC1.OP"][6] = (NS + 6 * 10**9, "Shutdown", "Good")
+    served.points["FIC1.OP"][8] = (NS + 8 * 10**9, None, "Good")
+    op = archive(served, quality_field="quality").read(VALVE).op
+    assert [Quality(q) for q in op.quality[4:10]] == [
+        Quality.GOOD,
+        Quality.BAD,
+        Quality.MISSING,
+        Quality.GOOD,
+        Quality.MISSING,
+        Quality.GOOD,
+    ]
+
+
+def test_a_tag_cannot_become_a_query(served: Served) -> None:
+    """Quotation marks stay inside the name."""
+    tag = 'x\' OR time > 0; DROP MEASUREMENT "opc" --'
+    valve = ValveTags(valve="FIC1", tags={Role.OP: TagMapping(tag=tag)})
+    with pytest.raises(ConnectorError):
+        archive(served).read(valve)
+    asked = served.asked[0]["q"]
+    assert "= 'x\\' OR time > 0; DROP MEASUREMENT \"opc\" --' ORDER BY" in asked
+
+
+def test_the_token_is_sent_and_shown_nowhere(
+    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From a file or a variable; a refused one says what to check."""
+    served.token = "open-sesame"
+    (tmp_path / "token").write_text("open-sesame\n")
+    assert len(archive(served, tmp_path, secret_file="token").read(VALVE)) == 600
+    monkeypatch.setenv("INFLUX_TOKEN", "wrong-word")
+    with pytest.raises(ConnectorError, match="may read this database") as refused:
+        archive(served, secret_variable="INFLUX_TOKEN").read(VALVE)
+    assert "wrong-word" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ((200, {"results": [{"error": "no such shard"}]}), "no such shard"),
+        ((200, b"<html>login</html>"), "none of an InfluxDB"),
+        ((200, {"results": [7]}), "none of an InfluxDB"),
+        ((400, {"error": "database name required"}), "400: database name required"),
+        ((302, {}), "answered 302"),
+        (
+            (200, {"results": [{"series": [{"columns": ["time", "v"], "values": [["x", 1]]}]}]}),
+            "found the time 'x'",
+        ),
+    ],
+)
+def test_what_goes_wrong_is_said(served: Served, fault: tuple[int, Any], message: str) -> None:
+    """Also an error inside a success."""
+    served.faults = [fault]
+    with pytest.raises(ConnectorError, match=message):
+        archive(served).read(VALVE)
+
+
+def test_a_busy_server_is_asked_again(served: Served, quick: list[float]) -> None:
+    """Twice busy, then there."""
+    served.faults = [(503, {}), (429, {})]
+    assert len(archive(served).read(VALVE)) == 600
+    assert quick == [0.5, 1.0]
+
+
+def test_a_server_that_is_not_there() -> None:
+    """After the last attempt, with the address."""
+    with pytest.raises(ConnectorError, match=r"127\.0\.0\.1:9"):
+        archive(Served(points={}, url="http://127.0.0.1:9")).read(VALVE)
+
+
+@pytest.mark.parametrize(
+    ("table", "expected"),
+    [
+        ({"tag_key": "tag"}, "measurement as well"),
+        ({"url": "influx"}, "address of an InfluxDB"),
+        ({"url": "http://plant:8086", "secret_file": "t"}, "https://"),
+        ({"secret_variable": "T", "secret_file": "t"}, "secret_variable or secret_file"),
+    ],
+)
+def test_mistakes_in_the_table_say_what_is_expected(table: dict[str, str], expected: str) -> None:
+    """Each by its key."""
+    whole = {"name": "i", "kind": "influx", "url": "https://host:8086", "database": "plant"}
+    with pytest.raises(ValidationError, match=expected):
+        InfluxSettings.model_validate(whole | table)
