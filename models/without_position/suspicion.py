@@ -30,6 +30,7 @@ from stemwatch.models.without_position.picture import ElementTraces, element_tra
 from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 200
+ENOUGH_PERIODS = 8  # in a record of fewer swings most signs are too weak
 MOST_SAMPLES = 8000  # the last ones of a long record, after means over a four hundredth of a period
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
@@ -43,6 +44,10 @@ _ROUND = NAMES.index("triangle beside sine, OP")
 _TEST = (
     "Do a bump test: step OP by about 1 % one way until PV answers, then back, and compare what "
     "each way takes; or record the position for an hour with a portable transmitter."
+)
+_LONGER = (
+    "Export OP and PV over ten swings of the loop and more, or record the position for an hour "
+    "with a portable transmitter."
 )
 _FASTER = "Export OP and PV raw and at a shorter interval, over at least ten swings of the loop."
 
@@ -299,6 +304,12 @@ def _answer(
             score=answer.score,
             apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
             shows_from=shows,
+        )
+    if periods < ENOUGH_PERIODS:
+        return _cannot_tell(
+            f"the signs are too weak either way in a record of {periods:.0f} swings of the loop",
+            _LONGER,
+            answer.score,
         )
     return _cannot_tell("the signs are too weak either way", _TEST, answer.score)
 

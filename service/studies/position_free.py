@@ -21,6 +21,7 @@ from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.without_position.network import LoopNetwork, packed
 from stemwatch.models.without_position.suspicion import (
     BEYOND,
+    ENOUGH_PERIODS,
     Judge,
     SeenLoop,
     Suspicion,
@@ -34,8 +35,8 @@ MISSED = 0.05  # share of loops that plainly stick which may be told "no sign"
 PLAIN = 0.5  # S over the amplitude of OP, from which a loop plainly sticks
 SEEN = 0.9  # share of sticking loops of an S, and of any larger, that are not told "no sign"
 WINDOWS_ONLY = "own, windows only"
-_MORE = 4  # times as many loops for the convolutional network, which need a tenth of the time
-_LINE = 100
+_MORE = 16  # times as many loops for the convolutional network, which need a tenth of the time
+_LINE = 160  # characters of the weights in a line
 _NEAR, _ENOUGH = 1.5, 30  # S and all down to so many times less count together, if so many
 
 
@@ -150,6 +151,7 @@ class StudiedLoop:
     family: str
     story: str
     S: float
+    swings: float  # periods of the loop in its record; 0 where there was nothing to judge
     verdict: Suspicion
     score: float | None
     apparent_S: tuple[float, float, float] | None  # value, low, high
@@ -178,7 +180,7 @@ def look_item(item: LoopToDraw) -> list[SeenDraw]:
 
 def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
     suspicion = judge.says(seen_draw.seen)
-    estimate = suspicion.apparent_S
+    estimate, shown = suspicion.apparent_S, seen_draw.seen.shown
     numbers = None
     if estimate.value is not None and estimate.low is not None and estimate.high is not None:
         numbers = (estimate.value, estimate.low, estimate.high)
@@ -186,6 +188,7 @@ def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
         family=seen_draw.place.family,
         story=seen_draw.story,
         S=seen_draw.S,
+        swings=0.0 if shown is None else seen_draw.seen.samples / shown.period,
         verdict=suspicion.verdict,
         score=suspicion.score,
         apparent_S=numbers,
@@ -264,9 +267,14 @@ class FamilyRow:
 
 
 def family_rows(answers: Sequence[StudiedLoop]) -> Iterator[FamilyRow]:
-    """One row for each family, in the order in which they were asked."""
+    """One row for each family, in the order in which they were asked, and one for those of its
+    loops whose record holds ``ENOUGH_PERIODS`` and more."""
     for family in dict.fromkeys(answer.family for answer in answers):
-        yield _family_row(family, [answer for answer in answers if answer.family == family])
+        of_family = [answer for answer in answers if answer.family == family]
+        yield _family_row(family, of_family)
+        long = [answer for answer in of_family if answer.swings >= ENOUGH_PERIODS]
+        if {answer.sticky for answer in long} == {True, False}:
+            yield _family_row(f"{family}, {ENOUGH_PERIODS} swings and more", long)
 
 
 def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:

@@ -14,8 +14,8 @@ from stemwatch.models.without_position.network import KERNELS, MOST_AWAY, LoopNe
 
 ENSEMBLE = 5
 _HIDDEN = (16, 12)
-_CHANNELS = (16, 24, 32, 32)
-_EPOCHS, _WINDOW_EPOCHS = 40, 18
+_CHANNELS = (24, 48, 64, 64)
+_EPOCHS, _WINDOW_EPOCHS = 40, 12
 _BATCH = 128
 _HELD_BACK = 5  # one loop of five weighs the two networks and is not trained on
 

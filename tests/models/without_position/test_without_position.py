@@ -249,13 +249,13 @@ def test_what_is_shipped_is_what_was_trained() -> None:
     assert trained_judge().network.arrays["mean"].shape == (len(NAMES),)
 
 
-def test_numbers_come_back_from_text_in_single_precision() -> None:
+def test_numbers_come_back_from_text_in_half_precision() -> None:
     """Whatever their shapes and however the lines are broken."""
     arrays = {"a": np.arange(6.0).reshape(2, 3) / 7.0, "b": np.array([1e-3])}
     shapes, text = packed(arrays)
     back = unpacked(shapes, "\n".join([text[:9], text[9:], ""]))
     for name, array in arrays.items():
-        assert np.allclose(back[name], array, rtol=1e-6, atol=0.0)
+        assert np.allclose(back[name], array, rtol=2.0**-11, atol=0.0)
 
 
 def limit_cycle() -> Recording:

@@ -138,7 +138,7 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "suspected there: A, B. Of 68" in suspected_sentence(["A", "B"])
+    assert "suspected there: A, B. Of 185" in suspected_sentence(["A", "B"])
 
 
 def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening, make_context):
