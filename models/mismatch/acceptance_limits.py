@@ -24,6 +24,11 @@ HARDER = {"lost_motion": 1.6, "dwell_dependent_breakaway": 1.9}
 FEW_BLOCKS, FEW_SAMPLES = 5.0, 100.0
 # Later terms stand on what the first has cleared away, and the search is narrower.
 LATER = 0.8
+# What the weaker of two terms that are looked for together must reach beside the other: the search
+# chooses among hundreds of pairs.
+LEAST_OF_A_PAIR = 1.25
+# Of the limits at which a term is named: what comes as near is worth another look, or a test.
+NEAR = 0.4
 NULL_RATE = 0.025
 # What is left in the worst tenth of the blocks, in noise variances, from which a recording is not
 # explained; a short record has few blocks, and its worst tenth is one of them.

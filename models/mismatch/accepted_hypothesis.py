@@ -45,6 +45,7 @@ from stemwatch.models.mismatch.reading_errors import (
     without_error,
 )
 from stemwatch.models.mismatch.term import ActsOn, Term
+from stemwatch.models.mismatch.term_pairs import with_pair
 from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws
@@ -81,14 +82,22 @@ class AcceptedHypothesis:
 
 
 def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
-    """What the recording needs: as a drive whose motion it resolves, or else term by term."""
+    """What the recording needs: as a drive whose motion it resolves, or else term by term
+    and two at once."""
     drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
     if drive is not None:
         return drive
-    one_by_one = (slug for slug in terms if slug not in OF_A_DRIVE)
-    return name(
-        case.base, [terms[slug] for slug in one_by_one if terms[slug].acts_on is not ActsOn.READING]
-    )
+    sought = of_the_valve(terms)
+    return with_pair(name(case.base, sought), sought)
+
+
+def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:
+    """The terms that are looked for one by one: no drive's, and none of the reading's own."""
+    return [
+        term
+        for slug, term in terms.items()
+        if slug not in OF_A_DRIVE and term.acts_on is not ActsOn.READING
+    ]
 
 
 def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
@@ -145,7 +154,11 @@ def _whole_record(
         drawn_candidates() if named.needed or reading_errors else np.empty((0, layout.size))
     )
     candidates = _effects(case.recording, named, reading_errors, layout, best, candidate_draws)
-    large = tuple(candidate for candidate in candidates if _matters(candidate))
+    # Of two that were found together, what is removed is removed by both.
+    together = {item.term.slug for item in named.needed if item.of_pair}
+    large = tuple(
+        candidate for candidate in candidates if _matters(candidate) or candidate.slug in together
+    )
     of_drive = starts_of_first_part(evaluator, layout)
     in_turn = (
         layout.hypothesis.terms
@@ -163,13 +176,19 @@ def _whole_record(
 
 def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis, without its effects where a free run of it does not follow the part that was
-    not fitted: as little as S and J alone then do they describe what moved the stem."""
+    not fitted: as little as S and J alone then do they describe what moved the stem.
+
+    Where OP hardly moves, a few breakaways that come late by chance decide how well a free run
+    follows. If nothing systematic is left and the free run comes nearer beyond chance, they stand.
+    """
     heldout = hypothesis.shown.heldout
     if not hypothesis.effects or heldout.fit_extended is None or heldout.rmse_extended is None:
         return hypothesis
     # A stem that hardly moves in its noise is followed as well as can be.
     noise = NEAR_NOISE * (heldout.noise_floor or 0.0)
     if heldout.fit_extended >= LEAST_FIT_OF_NAMED or heldout.rmse_extended <= noise:
+        return hypothesis
+    if not hypothesis.open_end and (heldout.gain_low or 0.0) > 0.0:
         return hypothesis
     return replace(
         hypothesis, effects=(), worse=_parts_only(hypothesis, "not followed with it either")

@@ -8,23 +8,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import (
-    chance,
-)
+from stemwatch.models.mismatch.acceptance_limits import chance, strength
 from stemwatch.models.mismatch.accepted_hypothesis import (
     DELAY,
     STRAIGHT_LINE,
     AcceptedHypothesis,
     accepted_hypothesis,
     if_followed,
-    named_effects,
+    of_the_valve,
 )
 from stemwatch.models.mismatch.base_fit import (
     fit_naive,
@@ -64,7 +62,8 @@ from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
 from stemwatch.models.mismatch.term import ActsOn
-from stemwatch.models.mismatch.term_selection import TermScore
+from stemwatch.models.mismatch.term_pairs import strongest_pair
+from stemwatch.models.mismatch.term_selection import TermScore, name
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
@@ -342,15 +341,39 @@ def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
     )
 
 
-def scores(recording: Recording) -> dict[str, tuple[float, float]]:
-    """Mean and t of the advantage of every admissible term over the base alone: what limits are
-    calibrated on, with recordings in which nothing is hidden. Empty where nothing can be fitted."""
+@dataclass(frozen=True)
+class NullScores:
+    """What chance alone reaches on one recording in which nothing is hidden.
+
+    ``terms``: mean, t and strength of the advantage of every admissible term over the base alone;
+    ``pair``: the strength of the weaker of two beside the other, of the pair in which it is
+    largest, 0 where no pair was worth a look.
+    """
+
+    terms: dict[str, tuple[float, float, float]]
+    pair: float
+
+
+def scores(recording: Recording) -> NullScores:
+    """What limits are calibrated on, with recordings in which nothing is hidden; no terms where
+    nothing can be fitted."""
     recording = on_own_clock(recording)
     settled = settle(recording)
     if why_not(recording, settled) is not None:
-        return {}
+        return NullScores({}, 0.0)
     case = prepare(recording, settled, None, problem_of(recording, settled))
-    terms = admissible(case.refused)
-    named = named_effects(replace(case, balance=None), terms)
+    terms = of_the_valve(admissible(case.refused))
+    named = name(case.base, terms)
+    told = named.evaluator.told
     first: tuple[TermScore, ...] = named.stages[0].scores
-    return {score.slug: (score.advantage.mean, score.advantage.t) for score in first}
+    return NullScores(
+        terms={
+            score.slug: (
+                score.advantage.mean,
+                score.advantage.t,
+                strength(score.advantage, told, score.slug),
+            )
+            for score in first
+        },
+        pair=strongest_pair(named, terms),
+    )

@@ -9,7 +9,7 @@ import numpy as np
 
 from stemwatch.models.closed_loop.process_response import process_response
 from stemwatch.models.forensics import noise_sigma
-from stemwatch.models.mismatch.acceptance_limits import strength
+from stemwatch.models.mismatch.acceptance_limits import NEAR, strength
 from stemwatch.models.mismatch.crossfit import Fitted
 from stemwatch.models.mismatch.evaluator import N_BASE, Evaluator
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
@@ -18,8 +18,6 @@ from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 MOST_RIVALS = 4
-# Of the limits at which a term is named: what comes as near is worth a test.
-SUSPECTED = 0.4
 
 
 def left_open(evaluator: Evaluator, named: Named, effects_named: Sequence[str]) -> OpenQuestion:
@@ -57,7 +55,7 @@ def _rivals(
 
 
 def _suspected(evaluator: Evaluator, score: TermScore) -> bool:
-    is_suspected = strength(score.advantage, evaluator.told, score.slug) >= SUSPECTED
+    is_suspected = strength(score.advantage, evaluator.told, score.slug) >= NEAR
     return is_suspected and score.term.material(score.values, evaluator.summary)
 
 

@@ -90,6 +90,7 @@ class Needed:
     without: Fitted
     advantage: Advantage
     events: dwell.Dwelling | None = None  # that told it, where the trajectories did not
+    of_pair: bool = False  # was found together with another, without which it gains little
 
     @property
     def term(self) -> Term:
@@ -253,12 +254,12 @@ def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
     is_convincing = convincing(score.advantage, evaluator.told, score.slug, stage)
     return (
         is_convincing
-        and (score.slug != PLAY or _jump_is_visible(score.fitted, evaluator))
+        and (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
         and score.term.material(score.values, evaluator.summary)
     )
 
 
-def _jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
+def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
     """False for a stem that does not jump: play behind it and friction make one dead band, and
     which part of it is friction cannot be told."""
     middle = fitted.candidates.mean(axis=0)
@@ -325,7 +326,7 @@ def name(base: BaseFit, terms: Sequence[Term]) -> Named:
         simple = conclude(evaluator, refit(evaluator, accepted_scores[0].fitted, POLISH))
         terms_left = [term for term in terms_left if term.slug != accepted_scores[0].slug]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
-    if any(one.term.slug == PLAY for one in needed) and not _jump_is_visible(fitted, evaluator):
+    if any(one.term.slug == PLAY for one in needed) and not jump_is_visible(fitted, evaluator):
         # A later term has taken the jump that told play from friction.
         return name(base, [term for term in terms if term.slug != PLAY])
     if not needed:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
@@ -10,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.json_lines import by_lines, rounded
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from stemwatch.service.studies.proof.nulls import TermNulls
+    from stemwatch.service.studies.proof.nulls import NullGroup, TermNulls
 
 SHOWN_FROM = 0.95  # the lowest quantile of the table
 
@@ -29,7 +29,7 @@ def calibrate_mismatch(
     json_file: o.JsonFile = None,
     workers: o.Workers = None,
 ) -> None:
-    """Score every term of `explain` on valves with nothing hidden, and print the limits.
+    """Score every term of `explain`, and pairs of them, on valves with nothing hidden.
 
     Half of the nulls have 5 % breakaway scatter and half 12 %. A term is named where its advantage
     on blocks of time that it was not fitted to is beyond what these ever show; the limits that are
@@ -39,12 +39,20 @@ def calibrate_mismatch(
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.proof.draw import CALIBRATED_WITH
-    from stemwatch.service.studies.proof.nulls import calibrate, common_limit, term_nulls
+    from stemwatch.service.studies.proof.nulls import (
+        QUANTILES,
+        calibrate,
+        common_limit,
+        groups,
+        scores_of,
+        term_nulls,
+    )
 
     if seed not in CALIBRATED_WITH:
         views.say(f"Seed {seed} is not one that is kept for calibration; do not prove with it.")
     with views.progress("nulls", cases, transient=True) as advance:
-        scores = calibrate(cases, seed, choose_executor(workers), advance)
+        valves = calibrate(cases, seed, choose_executor(workers), advance)
+    scores = scores_of(valves)
     rows, common = term_nulls(scores, t, share), common_limit(scores, t, share)
     views.out.print(_table(rows))
     views.out.print(
@@ -52,15 +60,50 @@ def calibrate_mismatch(
         f"lets through {common.passing} of {common.of} nulls (at most {common.share:.1%})",
         highlight=False,
     )
+    by_kind = groups(valves)
+    views.out.print(_beyond(by_kind))
     if json_file is not None:
         limits = {
             "seed": seed,
+            "cases": cases,
+            "quantiles": QUANTILES,
+            "limits": _in_use(),
             "common": asdict(common),
+            "groups": [asdict(group) for group in by_kind],
             "terms": [asdict(row) for row in rows],
             "scores": scores,
+            "valves": [[v.concealment, v.friction, v.strongest, v.pair] for v in valves],
         }
-        json_file.write_text(json.dumps(limits, indent=1) + "\n", encoding="utf-8")
+        json_file.write_text(by_lines(rounded(limits)), encoding="utf-8")
     views.say_read_on("method.md")
+
+
+def _in_use() -> dict[str, float]:
+    """The limits of the product."""
+    from stemwatch.models.mismatch import acceptance_limits as limits
+
+    return {
+        "mean": limits.MEAN,
+        "t": limits.T,
+        "mean times t": limits.PRODUCT,
+        "later": limits.LATER,
+        "pair": limits.LEAST_OF_A_PAIR,
+        "null rate": limits.NULL_RATE,
+    }
+
+
+def _beyond(by_kind: Sequence[NullGroup]) -> Table:
+    """How many nulls of each kind a term or a pair would pass, and how far the rest stay below."""
+    from stemwatch.service.cli.prove_tables import plain_table
+
+    title = "Nulls beyond the limits in use (strength 1 is the limit of a term)"
+    columns = ("nulls", "a term", "a pair", "strongest, 95 %", "pair, 95 %", "pair, most")
+    table = plain_table(title, ("kind",), columns)
+    for group in by_kind:
+        strengths = (group.strongest[2], group.pair[2], group.pair[-1])
+        counts = (group.of, group.passing, group.pairs)
+        table.add_row(group.kind, *map(str, counts), *(f"{x:.2f}" for x in strengths))
+    return table
 
 
 def _table(rows: Sequence[TermNulls]) -> Table:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from dataclasses import asdict
 from math import isnan
 from typing import Annotated
@@ -11,6 +9,7 @@ from typing import Annotated
 import typer
 
 from stemwatch.service.cli import options as o
+from stemwatch.service.cli.json_lines import by_lines, rounded
 
 
 def calibrate_archives(
@@ -58,30 +57,8 @@ def calibrate_archives(
         report = {
             "seed": seed,
             "valves": valves,
-            "limits": [_row({**asdict(limit), "holds": limit.holds}) for limit in all_limits],
-            "recordings": [_row(asdict(recording)) for recording in evidence],
+            "limits": [{**asdict(limit), "holds": limit.holds} for limit in all_limits],
+            "recordings": [asdict(recording) for recording in evidence],
         }
-        json_file.write_text(_by_lines(report), encoding="utf-8")
+        json_file.write_text(by_lines(rounded(report)), encoding="utf-8")
     views.say_read_on("method.md")
-
-
-def _by_lines(report: Mapping[str, object]) -> str:
-    """JSON with a line for each value, and for each row of a table."""
-    shown = (
-        "[\n" + ",\n".join(map(json.dumps, value)) + "\n]"
-        if isinstance(value, list)
-        else json.dumps(value)
-        for value in report.values()
-    )
-    pairs = (f"{json.dumps(name)}: {value}" for name, value in zip(report, shown, strict=True))
-    return "{\n" + ",\n".join(pairs) + "\n}\n"
-
-
-def _row(values: Mapping[str, object]) -> dict[str, object]:
-    """As JSON has it: numbers to four digits, ``None`` for what is not a number."""
-    return {
-        name: (None if isnan(value) else float(f"{value:.4g}"))
-        if isinstance(value, float)
-        else value
-        for name, value in values.items()
-    }

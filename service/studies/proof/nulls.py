@@ -1,17 +1,20 @@
-"""Scores of every term on simulated nulls (valves with nothing hidden), and limits from them.
+"""Scores of terms and pairs on simulated nulls (valves with nothing hidden), and limits from them.
 
 A term is named where its advantage on held-out blocks has a mean and a t value above limits. At
 most a given share of *valves* with nothing hidden may pass them with any term, so they rest on the
-null distribution of the maximum over all terms.
+null distribution of the maximum over all terms. What is beyond the limits in use is counted for
+each kind of record and each friction of the plant.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR
 from stemwatch.models.mismatch.explain import scores
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls, simulate_hidden
@@ -22,6 +25,60 @@ _ROUNDING = 1e-9
 
 # (mean, t) of each term on each null, in the same order for all terms.
 Scores = dict[str, list[tuple[float, float]]]
+KARNOPP, LUGRE = "Karnopp", "LuGre"  # the frictions of the plant: a packing that gives is LuGre's
+
+
+@dataclass(frozen=True, kw_only=True)
+class NullValve:
+    """What chance reached on one valve with nothing hidden.
+
+    ``strongest`` is that of any term over its limits, ``pair`` that of the weaker of the best pair.
+    """
+
+    concealment: str
+    friction: str
+    scatter: float
+    terms: dict[str, tuple[float, float]]
+    strongest: float
+    pair: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class NullGroup:
+    """Nulls of one kind: ``passing`` of ``of`` have a term beyond its limits, ``pairs`` of them a
+    pair beyond the limit of pairs; quantiles at ``QUANTILES`` of both strengths."""
+
+    kind: str
+    of: int
+    passing: int
+    pairs: int
+    strongest: tuple[float, ...]
+    pair: tuple[float, ...]
+
+
+def groups(valves: Sequence[NullValve]) -> list[NullGroup]:
+    """All nulls together, then by friction and by kind of record."""
+    members: dict[str, list[NullValve]] = defaultdict(list)
+    for valve in valves:
+        members["all"].append(valve)
+    for valve in sorted(valves, key=lambda valve: valve.friction):
+        members[f"friction {valve.friction}"].append(valve)
+    for valve in sorted(valves, key=lambda valve: valve.concealment):
+        members[valve.concealment].append(valve)
+    return [_group(kind, of_kind) for kind, of_kind in members.items()]
+
+
+def _group(kind: str, valves: Sequence[NullValve]) -> NullGroup:
+    strongest = np.array([valve.strongest for valve in valves])
+    pair = np.array([valve.pair for valve in valves])
+    return NullGroup(
+        kind=kind,
+        of=len(valves),
+        passing=int(np.sum(strongest >= 1.0)),
+        pairs=int(np.sum(pair >= LEAST_OF_A_PAIR)),
+        strongest=tuple(float(q) for q in np.quantile(strongest, QUANTILES)),
+        pair=tuple(float(q) for q in np.quantile(pair, QUANTILES)),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,27 +152,41 @@ BATCH = 4
 
 def calibrate(
     cases: int, seed: int, executor: Executor, on_progress: Callable[[int], None]
-) -> Scores:
-    """(mean, t) of each term on each of ``cases`` nulls drawn with ``seed``.
+) -> list[NullValve]:
+    """What chance reaches on each of ``cases`` nulls drawn with ``seed``, in the order drawn.
 
-    A term that a recording cannot test scores (0, 0) there. ``on_progress`` hears how many are
-    done.
+    ``on_progress`` hears how many are done.
     """
     null_cases = draw_nulls(cases, seed)
     batches = [
         tuple(null_cases[first : first + BATCH]) for first in range(0, len(null_cases), BATCH)
     ]
-    rows_of_batch: dict[int, list[Mapping[str, tuple[float, float]]]] = {}
-    for index, rows in map_items(executor, _scored, batches):
-        rows_of_batch[index] = rows
-        on_progress(sum(map(len, rows_of_batch.values())))
-    return _aligned([row for index in sorted(rows_of_batch) for row in rows_of_batch[index]])
+    valves_of_batch: dict[int, list[NullValve]] = {}
+    for index, valves in map_items(executor, _scored, batches):
+        valves_of_batch[index] = valves
+        on_progress(sum(map(len, valves_of_batch.values())))
+    return [valve for index in sorted(valves_of_batch) for valve in valves_of_batch[index]]
 
 
-def _aligned(rows: Sequence[Mapping[str, tuple[float, float]]]) -> Scores:
+def scores_of(valves: Iterable[NullValve]) -> Scores:
+    """(mean, t) by term; a term that a recording cannot test scores (0, 0) there."""
+    rows = [valve.terms for valve in valves]
     slugs = sorted({slug for row in rows for slug in row})
     return {slug: [row.get(slug, (0.0, 0.0)) for row in rows] for slug in slugs}
 
 
-def _scored(batch: Sequence[HiddenCase]) -> list[Mapping[str, tuple[float, float]]]:
-    return [scores(simulate_hidden(case)[1].recording) for case in batch]
+def _scored(batch: Sequence[HiddenCase]) -> list[NullValve]:
+    return [_null(case) for case in batch]
+
+
+def _null(case: HiddenCase) -> NullValve:
+    found = scores(simulate_hidden(case)[1].recording)
+    valve = case.loop.valve
+    return NullValve(
+        concealment=case.concealment,
+        friction=LUGRE if valve.packing.presliding_percent > 0.0 else KARNOPP,
+        scatter=valve.scatter,
+        terms={slug: (mean, t) for slug, (mean, t, _) in found.terms.items()},
+        strongest=max((strength for _, _, strength in found.terms.values()), default=0.0),
+        pair=found.pair,
+    )

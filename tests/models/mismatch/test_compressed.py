@@ -124,12 +124,13 @@ def test_a_door_alone_is_no_physics(seed):
     recording, stored = archived(simulated_by_chain(seed=seed))
     assert not explain(recording).effects
     counts = np.bincount(np.flatnonzero(stored) * 20 // stored.size, minlength=20).astype(float)
-    assert scores(recording)
-    assert not convincing_any(scores(recording), counts)
+    result = scores(recording).terms
+    assert result
+    assert not convincing_any(result, counts)
 
 
 def convincing_any(result, counts):
-    """Whether any score (mean, t) would pass the limits of its term."""
+    """Whether any score (mean, t, strength) would pass the limits of its term."""
     from stemwatch.models.stickslip.fit import Advantage
 
-    return any(convincing(Advantage(*item), counts, slug) for slug, item in result.items())
+    return any(convincing(Advantage(*item[:2]), counts, slug) for slug, item in result.items())
