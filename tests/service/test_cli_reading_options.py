@@ -120,7 +120,7 @@ def test_an_option_that_nothing_could_ask_for_is_wrong_usage(
 ) -> None:
     """Where no file can need it, the command does not begin."""
     plant = tmp_path / "plant.toml"
-    plant.write_text('name = "P"\n[[sources]]\nname = "h"\npath = "loop.csv"\n')
+    plant.write_text('[plant]\nname = "P"\n[[sources]]\nname = "h"\npath = "loop.csv"\n')
     outcome = stemwatch(*(part.format(file=export, plant=plant) for part in call))
     assert outcome.status == 2
     assert says in " ".join(outcome.said.split())
