@@ -23,6 +23,8 @@ TWO_PLACES = 3  # values of a reading that tells no more than open or shut
 EXCHANGED = -0.75
 MOST = 1e9  # larger values are no reading of anything
 LEAST_MOVE_PERCENT = 1.0
+STRETCHES, FEWEST_IN_STRETCH = 25, 10  # of a record, and samples in one
+SUMMED, TOWARDS_COMMAND = 0.9, 0.1
 SETTLED_S = 30.0  # of the own clock, after which a stem has followed an OP that stands still
 
 
@@ -121,6 +123,38 @@ def moved_without_command(recording: Recording) -> float:
     path = travel(mv, least)
     runs = [(first + settled, last) for first, last in repeated(op) if last - first > 2 * settled]
     return sum(travel(mv[first:last], least) for first, last in runs) / path if path else 0.0
+
+
+def sums_its_command(recording: Recording) -> bool:
+    """True where OP tells how fast the position moves, wherever it is: a speed, a force, or the
+    pulses of an electric actuator, and not the position that the valve is told.
+
+    Over stretches of a twenty-fifth of the record, with means of OP and MV,
+
+        change of MV = a OP + b MV + c,        a valve: b = -a / (MV per OP)
+
+    since a stem comes to rest where its command is, however late. ``-b std(MV) / (a std(OP))`` was
+    0.29 and more for 80 simulated valves (seed 5151) and 0.89 and more for a servo drive; a
+    position that is summed has 0 or less.
+    """
+    op, mv = _pairs(recording)
+    width = op.size // STRETCHES
+    if width < FEWEST_IN_STRETCH:
+        return False
+    ends = np.arange(STRETCHES + 1) * width
+    command, position = (
+        values[: ends[-1]].reshape(STRETCHES, width).mean(axis=1) for values in (op, mv)
+    )
+    change = np.diff(mv[np.minimum(ends, mv.size - 1)])
+    spread = float(np.ptp(command)), float(np.ptp(position)), float(np.ptp(change))
+    if min(spread) <= 0.0:
+        return False
+    columns = np.column_stack([command, position, np.ones(STRETCHES)])
+    a, b, c = np.linalg.lstsq(columns, change, rcond=None)[0]
+    left = change - columns @ np.array([a, b, c])
+    explained = 1.0 - float(np.var(left) / np.var(change))
+    towards_command = -b * float(np.std(position)) / (abs(a) * float(np.std(command)) + 1e-300)
+    return explained >= SUMMED and towards_command < TOWARDS_COMMAND
 
 
 def _tolerance(copy: Floats) -> float:

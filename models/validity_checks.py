@@ -21,6 +21,7 @@ from stemwatch.models.signal_pairing import (
     is_copy,
     moved_without_command,
     samples_exchanged,
+    sums_its_command,
     tells_two_places,
 )
 from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pairing, paired
@@ -69,6 +70,7 @@ OTHERS = (
 )
 UNEXPLAINED = BestShift(np.inf, 0.0)
 SPOKEN = {Role.OP: "OP", Role.MV: "the position", Role.PV: "PV", Role.SP: "SP"}
+SUMS_OP = "the position moves as fast as OP says"
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
 UNIT_REMEDY = "Give its values at 0 % and 100 % (low, high) so that it can be read as percent."
@@ -198,6 +200,16 @@ def reversed_obstacles(recording: Recording) -> list[Obstacle]:
 
 def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     """A position that does not go with OP at all: a fit would call it sticking."""
+    if sums_its_command(recording):
+        return [
+            Obstacle(
+                "position_sums_op",
+                f"{SUMS_OP}, wherever it is: OP is a speed, a force or the pulses of an electric "
+                "actuator, and not the position that the valve is told",
+                "See that OP is what this valve is told: map the position that its positioner or "
+                "drive is given.",
+            )
+        ]
     moves_alone = moved_without_command(recording)
     if moves_alone > MOVED_WITHOUT_OP:
         return [

@@ -15,6 +15,7 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.recording import Recording
+from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.service.explain.to_explain import ToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.work_decision import BAD, FROZEN, obstacle_kind
@@ -174,8 +175,9 @@ def _mismatch(
 def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:
     """What was looked for in a recording that cannot be judged. An archive that compresses and a
     flow that stands for the position hide no more than is said; a position that is frozen or mostly
-    missing tells nothing, and that nothing else is needed can be said of none."""
-    untold = obstacle_kind(screening.reason) in (FROZEN, BAD)
+    missing, or told how fast to move, tells nothing, and that nothing else is needed can be said of
+    none."""
+    untold = obstacle_kind(screening.reason) in (FROZEN, BAD) or SUMS_OP in screening.reason
     compressed = any(one.slug == "historian_compression" for one in mismatch.record_effects)
     told = f"{screening.reason} {screening.advice}"
     if untold or (mismatch.finding is Finding.NONE and not compressed):

@@ -17,6 +17,7 @@ from enum import StrEnum
 
 from stemwatch.models.mismatch.findings import Effect, Finding
 from stemwatch.models.screening_result import PreviousFinding, Screening
+from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.presenter.wording import finite, valves_counted
 
@@ -45,6 +46,7 @@ SAID_OF = (
     ("repeats OP sample for sample", WRONG),
     ("the position falls when OP rises", WRONG),
     ("the position does not go with OP", WRONG),
+    (SUMS_OP, WRONG),
     ("so OP and position cannot be compared", WRONG),
     ("of the samples are missing or marked bad", BAD),
     ("so S and J would mean nothing", UNEXPLAINED),

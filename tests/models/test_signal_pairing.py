@@ -6,8 +6,14 @@ import pytest
 from stemwatch.models.limits import Limits
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.signal_pairing import correlation, delayed_correlation, is_copy
-from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
+from stemwatch.models.signal_pairing import (
+    correlation,
+    delayed_correlation,
+    first_order_lag,
+    is_copy,
+    sums_its_command,
+)
+from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 
 RNG = np.random.default_rng(4)
 OP = 50.0 + np.cumsum(0.2 * RNG.standard_normal(1800))
@@ -48,6 +54,19 @@ def test_the_position_of_another_valve_is_refused():
     obstacle = assess(pair(OP, other), Limits()).obstacles[0]
     assert "position_unrelated" == obstacle.slug
     assert "another valve" in obstacle.reason
+
+
+def test_a_position_that_sums_op_is_not_told_where_to_go():
+    """The travel of an electric actuator by its pulses is their sum; a stem that is late, slow or
+    sticks ends where its command is."""
+    drive = np.cumsum(OP - OP.mean()) * 0.01 + 0.01 * RNG.standard_normal(OP.size)
+    obstacle = assess(pair(OP, 50.0 + drive), Limits()).obstacles[0]
+    assert "position_sums_op" == obstacle.slug
+    assert "not the position that the valve is told" in obstacle.reason
+    for lag in (3.0, 30.0, 100.0):
+        assert not sums_its_command(pair(OP, first_order_lag(OP, lag)))
+    for index, loop in enumerate([*draw_sticky(6, 17), *draw_healthy(6, 17)]):
+        assert not sums_its_command(simulate_loop(loop, index).recording)
 
 
 def test_correlation_of_what_does_not_move_is_zero():

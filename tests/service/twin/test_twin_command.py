@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import zipfile
 from pathlib import Path
 
@@ -78,8 +79,9 @@ def test_a_price_in_the_plant_file_becomes_money(
     stemwatch, small_plant: Path, tmp_path: Path
 ) -> None:
     """In the report's head, the valve's section and JSON alike; a wrong price is named."""
-    text = small_plant.read_text(encoding="utf-8").replace("[plant]", '[plant]\ncurrency = "EUR"')
-    priced = text.replace(
+    text = small_plant.read_text(encoding="utf-8")
+    unpriced = re.sub(r"(?m)^(currency|price_per_unit_hour) = .*\n", "", text)
+    priced = unpriced.replace("[plant]", '[plant]\ncurrency = "EUR"').replace(
         f'id = "{STICKY}"', f'id = "{STICKY}"\nprice_per_unit_hour = 12.5\ntarget_band = 1.0'
     )
     file = small_plant.with_name("priced.toml")
