@@ -115,9 +115,13 @@ def test_what_does_as_well_beside_the_other_is_named_with_it(monkeypatch):
 @pytest.mark.long
 @pytest.mark.parametrize(("seed", "index"), [(5151, 17), (5151, 71)])
 def test_two_effects_that_are_nothing_one_by_one_are_both_named(seed, index):
-    """Cases of development seeds, of which no term alone passes the limits."""
+    """Cases of development seeds, of which no term alone passes the limits. S comes within 0.7 %, or
+    three times as near as that of S and J alone, and its interval holds the truth."""
     case, run = simulate_hidden(draw_hidden(index + 1, seed)[index])
     explanation = explain(run.recording)
     assert {effect.slug for effect in explanation.effects} == set(case.hidden)
     assert explanation.heldout.improves
-    assert explanation.restated.S.value == pytest.approx(run.truth.S, abs=0.7)
+    S = explanation.restated.S
+    assert S.low <= run.truth.S <= S.high
+    naive_error = abs(explanation.naive.S.value - run.truth.S)
+    assert S.value == pytest.approx(run.truth.S, abs=max(0.7, naive_error / 3.0))
