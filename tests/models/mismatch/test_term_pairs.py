@@ -115,8 +115,8 @@ def test_what_does_as_well_beside_the_other_is_named_with_it(monkeypatch):
 @pytest.mark.long
 @pytest.mark.parametrize(("seed", "index"), [(5151, 17), (5151, 71)])
 def test_two_effects_that_are_nothing_one_by_one_are_both_named(seed, index):
-    """Cases of development seeds, of which no term alone passes the limits. S comes within 0.7 %, or
-    three times as near as that of S and J alone, and its interval holds the truth."""
+    """Cases of development seeds, of which no term alone passes the limits. S comes within 0.7 %,
+    or three times as near as that of S and J alone, and its interval holds the truth."""
     case, run = simulate_hidden(draw_hidden(index + 1, seed)[index])
     explanation = explain(run.recording)
     assert {effect.slug for effect in explanation.effects} == set(case.hidden)
