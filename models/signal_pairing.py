@@ -24,7 +24,7 @@ EXCHANGED = -0.75
 MOST = 1e9  # larger values are no reading of anything
 LEAST_MOVE_PERCENT = 1.0
 STRETCHES, FEWEST_IN_STRETCH = 25, 10  # of a record, and samples in one
-SUMMED, TOWARDS_COMMAND = 0.9, 0.1
+SUMMED, TOWARDS_COMMAND = 0.9, (-0.5, 0.1)
 SETTLED_S = 30.0  # of the own clock, after which a stem has followed an OP that stands still
 
 
@@ -134,8 +134,9 @@ def sums_its_command(recording: Recording) -> bool:
         change of MV = a OP + b MV + c,        a valve: b = -a / (MV per OP)
 
     since a stem comes to rest where its command is, however late. ``-b std(MV) / (a std(OP))`` was
-    0.29 and more for 80 simulated valves (seed 5151) and 0.89 and more for a servo drive; a
-    position that is summed has 0 or less.
+    0.29 and more for 80 simulated valves (seed 5151) and 0.89 and more for a servo drive, and -1
+    where OP is stored late, since OP and MV then differ by what MV moves meanwhile; the position of
+    a slide whose OP is its force has -0.26.
     """
     op, mv = _pairs(recording)
     width = op.size // STRETCHES
@@ -154,7 +155,8 @@ def sums_its_command(recording: Recording) -> bool:
     left = change - columns @ np.array([a, b, c])
     explained = 1.0 - float(np.var(left) / np.var(change))
     towards_command = -b * float(np.std(position)) / (abs(a) * float(np.std(command)) + 1e-300)
-    return explained >= SUMMED and towards_command < TOWARDS_COMMAND
+    least, most = TOWARDS_COMMAND
+    return explained >= SUMMED and least < towards_command < most
 
 
 def _tolerance(copy: Floats) -> float:

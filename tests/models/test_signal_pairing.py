@@ -65,6 +65,9 @@ def test_a_position_that_sums_op_is_not_told_where_to_go():
     assert "not the position that the valve is told" in obstacle.reason
     for lag in (3.0, 30.0, 100.0):
         assert not sums_its_command(pair(OP, first_order_lag(OP, lag)))
+    for late in (1, 5, 30):
+        assert not sums_its_command(pair(OP[:-late], OP[late:]))
+        assert not sums_its_command(pair(OP[late:], OP[:-late]))
     for index, loop in enumerate([*draw_sticky(6, 17), *draw_healthy(6, 17)]):
         assert not sums_its_command(simulate_loop(loop, index).recording)
 
