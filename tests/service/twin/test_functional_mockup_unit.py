@@ -47,11 +47,13 @@ def wandering_op(samples: int = HOUR, seed: int = 3) -> np.ndarray:
 @pytest.fixture(scope="module")
 def unit(tmp_path_factory):
     """A function that makes the FMU of a chain and gives its unpacked folder; a chain of the same
-    kind is compiled once, since its numbers are only start values."""
+    kind is compiled once, since its numbers are only start values; with ``its_values`` they are its
+    own."""
     made: dict[object, Path] = {}
 
-    def folder(chain: ValveChain) -> Path:
-        key = (chain.one_actuator, chain.unit_s, chain.curve)
+    def folder(chain: ValveChain, its_values: bool = False) -> Path:
+        values = tuple(chain.values.items()) if its_values else ()
+        key = (chain.one_actuator, chain.unit_s, chain.curve, values)
         if key not in made:
             file = tmp_path_factory.mktemp("fmu") / "valve.fmu"
             answer = functional_mockup_unit(chain)
@@ -255,7 +257,7 @@ class _Running:
 
 @pytest.fixture
 def running(unit):
-    instance = _Running(unit(quick_fit()))
+    instance = _Running(unit(quick_fit(), its_values=True))
     yield instance
     instance.slave.freeInstance()
 
