@@ -7,6 +7,7 @@ import io
 import json
 from dataclasses import replace
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import pytest
 from rich.console import Console
@@ -147,3 +148,13 @@ def test_the_ranking_shows_whole_intervals(width: int, monkeypatch: pytest.Monke
     assert text.count("(10.9-13.6)") == 2 * sum(item.S.value is not None for item in matching)
     assert "\N{HORIZONTAL ELLIPSIS}" not in text.partition("verdict")[2]
     assert max(map(len, text.splitlines())) <= width
+
+
+def test_a_verdict_says_when_its_recording_begins_in_the_zone_of_the_plant() -> None:
+    """So that several windows of one valve can be told apart as they are done."""
+    screening = next(item for item in mixed() if item.window[0] is not None)
+    begins = screening.window[0]
+    assert begins is not None
+    here = views.verdict_line(screening, ZoneInfo("Asia/Tokyo"))
+    assert begins.astimezone(ZoneInfo("Asia/Tokyo")).strftime("%Y-%m-%d %H:%M") in here
+    assert begins.strftime("%Y-%m-%d %H:%M") in views.verdict_line(screening, ZoneInfo("UTC"))
