@@ -50,6 +50,9 @@ IMPORT := { $(BIN)/python -P -c 'import stemwatch.service.executors.worker_prelo
 	'from stemwatch.service import cli, maintenance, report, run, store; from stemwatch.service.maintenance import pdf; \
 	from stemwatch.service.report import xlsx_file; from stemwatch.service.run import engine; \
 	from stemwatch.service.store.migrations import migrate' && wait; }
+# Pip leaves a core idle: there the checkout's kernels are compiled, once what they need is installed.
+COMPILED_WITH := numba safetensors scipy torch
+COMPILE := $(if $(filter no,$(EDITABLE)),true,$(BIN)/python -m stemwatch.service.executors.compile_ahead)
 # With what make live needs beside the product.
 SOURCE := $(if $(filter no,$(EDITABLE)),,--editable )'.[live-demo]'
 PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find stemwatch service models connectors -type f \
@@ -141,7 +144,8 @@ $(VENV)/can-run: $(VENV)/made $(INPUTS)
 	@rm -rf build
 	$(call step,Installing stemwatch (minutes the first time),$(if $(LOCKED),\
 	$(INSTALL) --require-hashes --no-deps --requirement requirements-dev.lock && $(INSTALL) --no-deps \
-	--no-build-isolation $(SOURCE),$(INSTALL) $(SOURCE)) && $(IMPORT))
+	--no-build-isolation $(SOURCE) && $(IMPORT),\
+	$(INSTALL) $(COMPILED_WITH) && { $(COMPILE) & $(INSTALL) $(SOURCE) && $(IMPORT) && wait; }))
 	@touch $@
 
 $(VENV)/can-test: $(VENV)/made $(INPUTS)

@@ -107,3 +107,15 @@ def short_recording() -> Recording:
     mv += np.random.default_rng(1).normal(0.0, 0.1, n)
     signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "MV")}
     return Recording(valve="made up", signals=signals, interval_s=1.0)
+
+
+def compile_all() -> None:
+    """Compile the kernels of a screening and of the simulator in this process."""
+    from stemwatch.models.studies.simulator import demo_plant, simulate_loop
+
+    compile_kernels(list(Kernels))
+    simulate_loop(demo_plant(1)[0], 1)
+
+
+if __name__ == "__main__":
+    compile_all()
