@@ -52,7 +52,7 @@ IMPORT := { $(BIN)/python -P -c 'import stemwatch.service.executors.worker_prelo
 	from stemwatch.service.store.migrations import migrate' && wait; }
 # Pip leaves a core idle: there the checkout's kernels are compiled, once what they need is installed.
 COMPILED_WITH := numba safetensors scipy torch
-COMPILE := $(if $(filter no,$(EDITABLE)),true,$(BIN)/python -m stemwatch.service.executors.compile_ahead)
+COMPILE := $(if $(filter no,$(EDITABLE)),true,$(BIN)/python -m stemwatch.models.compile_kernels)
 # With what make live needs beside the product.
 SOURCE := $(if $(filter no,$(EDITABLE)),,--editable )'.[live-demo]'
 PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find stemwatch service models connectors -type f \

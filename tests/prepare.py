@@ -12,7 +12,7 @@ import io
 
 import pytest
 
-from stemwatch.service.executors.compile_ahead import compile_all
+from stemwatch.models.compile_kernels import compile_all
 
 if __name__ == "__main__":
     compile_all()
