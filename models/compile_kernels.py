@@ -5,6 +5,7 @@ What they stand in is imported late: who hands the compiling out to a worker nee
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from enum import Enum, auto
 
@@ -14,16 +15,21 @@ from stemwatch.models.recording import Floats, Recording, Role, Signal
 
 
 class Kernels(Enum):
-    """The kernels of a screening, in two parts that take about equally long to compile."""
+    """The kernels, in parts. The first takes about as long to compile as the other two."""
 
     FITS = auto()  # the quick fit and the networks
     MISMATCH = auto()  # the search for effects beside S and J
+    SIMULATOR = auto()
+
+
+OF_A_SCREENING = (Kernels.FITS, Kernels.MISMATCH)
 
 
 def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
     """Compile ``parts`` in this process, by using them once."""
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.models.studies.simulator import demo_plant, simulate_loop
     from stemwatch.models.without_position.hammerstein import element
 
     for part in parts:
@@ -32,8 +38,10 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
             op = short_recording().op.values.copy()  # to be written to, as where it is used
             element(op, 4.0, 2.0, np.empty_like(op))  # of loops with PV
             _run_a_loop(op)
-        else:
+        elif part is Kernels.MISMATCH:
             explain(short_recording())
+        else:
+            simulate_loop(demo_plant(1)[0], 1)
     return list(parts)
 
 
@@ -66,13 +74,5 @@ def short_recording() -> Recording:
     return Recording(valve="made up", signals=signals, interval_s=1.0)
 
 
-def compile_all() -> None:
-    """Compile the kernels of a screening and of the simulator in this process."""
-    from stemwatch.models.studies.simulator import demo_plant, simulate_loop
-
-    compile_kernels(list(Kernels))
-    simulate_loop(demo_plant(1)[0], 1)
-
-
 if __name__ == "__main__":
-    compile_all()
+    compile_kernels([Kernels[name] for name in sys.argv[1:]])

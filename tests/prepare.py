@@ -12,10 +12,10 @@ import io
 
 import pytest
 
-from stemwatch.models.compile_kernels import compile_all
+from stemwatch.models.compile_kernels import Kernels, compile_kernels
 
 if __name__ == "__main__":
-    compile_all()
+    compile_kernels(list(Kernels))
     # A test that cannot be read is said when the tests are run.
     with contextlib.redirect_stdout(io.StringIO()):
         pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider"])

@@ -12,7 +12,7 @@ import threading
 from collections.abc import Generator
 from contextlib import closing, contextmanager
 
-from stemwatch.models.compile_kernels import Kernels, compile_kernels
+from stemwatch.models.compile_kernels import OF_A_SCREENING, compile_kernels
 from stemwatch.service.executors.executor import Executor
 from stemwatch.service.executors.in_process import InProcess
 
@@ -42,7 +42,7 @@ def compile_ahead(executor: Executor) -> Generator[None]:
 
 
 def _compile(executor: Executor, stop: threading.Event) -> None:
-    batches = [[part] for part in Kernels]
+    batches = [[part] for part in OF_A_SCREENING]
     try:
         with closing(executor.hand_out(compile_kernels, batches, stop)) as answers:
             failures = [answer.failure for answer in answers if answer.failure is not None]
