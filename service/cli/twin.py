@@ -35,20 +35,31 @@ def twin(
         ),
     ],
     S: Annotated[
-        float | None, typer.Option("--s", min=0.0, help="S, % of OP.", rich_help_panel=WHAT_IF)
+        float | None,
+        typer.Option("--s", min=0.0, help="Another S, % of OP.", rich_help_panel=WHAT_IF),
     ] = None,
     J: Annotated[
-        float | None, typer.Option("--j", min=0.0, help="J, % of OP.", rich_help_panel=WHAT_IF)
+        float | None,
+        typer.Option("--j", min=0.0, help="Another J, % of OP.", rich_help_panel=WHAT_IF),
     ] = None,
     gain_times: Annotated[
-        float, typer.Option(min=0.01, max=100.0, help="Controller gain.", rich_help_panel=WHAT_IF)
+        float,
+        typer.Option(
+            min=0.01,
+            max=100.0,
+            help="Controller gain, times the present one.",
+            rich_help_panel=WHAT_IF,
+        ),
     ] = 1.0,
     reset_times: Annotated[
-        float, typer.Option(min=0.01, max=100.0, help="Reset time.", rich_help_panel=WHAT_IF)
+        float,
+        typer.Option(
+            min=0.01, max=100.0, help="Reset time, times the present one.", rich_help_panel=WHAT_IF
+        ),
     ] = 1.0,
     knock: Annotated[
         str,
-        typer.Option(help="HEIGHT,EVERY,FOR: % of OP, s, s.", rich_help_panel=WHAT_IF),
+        typer.Option(help="A knocker, HEIGHT,EVERY,FOR: % of OP, s, s.", rich_help_panel=WHAT_IF),
     ] = "",
     fmu: Annotated[
         Path | None,
@@ -70,7 +81,7 @@ def twin(
     *,
     recording: RecordingOptions,
 ) -> None:
-    """Run the loop of a recording again: repaired, detuned, with another packing or a knocker.
+    """Run the loop of a recording again: repaired, tuned otherwise, or with a knocker.
 
     The controller's law and the process are fitted to OP, position, PV and SP; the valve has its
     fitted S and J. What else moved the loop is kept and played again, so that each change shows
