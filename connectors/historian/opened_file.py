@@ -69,7 +69,7 @@ class OpenedFile:
 
     @property
     def layout(self) -> str:
-        """The layout in words."""
+        """Which layout the file was taken for, in words."""
         return self.table.layout
 
     @property

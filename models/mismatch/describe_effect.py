@@ -104,7 +104,7 @@ def effect(
             mean=advantage.mean,
             t=advantage.t,
             share=share,
-            strength=strength(advantage, evaluator.told, term.slug),
+            strength=strength(advantage, evaluator.measured_counts, term.slug),
             note=_note(advantage, members),
         ),
         inherent=term.inherent(values, evaluator.summary),
