@@ -20,6 +20,7 @@ from stemwatch.connectors.archive.http_reader import (
     token_of,
     verified,
 )
+from stemwatch.connectors.archive.number_column import number_of
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.connectors.secret import Secret, masked
@@ -106,7 +107,7 @@ class InfluxQuery:
                 self._check_next(page, start)
             for row in page:
                 ns.append(self._time(row))
-                values.append(_number(row.get("v")))
+                values.append(number_of(row.get("v")))
                 if self.server.quality_field:
                     codes.append("" if row.get("q") is None else str(row["q"]))
             if len(page) < self.server.page:
@@ -222,13 +223,6 @@ def _name(word: str) -> str:
 def _text(word: str) -> str:
     """A string of InfluxQL."""
     return "'" + word.replace("\\", "\\\\").replace("'", "\\'") + "'"
-
-
-def _number(value: Any) -> float:
-    try:
-        return float(value) if isinstance(value, bool | int | float | str) else float("nan")
-    except (ValueError, OverflowError):
-        return float("nan")
 
 
 def _is(body: Any) -> bool:

@@ -21,6 +21,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from stemwatch.models.mismatch.open_question import SLOW
 from stemwatch.models.valve_chain import CHAIN_PARAMETERS, ValveChain
 from stemwatch.service import __version__
 from stemwatch.service.presenter.physics_words import effect_name
@@ -51,14 +52,13 @@ def identifier_of(valve: str) -> str:
 
 
 def contents_in_words(chain: ValveChain) -> str:
-    """What the model has of the valve, and what it has not."""
+    """What the model has of the valve."""
     has = ", ".join(["S and J", *map(effect_name, chain.named)])
     said = f"It has {has}" + (" and the curve from OP to stroke." if chain.curve else ".")
-    if chain.left_out:
-        left = " and ".join(map(effect_name, chain.left_out))
+    if SLOW & {*chain.named}:
         said += (
-            f" Left out: {left}, which was fitted as a change over the length of the recording; "
-            "S and J are those at its beginning."
+            f" What changes with time does so over the first {chain.values['record_time']:g} s, "
+            "the length of the recording, and then stays as it is."
         )
     return said
 
