@@ -78,7 +78,7 @@ class OpenedFile:
 
     @property
     def layout(self) -> str:
-        """The layout in words."""
+        """Which layout the file was taken for, in words."""
         return self.table.layout
 
     @property
