@@ -25,7 +25,7 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "travel_percent": ("Way of the stem, noise left out", "up"),
     "travel_per_hour_percent": ("Way of the stem per hour", "up"),
     "position_noise_percent": ("Noise of the position", "none"),
-    "S_percent": ("Deadband plus stickband, percent of OP span", "up"),
+    "S_percent": ("Dead band plus stick band, percent of OP span", "up"),
     "J_percent": ("Slip jump, percent of OP span", "up"),
     "S_of_swing_percent": ("S in percent of OP's own swing", "up"),
     "S_of_travel_percent": ("S in percent of travel, where OP strokes by a curve", "up"),

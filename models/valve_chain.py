@@ -253,6 +253,7 @@ def valve_chain(screening: Screening) -> ValveChain | str:
     effects = () if mismatch is None else tuple(effect.slug for effect in mismatch.effects)
     if not effects or question is None:
         own |= _of_quick_fit(screening)
+        own["restick_speed"] = 0.0 if question is None else _restick(question.restick, unit_s)
     elif question.published is None or (question.duration <= 0.0 and SLOW & {*effects}):
         return (
             f"{' and '.join(slug.replace('_', ' ') for slug in effects)} was named by a version "
@@ -291,16 +292,22 @@ def _of_quick_fit(screening: Screening) -> dict[str, float]:
     return own | {"reading_zero": known.get("position_zero_percent", 0.0)}
 
 
+def _restick(speed: float, unit_s: float) -> float:
+    """A fit whose stem sticks again at every sample has it as an infinite speed, which no file of
+    another program can hold."""
+    return min(seconds_of(speed, "%/s", unit_s), FREE)
+
+
 def _of_published(question: OpenQuestion) -> dict[str, float]:
     """The stored numbers of the fit with the named effects; S and J are the published ones."""
     assert question.published is not None
     unit_s = question.unit_s
     base = np.array(question.published.base).mean(axis=0)
-    restick = base[base_coordinate.RESTICK]
-    restick = float(restick if restick > 0.0 else question.restick)
+    restick = float(base[base_coordinate.RESTICK])
+    restick = restick if restick > 0.0 else question.restick
     found = {
         "dead_time": seconds_of(float(base[base_coordinate.DELAY]), "s", unit_s),
-        "restick_speed": seconds_of(restick, "%/s", unit_s),
+        "restick_speed": _restick(restick, unit_s),
         "reading_zero": float(base[base_coordinate.ZERO]),
         "reading_gain": 1.0 + float(base[base_coordinate.GAIN]),
     }

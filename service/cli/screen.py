@@ -56,9 +56,9 @@ def screen(
 ) -> None:
     """Fit every valve of an export and leave a report: HTML, CSV, XLSX and JSON.
 
-    Each valve is judged healthy, watch, sticky or undetermined, with the reason. Without --plant
-    and --op the roles are taken from tags and descriptions where they leave no doubt. Screening
-    the same window twice updates what is stored.
+    Each valve is judged sticky, defective, watch, healthy or undetermined, with the reason. Without
+    --plant and --op the roles are taken from tags and descriptions where they leave no doubt.
+    Screening the same window twice updates what is stored.
     """
     chosen = valves_in_part(request.plant, part_of(site, area, unit))
     request = replace(request, valves=request.valves or chosen)

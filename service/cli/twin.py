@@ -35,11 +35,15 @@ def twin(
             metavar="VALVE", help="A valve of --plant, or a file with the recording of one loop."
         ),
     ],
-    S: Annotated[float | None, _what_if("--s", min=0.0, help="S, % of OP.")] = None,
-    J: Annotated[float | None, _what_if("--j", min=0.0, help="J, % of OP.")] = None,
-    gain_times: Annotated[float, _what_if(min=0.01, max=100.0, help="Controller gain.")] = 1.0,
-    reset_times: Annotated[float, _what_if(min=0.01, max=100.0, help="Reset time.")] = 1.0,
-    knock: Annotated[str, _what_if(help="HEIGHT,EVERY,FOR: % of OP, s, s.")] = "",
+    S: Annotated[float | None, _what_if("--s", min=0.0, help="Another S, % of OP.")] = None,
+    J: Annotated[float | None, _what_if("--j", min=0.0, help="Another J, % of OP.")] = None,
+    gain_times: Annotated[
+        float, _what_if(min=0.01, max=100.0, help="Controller gain, times the present one.")
+    ] = 1.0,
+    reset_times: Annotated[
+        float, _what_if(min=0.01, max=100.0, help="Reset time, times the present one.")
+    ] = 1.0,
+    knock: Annotated[str, _what_if(help="A knocker, HEIGHT,EVERY,FOR: % of OP, s, s.")] = "",
     fmu: Annotated[
         Path | None, _write(metavar="FILE.fmu", help="Write the valve as an FMI 3.0 unit.")
     ] = None,
@@ -50,7 +54,7 @@ def twin(
     *,
     recording: RecordingOptions,
 ) -> None:
-    """Run the loop of a recording again: repaired, detuned, with another packing or a knocker.
+    """Run the loop of a recording again: repaired, tuned otherwise, or with a knocker.
 
     The controller's law and the process are fitted to OP, position, PV and SP; the valve has its
     fitted S and J. What else moved the loop is kept and played again, so that each change shows

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import re
 import shutil
 import subprocess
 import zipfile
@@ -20,6 +22,7 @@ from stemwatch.models.field_test.rival_runs import RivalRuns
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.fit import ALWAYS, ONLY_WHEN_TURNING
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.valve_chain import CHAIN_PARAMETERS, ValveChain, valve_chain
 from stemwatch.service.twin.simulation_model.write_model import functional_mockup_unit
@@ -110,6 +113,7 @@ def by_quick_fit(chain: ValveChain, op: np.ndarray) -> np.ndarray:
     q[kernel.LAG_UP_S], q[kernel.LAG_DOWN_S] = own["lag_rising"], own["lag_falling"]
     q[kernel.RATE_UP], q[kernel.RATE_DOWN] = own["speed_rising"], own["speed_falling"]
     q[kernel.ZERO], q[kernel.GAIN] = own["reading_zero"], 1.0
+    q[kernel.RESTICK] = own["restick_speed"]
     marks = np.zeros(op.size, dtype=np.uint8)
     marks[0] = kernel.START
     out, mv = np.empty(op.size), np.full(op.size, own["position_start"])
@@ -189,6 +193,27 @@ def test_every_effect_is_the_kernel_that_named_it(unit, slug: str) -> None:
     assert np.max(np.abs(positions[1:] - expected[before(times[1:], 1.0)])) < NEAR
     other = by_fitted_model(replace(question, published=replace(question.published, terms={})), op)
     assert slug in ("zero_shift", "span_error") or np.max(np.abs(expected - other)) > 0.01
+
+
+@needs_compiler
+@pytest.mark.parametrize("restick", [ALWAYS, ONLY_WHEN_TURNING])
+@pytest.mark.parametrize("slug", [None, "lost_motion"])
+def test_the_stem_sticks_again_as_the_fit_has_it(unit, slug: str | None, restick: float) -> None:
+    """At every sample, or only where the command turns; with S and J alone and with an effect."""
+    screening, question = with_term(slug or "lost_motion")
+    question = replace(question, restick=restick)
+    effects = () if slug is None else screening.mismatch.effects
+    mismatch = replace(screening.mismatch, open_question=question, effects=effects)
+    chain = valve_chain(replace(screening, mismatch=mismatch))
+    assert isinstance(chain, ValveChain)
+    op = wandering_op()
+    op[0] = chain.op_start
+    times, positions = simulated(unit(chain), chain, op, 1.0, position_start=op[0])
+    fitted = {**chain.values, "position_start": op[0], "restick_speed": restick}
+    own = replace(chain, values=fitted)
+    expected = by_quick_fit(own, op) if slug is None else by_fitted_model(question, op)
+    assert np.max(np.abs(positions[1:] - expected[before(times[1:], 1.0)])) < NEAR
+    assert sources_have_no_infinity(chain)
 
 
 @needs_compiler
@@ -379,6 +404,13 @@ def test_a_name_cannot_break_the_descriptions(tmp_path: Path) -> None:
     file.write_bytes(functional_mockup_unit(replace(quick_fit(), valve=name)).content)
     assert validate_fmu(str(file)) == []
     assert fmpy.read_model_description(str(file)).modelName == name
+
+
+def sources_have_no_infinity(chain: ValveChain) -> bool:
+    """Neither C nor XML has a number without an end."""
+    with zipfile.ZipFile(io.BytesIO(functional_mockup_unit(chain, "no compiler").content)) as made:
+        texts = [made.read(name) for name in made.namelist()]
+    return not any(re.search(rb"[^a-z]inf[^a-z]", text) for text in texts)
 
 
 def sources(tmp_path: Path, chain: ValveChain) -> Path:
