@@ -30,7 +30,7 @@ _BUSY = (429, 502, 503, 504)
 
 @dataclass(frozen=True)
 class HttpAnswer:
-    """One answer, whole."""
+    """A whole answer, read to its end: ``body`` unpacked, redirects not followed."""
 
     status: int
     headers: Mapping[str, str]

@@ -116,7 +116,7 @@ class TestSheet:
 
     @property
     def rivals(self) -> tuple[str, ...]:
-        """The names of the rivals."""
+        """The explanations that the test is to tell apart, in words."""
         return tuple(rival_name(slug) for slug in self.plan.rivals)
 
 

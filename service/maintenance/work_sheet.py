@@ -126,7 +126,7 @@ class WorkSheet:
 
     @property
     def screening(self) -> Screening:
-        """What was found."""
+        """The screening that the page is about."""
         return self.valve.screening
 
     @property
