@@ -80,7 +80,7 @@ def made(loop: PlantLoop, seed: int) -> Valve:
     fit = fit_stickslip(recording)
     seconds = time.process_time() - started
     residual = of_stiction(fit, resynced=False)
-    example = NarxExample.of(recording, fit.first_heldout, network_start(fit))
+    example = NarxExample.of(recording, fit.first_heldout, network_start(fit, None))
     return Valve(
         example=example,
         stick_percent=max(residual.fit_percent, FLOOR) if residual is not None else FLOOR,
