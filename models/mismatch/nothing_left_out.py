@@ -72,8 +72,9 @@ def missed_breakaways(comparison: HeldOutComparison) -> str:
     if free is None or followed is None or followed - free < MISSES:
         return ""
     return (
-        f" A free run of them fits {free:.0f} % of the part that was not fitted, because it misses "
-        f"single breakaways; with each of them where it was seen it fits {followed:.0f} %."
+        f" Fitted anew by free runs in the search for what was left out, they follow {free:.0f} % "
+        "of the part that was not fitted, because such a run misses single breakaways; with each "
+        f"of them where it was seen, {followed:.0f} %."
     )
 
 
