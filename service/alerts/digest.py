@@ -50,7 +50,7 @@ def message_of(
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
     if address:
-        lines.append(f"Acknowledge, put off or mark as false: {address.rstrip('/')}/alerts")
+        lines.append(f"Acknowledge, snooze or mark as false: {address.rstrip('/')}/alerts")
     return {
         "subject": _cut(f"{plant_prefix}{count_text}{first}"),
         "text": "\n\n".join(lines) + "\n",

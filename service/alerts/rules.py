@@ -353,7 +353,7 @@ def _foreseen(record: ValveRecord) -> str:
     assert record.weeks is not None
     return (
         f"{record.weeks.words}, where the stem counts as sticky. Plan its maintenance before that; "
-        "how sure this is stands with the trend on the valve's page."
+        "the trend on the valve's page says how sure this is."
     )
 
 

@@ -69,7 +69,7 @@ class PresentedEffect:
         """What passes the test in the field, and that this finding does where it is no defect."""
         if self.test is None:
             return ""
-        passed = "; what this finding expects passes" if self.as_built else ""
+        passed = "; what this finding expects passes as well" if self.as_built else ""
         return f"{self.test.passes}{passed}"
 
     @property
@@ -309,7 +309,7 @@ def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
         return [f"Perhaps {effect.name}, which is held back: chance alone may have named it."]
     if not effect.instead:
         return []
-    text = f"Instead of {effect.name}: {effect.instead}; this recording cannot tell them."
+    text = f"Instead of {effect.name}: {effect.instead}; this recording cannot tell them apart."
     return [f"{text} {effect.decide}".rstrip()]
 
 
@@ -396,7 +396,7 @@ def stiction_grown(before: Estimate | None, now: Estimate) -> str:
 def baseline_left(ratio: float) -> str:
     """That the position follows its baseline network worse than it did, ``ratio`` times."""
     return (
-        "The valve moves otherwise than it did when its baseline was set: a model of how it moved "
-        f"then is {ratio:.1f} times worse at telling its position now. That alone does not say "
-        "what is wrong. Look at its page for where it differs, and ask what was changed."
+        "The valve moves differently than when its baseline was set: a model of how it moved then "
+        f"predicts its position {ratio:.1f} times worse now. That alone does not say what is "
+        "wrong. Its page shows where it differs; ask what was changed."
     )

@@ -290,7 +290,7 @@ class WorkCounts:
 
     @property
     def valves(self) -> int:
-        """All valves."""
+        """How many valves there are: the sum of the four states."""
         return self.needs_work + self.watch + self.not_judged + self.no_work
 
     @property

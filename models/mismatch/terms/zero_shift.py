@@ -64,7 +64,7 @@ class ZeroShift(ReadingTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The shift."""
+        """How far the reading lies above the stem, percent of travel, either sign."""
         return (Coordinate(name="zero_percent", low=-25.0, high=25.0),)
 
     def starts(self, summary: RecordingSummary) -> Floats:

@@ -257,7 +257,7 @@ def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
     (alert,) = open_alerts(store)
     assert numbers == [alert.id]
     assert [finding["kind"] for finding in alert.evidence["findings"]] == ["baseline"]
-    assert "Also seen: The valve moves otherwise than it did" in alert.text
+    assert "Also seen: The valve moves differently than when its baseline was set" in alert.text
     assert alert.text.count("V3") == 1
 
 
