@@ -30,6 +30,9 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
             )
     numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
+    # One that became more urgent is told again, and that is another message.
+    if again := sum(len(alert.evidence.get("formerly", ())) for alert in alerts):
+        key += f"-{again}"
     return store.deliveries.put(messages, key, numbers)
 
 
