@@ -1,8 +1,9 @@
 """What test processes that begin together would each do: ``make test`` does it once, beside the
 type checks.
 
-Compiling the kernels that most tests need takes half a minute of a core, and so does reading all
-tests for the first time: Python keeps what it has compiled of them, and of all that they import.
+Reading all tests for the first time takes half a minute of a core: Python keeps what it has
+compiled of them, and of all that they import. So does compiling the kernels that most tests need,
+where the installation has not done it.
 """
 
 from __future__ import annotations
@@ -12,12 +13,10 @@ import io
 
 import pytest
 
-from stemwatch.models.studies.simulator import demo_plant, simulate_loop
-from stemwatch.service.executors.compile_ahead import Kernels, compile_kernels
+from stemwatch.models.compile_kernels import Kernels, compile_kernels
 
 if __name__ == "__main__":
     compile_kernels(list(Kernels))
-    simulate_loop(demo_plant(1)[0], 1)
     # A test that cannot be read is said when the tests are run.
     with contextlib.redirect_stdout(io.StringIO()):
         pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider"])

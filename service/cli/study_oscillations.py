@@ -12,7 +12,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
-    from stemwatch.models.studies.interacting_loops.judge import JudgedPlant
+    from stemwatch.models.studies.interacting_loops.score_plant import ScoredPlant
 
 _DAY = 8640  # samples of 10 s
 _KINDS = ("sticking valve", "tight loop", "external wave")
@@ -38,16 +38,16 @@ def study_oscillations(
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
 
-    judged: dict[int, tuple[JudgedPlant, Any]] = {}
+    scored: dict[int, tuple[ScoredPlant, Any]] = {}
     with views.progress("plants", plants, transient=True) as advance:
         numbers = list(range(plants))
         for index, result in map_items(
             choose_executor(workers), partial(_judge_one_plant, seed), numbers
         ):
-            judged[index] = result
-            advance(len(judged))
-    results = [judged[index][0] for index in sorted(judged)]
-    nulls = [judged[index][1] for index in sorted(judged) if judged[index][1] is not None]
+            scored[index] = result
+            advance(len(scored))
+    results = [scored[index][0] for index in sorted(scored)]
+    nulls = [scored[index][1] for index in sorted(scored) if scored[index][1] is not None]
     figures = _figures(results)
     if nulls:
         figures["nulls: 95th percentile of regularity, prominence"] = [
@@ -61,18 +61,18 @@ def study_oscillations(
         json_file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
-def _judge_one_plant(seed: int, number: int) -> tuple[JudgedPlant, tuple[float, float] | None]:
-    from stemwatch.models.studies.interacting_loops.judge import (
-        judge_plant,
+def _judge_one_plant(seed: int, number: int) -> tuple[ScoredPlant, tuple[float, float] | None]:
+    from stemwatch.models.studies.interacting_loops.score_plant import (
         null_statistics,
         plant_of,
+        score_plant,
     )
 
     plant = plant_of(seed, number)
-    return judge_plant(plant), null_statistics(plant)
+    return score_plant(plant), null_statistics(plant)
 
 
-def _figures(results: Sequence[JudgedPlant]) -> dict[str, Any]:
+def _figures(results: Sequence[ScoredPlant]) -> dict[str, Any]:
     """The figures by name."""
     index = [plant.rand_index for plant in results if plant.rand_index is not None]
     quiet = [plant for plant in results if plant.quiet]
@@ -108,7 +108,7 @@ def _seconds(loops: int) -> float:
     from stemwatch.models.oscillation_groups.find_groups import find_groups
     from stemwatch.models.oscillation_groups.limits import LIMITS
     from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra
-    from stemwatch.models.studies.interacting_loops.judge import plant_of
+    from stemwatch.models.studies.interacting_loops.score_plant import plant_of
 
     rows: list[Any] = []
     number = 0

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from stemwatch.models.studies.interacting_loops.draws import draw_plant, run_drawn
-from stemwatch.models.studies.interacting_loops.judge import (
+from stemwatch.models.studies.interacting_loops.score_plant import (
     adjusted_rand_index,
-    judge_plant,
     plant_of,
+    score_plant,
 )
 
 
@@ -43,6 +43,6 @@ def test_a_source_moves_its_own_loop() -> None:
     plants = [run_drawn(draw_plant(rng, sources=1)) for _ in range(4)]
     own = [p.shares[0, p.sources[0].loop] for p in plants if p.sources[0].loop >= 0]
     assert max(own) > 0.5
-    judged = judge_plant(plants[0])
+    judged = score_plant(plants[0])
     assert judged.loops == len(plants[0].units)
     assert judged.quiet == (set(plants[0].label) == {-1})

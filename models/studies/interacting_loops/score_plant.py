@@ -20,7 +20,7 @@ from stemwatch.models.studies.interacting_loops.draws import RunPlant, draw_plan
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgedGroup:
+class ScoredGroup:
     """A group that was found: what most of its members really oscillate with, and where the true
     source stands in the ranking. ``place`` 0 is first, -1 not among the candidates."""
 
@@ -31,14 +31,14 @@ class JudgedGroup:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgedPlant:
+class ScoredPlant:
     """``rand_index`` the adjusted Rand index of the groups (Hubert and Arabie 1985), ``None`` for a
     plant in which no loop oscillates."""
 
     loops: int
     sources: int
     rand_index: float | None
-    groups: tuple[JudgedGroup, ...]
+    groups: tuple[ScoredGroup, ...]
 
     @property
     def quiet(self) -> bool:
@@ -50,12 +50,12 @@ def plant_of(seed: int, number: int) -> RunPlant:
     return run_drawn(draw_plant(np.random.default_rng((seed, number))))
 
 
-def judge_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> JudgedPlant:
+def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
     """The groups of a plant and the ranking of each, against what is true."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     groups = find_groups(errors, limits)
-    judged = []
+    scored = []
     for group in groups:
         evidence = member_evidence(
             errors,
@@ -63,20 +63,20 @@ def judge_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> JudgedPlant:
             group,
             lambda i: non_linearity(plant.op[i], plant.pv[i]),
         )
-        judged.append(_judged(plant, evidence))
+        scored.append(_scored(plant, evidence))
     label = np.array(plant.label)
     quiet = bool((label < 0).all())
     index = None if quiet else adjusted_rand_index(plant.label, labels(groups, label.size))
-    return JudgedPlant(
-        loops=label.size, sources=len(plant.sources), rand_index=index, groups=tuple(judged)
+    return ScoredPlant(
+        loops=label.size, sources=len(plant.sources), rand_index=index, groups=tuple(scored)
     )
 
 
-def _judged(plant: RunPlant, evidence: MemberEvidence) -> JudgedGroup:
+def _scored(plant: RunPlant, evidence: MemberEvidence) -> ScoredGroup:
     true = [plant.label[loop] for loop in evidence.members]
     commonest = max(sorted(set(true)), key=true.count)
     if commonest < 0:
-        return JudgedGroup(kind="", place=-1, source=-1, evidence=evidence)
+        return ScoredGroup(kind="", place=-1, source=-1, evidence=evidence)
     source = plant.sources[commonest]
     ranking = rank_sources(evidence, WEIGHTS)
     order = sorted(
@@ -85,7 +85,7 @@ def _judged(plant: RunPlant, evidence: MemberEvidence) -> JudgedGroup:
     )
     places = [loop for _, loop in order]
     rank = places.index(source.loop) if source.loop in places else -1
-    return JudgedGroup(kind=source.kind.value, place=rank, source=source.loop, evidence=evidence)
+    return ScoredGroup(kind=source.kind.value, place=rank, source=source.loop, evidence=evidence)
 
 
 def null_statistics(plant: RunPlant) -> tuple[float, float] | None:
