@@ -290,7 +290,7 @@ def _answer(
             rivals=_rivals(loop_evidence),
         )
     if periods < FEWEST_PERIODS + 1:
-        return _cannot_tell("the record holds too few swings of the loop", _FASTER, answer.score)
+        return _cannot_tell("the record holds too few swings of the loop", _LONGER, answer.score)
     shows = limits.shows_from * loop_evidence.amplitude
     if answer.score < limits.no_sign_below:
         return WithoutPosition(
