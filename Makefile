@@ -31,8 +31,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # stays on its own core, and all share one cache of compiled kernels.
 test test-all explore: export OMP_NUM_THREADS ?= 1
 test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
-# While the type checks leave a core idle, kernels are compiled and all tests are read once: test processes that begin
-# together would each do it.
+# While the type checks leave a core idle, kernels that are not compiled yet are, and all tests are read once: test
+# processes that begin together would each do it.
 test test-all: MEANWHILE = $(BIN)/python tests/prepare.py &
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
@@ -50,6 +50,11 @@ IMPORT := { $(BIN)/python -P -c 'import stemwatch.service.executors.worker_prelo
 	'from stemwatch.service import cli, maintenance, report, run, store; from stemwatch.service.maintenance import pdf; \
 	from stemwatch.service.report import xlsx_file; from stemwatch.service.run import engine; \
 	from stemwatch.service.store.migrations import migrate' && wait; }
+# $(call compiling,what pip installs): pip leaves a core idle, on which the checkout's kernels are compiled once what they
+# need is there; what follows ends with wait.
+KERNELS := $(if $(filter no,$(EDITABLE)),true,$(BIN)/python -m stemwatch.models.compile_kernels)
+compiling = $(INSTALL) numba safetensors scipy torch && \
+	{ $(KERNELS) FITS & $(KERNELS) MISMATCH SIMULATOR & $(INSTALL) $(1); }
 # With what make live needs beside the product.
 SOURCE := $(if $(filter no,$(EDITABLE)),,--editable )'.[live-demo]'
 PACKAGE_FILES := $(if $(filter no,$(EDITABLE)),$(shell find stemwatch service models connectors -type f \
@@ -141,7 +146,7 @@ $(VENV)/can-run: $(VENV)/made $(INPUTS)
 	@rm -rf build
 	$(call step,Installing stemwatch (minutes the first time),$(if $(LOCKED),\
 	$(INSTALL) --require-hashes --no-deps --requirement requirements-dev.lock && $(INSTALL) --no-deps \
-	--no-build-isolation $(SOURCE),$(INSTALL) $(SOURCE)) && $(IMPORT))
+	--no-build-isolation $(SOURCE),$(call compiling,$(SOURCE))) && $(IMPORT))
 	@touch $@
 
 $(VENV)/can-test: $(VENV)/made $(INPUTS)
@@ -149,5 +154,5 @@ $(VENV)/can-test: $(VENV)/made $(INPUTS)
 	$(call step,Bringing pip up to date,$(INSTALL) pip setuptools)
 	$(call step,Installing stemwatch and what checks it (minutes the first time),$(if $(LOCKED),\
 	$(INSTALL) --require-hashes --no-deps --requirement requirements-dev.lock && $(INSTALL) --no-deps \
-	--no-build-isolation $(SOURCE),$(INSTALL) $(SOURCE) --group dev))
+	--no-build-isolation $(SOURCE),$(call compiling,$(SOURCE) --group dev)) && wait)
 	@touch $@ $(VENV)/can-run

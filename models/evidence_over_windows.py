@@ -28,8 +28,8 @@ is confirmed within 30 daily windows.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 from enum import StrEnum
 
@@ -79,7 +79,8 @@ class WindowEvidence:
     """What one window of a valve said; ``at`` is its end, ``start`` its beginning where known.
 
     ``named`` has the class of each defect that was named: its slug, then those that the window
-    could not tell from it. ``scores`` are those of all effects that it could have shown, named or
+    could not tell from it. ``sizes`` are its numbers, as far as they are known, by slug and
+    name. ``scores`` are those of all effects that it could have shown, named or
     not. ``S`` and ``J`` are restated with what was named, percent of OP span; ``p_value`` is how
     probable as strong an effect is on a valve with nothing hidden. ``begins_anew`` says
     why earlier windows do not describe this valve any more; empty where they do.
@@ -88,6 +89,7 @@ class WindowEvidence:
     at: datetime
     start: datetime | None = None
     named: tuple[tuple[str, ...], ...] = ()
+    sizes: Mapping[tuple[str, str], Estimate] = field(default_factory=dict)
     scores: tuple[EffectScore, ...] = ()
     S: Estimate | None = None
     J: Estimate | None = None
@@ -111,6 +113,12 @@ class WindowEvidence:
                 (effect.slug, *(slug for slug in effect.members if slug != effect.slug))
                 for effect in mismatch.defects
             ),
+            sizes={
+                (effect.slug, name): size
+                for effect in mismatch.defects
+                for name, size in effect.parameters.items()
+                if size.value is not None
+            },
             scores=mismatch.scores,
             S=mismatch.restated.S,
             J=mismatch.restated.J,

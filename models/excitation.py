@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.quantiles import percentiles
 from stemwatch.models.recording import Floats
+from stemwatch.models.runs_of_samples import runs_of
 
 REST_SAMPLES = 3  # before a jump
 LIMIT_MARGIN = 5.0  # percent by which an output may be driven beyond 0 and 100
@@ -79,8 +80,7 @@ def jumps_from_rest(mv: Floats, op: Floats, sigma: float) -> Jumps:
     """The slips of a position (n,), finite, under a command (n,); ``sigma`` is MV's noise."""
     steps = np.abs(np.diff(mv))
     moved = steps > 5.0 * np.sqrt(2.0) * max(sigma, 1e-6)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], moved.astype(np.int8), [0]))))
-    begins, ends = edges[::2], edges[1::2]
+    begins, ends = runs_of(moved).T
     rest_samples = begins - np.concatenate(([0], ends[:-1])) if begins.size else begins
     op_steps = np.abs(np.diff(op))
     # The command may have moved a sample earlier than the stem shows it.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.quantiles import median, percentiles
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.runs_of_samples import equal_runs
 
 # Differences this small against the signal's own size are floating-point noise, not information.
 _RELATIVE_ZERO = 1e-9
@@ -119,9 +120,7 @@ def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> boo
 
 def longest_repeat(values: Floats) -> int:
     """Length in samples of the longest run of bit-exact repeats (1: none)."""
-    unchanged = np.concatenate(([0], (np.diff(values) == 0.0).astype(np.int8), [0]))
-    edges = np.flatnonzero(np.diff(unchanged))
-    return int((edges[1::2] - edges[::2]).max()) + 1 if edges.size else 1
+    return int(np.diff(equal_runs(values), axis=1).max(initial=1))
 
 
 def interpolated(values: Floats) -> Bools:

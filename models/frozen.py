@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from stemwatch.models.excitation import ranges
 from stemwatch.models.forensics import repeat_share, turns_like_noise
 from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.runs_of_samples import equal_runs
 
 # One value for this share of a tag's samples, and so many at least, after it has moved.
 SHARE_OF_A_TAG, SAMPLES_OF_A_TAG = 0.25, 60
@@ -44,13 +45,6 @@ def mostly_one_value(longest_repeat: int, samples: int) -> bool:
     return longest_repeat >= max(SAMPLES_OF_A_TAG, SHARE_OF_A_TAG * samples)
 
 
-def repeated(values: Floats) -> NDArray[np.int64]:
-    """(m, 2) first and last + 1 of each run of equal values (n,), its first sample included."""
-    unchanged = np.concatenate(([0], (np.diff(values) == 0.0).astype(np.int8), [0]))
-    edges = np.flatnonzero(np.diff(unchanged)).reshape(-1, 2)
-    return np.column_stack((edges[:, 0], edges[:, 1] + 1)).astype(np.int64)
-
-
 def _long(length: NDArray[np.int64], interval_s: float) -> Bools:
     """(m,) which runs of so many samples last too long for a reading with noise."""
     return np.asarray(length >= max(FROZEN_SAMPLES, round(FROZEN_S / interval_s)))
@@ -66,7 +60,7 @@ def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
     if recording.mv is None:
         return []
     mv, op = recording.mv.values, recording.op.values
-    runs = repeated(mv)
+    runs = equal_runs(mv)
     length = runs[:, 1] - runs[:, 0]
     runs, length = runs[length >= LEAST_REPEATS], length[length >= LEAST_REPEATS]
     long = _long(length, recording.interval_s)
@@ -109,7 +103,7 @@ def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: boo
     held values (``compressed``), only the second counts.
     """
     frozen = np.zeros(mv.size, dtype=bool)
-    runs = repeated(mv)
+    runs = equal_runs(mv)
     length = runs[:, 1] - runs[:, 0]
     long = _long(length, interval_s)
     if not long.any():

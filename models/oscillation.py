@@ -50,6 +50,15 @@ def _high_pass(values: Floats) -> Floats:
     return np.asarray(np.fft.irfft(spectrum, values.size))
 
 
+def half_periods(acf: Floats, most: int) -> Floats:
+    """Samples between the first zero crossings, ``most`` at most, of an autocorrelation (n,), each
+    crossing between two samples placed by a straight line."""
+    sign = np.signbit(acf)
+    crossings = np.flatnonzero(sign[1:] != sign[:-1])[:most]
+    before, after = acf[crossings], acf[crossings + 1]
+    return np.diff(crossings + before / (before - after))
+
+
 def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     """Oscillation of a signal (n,) without holes, or ``None`` where there is nothing to measure.
 
@@ -64,13 +73,9 @@ def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     if float(np.std(values)) < LEAST_SPREAD:
         return None
     acf = _autocorrelation(_high_pass(values), values.size // 2)
-    sign = np.signbit(acf)
-    crossings = np.flatnonzero(sign[1:] != sign[:-1])[: 2 * MIN_CROSSINGS]
-    if crossings.size < MIN_CROSSINGS:
+    half = half_periods(acf, 2 * MIN_CROSSINGS)
+    if half.size < MIN_CROSSINGS - 1:
         return None
-    before_crossing, right = acf[crossings], acf[crossings + 1]
-    exact = crossings + before_crossing / (before_crossing - right)
-    half = np.diff(exact)
     period = 2.0 * float(half.mean()) * interval_s
     scatter = float(half.std(ddof=1)) * interval_s * 2.0
     return Oscillation(period_s=period, regularity=period / (3.0 * scatter + 1e-9))

@@ -18,6 +18,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Quality, Recording, Role
+from stemwatch.models.runs_of_samples import runs_of
 from stemwatch.models.screening_result import DataQuality
 from stemwatch.models.validity_checks import Obstacle as Obstacle
 from stemwatch.models.validity_checks import (
@@ -94,7 +95,7 @@ def _quality_remarks(
     found_remarks += _clock_remarks(recording)
     holes = between_pieces(recording)
     if bad > NEGLIGIBLE_SHARE and holes.mean() > PUT_TOGETHER:
-        pieces = int(np.sum(np.diff(np.concatenate(([1], holes.astype(np.int8)))) == -1))
+        pieces = len(runs_of(~holes))
         text = f"the recording is put together from {pieces} pieces, each fitted from its own start"
         found_remarks.append(("C", text))
     if 0.0 < frozen <= MOSTLY:

@@ -115,7 +115,7 @@ class Screening:
     shape: Shape | None
     severity: float  # 0 to 100, for ranking
     confidence: float | None  # 0 to 1; None where there is no verdict
-    S: Estimate  # deadband plus stickband, percent of OP span
+    S: Estimate  # dead band plus stick band, percent of OP span
     J: Estimate  # slip jump, percent of OP span
     residuals: Mapping[str, Residual | None]  # "stiction", "narx", "baseline"
     quality: DataQuality

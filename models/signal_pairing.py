@@ -7,8 +7,8 @@ import numpy as np
 from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.excitation import swing, travel
 from stemwatch.models.forensics import noise_sigma, quantum
-from stemwatch.models.frozen import repeated
 from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.runs_of_samples import equal_runs
 
 LONGEST_DELAY_S = 120.0
 COPIED_SHARE = 0.99  # of the samples
@@ -121,7 +121,7 @@ def moved_without_command(recording: Recording) -> float:
     least = max(6.0 * noise_sigma(mv), LEAST_MOVE_PERCENT)
     settled = max(round(SETTLED_S / recording.interval_s), 2)
     path = travel(mv, least)
-    runs = [(first + settled, last) for first, last in repeated(op) if last - first > 2 * settled]
+    runs = [(first + settled, last) for first, last in equal_runs(op) if last - first > 2 * settled]
     return sum(travel(mv[first:last], least) for first, last in runs) / path if path else 0.0
 
 

@@ -12,6 +12,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration, is_of_seconds
 from stemwatch.models.percent import POSSIBLE_PERCENT, not_percent
 from stemwatch.models.recording import PERCENT, Bools, Quality, Recording, Role
+from stemwatch.models.runs_of_samples import long_runs
 from stemwatch.models.signal_pairing import (
     LONGEST_DELAY_S,
     command_is,
@@ -93,7 +94,7 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
                 "no_position",
                 "there is no valve position in this recording, and OP and PV alone cannot tell "
                 "a sticking valve from a badly tuned loop or a disturbance",
-                "Record the position (positioner feedback, limit transmitter), or do a "
+                "Record the position (positioner feedback, position transmitter), or do a "
                 "stroke test: step OP by 1 % up and down and watch for the stem.",
             )
         ]
@@ -443,11 +444,7 @@ def between_pieces(recording: Recording) -> Bools:
     missing = np.asarray(recording.op.quality == Quality.MISSING)
     if recording.mv is not None:
         missing = missing & (recording.mv.quality == Quality.MISSING)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], missing.astype(np.int8), [0]))))
-    between = np.zeros(missing.size, dtype=bool)
-    for begin, end in edges.reshape(-1, 2):
-        between[begin:end] = end - begin > LONGEST_BRIDGE_SAMPLES
-    return between
+    return long_runs(missing, LONGEST_BRIDGE_SAMPLES + 1)
 
 
 def _too_short(recording: Recording, usable: int, least_s: float, limits: Limits) -> Obstacle:

@@ -152,10 +152,30 @@ CHAIN_PARAMETERS = (
     _tunable("play", "%", "Play between stem and position sensor"),
     _tunable("reading_zero", "%", "What the position reads too high at 50 % of travel", 0.0, None),
     _tunable("reading_gain", "1", "Percent of reading for a percent of travel", 1.0, None),
+    _fixed(
+        "record_time",
+        "s",
+        "Length of the recording that was fitted. Friction grows and the reading drifts over so "
+        "long from the start of the simulation, and stay as they then are",
+        3600.0,
+        1e-6,
+    ),
+    _tunable("friction_growth", "1", "Share by which S and J grow over record_time", 0.0, -1.0),
+    _tunable("reading_drift", "%", "Straight drift of the reading over record_time", 0.0, None),
+    *(
+        _tunable(
+            f"reading_wave_{j}",
+            "%",
+            f"Slow wave of the reading, {j} half periods in record_time",
+            0.0,
+            None,
+        )
+        for j in (1, 2, 3)
+    ),
 )
 _NAMES = frozenset(parameter.name for parameter in CHAIN_PARAMETERS)
 # The coordinates of each term of the catalogue, as parameters of the chain with the unit that says
-# how they count time; see ``coordinates`` of the term. The slow ones are left out.
+# how they count time; see ``coordinates`` of the term.
 _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     "dead_time": (("dead_time", "s"),),
     "actuator_lag": (("lag", "s"),),
@@ -180,6 +200,13 @@ _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     "load_by_position": (("load_linear", "%"), ("load_square", "%"), ("load_cube", "%")),
     "dwell_dependent_breakaway": (("dwell_breakaway", "%"),),
     "lost_motion": (("play", "%"),),
+    "growing_stiction": (("friction_growth", ""),),
+    "sensor_drift": (
+        ("reading_drift", "%"),
+        ("reading_wave_1", "%"),
+        ("reading_wave_2", "%"),
+        ("reading_wave_3", "%"),
+    ),
 }
 
 
@@ -190,8 +217,7 @@ class ValveChain:
     ``curve`` from OP to stroke, ``None`` where OP is percent of travel; ``op_start`` where OP was
     at the end of the recording, percent. ``one_actuator``: lag and speed limit are one device, and
     the stem slides while its command moves, as in ``stickslip.kernel``. ``unit_s`` seconds in a
-    unit of the clock on which the valve was fitted. ``named`` are the effects in it, ``left_out``
-    those named that it has not.
+    unit of the clock on which the valve was fitted. ``named`` are the effects in it.
     """
 
     valve: str
@@ -201,7 +227,6 @@ class ValveChain:
     one_actuator: bool = True
     unit_s: float = 1.0
     named: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()
 
 
 def valve_chain(screening: Screening) -> ValveChain | str:
@@ -228,14 +253,17 @@ def valve_chain(screening: Screening) -> ValveChain | str:
     effects = () if mismatch is None else tuple(effect.slug for effect in mismatch.effects)
     if not effects or question is None:
         own |= _of_quick_fit(screening)
-    elif question.published is None:
+        own["restick_speed"] = 0.0 if question is None else _restick(question.restick, unit_s)
+    elif question.published is None or (question.duration <= 0.0 and SLOW & {*effects}):
         return (
             f"{' and '.join(slug.replace('_', ' ') for slug in effects)} was named by a version "
             "that did not keep the fitted model; screen it again"
         )
     else:
         own |= _of_published(question)
-    own["position_start"] = own["reading_gain"] * (begins - 50.0) + 50.0 + own["reading_zero"]
+        own["record_time"] = question.duration * unit_s or own["record_time"]
+    zero = own["reading_zero"] - 0.5 * own["reading_drift"]
+    own["position_start"] = own["reading_gain"] * (begins - 50.0) + 50.0 + zero
     assert own.keys() == _NAMES
     return ValveChain(
         valve=screening.valve,
@@ -244,8 +272,7 @@ def valve_chain(screening: Screening) -> ValveChain | str:
         op_start=op_start,
         one_actuator=not effects,
         unit_s=unit_s,
-        named=tuple(slug for slug in effects if slug not in SLOW),
-        left_out=tuple(slug for slug in effects if slug in SLOW),
+        named=effects,
     )
 
 
@@ -265,23 +292,27 @@ def _of_quick_fit(screening: Screening) -> dict[str, float]:
     return own | {"reading_zero": known.get("position_zero_percent", 0.0)}
 
 
+def _restick(speed: float, unit_s: float) -> float:
+    """A fit whose stem sticks again at every sample has it as an infinite speed, which no file of
+    another program can hold."""
+    return min(seconds_of(speed, "%/s", unit_s), FREE)
+
+
 def _of_published(question: OpenQuestion) -> dict[str, float]:
     """The stored numbers of the fit with the named effects; S and J are the published ones."""
     assert question.published is not None
     unit_s = question.unit_s
     base = np.array(question.published.base).mean(axis=0)
-    restick = base[base_coordinate.RESTICK]
-    restick = float(restick if restick > 0.0 else question.restick)
+    restick = float(base[base_coordinate.RESTICK])
+    restick = restick if restick > 0.0 else question.restick
     found = {
         "dead_time": seconds_of(float(base[base_coordinate.DELAY]), "s", unit_s),
-        "restick_speed": seconds_of(restick, "%/s", unit_s),
+        "restick_speed": _restick(restick, unit_s),
         "reading_zero": float(base[base_coordinate.ZERO]),
         "reading_gain": 1.0 + float(base[base_coordinate.GAIN]),
     }
     delay = found["dead_time"]
     for slug, halves in question.published.terms.items():
-        if slug in SLOW:
-            continue
         for (name, unit), value in zip(
             _OF_TERM[slug], np.array(halves).mean(axis=0).tolist(), strict=True
         ):

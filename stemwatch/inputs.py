@@ -426,4 +426,5 @@ def _described(value: object) -> str:
     kind = type(value)
     name = kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
     shape = getattr(value, "shape", None)
-    return f"a {name} of shape {shape}" if isinstance(shape, tuple) else f"a {name}"
+    article = "an" if name[0] in "aeiou" else "a"
+    return f"{article} {name}" + (f" of shape {shape}" if isinstance(shape, tuple) else "")

@@ -12,12 +12,10 @@ import io
 
 import pytest
 
-from stemwatch.models.studies.simulator import demo_plant, simulate_loop
-from stemwatch.service.executors.compile_ahead import Kernels, compile_kernels
+from stemwatch.models.compile_kernels import Kernels, compile_kernels
 
 if __name__ == "__main__":
     compile_kernels(list(Kernels))
-    simulate_loop(demo_plant(1)[0], 1)
     # A test that cannot be read is said when the tests are run.
     with contextlib.redirect_stdout(io.StringIO()):
         pytest.main(["--collect-only", "-q", "-p", "no:cacheprovider"])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,14 @@ class Codes:
     name: str = "quality"  # of the column, for messages
     family: Family = "unknown"
     good: tuple[str, ...] = ()  # what the user said is good
+
+
+def number_of(cell: Any) -> float:
+    """The number in a cell of JSON; NaN where it is none."""
+    try:
+        return float(cell) if isinstance(cell, bool | int | float | str) else float("nan")
+    except (ValueError, OverflowError):
+        return float("nan")
 
 
 def number_column(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stemwatch.connectors.historian.times.epoch import instant_of
 from stemwatch.connectors.historian.times.source_clock import clock_facts
 from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models import forensics
@@ -97,17 +98,13 @@ def inspect_file(opened: OpenedFile) -> Inspection:
         zone_name=opened.options.zone or "",
         rows=len(table.numbers),
         interval_s=_interval_s(busiest),
-        start=_utc(int(ns[0])) if instants.in_utc else None,
-        end=_utc(int(ns[-1])) if instants.in_utc else None,
+        start=instant_of(int(ns[0])) if instants.in_utc else None,
+        end=instant_of(int(ns[-1])) if instants.in_utc else None,
         clock=clock_facts(busiest.file_ns, instants.zone),
         tags=tags,
         decisions=tuple(dict.fromkeys(decisions)),
         problems=tuple(opened.notes.problems),
     )
-
-
-def _utc(ns: int) -> datetime:
-    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=ns // 1000)
 
 
 def _interval_s(column: Column) -> float | None:

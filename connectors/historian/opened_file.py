@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -21,8 +23,14 @@ from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
 from stemwatch.connectors.historian.tags.roles import Candidate, propose_roles
 from stemwatch.connectors.historian.tags.tag_names import parse_tag
 from stemwatch.connectors.historian.times.time_column import Instants, read_instants
+from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.unused_options import say_unused, why_not_in_text
-from stemwatch.connectors.historian.values.columns import Column, convert, own_interval_s
+from stemwatch.connectors.historian.values.columns import (
+    Column,
+    at_times,
+    convert,
+    own_interval_s,
+)
 from stemwatch.connectors.historian.values.decimal_mark import decide_decimal
 from stemwatch.connectors.historian.values.stored_text import StoredText, has_been_read
 from stemwatch.models.recording import Role
@@ -44,6 +52,7 @@ class OpenedFile:
     decimal: str
     notes: ReadingNotes
     _columns: dict[tuple[str, bool], Column] = field(default_factory=dict)
+    _times: Timeline | None = None  # of the tag that was converted last
     _all: bool = False  # every tag is looked at, one after the other
     _roles: list[Candidate] | None = None
 
@@ -69,7 +78,7 @@ class OpenedFile:
 
     @property
     def layout(self) -> str:
-        """The layout in words."""
+        """Which layout the file was taken for, in words."""
         return self.table.layout
 
     @property
@@ -91,7 +100,7 @@ class OpenedFile:
                 self._read_following(raw)
             elif self.in_pieces:
                 self._read([raw])
-            self._columns[key] = convert(
+            column = convert(
                 raw,
                 self.instants,
                 decimal=self.decimal,
@@ -100,6 +109,8 @@ class OpenedFile:
                 lines=self.table.numbers,
                 as_mode=as_mode,
             )
+            self._columns[key] = at_times(column, self._times)
+            self._times = self._columns[key].times
             self._forget(raw)
         return self._columns[key]
 
@@ -134,20 +145,13 @@ class OpenedFile:
         """Read this column and, in the same pass, as many after it as need little memory."""
         if not self.in_pieces or has_been_read(raw.cells):
             return
-        to_read: list[RawColumn] = []
-        cells = 0
-        for column in self.table.columns[self._column_index_by_tag[raw.tag] :]:
-            cells += len(column.cells)
-            if to_read and cells > _NUMBERS_AT_ONCE:
-                break
-            to_read.append(column)
-        self._read(to_read)
+        self._read(_at_once(self.table.columns[self._column_index_by_tag[raw.tag] :]))
 
     def _read(self, columns: Sequence[RawColumn]) -> None:
         """Numbers, quality codes and marks of held values of these in one pass."""
-        numbers = [column.cells for column in columns if isinstance(column.cells, StoredText)]
+        numbers = _in_file(columns)
         extra_cells = [cells for column in columns for cells in (column.quality_codes, column.held)]
-        texts = [cells for cells in extra_cells if isinstance(cells, StoredText)]
+        texts = [c for c in extra_cells if isinstance(c, StoredText) and c.codes is None]
         if numbers:
             numbers[0].columns.read(numbers, texts, self.decimal)
 
@@ -203,6 +207,9 @@ def _opened(source: LayoutInput, table: RawTable, wanted: Sequence[str] | None) 
             "expected at least one tag with values"
         )
     decimal = _decimal(table, options, source.name, notes)
+    first = _in_file(_at_once([c for c in table.columns if wanted is None or c.tag in wanted]))
+    if first:
+        first[0].columns.read_next(first, decimal)  # in the pass that reads the times
     opened = OpenedFile(
         path=source.document.path,
         options=options,
@@ -220,6 +227,16 @@ def _opened(source: LayoutInput, table: RawTable, wanted: Sequence[str] | None) 
     if not any(np.isfinite(opened.column(tag).values).any() for tag in order):
         _refuse_empty(opened)
     return opened
+
+
+def _at_once(columns: Sequence[RawColumn]) -> list[RawColumn]:
+    """The first of the columns, and as many after it as need little memory together."""
+    cells = list(accumulate(len(column.cells) for column in columns))
+    return list(columns[: max(1, bisect_right(cells, _NUMBERS_AT_ONCE))])
+
+
+def _in_file(columns: Sequence[RawColumn]) -> list[StoredText]:
+    return [column.cells for column in columns if isinstance(column.cells, StoredText)]
 
 
 def _mark_used(opened: OpenedFile, options: ReadOptions) -> None:

@@ -243,10 +243,12 @@ def _unit(
     if known_unit or role in (Role.PV, Role.SP):
         return known_unit
     finite = on_grid.values[np.isfinite(on_grid.values)]
-    if finite.size and not (
-        _PLAIN_PERCENT[0] <= np.percentile(finite, 1)
-        and np.percentile(finite, 99) <= _PLAIN_PERCENT[1]
-    ):
+    low, high = _PLAIN_PERCENT
+    is_percent = not finite.size or (
+        (low <= finite.min() or low <= np.percentile(finite, 1))
+        and (finite.max() <= high or np.percentile(finite, 99) <= high)
+    )
+    if not is_percent:
         notes.append(
             f"{column.tag}: no unit is known and values from {finite.min():g} to "
             f"{finite.max():g} are no percent; they stay as they are. Give low and high."

@@ -8,12 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
-from urllib.parse import urlsplit
 
 from pydantic import Field, model_validator
 
-from stemwatch.connectors.archive.http_reader import LOOPBACK
-from stemwatch.connectors.archive.settings import ArchiveSettings
+from stemwatch.connectors.archive.settings import HttpArchiveSettings
 from stemwatch.connectors.connector import (
     WHOLE,
     ArchiveAddress,
@@ -23,8 +21,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.influx.query import InfluxServer
-from stemwatch.connectors.secret import Secret
-from stemwatch.connectors.settings import Name, Positive, contradiction
+from stemwatch.connectors.settings import Name, contradiction
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
@@ -49,7 +46,7 @@ class InfluxAddress(InfluxServer):
         return InfluxArchive(self)
 
 
-class InfluxSettings(ArchiveSettings):
+class InfluxSettings(HttpArchiveSettings):
     """``kind = "influx"``: fields of an InfluxDB 2 or 3."""
 
     url: Name = Field(description=_URL)
@@ -64,18 +61,6 @@ class InfluxSettings(ArchiveSettings):
     quality_field: Name | None = Field(
         default=None, description="the field that holds the quality code"
     )
-    secret_variable: Name | None = Field(
-        default=None, description="the name of the environment variable that holds the token"
-    )
-    secret_file: Name | None = Field(
-        default=None, description="the name of a file that holds nothing but the token"
-    )
-    authority: Name | None = Field(
-        default=None,
-        description="a file with the certificates of the site's own authority, relative to the "
-        "plant file",
-    )
-    timeout_s: Positive = Field(default=60.0, description="seconds, above 0")
     page: Annotated[int, Field(ge=100, le=1_000_000)] = Field(
         default=50_000, description="values of a tag asked for at a time, 100 to 1000000"
     )
@@ -83,25 +68,17 @@ class InfluxSettings(ArchiveSettings):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        parts = urlsplit(self.url)
-        if parts.scheme not in ("http", "https") or not parts.hostname or "@" in parts.netloc:
-            raise contradiction(("url",), "something else", f"{_URL}, without a password in it")
+        self.check_url(_URL)
         if self.tag_key and not self.measurement:
             raise contradiction(("tag_key",), "tag_key alone", "measurement as well")
-        secrets = sum(secret is not None for secret in (self.secret_variable, self.secret_file))
-        if secrets > 1:
+        if self.secrets_named > 1:
             raise contradiction(("secret_file",), "two places", "secret_variable or secret_file")
-        if secrets and parts.scheme == "http" and parts.hostname not in LOOPBACK:
-            found_text = "an address that sends the token unencrypted"
-            raise contradiction(("url",), found_text, "an address with https://")
+        if self.secrets_named:
+            self.check_encrypted("token")
         return self
 
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
         """Of the server; files count from ``folder``. Times are UTC, so that no zone is needed."""
-
-        def inside_folder(name: str | None) -> str:
-            return "" if name is None else str(folder / name)
-
         return InfluxAddress(
             url=self.url,
             database=self.database,
@@ -109,10 +86,8 @@ class InfluxSettings(ArchiveSettings):
             tag_key=self.tag_key or "",
             value_field=self.field,
             quality_field=self.quality_field or "",
-            secret=Secret(
-                variable=self.secret_variable or "", file=inside_folder(self.secret_file)
-            ),
-            authority=inside_folder(self.authority),
+            secret=self.secret(folder),
+            authority=self.authority_file(folder),
             timeout_s=self.timeout_s,
             page=self.page,
             before_s=self.before_s or 0.0,

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Self
-from urllib.parse import urlsplit
 
 from pydantic import Field, model_validator
 
-from stemwatch.connectors.archive.http_reader import LOOPBACK
-from stemwatch.connectors.archive.settings import ArchiveSettings
+from stemwatch.connectors.archive.settings import HttpArchiveSettings
 from stemwatch.connectors.connector import (
     RANGE_HIGH,
     RANGE_LOW,
@@ -25,8 +23,7 @@ from stemwatch.connectors.connector import (
     Window,
 )
 from stemwatch.connectors.pi.web_api import WEB_ID, PiServer, SignIn
-from stemwatch.connectors.secret import Secret
-from stemwatch.connectors.settings import Name, Positive, Text, contradiction
+from stemwatch.connectors.settings import Name, Text, contradiction
 from stemwatch.models.recording import Recording, Role
 
 if TYPE_CHECKING:
@@ -55,26 +52,13 @@ class PiAddress(PiServer):
         return PiArchive(self)
 
 
-class PiSettings(ArchiveSettings):
+class PiSettings(HttpArchiveSettings):
     """``kind = "pi"``: points of a PI Data Archive, through the PI Web API."""
 
     url: Name = Field(description=_URL)
     server: Name = Field(description="the name of the PI Data Archive whose points the tags are")
     sign_in: SignIn = Field(description='"kerberos", "basic", "bearer" or "anonymous"')
     user: Text | None = Field(default=None, description="the name to sign in with, as text")
-    secret_variable: Name | None = Field(
-        default=None,
-        description="the name of the environment variable that holds the password or token",
-    )
-    secret_file: Name | None = Field(
-        default=None, description="the name of a file that holds nothing but the password or token"
-    )
-    authority: Name | None = Field(
-        default=None,
-        description="a file with the certificates of the site's own authority, relative to the "
-        "plant file",
-    )
-    timeout_s: Positive = Field(default=60.0, description="seconds, above 0")
     page: Annotated[int, Field(ge=100, le=1_000_000)] = Field(
         default=10_000, description="values of a tag asked for at a time, 100 to 1000000"
     )
@@ -84,20 +68,15 @@ class PiSettings(ArchiveSettings):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        parts = urlsplit(self.url)
-        if parts.scheme not in ("http", "https") or not parts.hostname or "@" in parts.netloc:
-            raise contradiction(("url",), "something else", f"{_URL}, without a password in it")
-        secrets = sum(secret is not None for secret in (self.secret_variable, self.secret_file))
+        self.check_url(_URL)
         if self.sign_in in ("basic", "bearer"):
-            if secrets != 1:
+            if self.secrets_named != 1:
                 found_text = f'sign_in = "{self.sign_in}" without one place for the secret'
                 raise contradiction(
                     ("sign_in",), found_text, "secret_variable or secret_file as well"
                 )
-            if parts.scheme == "http" and parts.hostname not in LOOPBACK:
-                found_text = "an address that sends the secret unencrypted"
-                raise contradiction(("url",), found_text, "an address with https://")
-        elif secrets or self.user:
+            self.check_encrypted("secret")
+        elif self.secrets_named or self.user:
             found_text = f'sign_in = "{self.sign_in}" with a user or a secret'
             raise contradiction(
                 ("sign_in",), found_text, '"basic" or "bearer", or no user and secret'
@@ -108,19 +87,13 @@ class PiSettings(ArchiveSettings):
 
     def address(self, folder: Path, zone: str | None) -> ArchiveAddress:
         """Of the server; files count from ``folder``. Times are UTC, so that no zone is needed."""
-
-        def inside_folder(name: str | None) -> str:
-            return "" if name is None else str(folder / name)
-
         return PiAddress(
             url=self.url,
             server=self.server,
             sign_in=self.sign_in,
             user=self.user or "",
-            secret=Secret(
-                variable=self.secret_variable or "", file=inside_folder(self.secret_file)
-            ),
-            authority=inside_folder(self.authority),
+            secret=self.secret(folder),
+            authority=self.authority_file(folder),
             timeout_s=self.timeout_s,
             page=self.page,
             before_s=3600.0 if self.before_s is None else self.before_s,

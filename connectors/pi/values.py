@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stemwatch.connectors.archive.number_column import number_column
+from stemwatch.connectors.archive.number_column import number_column, number_of
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.historian.tables.raw_table import RawColumn
 from stemwatch.connectors.historian.times.time_column import Instants
@@ -47,7 +47,7 @@ def column_of(
         tag,
         ns,
         np.ones(ns.size, dtype=bool),
-        np.array([_number(cell) for cell in cells], dtype=np.float64),
+        np.array([number_of(cell) for cell in cells], dtype=np.float64),
         source_name=source_name,
         unit=unit,
         bad=bad,
@@ -111,15 +111,8 @@ def _state(cell: Any) -> str:
     if isinstance(cell, dict):
         return str(cell.get("Name", "")) or "state"
     if isinstance(cell, str):
-        return "" if np.isfinite(_number(cell)) else cell
+        return "" if np.isfinite(number_of(cell)) else cell
     return ""
-
-
-def _number(cell: Any) -> float:
-    try:
-        return float(cell) if isinstance(cell, bool | int | float | str) else float("nan")
-    except (ValueError, OverflowError):
-        return float("nan")
 
 
 def _text_column(
@@ -134,7 +127,7 @@ def _text_column(
 ) -> Column:
     """States and numbers together, read by the rules of a text export; bad ones as ``Bad``."""
     texts = [
-        "Bad" if hidden else _state(cell) or ("" if cell is None else repr(_number(cell)))
+        "Bad" if hidden else _state(cell) or ("" if cell is None else repr(number_of(cell)))
         for cell, hidden in zip(cells, bad.tolist(), strict=True)
     ]
     raw = RawColumn(tag=tag, cells=texts, unit=unit, quality_codes=None)

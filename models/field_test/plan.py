@@ -20,7 +20,7 @@ FREE, STICKS = "moves_freely", "sticks"
 
 
 class PlanKind(StrEnum):
-    """What kind of plan it is."""
+    """Whether there is a test that tells, and what it is for."""
 
     TELLS = "tells"  # a test within the limits tells the rivals apart
     CANNOT_TELL = "cannot_tell"  # none does; the best one is shown, and what would

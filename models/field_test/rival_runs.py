@@ -60,11 +60,11 @@ class BreakawayScatter(StemTerm):
         self.percent = percent
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The number of the draw."""
+        """The number of the draw, which seeds its breakaway levels."""
         return (Coordinate(name="draw", low=0.0, high=1e6),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """The first draw."""
+        """The draw of number 0."""
         return np.zeros((1, 1))
 
     def fill(self, stem: Stem, values: Floats) -> None:

@@ -88,12 +88,15 @@ def remaining_loss(evaluator: Evaluator, fitted: Fitted) -> float:
 
 def much_left(evaluator: Evaluator, fitted: Fitted) -> bool:
     """True where what is left is systematic, and nothing in the hypothesis explains it."""
-    return remaining_loss(evaluator, fitted) > MUCH_LEFT * short_record_factor(evaluator.told) ** 2
+    return (
+        remaining_loss(evaluator, fitted)
+        > MUCH_LEFT * short_record_factor(evaluator.measured_counts) ** 2
+    )
 
 
 def not_little_left(evaluator: Evaluator, fitted: Fitted) -> bool:
     """True where too much is left to say that nothing else is needed."""
     return (
         remaining_loss(evaluator, fitted)
-        > NOT_LITTLE_LEFT * short_record_factor(evaluator.told) ** 2
+        > NOT_LITTLE_LEFT * short_record_factor(evaluator.measured_counts) ** 2
     )

@@ -31,7 +31,7 @@ from stemwatch.models.mismatch.findings import (
     Effect,
     HeldOutFit,
 )
-from stemwatch.models.mismatch.held_out import FirstPart, HeldOutComparison, show
+from stemwatch.models.mismatch.held_out import FirstPart, HeldOutComparison, compare_held_out
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -46,7 +46,7 @@ from stemwatch.models.mismatch.reading_errors import (
 )
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
-from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name
+from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.recording import Floats, Recording
@@ -88,7 +88,7 @@ def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
     if drive is not None:
         return drive
     sought = of_the_valve(terms)
-    return with_pair(name(case.base, sought), sought)
+    return with_pair(name_terms(case.base, sought), sought)
 
 
 def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:
@@ -165,7 +165,7 @@ def _whole_record(
         if DRIVE in layout.places
         else [score.term for score in named.needed]
     )
-    comparison = show(evaluator, layout, in_turn, case.ceiling, of_drive, first_part)
+    comparison = compare_held_out(evaluator, layout, in_turn, case.ceiling, of_drive, first_part)
     effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
     proposed = {candidate.slug for candidate in candidates}
     hypothesis = AcceptedHypothesis(
@@ -236,7 +236,8 @@ def _terms_that_stand(
         )
     lines = [effect for effect in effects if effect.slug in STRAIGHT_LINE]
     if lines and (
-        _refuted(heldout) or convincing(curvature(evaluator, fitted), evaluator.told, BEND)
+        _refuted(heldout)
+        or convincing(curvature(evaluator, fitted), evaluator.measured_counts, BEND)
     ):
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
         open_end = open_end or not effects

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.forensics import quantum
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.runs_of_samples import long_runs, runs_of
 
 LEAST_SAMPLES = 60
 # Swinging doors drop most of a signal; a measured one has next to no three points on one line.
@@ -72,14 +73,13 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
     tolerance = np.maximum(1e-6 * np.abs(slope), max(4.0 * zero, 2.001 * digit))
     straight = np.abs(bend) <= tolerance
     sloped = np.abs(slope) > max(16.0 * zero, 2.0 * digit)
-    lines = _long(straight & sloped, 3 if digit > 0.0 else 1)
+    lines = long_runs(straight & sloped, 3 if digit > 0.0 else 1)
     follows = np.abs(slope - _bends(other)[1]) <= 0.1 * np.abs(slope)
     drawn_here = lines & ~follows
     inner = np.isfinite(bend) & ~(straight & ~sloped)
     if np.count_nonzero(inner) < LEAST_SAMPLES or drawn_here.sum() < LEAST_DRAWN * inner.sum():
         return None
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], drawn_here.astype(np.int8), [0]))))
-    if edges.size // 2 < LEAST_LINES or _one_speed(slope[drawn_here]):
+    if len(runs_of(drawn_here)) < LEAST_LINES or _one_speed(slope[drawn_here]):
         return None
     kinks = np.abs(bend[np.isfinite(bend) & ~straight])
     # A smooth signal printed with few digits bends by little everywhere, a drawn one at its knots.
@@ -111,17 +111,6 @@ def swinging_door_deviation(values: Floats, stored: Bools) -> float:
     close = bend[last - first == 2]
     least = float(close.min()) if close.size else WIDEST_DOOR
     return float(np.clip(min(least, float(np.median(bend))), NARROWEST_DOOR, WIDEST_DOOR))
-
-
-def _long(flags: Bools, least: int) -> Bools:
-    """(n,) the runs of True that are at least so long."""
-    if least <= 1:
-        return flags
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
-    long_enough = np.zeros(flags.size, dtype=bool)
-    for first, last in edges.reshape(-1, 2):
-        long_enough[first:last] = last - first >= least
-    return long_enough
 
 
 def _one_speed(slopes: Floats) -> bool:

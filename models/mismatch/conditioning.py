@@ -15,6 +15,7 @@ from stemwatch.models.excitation import REST_SAMPLES, jumps_from_rest, reversals
 from stemwatch.models.mismatch.residual_map import Facet
 from stemwatch.models.own_clock import between, duration, parts_of_time, rate
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.runs_of_samples import runs_of
 
 Codes = NDArray[np.int64]
 
@@ -111,8 +112,7 @@ def rests(moving: Bools) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
     A record begins with a rest of unknown length, which is not counted.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate(([1], moving.astype(np.int8), [1]))))
-    begins, ends = edges[::2], edges[1::2]
+    begins, ends = runs_of(~moving).T
     whole_rests = (begins > 0) & (ends < moving.size) & (ends - begins >= REST_SAMPLES)
     return ends[whole_rests], (ends - begins)[whole_rests]
 

@@ -333,7 +333,7 @@ def curvature(evaluator: Evaluator, fitted: Fitted) -> Advantage:
         ):
             loss = evaluator.delta**2 * np.log1p((unseen_residual / evaluator.delta) ** 2)
             sums += np.bincount(block[unseen], loss, minlength=sums.size)
-    return advantage(before, after, evaluator.told, evaluator.delta)
+    return advantage(before, after, evaluator.measured_counts, evaluator.delta)
 
 
 def _blocks_inside(evaluator: Evaluator, fold: Bools) -> Bools:

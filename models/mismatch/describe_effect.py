@@ -104,7 +104,7 @@ def effect(
             mean=advantage.mean,
             t=advantage.t,
             share=share,
-            strength=strength(advantage, evaluator.told, term.slug),
+            strength=strength(advantage, evaluator.measured_counts, term.slug),
             note=_note(advantage, members),
         ),
         inherent=term.inherent(values, evaluator.summary),
@@ -190,7 +190,7 @@ def sentence_of(
         tail = f" {len(refused)} effects could not be tested here." if refused else ""
         return f"S and J explain this recording; nothing else is needed.{missed}{tail}"
     if finding is Finding.UNKNOWN and doubt:
-        return f"{doubt}: whether something is left out cannot be told, and nothing is named."
+        return f"{doubt}: it cannot be told whether they leave something out, and nothing is named."
     if finding is Finding.UNKNOWN:
         place_clause = (
             "the residual map shows where it differs"

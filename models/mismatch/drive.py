@@ -65,7 +65,9 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
     # That there is inertia was told by the balance; the blocks must tell that the drive as a whole
     # is needed. Without its motor the fit makes up for much by a wide dead band.
     drive_alone = conclude(evaluator, _fit_drive_alone(evaluator, base))
-    explains_all = convincing(gain(evaluator, drive_alone, fitted), evaluator.told, DRIVE)
+    explains_all = convincing(
+        gain(evaluator, drive_alone, fitted), evaluator.measured_counts, DRIVE
+    )
     needed = []
     for term in hypothesis.terms:
         without_drive = conclude(evaluator, _fit_without(evaluator, fitted, term))
@@ -73,7 +75,7 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
         still_needed = (
             explains_all and score.advantage.mean >= MEAN and score.advantage.t >= AS_GOOD
             if term.slug == DRIVE
-            else convincing(score.advantage, evaluator.told, term.slug)
+            else convincing(score.advantage, evaluator.measured_counts, term.slug)
         )
         if still_needed and term.material(score.values, evaluator.summary):
             stage = SelectionStage(without_drive, (score,), (score,))

@@ -298,7 +298,7 @@ class Evaluator:
         return np.asarray(self.problem.scored & (self.slack == 0.0))
 
     @cached_property
-    def told(self) -> Floats:
+    def measured_counts(self) -> Floats:
         """(n_blocks,) scored samples that were really measured."""
         block = self.problem.block[self.measured]
         return np.bincount(block, minlength=self.problem.n_blocks).astype(np.float64)

@@ -63,7 +63,7 @@ from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import of_balance, stiction
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import strongest_pair
-from stemwatch.models.mismatch.term_selection import TermScore, name
+from stemwatch.models.mismatch.term_selection import TermScore, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
@@ -363,8 +363,8 @@ def scores(recording: Recording) -> NullScores:
         return NullScores({}, 0.0)
     case = prepare(recording, settled, None, problem_of(recording, settled))
     terms = of_the_valve(admissible(case.refused))
-    named = name(case.base, terms)
-    told = named.evaluator.told
+    named = name_terms(case.base, terms)
+    told = named.evaluator.measured_counts
     first: tuple[TermScore, ...] = named.stages[0].scores
     return NullScores(
         terms={

@@ -69,7 +69,7 @@ class FirstPart:
         return _on_both(layout, conclude(evaluator, found).candidate)
 
 
-def show(
+def compare_held_out(
     evaluator: Evaluator,
     layout: CoordinateLayout,
     terms: Sequence[Term],

@@ -19,6 +19,7 @@ from stemwatch.models.excitation import Jumps, jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.conditioning import moving_stem, rests
 from stemwatch.models.own_clock import duration, is_of_seconds, long_time, rate
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.runs_of_samples import runs_of
 from stemwatch.models.words import only_times, share, times
 
 QUICK_S, OPENING_S, SLOW_S = 5.0, 10.0, 20.0  # windows of a quick move, an opening, a slow ramp
@@ -90,7 +91,7 @@ def exercised(
         moves=_moves(mv, simulated, sigma),
         slips=(max(p[0] for p in pairs), max(p[1] for p in pairs)),
         quick=(_quick(op, interval_s), _quick(-op, interval_s)),
-        openings=_events(_rise(op, OPENING_S, interval_s) >= OPENING_PERCENT),
+        openings=len(runs_of(_rise(op, OPENING_S, interval_s) >= OPENING_PERCENT)),
         restarts=max(_restarts(simulated, ends, lengths), _further_jumps(mv, jumps, sigma)),
         slow_s=_slow(op, interval_s),
         resting_s=float(np.count_nonzero(~moving)) * interval_s,
@@ -144,15 +145,10 @@ def _rise(op: Floats, window_s: float, interval_s: float) -> Floats:
     return np.asarray(op[lag:] - op[:-lag])
 
 
-def _events(flags: Bools) -> int:
-    """Runs of True."""
-    return int(np.count_nonzero(np.diff(np.concatenate(([0], flags.astype(np.int8)))) == 1))
-
-
 def _quick(op: Floats, interval_s: float) -> int:
     """Stretches in which OP rises quickly, by more than its own scatter."""
     rise = _rise(op, QUICK_S, interval_s)
-    return _events(rise >= QUICK_PERCENT_PER_S * max(QUICK_S, interval_s))
+    return len(runs_of(rise >= QUICK_PERCENT_PER_S * max(QUICK_S, interval_s)))
 
 
 def _slow(op: Floats, interval_s: float) -> float:

@@ -52,8 +52,8 @@ def doubt(
     )
     if not agree and not _as_good_by_free_runs(evaluator, fitted, best, naive):
         return (
-            "Two other fits to this recording, of S and J alone and with the reading's zero and "
-            "gain, contradict each other"
+            "Two fits to this recording, one by S and J alone and one with the reading's zero and "
+            "gain beside them, contradict each other"
         )
     numbers = (comparison.heldout.fit_naive, comparison.heldout.fit_extended, comparison.followed)
     fits = [fit for fit in numbers if fit is not None]
@@ -72,8 +72,9 @@ def missed_breakaways(comparison: HeldOutComparison) -> str:
     if free is None or followed is None or followed - free < MISSES:
         return ""
     return (
-        f" A free run of them fits {free:.0f} % of the part that was not fitted, because it misses "
-        f"single breakaways; with each of them where it was seen it fits {followed:.0f} %."
+        f" Fitted anew by free runs in this search, they have a fit of only {free:.0f} % on the "
+        "part that was not fitted, because such a run misses single breakaways; with each "
+        f"breakaway where it was seen it is {followed:.0f} %."
     )
 
 

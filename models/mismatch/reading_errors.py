@@ -131,6 +131,6 @@ def _dropped(
         return None
     neutral_fit = without_error(evaluator, fitted, coordinate, largest)
     advantage = gain(evaluator, neutral_fit, fitted)
-    if not convincing(advantage, evaluator.told, term.slug):
+    if not convincing(advantage, evaluator.measured_counts, term.slug):
         return None
     return ReadingError(term, advantage, neutral_fit)

@@ -18,6 +18,7 @@ from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, hel
 from stemwatch.models.mismatch.findings import RecordEffect
 from stemwatch.models.own_clock import duration, seconds_of
 from stemwatch.models.recording import Bools, Floats, Recording, Role
+from stemwatch.models.runs_of_samples import runs_of
 from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS, OpWithinSteps
 from stemwatch.models.words import share
 
@@ -248,7 +249,7 @@ def _freezing(frozen: Bools, interval_s: float, unit_s: float) -> RecordEffect |
     count = int(np.count_nonzero(frozen))
     if not count:
         return None
-    runs = int(np.count_nonzero(np.diff(np.concatenate(([0], frozen.astype(np.int8)))) == 1))
+    runs = len(runs_of(frozen))
     stretches = "one stretch" if runs == 1 else f"{runs} stretches"
     return RecordEffect(
         slug="frozen_signal",

@@ -55,7 +55,7 @@ def _rivals(
 
 
 def _suspected(evaluator: Evaluator, score: TermScore) -> bool:
-    is_suspected = strength(score.advantage, evaluator.told, score.slug) >= NEAR
+    is_suspected = strength(score.advantage, evaluator.measured_counts, score.slug) >= NEAR
     return is_suspected and score.term.material(score.values, evaluator.summary)
 
 

@@ -54,12 +54,12 @@ class TermPair:
 
     @property
     def slugs(self) -> tuple[str, ...]:
-        """The slugs of both."""
+        """The slugs of both terms, in the order in which they were searched."""
         return tuple(score.slug for score in self.scores)
 
     def least_strength(self, evaluator: Evaluator) -> float:
         """How far the weaker of the two lies beyond the limits of a term beside another."""
-        told = evaluator.told
+        told = evaluator.measured_counts
         return min(strength(score.advantage, told, score.slug, 1) for score in self.scores)
 
     def needs_both(self, evaluator: Evaluator) -> bool:
@@ -133,7 +133,7 @@ def _comes_near(named: Named) -> bool:
         return True
     number = len(named.stages) - 1 if needed else 0
     return any(
-        strength(score.advantage, named.evaluator.told, score.slug, number) >= NEAR
+        strength(score.advantage, named.evaluator.measured_counts, score.slug, number) >= NEAR
         for score in named.stages[number].scores
         if score.slug not in needed
     )

@@ -251,7 +251,7 @@ def _nested(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[Te
 
 def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
     """True where the gain is beyond what nothing hidden shows, and the size matters."""
-    is_convincing = convincing(score.advantage, evaluator.told, score.slug, stage)
+    is_convincing = convincing(score.advantage, evaluator.measured_counts, score.slug, stage)
     return (
         is_convincing
         and (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
@@ -304,7 +304,7 @@ def _as_good(evaluator: Evaluator, rival: TermScore, best: TermScore) -> bool:
     return gain(evaluator, rival.fitted, best.fitted).t < AS_GOOD
 
 
-def name(base: BaseFit, terms: Sequence[Term]) -> Named:
+def name_terms(base: BaseFit, terms: Sequence[Term]) -> Named:
     """Build the hypothesis up from the base with the ``terms`` that the recording can show."""
     evaluator, simple = base.evaluator, base.fitted
     terms_left = list(terms)
@@ -328,7 +328,7 @@ def name(base: BaseFit, terms: Sequence[Term]) -> Named:
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
     if any(one.term.slug == PLAY for one in needed) and not jump_is_visible(fitted, evaluator):
         # A later term has taken the jump that told play from friction.
-        return name(base, [term for term in terms if term.slug != PLAY])
+        return name_terms(base, [term for term in terms if term.slug != PLAY])
     if not needed:
         fitted, needed = told_by_events(evaluator, fitted, terms)
     return Named(
@@ -395,7 +395,7 @@ def pruned(
             )
             before = conclude(evaluator, refit(evaluator, start, CAREFUL))
         advantage = gain(evaluator, before, fitted)
-        if not convincing(advantage, evaluator.told, only.accepted[0].slug):
+        if not convincing(advantage, evaluator.measured_counts, only.accepted[0].slug):
             # What was polished on both folds predicts less than it did at its first look.
             return before, []
         return fitted, [Needed(only, before, advantage)]
@@ -406,7 +406,7 @@ def pruned(
         start = conclude(evaluator, scored(layout, reduced(evaluator, fitted, lacking)))
         without_term = conclude(evaluator, refit(evaluator, start, CAREFUL))
         advantage = gain(evaluator, without_term, fitted)
-        if convincing(advantage, evaluator.told, stage.accepted[0].slug, 1):
+        if convincing(advantage, evaluator.measured_counts, stage.accepted[0].slug, 1):
             needed.append(Needed(stage, without_term, advantage))
         else:
             fitted = without_term

@@ -75,7 +75,7 @@ def _on_top(named: Named) -> dict[str, TermScore]:
 
 def _rejected(named: Named, score: TermScore, beside_score: TermScore | None) -> TriedOutcome:
     """Why a term that was tried is not named."""
-    informative, summary = named.evaluator.told, named.evaluator.summary
+    informative, summary = named.evaluator.measured_counts, named.evaluator.summary
     if not convincing(score.advantage, informative, score.slug):
         return TriedOutcome.CHANCE
     if not score.term.material(score.values, summary):
@@ -94,7 +94,7 @@ def _rejected(named: Named, score: TermScore, beside_score: TermScore | None) ->
 def scores_of(named: Named, effects: tuple[Effect, ...]) -> tuple[EffectScore, ...]:
     """Every term that was looked at: those that stand by their evidence, the others by what they
     gained on top of the terms before them, where they were looked at last."""
-    counts = named.evaluator.told
+    counts = named.evaluator.measured_counts
     score_of: dict[str, EffectScore] = {}
     for round_number, stage in enumerate(named.stages):
         for score in stage.scores:

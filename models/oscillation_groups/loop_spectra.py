@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from stemwatch.models.holes import bridged
+from stemwatch.models.oscillation import half_periods
 from stemwatch.models.recording import Floats
 
 Complexes = NDArray[np.complex128]
@@ -169,10 +170,7 @@ def _regularity(spectra: LoopSpectra, power: Floats, peaks: list[LoopOscillation
 
 
 def _from_crossings(acf: Floats) -> float:
-    sign = np.signbit(acf)
-    crossings = np.flatnonzero(sign[1:] != sign[:-1])[:_CROSSINGS]
-    if crossings.size < 6:
+    half = half_periods(acf, _CROSSINGS)
+    if half.size < 5:
         return 0.0
-    exact = crossings + acf[crossings] / (acf[crossings] - acf[crossings + 1])
-    half = np.diff(exact)
     return float(half.mean() / (3.0 * half.std(ddof=1) + 1e-9))

@@ -117,7 +117,7 @@ class Breakaways:
 
     @property
     def S(self) -> float:
-        """Deadband plus stickband, percent of OP."""
+        """Dead band plus stick band, percent of OP."""
         return max(self.level + self.kinetic, 0.0)
 
     @property

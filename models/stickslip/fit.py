@@ -271,7 +271,7 @@ class StickSlipFit:
 
     @property
     def S(self) -> float:
-        """Deadband plus stickband, percent of OP span: of the mean breakaway where slips tell it,
+        """Dead band plus stick band, percent of OP span: of the mean breakaway where slips tell it,
         else the candidate's."""
         return self.breakaways.S if self.breakaways else S_and_J(self.candidate)[0]
 

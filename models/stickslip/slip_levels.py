@@ -66,7 +66,7 @@ class SlipLevels:
 
     @property
     def S(self) -> float:
-        """Deadband plus stickband, percent of OP."""
+        """Dead band plus stick band, percent of OP."""
         return self.level + self.kinetic
 
     @property

@@ -54,7 +54,7 @@ class StoredRange:
         return bool(bottom - tolerance <= first and last <= top + tolerance and enough_of_range)
 
     def read(self, signal: Signal) -> Signal:
-        """``signal`` in percent."""
+        """``signal`` in percent: 100 (value - low) / (high - low)."""
         percent = 100.0 * (signal.values - self.low) / (self.high - self.low)
         return replace(signal, values=percent, unit=PERCENT)
 

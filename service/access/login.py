@@ -148,12 +148,12 @@ def wait_after(count: int, free: int, longest: timedelta) -> timedelta:
 
 
 def of_name(count: int) -> timedelta:
-    """The wait of a name."""
+    """How long to wait after ``count`` failures with one user name."""
     return wait_after(count, FREE_OF_NAME, LONGEST_OF_NAME)
 
 
 def of_address(count: int) -> timedelta:
-    """The wait of an address."""
+    """How long to wait after ``count`` failures from one address."""
     return wait_after(count, FREE_OF_ADDRESS, LONGEST_OF_ADDRESS)
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 import atexit
 import gc
 import sys
+from collections.abc import Iterator
+from inspect import cleandoc
 
 import typer
+from typer.models import CommandInfo
 
 from stemwatch.service.cli.accounts import accounts_app
 from stemwatch.service.cli.alert_trial import alert_trial
@@ -73,8 +76,8 @@ def _main(
     [bold]stemwatch screen FILE[/] to fit every valve in it and get a report. Nothing is ever
     written to a plant, and nothing is fetched from outside.
 
-    Exit status: 0 done, 2 wrong usage or a source that cannot be read; with --fail-on, 1 when
-    such a finding is there.
+    Exit status: 0 done, 2 wrong usage or a source that cannot be read; 1 when a valve has the
+    verdict that --fail-on names, when a run failed, or when db check finds something to do.
     """
 
 
@@ -121,6 +124,23 @@ app.add_typer(db_app, name="db", rich_help_panel=SERVICE)
 app.add_typer(accounts_app, name="accounts", rich_help_panel=SERVICE)
 app.add_typer(modbus_app, name="modbus", rich_help_panel=PLANT)
 app.add_typer(benchmark_app, name="benchmark", rich_help_panel=STUDIES)
+
+
+def _commands(group: typer.Typer) -> Iterator[CommandInfo]:
+    yield from group.registered_commands
+    for inner in group.registered_groups:
+        if inner.typer_instance is not None:
+            yield from _commands(inner.typer_instance)
+
+
+def _paragraphs(text: str) -> str:
+    """``text`` without the line breaks of the source: the terminal breaks lines by its width."""
+    return "\n\n".join(part.replace("\n", " ") for part in cleandoc(text).split("\n\n"))
+
+
+for info in (*_commands(app), app.registered_callback):
+    if info is not None and info.callback is not None:
+        info.help = _paragraphs(info.callback.__doc__ or "")
 
 
 def main() -> None:

@@ -21,9 +21,11 @@ SHOWN_FROM = 0.95  # the lowest quantile of the table
 
 def calibrate_mismatch(
     seed: o.Seed = 4000,
-    cases: Annotated[int, typer.Option(min=4, max=20_000, help="Nulls to draw.")] = 200,
+    cases: Annotated[
+        int, typer.Option(min=4, max=20_000, help="Valves to draw, with nothing hidden.")
+    ] = 200,
     share: Annotated[
-        float, typer.Option(min=0.001, max=0.5, help="Valves that chance may name.")
+        float, typer.Option(min=0.001, max=0.5, help="Share of valves that chance may name.")
     ] = 0.03,
     t: Annotated[float, typer.Option(help="Limit of the t-like value.")] = 2.4,
     json_file: o.JsonFile = None,
@@ -31,7 +33,7 @@ def calibrate_mismatch(
 ) -> None:
     """Score every term of `explain`, and pairs of them, on valves with nothing hidden.
 
-    Half of the nulls have 5 % breakaway scatter and half 12 %. A term is named where its advantage
+    Half of the valves have 5 % breakaway scatter and half 12 %. A term is named where its advantage
     on blocks of time that it was not fitted to is beyond what these ever show; the limits that are
     printed let through at most --share of valves, whatever the term. Seeds 4000 to 4099 are kept
     for this, so that `stemwatch prove` is blind.

@@ -49,11 +49,11 @@ def compare(
     *,
     options: ReadOptions,
 ) -> None:
-    """Fit every stiction model of the literature to one valve and mark them alike.
+    """Fit every stiction model of the literature to one valve and score them alike.
 
     Data-driven models, force balances, two published networks and our own, all fitted to the first
     part of the record and judged by their free run over the rest. It says which model follows, not
-    whether the valve is ill: that is `stemwatch screen`.
+    whether the valve is faulty: `stemwatch screen` says that.
     """
     o.need_file(file, "FILE")
     request = request_of([str(file)], None, tags_of(op=op, mv=mv), valve, from_, to, options)

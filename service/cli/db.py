@@ -109,7 +109,7 @@ def downgrade(
 
 @db_app.command()
 def check(plant: PlantFile = None, db: Url = "") -> None:
-    """Look the database over: schema, integrity, orphans, partitions, numbering, sizes.
+    """Check the database: schema, integrity, orphans, partitions, numbering, sizes.
 
     Changes nothing. Exit status 1 where something needs to be done.
     """
@@ -220,7 +220,7 @@ def prune(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Remove it; without, only count.")] = False,
 ) -> None:
-    """Remove what is over age; first without --yes, to see how much that is.
+    """Remove old results, samples and alerts; without --yes, only count them.
 
     The running service removes old samples by itself. Baselines, notes and maintenance stay.
     """

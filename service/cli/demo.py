@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from datetime import timedelta
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,13 @@ if TYPE_CHECKING:
 
 ZONE = "Europe/Berlin"
 LIVE = "The live demo"
+# What the run and its report import when they first need it.
+NEEDED_LATER = (
+    "stemwatch.service.run.engine",
+    "stemwatch.service.store.migrations.migrate",
+    "stemwatch.service.maintenance.pdf",
+    "stemwatch.service.report.xlsx_file",
+)
 
 
 def demo(
@@ -90,6 +98,8 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
             )
             for weeks, loop in weeks_before(seed)
         ]
+        for module in NEEDED_LATER:  # while the workers compile
+            import_module(module)
     views.say(f"     wrote {written.files[0]} and {written.plant_toml}")
     views.say("2/3  Screening the export, after earlier weeks of one valve ...")
     screen_plant(written.plant_toml, out / "report", workers, earlier)

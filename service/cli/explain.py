@@ -26,7 +26,10 @@ TITLE = "Where simulation and recording differ"
 def explain(
     request: Request,
     narx: Annotated[
-        bool, typer.Option("--narx/--no-narx", help="Train the network that gives the ceiling.")
+        bool,
+        typer.Option(
+            "--narx/--no-narx", help="Train the network that shows what could be explained."
+        ),
     ] = True,
     out: Annotated[
         Path | None, typer.Option(help="Folder for a page with traces and maps.")
@@ -34,7 +37,7 @@ def explain(
     json_file: o.JsonFile = None,
     workers: o.Workers = None,
 ) -> None:
-    """Say where S and J alone fail a recording, which physics they leave out, and by how much.
+    """Say where S and J alone do not follow a recording, and which physics they leave out.
 
     The residual is located, the effect named from a catalogue or left as candidates, the extended
     model fitted, and S and J restated with it. What the recording could not have shown is said.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from stemwatch.connectors.historian import HistorianFile, Inspection, ReadOptions
     from stemwatch.connectors.historian.proposed_plant import ProposedSource
 
-ARCHIVES = "Archives of a plant file"
+_of_archives = partial(typer.Option, rich_help_panel="Archives of a plant file")
 
 
 @given_by(read_options, name="options")
@@ -34,14 +35,11 @@ def inspect(
         Path | None,
         typer.Option(help="Write the proposed plant file here, unless it is there already."),
     ] = None,
-    source: Annotated[
-        str, typer.Option(help="Of a plant file, only this source.", rich_help_panel=ARCHIVES)
-    ] = "",
+    source: Annotated[str, _of_archives(help="Of a plant file, only this source.")] = "",
     pattern: Annotated[
         str,
-        typer.Option(
-            help="Only tags whose name fits, such as 'FIC*'; capital letters do not matter.",
-            rich_help_panel=ARCHIVES,
+        _of_archives(
+            help="Only tags whose name fits, such as 'FIC*'; capital letters do not matter."
         ),
     ] = "",
     *,
@@ -58,11 +56,6 @@ def inspect(
     interval and jitter, bad values, gaps, and evidence of compression, quantisation and frozen
     signals. A tag named MV may be the controller output or the valve position: it is never guessed.
     """
-    import json
-
-    from stemwatch.connectors.historian.proposed_plant import plant_toml
-    from stemwatch.service.cli import views
-
     if not file.is_dir():
         o.need_file(file, "FILE")
     if write is not None and write.exists():
@@ -78,6 +71,18 @@ def inspect(
             "one",
             param_hint="FILE",
         )
+    _inspect_exports(file, options, write, json_file)
+
+
+def _inspect_exports(
+    file: Path, options: ReadOptions, write: Path | None, json_file: Path | None
+) -> None:
+    """Print, and write, what is understood of an export or of a folder of them."""
+    import json
+
+    from stemwatch.connectors.historian.proposed_plant import plant_toml
+    from stemwatch.service.cli import views
+
     files = _files_of(file, options)
     seen = [(source.path, source.inspect()) for source in files]
     _show([inspection for _, inspection in seen])

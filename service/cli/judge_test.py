@@ -41,11 +41,11 @@ def judge_test(
     zone: o.Zone = "",
     interval_s: o.Interval = None,
 ) -> None:
-    """Say which of the rivals the recording of a planned test speaks for, or that it cannot tell.
+    """Say which explanation the recording of a planned test supports, or that it cannot tell.
 
-    The rivals are those that `stemwatch plan-test` planned for: of the last screening before the
-    test, or of the file given first. Each is fitted to the test, and ruled out where hardly any
-    answer of its own would speak as much for the one that MV follows best.
+    The explanations are those that `stemwatch plan-test` planned for: of the last screening before
+    the test, or of the file given first. Each is fitted to the test, and ruled out where a valve
+    that has it would hardly ever answer so much like the one that MV follows best.
     """
     from stemwatch.models.field_test.judgement import judge_test
     from stemwatch.service.cli import views

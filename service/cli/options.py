@@ -74,7 +74,7 @@ PvTag = Annotated[str, typer.Option(help="Process variable.", rich_help_panel=TA
 SpTag = Annotated[str, typer.Option(help="Set point.", rich_help_panel=TAGS)]
 ModeTag = Annotated[str, typer.Option(help="Controller mode.", rich_help_panel=TAGS)]
 ValveName = Annotated[
-    str, typer.Option(help="The valve's name; with --plant, the one meant.", rich_help_panel=TAGS)
+    str, typer.Option(help="The valve's name; with --plant, only this valve.", rich_help_panel=TAGS)
 ]
 From = Annotated[str, typer.Option("--from", help="Start of the window, ISO time.")]
 To = Annotated[str, typer.Option("--to", help="End of the window, ISO time.")]

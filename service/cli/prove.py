@@ -32,7 +32,7 @@ def prove(
         str, typer.Option(help="Only this effect, by its slug, such as actuator_lag.")
     ] = "",
     concealment: Annotated[
-        str, typer.Option(help="Only records concealed like this, such as quantised.")
+        str, typer.Option(help="Only records made this hard to see in, such as quantised.")
     ] = "",
     keep: Annotated[
         Path | None, typer.Option(help="Leave the CSV files and the opened truth here.")

@@ -24,6 +24,7 @@ from stemwatch.service.presenter.cost_of_sticking import RankBy
 if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
     from stemwatch.service.config import Plant
+    from stemwatch.service.run.engine import RunResult
     from stemwatch.service.run.plan import Request
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
@@ -55,9 +56,9 @@ def screen(
 ) -> None:
     """Fit every valve of an export and leave a report: HTML, CSV, XLSX and JSON.
 
-    Each valve is judged healthy, watch, sticky or undetermined, with the reason. Without --plant
-    and --op the roles are taken from tags and descriptions where they leave no doubt. Screening
-    the same window twice updates what is stored.
+    Each valve is judged sticky, defective, watch, healthy or undetermined, with the reason. Without
+    --plant and --op the roles are taken from tags and descriptions where they leave no doubt.
+    Screening the same window twice updates what is stored.
     """
     chosen = valves_in_part(request.plant, part_of(site, area, unit))
     request = replace(request, valves=request.valves or chosen)
@@ -98,7 +99,7 @@ def screen_plant(
     plant: Path, out: Path, workers: int | None, earlier: Sequence[Path] = ()
 ) -> tuple[Screening, ...]:
     """Screen a plant file's own sources into its own database, after the files ``earlier``, of
-    which nothing is said and whose report lies beside them."""
+    which no summary is printed and whose report lies beside them."""
     from stemwatch.service.cli.reading import loaded_plant
     from stemwatch.service.run.plan import Request
 
@@ -133,14 +134,14 @@ def _run(
     # Imported only now, while the server process of the workers does its own imports.
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
-    from stemwatch.service.run.engine import RunNow, RunResult, screen_now
+    from stemwatch.service.run.engine import RunNow, screen_now
     from stemwatch.service.store.store import open_store
 
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
     out.mkdir(parents=True, exist_ok=True)
     address = db or (plant.storage if plant else f"sqlite:///{out / 'stemwatch.db'}")
-    with open_store(address) as store, views.screening_progress(0) as on_screened:
+    with open_store(address) as store, views.screening_progress(request.zone) as on_screened:
         how_to_run = RunNow(
             store=store,
             executor=executor,
@@ -160,7 +161,7 @@ def _run(
     return result.brief
 
 
-def show(result, json_file: Path | None) -> None:  # type: ignore[no-untyped-def]
+def show(result: RunResult, json_file: Path | None) -> None:
     """The summary, what was left out, and where report, PDF and work orders are."""
     from stemwatch.service.cli import views
     from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF

@@ -77,7 +77,7 @@ def simulate(
     """Write a historian export of simulated valves, its plant.toml, and the truth beside it.
 
     The simulator integrates the force balance of each valve at one millisecond inside a closed
-    loop; it shares no code with the models that are fitted. truth.json is for whoever wants to mark
+    loop; it shares no code with the models that are fitted. truth.json is there to check
     the result: S, J, shape, whether the valve is healthy, and everything that was drawn.
 
     With --modbus the loops run on behind a Modbus server that only answers requests to read, and

@@ -13,7 +13,7 @@ from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
     from stemwatch.models.studies.interacting_loops.fitting import PlantEvidence
-    from stemwatch.models.studies.interacting_loops.judge import JudgedPlant
+    from stemwatch.models.studies.interacting_loops.score_plant import ScoredPlant
 
 _DAY = 8640  # samples of 10 s
 _KINDS = ("sticking valve", "tight loop", "external wave")
@@ -49,7 +49,7 @@ def study_oscillations(
     seeds = [seed] if fit is None else _seeds(fit)
     items = [(each, number) for each in seeds for number in range(plants)]
     with views.progress("plants", len(items), transient=True) as advance:
-        work = _judge_one_plant if fit is None else _look_at_one_plant
+        work = _score_one_plant if fit is None else _look_at_one_plant
         for index, result in map_items(choose_executor(workers), work, items):
             done[index] = result
             advance(len(done))
@@ -73,15 +73,15 @@ def _seeds(text: str) -> list[int]:
         raise typer.BadParameter(f"--fit {text}: expected seeds such as 5151,6161") from None
 
 
-def _judge_one_plant(item: tuple[int, int]) -> JudgedPlant:
-    from stemwatch.models.studies.interacting_loops.judge import judge_plant, plant_of
+def _score_one_plant(item: tuple[int, int]) -> ScoredPlant:
+    from stemwatch.models.studies.interacting_loops.score_plant import plant_of, score_plant
 
-    return judge_plant(plant_of(*item))
+    return score_plant(plant_of(*item))
 
 
 def _look_at_one_plant(item: tuple[int, int]) -> PlantEvidence:
     from stemwatch.models.studies.interacting_loops.fitting import plant_evidence
-    from stemwatch.models.studies.interacting_loops.judge import plant_of
+    from stemwatch.models.studies.interacting_loops.score_plant import plant_of
 
     return plant_evidence(plant_of(*item))
 
@@ -97,7 +97,7 @@ def _print_fitted(plants: Sequence[PlantEvidence]) -> None:
     views.out.print(f"WEIGHTS = {fit_sources(plants)}", highlight=False)
 
 
-def _figures(results: Sequence[JudgedPlant]) -> dict[str, Any]:
+def _figures(results: Sequence[ScoredPlant]) -> dict[str, Any]:
     """The figures by name."""
     index = [plant.rand_index for plant in results if plant.rand_index is not None]
     quiet = [plant for plant in results if plant.quiet]
@@ -139,7 +139,7 @@ def _seconds(loops: int) -> float:
     from stemwatch.models.oscillation_groups.find_groups import find_groups
     from stemwatch.models.oscillation_groups.limits import LIMITS
     from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra
-    from stemwatch.models.studies.interacting_loops.judge import plant_of
+    from stemwatch.models.studies.interacting_loops.score_plant import plant_of
 
     rows: list[Any] = []
     number = 0

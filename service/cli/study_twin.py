@@ -13,7 +13,7 @@ def study_twin(
     loops: Annotated[int, typer.Option(min=4, max=10_000, help="Loops, all sticking.")] = 80,
     seed: o.Seed = 2064,
 ) -> None:
-    """Hold the twins of simulated loops to the same plant with the change made in truth.
+    """Compare what twins of simulated loops predict with the same plant after the change.
 
     Repair, half the friction, half the gain and twice the reset time; the same loads and noise. The
     median error of each figure as a share of the truth, and how many of the 90 % intervals hold it.

@@ -17,7 +17,7 @@ def study_wear_forecast(
     ] = 400,
     seed: o.Seed = 2053,
 ) -> None:
-    """Count what is foreseen of simulated valves that wear, and of those that do not.
+    """Count right forecasts for simulated valves that wear, and for those that do not.
 
     S over 300 days with the errors of its estimate; a forecast on a day before S reaches 1.5 %,
     from the 12 weeks before it. A 90 % interval should hold the truth in 85 to 95 of 100, and a

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from stemwatch.service.run.plan import Request
     from stemwatch.service.twin.loop_twin import WhatIf
 
-WHAT_IF = "What if (instead of the usual five)"
-SIMULATORS = "For other simulators"
+_what_if = partial(typer.Option, rich_help_panel="What if (instead of the usual five)")
+_write = partial(typer.Option, rich_help_panel="For other simulators")
 
 
 @given_by(recording_options, name="recording")
@@ -34,43 +35,26 @@ def twin(
             metavar="VALVE", help="A valve of --plant, or a file with the recording of one loop."
         ),
     ],
-    S: Annotated[
-        float | None, typer.Option("--s", min=0.0, help="S, % of OP.", rich_help_panel=WHAT_IF)
-    ] = None,
-    J: Annotated[
-        float | None, typer.Option("--j", min=0.0, help="J, % of OP.", rich_help_panel=WHAT_IF)
-    ] = None,
+    S: Annotated[float | None, _what_if("--s", min=0.0, help="Another S, % of OP.")] = None,
+    J: Annotated[float | None, _what_if("--j", min=0.0, help="Another J, % of OP.")] = None,
     gain_times: Annotated[
-        float, typer.Option(min=0.01, max=100.0, help="Controller gain.", rich_help_panel=WHAT_IF)
+        float, _what_if(min=0.01, max=100.0, help="Controller gain, times the present one.")
     ] = 1.0,
     reset_times: Annotated[
-        float, typer.Option(min=0.01, max=100.0, help="Reset time.", rich_help_panel=WHAT_IF)
+        float, _what_if(min=0.01, max=100.0, help="Reset time, times the present one.")
     ] = 1.0,
-    knock: Annotated[
-        str,
-        typer.Option(help="HEIGHT,EVERY,FOR: % of OP, s, s.", rich_help_panel=WHAT_IF),
-    ] = "",
+    knock: Annotated[str, _what_if(help="A knocker, HEIGHT,EVERY,FOR: % of OP, s, s.")] = "",
     fmu: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.fmu",
-            help="Write the valve as an FMI 3.0 unit.",
-            rich_help_panel=SIMULATORS,
-        ),
+        Path | None, _write(metavar="FILE.fmu", help="Write the valve as an FMI 3.0 unit.")
     ] = None,
     modelica: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.mo",
-            help="Write the valve as a Modelica block.",
-            rich_help_panel=SIMULATORS,
-        ),
+        Path | None, _write(metavar="FILE.mo", help="Write the valve as a Modelica block.")
     ] = None,
     json_file: o.JsonFile = None,
     *,
     recording: RecordingOptions,
 ) -> None:
-    """Run the loop of a recording again: repaired, detuned, with another packing or a knocker.
+    """Run the loop of a recording again: repaired, tuned otherwise, or with a knocker.
 
     The controller's law and the process are fitted to OP, position, PV and SP; the valve has its
     fitted S and J. What else moved the loop is kept and played again, so that each change shows

@@ -8,8 +8,9 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from datetime import UTC, datetime
+from datetime import UTC, datetime, tzinfo
 from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -142,14 +143,17 @@ def page_context(title: str, plant: Plant | None, zone: str) -> ReportContext:
     )
 
 
-def verdict_line(screening: Screening) -> str:
-    """Verdict, valve and reason on one line."""
+def verdict_line(screening: Screening, zone: tzinfo = UTC) -> str:
+    """Verdict, valve, when its recording begins, and the reason on one line."""
     from stemwatch.service.presenter.finding import present
+    from stemwatch.service.presenter.wording import instant
 
     presented = present(screening, stands=None)
     verdict = presented.decision.verdict
+    start = screening.window[0]
+    begins = "" if start is None else f", {instant(start, zone)}"
     return (
-        f"[{STYLE[verdict]}]{verdict.value:12}[/] [bold]{escape(screening.valve)}[/]  "
+        f"[{STYLE[verdict]}]{verdict.value:12}[/] [bold]{escape(screening.valve)}[/]{begins}  "
         f"{escape(presented.reason)}"
     )
 
@@ -166,13 +170,15 @@ def progress(
 
 
 @contextmanager
-def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], None]]:
-    """A progress bar with rate and time left, and a line for each sticky or watched valve."""
+def screening_progress(zone_name: str) -> Iterator[Callable[[Screening, int, int], None]]:
+    """A progress bar with rate and time left, and a line for each recording of a sticky or watched
+    valve, with its time in the zone."""
+    zone = ZoneInfo(zone_name)
     columns = (
         TextColumn("screening"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("valves"),
+        TextColumn("recordings"),
         TaskProgressColumn(
             show_speed=True, text_format="[progress.percentage]{task.percentage:.0f} %"
         ),
@@ -180,13 +186,13 @@ def screening_progress(total: int) -> Iterator[Callable[[Screening, int, int], N
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=err) as bars:
-        bar = bars.add_task("screening", total=total, rate="")
+        bar = bars.add_task("screening", total=0, rate="")
 
         def on_screened(screening: Screening, finished: int, total: int) -> None:
             elapsed = bars.tasks[0].elapsed or 1e-9
             bars.update(bar, completed=finished, total=total, rate=f"{finished / elapsed:.1f}/s")
             if is_final(screening) and screening.verdict in (Verdict.STICKY, Verdict.WATCH):
-                bars.console.print(verdict_line(screening), highlight=False)
+                bars.console.print(verdict_line(screening, zone), highlight=False)
 
         yield on_screened
 

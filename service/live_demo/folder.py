@@ -45,17 +45,17 @@ class DemoFolder:
 
     @property
     def mails(self) -> Path:
-        """The folder of the mails."""
+        """Where the mail catcher writes each mail."""
         return self.path / MAILS
 
     @property
     def plant_file(self) -> Path:
-        """The plant file of the service."""
+        """The plant.toml that the service is started with."""
         return self.path / PLANT_FILE
 
     @property
     def log(self) -> Path:
-        """The log of the service."""
+        """Where the service writes its log."""
         return self.path / LOG_FILE
 
     @property
@@ -64,7 +64,7 @@ class DemoFolder:
         return f"sqlite:///{self.path / DATABASE}"
 
     def release(self) -> None:
-        """Unlock the folder."""
+        """Let another demo use the folder."""
         self._lock.release()
 
     def _clear(self) -> None:

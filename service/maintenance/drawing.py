@@ -15,6 +15,7 @@ import numpy as np
 from markupsafe import Markup, escape
 
 from stemwatch.models.recording import Floats
+from stemwatch.models.runs_of_samples import runs_of
 from stemwatch.service.presenter.wording import printable
 
 Point = tuple[float, float]  # points, y downwards from the top
@@ -182,7 +183,6 @@ class Panel:
     ) -> list[DrawnLine]:
         """Polylines through ``x`` and ``y`` (n,), broken where either is not known."""
         finite = np.isfinite(x) & np.isfinite(y)
-        edges = np.flatnonzero(np.diff(np.concatenate(([0], finite.astype(np.int8), [0]))))
         return [
             DrawnLine(
                 tuple(self.at(float(a), float(b)) for a, b in zip(x[i:j], y[i:j], strict=True)),
@@ -190,7 +190,7 @@ class Panel:
                 dash=dash,
                 grey=grey,
             )
-            for i, j in edges.reshape(-1, 2)
+            for i, j in runs_of(finite)
             if j - i > 1
         ]
 

@@ -126,7 +126,7 @@ class WorkSheet:
 
     @property
     def screening(self) -> Screening:
-        """What was found."""
+        """The screening that the page is about."""
         return self.valve.screening
 
     @property
@@ -267,7 +267,7 @@ def how_sure(valve: RankedValve, first_seen: FirstSeen) -> tuple[str, ...]:
     if valve.stands is not None:
         sentences.append(valve.finding.held_back or STANDS)
         sentences.append(_rate("simulated valves with nothing hidden, yet named", *FALSE_EFFECT))
-        sentences.append(_rate("the same with a stickband that scatters", *FALSE_EFFECT_SCATTERED))
+        sentences.append(_rate("the same where breakaways scatter", *FALSE_EFFECT_SCATTERED))
     sentences.append(_data(screening))
     return tuple(sentence for sentence in sentences if sentence)
 
@@ -281,7 +281,7 @@ def _confidence(decision: WorkDecision) -> str:
 def _seen_often(first_seen: FirstSeen) -> str:
     if first_seen.count == 1:
         return "One screening shows it; a second one would make it firmer."
-    return f"{first_seen.count} screenings on end show it."
+    return f"{first_seen.count} screenings in a row show it."
 
 
 def _wrong_of_sticky(screening: Screening) -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import UTC, datetime, tzinfo
+from datetime import UTC, date, datetime, tzinfo
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.evidence_over_windows import (
     MEMORY,
     FindingState,
@@ -18,10 +19,16 @@ from stemwatch.models.evidence_over_windows import (
 )
 from stemwatch.models.mismatch.findings import Mismatch, Stiction
 from stemwatch.service.presenter.advice import term_words
-from stemwatch.service.presenter.physics_words import effect_name
+from stemwatch.service.presenter.physics_words import effect_name, parameter_name
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks, trend_of_size
 from stemwatch.service.presenter.wording import interval, span_percent
 
 MOST_SHOWN = 30  # windows of the picture, the newest
+
+POOLED_NOT_USED = (
+    "an alternative, since of a valve and window the S and J of the verdict count, from the "
+    "stretch in which OP moves most"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,8 +102,38 @@ class EvidenceOfWeeks:
                 f"None of {len(self.windows)} windows of the recording names anything."
             ]
         else:
-            sentences = [finding_sentence(finding, zone) for finding in self.findings]
+            sentences = [self.sentence_of(finding, zone) for finding in self.findings]
         return (*sentences, *([self.pooled_sentence] if self.pooled is not None else []))
+
+    def sentence_of(self, finding: LastingFinding, zone: tzinfo = UTC) -> str:
+        """One finding in a sentence, and how its size goes over the weeks."""
+        sentence, trends = finding_sentence(finding, zone), [*self.size_trends(finding).values()]
+        if not trends:
+            return sentence
+        if changes := [trend.words for trend in trends if trend.is_change]:
+            return f"{sentence} Over the weeks: {', '.join(changes)}."
+        return f"{sentence} Over the weeks: {trends[0].words}, no more than its scatter."
+
+    def size_trends(self, finding: LastingFinding) -> dict[str, TrendOverWeeks]:
+        """How the numbers of a confirmed effect go, by name, from the windows that name it since
+        the last work on the valve, the last one of each day; those with days enough."""
+        by_day: dict[str, dict[date, Estimate]] = {}
+        for window in self.windows if finding.holds and not self.of_one_recording else ():
+            for (slug, name), size in window.sizes.items():
+                if slug == finding.slug:
+                    by_day.setdefault(name, {})[window.at.date()] = size
+        trends = {
+            name: trend_of_size(parameter_name(name, finding.slug), sizes)
+            for name, sizes in by_day.items()
+        }
+        return {name: trend for name, trend in trends.items() if trend is not None}
+
+    @property
+    def pooled_over(self) -> str:
+        """The windows that S and J are pooled over."""
+        if not self.of_one_recording:
+            return "the windows that name it"
+        return f"the windows that name {'just that' if self.confirmed else 'nothing'}"
 
     @property
     def pooled_sentence(self) -> str:
@@ -104,12 +141,11 @@ class EvidenceOfWeeks:
         if self.pooled is None:
             return ""
         S, J = self.pooled.S, self.pooled.J
-        those = "that name just that" if self.confirmed else "that name nothing"
-        those = those if self.of_one_recording else "that name it"
-        return (
-            f"Over the windows {those}, S is {span_percent(S.value)} % ({interval(S)}) and "
-            f"J {span_percent(J.value)} % ({interval(J)})."
+        text = (
+            f"Over {self.pooled_over}, S is {span_percent(S.value)} % ({interval(S)}) and "
+            f"J {span_percent(J.value)} % ({interval(J)})"
         )
+        return f"{text}: {POOLED_NOT_USED}." if self.of_one_recording else f"{text}."
 
 
 def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | None:

@@ -21,10 +21,10 @@ def period(group: OscillationGroup) -> str:
 
 def headline(group: OscillationGroup) -> str:
     """How many loops, with which period, and where it likely begins."""
-    return f"{len(group.members)} loops oscillate with {period(group)}: {source(group)}"
+    return f"{len(group.members)} loops oscillate with {period(group)}: {source_clause(group)}"
 
 
-def source(group: OscillationGroup) -> str:
+def source_clause(group: OscillationGroup) -> str:
     """Where the oscillation likely begins, and how sure that is."""
     if not group.source:
         return (
@@ -40,7 +40,7 @@ def source(group: OscillationGroup) -> str:
     )
 
 
-def cost(group: OscillationGroup) -> str:
+def cost_sentence(group: OscillationGroup) -> str:
     """What the group costs: how much of the movement of how many loops."""
     return (
         f"It makes {words.share(group.variance_share)} of the variance of these "
@@ -58,12 +58,12 @@ def begin_clause(group: OscillationGroup, zone: tzinfo) -> str:
     return ""
 
 
-def seen(group: OscillationGroup) -> str:
+def seen_sentence(group: OscillationGroup) -> str:
     """In how many windows it was found; empty where only in this one."""
     return f"It was found in {group.windows} windows so far." if group.windows > 1 else ""
 
 
-def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
+def loop_sentence(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
     """The sentence on a member's page."""
     member = next(candidate for candidate in group.members if candidate.loop == loop)
     since = begin_clause(group, zone)
@@ -89,10 +89,10 @@ def of_loop(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
     )
 
 
-def of_loops(groups: Sequence[OscillationGroup], loop: str, zone: tzinfo) -> list[str]:
+def loop_sentences(groups: Sequence[OscillationGroup], loop: str, zone: tzinfo) -> list[str]:
     """Those sentences of every group of which the loop is a member."""
     return [
-        of_loop(group, loop, zone)
+        loop_sentence(group, loop, zone)
         for group in groups
         if any(member.loop == loop for member in group.members)
     ]

@@ -1,13 +1,18 @@
-"""How S changes over weeks: its rate per month with an interval, which one run cannot show."""
+"""How S, J or the size of an effect changes over weeks: its rate per month with an interval, which
+one run cannot show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import date
 
 import numpy as np
 from scipy.special import stdtrit
 
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import PERCENT
 from stemwatch.models.wear_forecast import WearForecast, forecast_wear
 
 WEEKS = 12  # that are looked back
@@ -16,23 +21,36 @@ FEWEST_DAYS = 4  # with a screening that knows S
 SHORTEST_DAYS = 7.0  # from the first to the last of them
 LIKELY_RISING = 0.9  # probability from which a rise that is not claimed is not denied either
 SMALLEST_PERCENT = 0.2  # over the time that was seen; less than a plant's data can show
+SMALLEST_SHARE = 0.1  # of the size of an effect, over that time
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrendOverWeeks:
-    """The rate of S in percent of OP span a month, with its 95 % interval, over ``days``."""
+    """The rate of S in percent of OP span a month, with its 95 % interval, over ``days``; or of
+    another ``number`` in its ``unit``. ``smallest`` change over that time can be seen at all. ``J``
+    is the trend of J beside that of S."""
 
     per_month: float
     low: float
     high: float
     days: float
+    number: str = "S"
+    unit: str = PERCENT
+    smallest: float = SMALLEST_PERCENT
     forecast: WearForecast | None = None
+    J: TrendOverWeeks | None = None
 
     @property
     def is_change(self) -> bool:
         """Whether the interval leaves no rate of 0, and what came together could be seen at all."""
         total_change = abs(self.per_month) * self.days / DAYS_A_MONTH
-        return not self.low <= 0.0 <= self.high and total_change >= SMALLEST_PERCENT
+        return not self.low <= 0.0 <= self.high and total_change >= self.smallest
+
+    @property
+    def rate(self) -> Estimate:
+        """The rate a month, with its interval."""
+        unit = f"{self.unit}/month"
+        return Estimate(value=self.per_month, low=self.low, high=self.high, unit=unit)
 
     def foresees_within(self, weeks: float) -> bool | None:
         """Whether S more likely than not reaches the limit within ``weeks``; ``None`` where that is
@@ -47,19 +65,23 @@ class TrendOverWeeks:
     @property
     def words(self) -> str:
         """The rate for a reader."""
-        text = f"S {self.per_month:+.2f} % a month ({self.low:+.2f} to {self.high:+.2f})"
-        text = text.replace("-", "\N{MINUS SIGN}")
+        digits = 2
+        if self.unit != PERCENT and self.per_month:
+            digits = max(1 - math.floor(math.log10(abs(self.per_month))), 0)
+        rate, low, high = (f"{one:+.{digits}f}" for one in (self.per_month, self.low, self.high))
+        text = f"{self.number} {rate} {self.unit} a month ({low} to {high})"
+        text = text.replace("-", "\N{MINUS SIGN}").replace("  ", " ")
         foreseen = "" if self.forecast is None else self.forecast.words
         return f"{text}, {foreseen}" if foreseen and self.is_change else text
 
 
 def trend_over_weeks(
-    days: Sequence[float], S: Sequence[float], limit: float | None = None
+    days: Sequence[float], values: Sequence[float], limit: float | None = None
 ) -> TrendOverWeeks | None:
-    """The slope of ``S`` (n,), a day's mean each, over ``days`` (n,), by least squares with
-    Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing. Where S rises
-    towards ``limit``, percent, when it will reach it."""
-    t, y = np.asarray(days, dtype=np.float64), np.asarray(S, dtype=np.float64)
+    """The slope of ``values`` (n,) of S, a day's mean each, over ``days`` (n,), by least squares
+    with Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing. Where S
+    rises towards ``limit``, percent, when it will reach it. ``replace`` says what else it is of."""
+    t, y = np.asarray(days, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.size < FEWEST_DAYS or np.ptp(t) < SHORTEST_DAYS:
         return None
     centred = t - t.mean()
@@ -77,4 +99,17 @@ def trend_over_weeks(
     )
     if limit is None or not trend.is_change or slope <= 0.0:
         return trend
-    return replace(trend, forecast=forecast_wear(days, S, limit))
+    return replace(trend, forecast=forecast_wear(days, values, limit))
+
+
+def trend_of_size(name: str, by_day: Mapping[date, Estimate]) -> TrendOverWeeks | None:
+    """The trend of a number of an effect, ``name`` in words, by its value on each day."""
+    days, sizes = sorted(by_day), [by_day[day] for day in sorted(by_day)]
+    values = [size.value for size in sizes if size.value is not None]
+    if len(values) < len(days) or len({size.unit for size in sizes}) != 1:
+        return None
+    trend = trend_over_weeks([(day - days[0]).days for day in days], values)
+    if trend is None:
+        return None
+    smallest = SMALLEST_SHARE * abs(float(np.mean(values)))
+    return replace(trend, number=name, unit=sizes[0].unit, smallest=smallest)

@@ -39,7 +39,7 @@ class HasSize(Protocol):
 
     @property
     def severity(self) -> float:
-        """0 to 100."""
+        """0 to 100, the screening's."""
 
     @property
     def S(self) -> Estimate:

@@ -212,10 +212,10 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
     env.filters |= {
         "figure": words.figure,
         "group_headline": oscillation_words.headline,
-        "group_cost": oscillation_words.cost,
+        "group_cost": oscillation_words.cost_sentence,
         "group_begun": lambda group: oscillation_words.begin_clause(group, context.tz),
-        "group_seen": oscillation_words.seen,
-        "oscillates_with": lambda loop: oscillation_words.of_loops(
+        "group_seen": oscillation_words.seen_sentence,
+        "oscillates_with": lambda loop: oscillation_words.loop_sentences(
             context.groups, loop, context.tz
         ),
         "spectra_map": spectra_map,

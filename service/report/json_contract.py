@@ -30,8 +30,7 @@ from stemwatch.models.screening_result import Indicator, Residual, Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
-from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, finding_sentence
-from stemwatch.service.presenter.false_discoveries import discoveries
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import present, present_effect
 from stemwatch.service.presenter.plant_path import LEVELS, NO_PATH, PlantPath
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
@@ -207,18 +206,6 @@ CONTRACT_VERSION = 2
 MODELS = ("stiction", "narx", "baseline")
 
 
-def to_contracts(screenings: Sequence[Screening]) -> list[dict[str, Any]]:
-    """All screenings of a run as plain JSON types, in their order.
-
-    Whether a valve's effects stand depends on all the others.
-    """
-    stands_of_each = discoveries([screening.mismatch for screening in screenings]).standing
-    return [
-        to_contract(screening, stands=stands_of_valve)
-        for screening, stands_of_valve in zip(screenings, stands_of_each, strict=True)
-    ]
-
-
 def to_contract(
     screening: Screening,
     *,
@@ -273,7 +260,7 @@ def to_contract(
         "without_position": without_position_object(screening.without_position),
         "over_weeks": []
         if by_window is None
-        else [_lasting(finding, zone) for finding in by_window.findings],
+        else [_lasting(finding, by_window, zone) for finding in by_window.findings],
         "histograms": _histograms(screening.histograms),
         "trend": _trend(weeks),
         "cost_of_sticking": _cost(cost),
@@ -303,11 +290,11 @@ def _trend(weeks: TrendOverWeeks | None) -> dict[str, Any] | None:
     """The rate of S over weeks, and when it reaches the limit of sticky."""
     if weeks is None:
         return None
-    rate = Estimate(value=weeks.per_month, low=weeks.low, high=weeks.high, unit="%/month")
     no_trend = Estimate.unknown(NO_TREND, "weeks")
     until = no_trend if weeks.forecast is None else weeks.forecast.until
     return {
-        "S_per_month": estimate_object(rate),
+        "S_per_month": estimate_object(weeks.rate),
+        "J_per_month": None if weeks.J is None else estimate_object(weeks.J.rate),
         "days": finite(weeks.days),
         "is_change": weeks.is_change,
         "weeks_until_sticky": estimate_object(until),
@@ -403,11 +390,15 @@ def _direction(step: StepFigures, figures: ResponseFigures) -> str:
     return "rising" if step.rising else "falling"
 
 
-def _lasting(finding: LastingFinding, zone: tzinfo) -> dict[str, Any]:
+def _lasting(finding: LastingFinding, evidence: EvidenceOfWeeks, zone: tzinfo) -> dict[str, Any]:
     return {
         "slug": printable(finding.slug),
         "state": finding.state.value,
-        "sentence": printable(finding_sentence(finding, zone)),
+        "sentence": printable(evidence.sentence_of(finding, zone)),
+        "sizes_per_month": {
+            printable(name): estimate_object(trend.rate)
+            for name, trend in evidence.size_trends(finding).items()
+        },
         "first_seen": _instant(finding.first_seen),
         "confirmed": _instant(finding.confirmed),
         "last_seen": _instant(finding.last_seen),

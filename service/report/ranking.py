@@ -21,6 +21,7 @@ from stemwatch.service.presenter.cost_of_sticking import (
 )
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.presenter.work_decision import (
     WorkCounts,
@@ -67,6 +68,11 @@ class RankedValve:
     def verdict(self) -> Verdict:
         """The verdict on the valve, as every output shows it."""
         return self.finding.decision.verdict
+
+    @property
+    def weeks(self) -> TrendOverWeeks | None:
+        """How its S goes over weeks."""
+        return self.facts.weeks
 
     @property
     def evidence(self) -> ValvePlots | None:

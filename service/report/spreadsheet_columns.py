@@ -19,7 +19,7 @@ STATES = (
     "needs work: the stem sticks, or it is defective by an effect beside friction; watch; "
     "cannot be judged; no work"
 )
-STEM = "what S and J alone say of the stem; the column verdict of versions before 2"
+STEM = "what S and J alone say of the stem; version 1 had this as verdict"
 TREND = "rate of S over weeks with its 95 % interval, else the change since the run before"
 STANDING = {True: "yes", False: "held back", None: None}
 BEYOND_CHANCE = (
@@ -117,7 +117,12 @@ def _finding() -> list[SpreadsheetColumn]:
         _text("stem verdict", STEM, lambda v: v.screening.verdict.value, 14),
         _text("shape", "form of the OP-MV loop", lambda v: _shape(v.screening), 12),
         _text("data grade", "A clean to D no verdict", lambda v: v.screening.quality.grade, 10),
-        _text("data remarks", "why", lambda v: " ".join(v.screening.quality.reasons), 40),
+        _text(
+            "data remarks",
+            "why it has this grade",
+            lambda v: " ".join(v.screening.quality.reasons),
+            40,
+        ),
     ]
 
 
@@ -127,7 +132,7 @@ def _shape(screening: Screening) -> str:
 
 def _stiction() -> list[SpreadsheetColumn]:
     meanings = {
-        "S": "deadband plus stickband, percent of OP span",
+        "S": "dead band plus stick band, percent of OP span",
         "J": "slip jump, percent of OP span",
     }
     columns = []
@@ -173,8 +178,8 @@ def _mismatch() -> list[SpreadsheetColumn]:
 
     heldout = "100 (1 - rmse / std(MV)) on samples not fitted"
     return [
-        _text("mismatch", "what S and J leave out, see docs", _mismatch_word, 14),
-        _text("left out", "effects, strongest first; | where not told apart", _left_out, 28),
+        _text("mismatch", "what came of looking for what S and J leave out", _mismatch_word, 14),
+        _text("left out", "what was named, strongest first; | where not told apart", _left_out, 28),
         _text("beyond chance", BEYOND_CHANCE, lambda v: STANDING[v.stands], 14),
         SpreadsheetColumn(
             header="p value",
@@ -213,7 +218,7 @@ def _without_position() -> list[SpreadsheetColumn]:
         return None if suspicion is None else suspicion.apparent_S.value
 
     return [
-        _text("OP and PV alone", "what they let suspect; no verdict", _suspicion, 14),
+        _text("OP and PV alone", "what they let suspect; not a verdict", _suspicion, 14),
         SpreadsheetColumn(
             header="sticking score (0 to 1)", meaning="by OP and PV alone", read=read("score")
         ),
@@ -239,9 +244,14 @@ def _recording(context: ReportContext) -> list[SpreadsheetColumn]:
     return [
         _text(f"from ({context.zone})", "first sample", local(0), 18),
         _text(f"to ({context.zone})", "just after the last sample", local(1), 18),
-        _text("interval (s)", "step of the even clock", lambda v: _interval(v.screening), 11),
-        _text("samples", "on that clock", lambda v: _samples(v.screening), 10),
-        _text("recording", "as it was given", lambda v: v.screening.provenance.source, 40),
+        _text("interval (s)", "seconds between samples", lambda v: _interval(v.screening), 11),
+        _text("samples", "in the window, missing ones too", lambda v: _samples(v.screening), 10),
+        _text(
+            "recording",
+            "path or address, as it was given",
+            lambda v: v.screening.provenance.source,
+            40,
+        ),
         _text("digest", "sha256 of the source", lambda v: v.screening.provenance.digest, 20),
     ]
 

@@ -125,7 +125,7 @@ def screen_now(
             plant=plant,
             limits=how_to_run.limits,
             command=masked_command(how_to_run.command),
-            zone=(plant.zone if plant else None) or request.read_options.zone or "UTC",
+            zone=request.zone,
             new_baseline=how_to_run.new_baseline,
             rank_by=how_to_run.rank_by,
         )

@@ -66,6 +66,11 @@ class Request:
     live_window: Window | None = None
     read_options: ReadOptions = field(default_factory=ReadOptions)
 
+    @property
+    def zone(self) -> str:
+        """The time zone in which the run speaks of times."""
+        return (self.plant.zone if self.plant else None) or self.read_options.zone or "UTC"
+
     def chosen(self, plant: Plant) -> list[Valve]:
         """The valves of ``plant`` to screen, in the order in which they are asked for."""
         return [plant.valves[valve] for valve in self.valves or plant.valves]

@@ -230,7 +230,7 @@ class _Heartbeat:
         self._thread.start()
 
     def end(self) -> None:
-        """Stop the heartbeat."""
+        """Stop telling the store that this process works on the run; wait until that has ended."""
         self._over.set()
         self._thread.join()
 

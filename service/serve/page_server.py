@@ -88,7 +88,7 @@ class PageServer:
         self._thread = threading.Thread(target=self._run, name="pages")
 
     def start(self) -> None:
-        """Start serving."""
+        """Begin to serve pages and API, in a thread of their own."""
         self._thread.start()
 
     def stop(self) -> None:

@@ -29,7 +29,7 @@ class Dependencies:
 
     @property
     def now(self) -> datetime:
-        """The time, UTC."""
+        """The time in UTC by the clock of the site, which tests set."""
         return self.site.clock()
 
     def open_alerts(self) -> int:

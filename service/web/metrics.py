@@ -66,7 +66,7 @@ class _Collected:
         self._known = known
 
     def collect(self) -> Iterable[Metric]:
-        """The metrics."""
+        """What the registry of prometheus_client asks for at each scrape."""
         return self._known
 
 

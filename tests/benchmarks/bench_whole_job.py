@@ -38,9 +38,9 @@ LOOK_S = 0.5
 HEAD = f"{'seconds':>9}{'core s':>9}{'memory MB':>11}{'program':>9}{'a worker':>10}{'page MB':>9}"
 # Where each stage begins and ends: a function of the program, by module and name.
 PLACES = {
-    "read": ("stemwatch.service.run.task", "_recording"),
+    "read": ("stemwatch.service.run.task", "recording_of"),
     "quality": ("stemwatch.models.screening", "assess"),
-    "choose": ("stemwatch.models.screening", "most_telling"),
+    "choose": ("stemwatch.models.screening", "choose_fit_window"),
     "fit S, J": ("stemwatch.models.screening", "fit_stickslip"),
     "intervals": ("stemwatch.models.screening", "bootstrap"),
     "NARX": ("stemwatch.models.screening", "_train"),

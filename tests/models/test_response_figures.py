@@ -231,6 +231,77 @@ def test_steps_that_are_run_agree_with_the_formula_where_it_holds(way):
             assert result.t86.value == pytest.approx(expected.t86.value, abs=0.15)
 
 
+def chain_step_test(step, way, *, drag=0.0, ring=None, rate=np.inf, S=3.0, J=1.1):
+    """Gain, Td, T86 and overshoot in percent by Newton's rules in fine steps: a positioner
+    ``p'' = wn^2 (u - p) - 2 zeta wn p'``, a speed limit, and a stem with
+    ``drag x' = |p - x| - (S - J)/2``, which stands below 0.01 % a second."""
+    dt, sticks, slides = 0.01, (S + J) / 2, (S - J) / 2
+    sign = 1.0 if way is StepWay.SAME else -1.0
+    rise = np.linspace(0.0, 15.0, int(40.0 / dt))
+    op = np.concatenate((rise, np.full(int(40.0 / dt), 15.0), np.full(6000, 15.0 + sign * step)))
+    rung = speed = p = x = 0.0
+    moving, d, positions = False, 1.0, []
+    for u in op:
+        if ring is None:
+            rung = u
+        else:
+            wn, zeta = ring
+            speed += dt * (wn**2 * (u - rung) - 2.0 * zeta * wn * speed)
+            rung += dt * speed
+        p += float(np.clip(rung - p, -rate * dt, rate * dt))
+        if abs(p - x) > sticks:
+            moving, d = True, float(np.sign(p - x))
+        gap = d * (p - x) - slides
+        if moving and gap > max(0.01 * drag, 1e-9):
+            x += d * gap * (1.0 if drag == 0.0 else 1.0 - np.exp(-dt / drag))
+        else:
+            moving = False
+        positions.append(x)
+    moved = sign * (np.array(positions[-6000:]) - positions[-6001])
+    final = moved[-1]
+    if final < 0.02 * step:
+        return None
+    return (
+        final / step,
+        dt * np.argmax(moved > 0.02 * step),
+        dt * np.argmax(moved >= 0.865 * final),
+        100.0 * (moved.max() - final) / final,
+    )
+
+
+@pytest.mark.parametrize("way", list(StepWay))
+@pytest.mark.parametrize(
+    ("slug", "numbers", "physics"),
+    [
+        ("viscous_drag", (2.0,), {"drag": 2.0}),
+        ("underdamped_positioner", (1.5, 0.3), {"ring": (1.5, 0.3)}),
+        ("rate_limit", (0.5,), {"rate": 2.0}),
+    ],
+)
+def test_steps_that_are_run_are_those_of_a_simulated_step_test(slug, numbers, physics, way):
+    """Drag, a ringing positioner and a speed limit, on every step that moves the stem."""
+    shown = "viscous_drag" if slug == "rate_limit" else slug  # beyond the formula, so that it runs
+    screening = judged(
+        percent(3.0, 0),
+        percent(1.1, 0),
+        effects=[effect(shown)],
+        question=published(**{slug: numbers}),
+    )
+    figures = response_figures(screening)
+    assert figures.simulated == (shown,)
+    for step in STEPS_PERCENT:
+        result = figures_by(figures, step, way)
+        expected = chain_step_test(step, way, **physics)
+        if expected is None:
+            assert result.moves == 0.0
+            continue
+        gain, dead_time, t86, overshoot = expected
+        assert result.travel_gain.value == pytest.approx(gain, abs=0.03)
+        assert result.dead_time.value == pytest.approx(dead_time, abs=0.2)
+        assert result.t86.value == pytest.approx(t86, abs=0.2)
+        assert result.overshoot.value == pytest.approx(overshoot, abs=4.0)
+
+
 def test_a_ringing_positioner_overshoots():
     """Physics beyond the formula shows in the figures."""
     question = published(underdamped_positioner=(1.5, 0.3))

@@ -1,12 +1,11 @@
-"""The fitted valve as numbers with names: from the quick fit, from named effects, and what it
-leaves out."""
+"""The fitted valve as numbers with names: from the quick fit, and from named effects."""
 
 from dataclasses import replace
 
 import pytest
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
+from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.screening_result import Indicator
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
@@ -14,7 +13,7 @@ from stemwatch.models.valve_chain import CHAIN_PARAMETERS, ValveChain, valve_cha
 from tests.models.mismatch.test_terms import LOOK
 from tests.models.test_response_figures import effect, judged, percent
 
-QUESTION = OpenQuestion(unit_s=30.0, interval=1.0, op=62.0)
+QUESTION = OpenQuestion(unit_s=30.0, interval=1.0, op=62.0, duration=120.0)
 BASE = (4.0, 0.5, 0.3, 0.01, 0.4, 0.02)
 
 
@@ -81,13 +80,25 @@ def test_a_named_effect_comes_from_the_stored_fit_in_seconds() -> None:
     assert not chain.one_actuator
 
 
-def test_what_changes_over_the_record_is_left_out() -> None:
-    """A drift is no property of the valve in another simulation; the rest of the fit is there."""
-    terms = {"sensor_drift": ((1.0, 0.0, 0.0, 0.0),) * 2, "lost_motion": ((0.7,),) * 2}
+def test_what_changes_over_the_record_comes_with_its_length() -> None:
+    """A drift goes from half below to half above the zero in the time of the recording."""
+    terms = {"sensor_drift": ((1.0, 0.2, 0.0, -0.1),) * 2, "lost_motion": ((0.7,),) * 2}
     chain = chain_of(named(["lost_motion", "sensor_drift"], terms))
-    assert chain.named == ("lost_motion",)
-    assert chain.left_out == ("sensor_drift",)
-    assert chain.values["play"] == 0.7
+    assert chain.named == ("lost_motion", "sensor_drift")
+    values = chain.values
+    assert (values["play"], values["reading_drift"], values["record_time"]) == (0.7, 1.0, 3600.0)
+    waves = [values[f"reading_wave_{j}"] for j in (1, 2, 3)]
+    assert waves == [0.2, 0.0, -0.1]
+    zero = values["reading_zero"]
+    assert values["position_start"] == pytest.approx(50.0 + 1.01 * 12.0 + zero - 0.5)
+
+
+def test_a_growth_of_unknown_length_has_no_chain() -> None:
+    """Where a store kept the fit without the length of its recording."""
+    screening = named(["growing_stiction"], {"growing_stiction": ((0.4,),) * 2})
+    question = replace(screening.mismatch.open_question, duration=0.0)
+    older = replace(screening, mismatch=replace(screening.mismatch, open_question=question))
+    assert "growing stiction was named by a version that did not keep" in str(valve_chain(older))
 
 
 def test_why_there_is_no_chain() -> None:
@@ -109,6 +120,5 @@ def test_every_effect_of_the_catalogue_has_its_place(slug: str) -> None:
     chain = chain_of(named([slug], {slug: ((0.2,) * size,) * 2}))
     without = chain_of(named([slug], {})).values
     assert chain.values.keys() == neutral.keys()
-    assert (slug in chain.left_out) == (slug in SLOW)
-    assert slug in SLOW or chain.values != without
-    assert chain.named == (() if slug in SLOW else (slug,))
+    assert chain.values != without
+    assert chain.named == (slug,)

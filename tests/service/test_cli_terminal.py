@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import pytest
 from rich.console import Console
@@ -104,7 +106,7 @@ def test_an_old_console_shows_question_marks_instead_of_failing(
     assert "Gr??e.ZT" in outcome.out
 
 
-def test_progress_counts_valves_and_names_those_that_matter(
+def test_progress_counts_recordings_and_names_those_that_matter(
     stemwatch, export: Path, tmp_path: Path
 ) -> None:
     """Progress goes to standard error with done, rate and a line for the sticking valve only."""
@@ -112,7 +114,9 @@ def test_progress_counts_valves_and_names_those_that_matter(
     assert outcome.status == 0
     assert "3/3" in outcome.err
     assert "/s" in outcome.err
-    assert "sticky       FIC-104  The stem sticks" in outcome.err
+    assert re.search(
+        r"sticky       FIC-104, 20\d\d-\d\d-\d\d \d\d:\d\d\s+The stem sticks", outcome.err
+    )
     assert "FIC-107" not in outcome.err
     assert "3/3" not in outcome.out
 
@@ -147,3 +151,13 @@ def test_the_ranking_shows_whole_intervals(width: int, monkeypatch: pytest.Monke
     assert text.count("(10.9-13.6)") == 2 * sum(item.S.value is not None for item in matching)
     assert "\N{HORIZONTAL ELLIPSIS}" not in text.partition("verdict")[2]
     assert max(map(len, text.splitlines())) <= width
+
+
+def test_a_verdict_says_when_its_recording_begins_in_the_zone_of_the_plant() -> None:
+    """So that several windows of one valve can be told apart as they are done."""
+    screening = next(item for item in mixed() if item.window[0] is not None)
+    begins = screening.window[0]
+    assert begins is not None
+    here = views.verdict_line(screening, ZoneInfo("Asia/Tokyo"))
+    assert begins.astimezone(ZoneInfo("Asia/Tokyo")).strftime("%Y-%m-%d %H:%M") in here
+    assert begins.strftime("%Y-%m-%d %H:%M") in views.verdict_line(screening, ZoneInfo("UTC"))

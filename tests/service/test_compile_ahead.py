@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
+from stemwatch.models.compile_kernels import OF_A_SCREENING
 from stemwatch.service.executors import ExecutorUnavailable, InProcess
-from stemwatch.service.executors.compile_ahead import Kernels, compile_ahead
+from stemwatch.service.executors.compile_ahead import compile_ahead
 from stemwatch.service.executors.executor import Answer, Failure
 
 COMPILED = """
@@ -20,7 +21,7 @@ from dataclasses import replace
 from numba.core.registry import CPUDispatcher
 from stemwatch.models.screening import Case, screen
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
-from stemwatch.service.executors.compile_ahead import Kernels, compile_kernels
+from stemwatch.models.compile_kernels import Kernels, compile_kernels
 
 def compiled():
     kernels = [one for one in gc.get_objects() if isinstance(one, CPUDispatcher)]
@@ -76,7 +77,7 @@ def test_it_is_done_beside_other_work_and_waited_for() -> None:
     with compile_ahead(workers):
         assert not workers.asked
         workers.go_on.set()
-    assert workers.asked == list(Kernels)
+    assert workers.asked == list(OF_A_SCREENING)
 
 
 def test_an_executor_that_works_here_compiles_when_it_has_to() -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import httpx
+import pytest
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
@@ -81,8 +83,9 @@ def test_an_order_by_cost_needs_a_price(stemwatch, plant: Path) -> None:
     assert "an order by cost needs" in " ".join(outcome.said.split())
 
 
-def test_page_and_api_sort_by_cost(tmp_path: Path) -> None:
-    """The latest screening counts, with the prices of the plant file; the page has the sum."""
+@pytest.fixture
+def priced(tmp_path: Path) -> Iterator[Site]:
+    """The plant of the pages with prices for three valves, two of which stick."""
     with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
         example_plant.fill(store, months=1)
         number = store.begin_run(software_version="1")
@@ -92,28 +95,32 @@ def test_page_and_api_sort_by_cost(tmp_path: Path) -> None:
         store.finish_run(number)
         plant = example_plant.plant_of(tmp_path, store)
         tags = {"op": {"tag": "x"}}
-        priced = {
+        valves = {
             name: Valve(id=name, source="gateway 1", price_per_unit_hour=price, tags=tags)
             for name, price in ((STICKY, 1.0), (WATCH, 10.0), (HEALTHY, 99.0))
         }
-        plant = replace(plant, valves={**plant.valves, **priced}, currency="EUR")
-        site = Site(store=store, plant=plant, clock=lambda: NOW)
-        assert {valve: cost.money.value for valve, cost in site.costs().items()} == {
-            STICKY: 365.0,
-            WATCH: 3650.0,
-        }
-        by_cost = RankingFilter(sort="cost", descending=True)
-        lines = store.ranking(by_cost, {STICKY: 365.0, WATCH: 3650.0}).lines
-        assert [line.valve for line in lines][:3] == [WATCH, STICKY, HOSTILE]
-        with (
-            example_plant.serving(site) as base,
-            httpx.Client(
-                base_url=base, trust_env=False, verify=False, timeout=30.0, cookies=cookie_of(site)
-            ) as client,
-        ):
-            wanted = {"sort": "cost", "order": "desc"}
-            answer = client.get("/api/v1/valves", params=wanted).json()["valves"]
-            page = client.get("/", params=wanted).text
+        plant = replace(plant, valves={**plant.valves, **valves}, currency="EUR")
+        yield Site(store=store, plant=plant, clock=lambda: NOW)
+
+
+def test_page_and_api_sort_by_cost(priced: Site) -> None:
+    """The latest screening counts, with the prices of the plant file; the page has the sum."""
+    assert {valve: cost.money.value for valve, cost in priced.costs().items()} == {
+        STICKY: 365.0,
+        WATCH: 3650.0,
+    }
+    by_cost = RankingFilter(sort="cost", descending=True)
+    lines = priced.store.ranking(by_cost, {STICKY: 365.0, WATCH: 3650.0}).lines
+    assert [line.valve for line in lines][:3] == [WATCH, STICKY, HOSTILE]
+    with (
+        example_plant.serving(priced) as base,
+        httpx.Client(
+            base_url=base, trust_env=False, verify=False, timeout=30.0, cookies=cookie_of(priced)
+        ) as client,
+    ):
+        wanted = {"sort": "cost", "order": "desc"}
+        answer = client.get("/api/v1/valves", params=wanted).json()["valves"]
+        page = client.get("/", params=wanted).text
     assert [(line["valve"], line["cost_per_month"]) for line in answer][:1] == [
         (WATCH, {"value": 3650.0, "low": 2920.0, "high": 5110.0, "reason": None})
     ]
@@ -121,3 +128,28 @@ def test_page_and_api_sort_by_cost(tmp_path: Path) -> None:
     assert page.index(f">{WATCH}<") < page.index(f">{STICKY}<")
     assert "3,650 EUR (2,920 to 5,110)" in page
     assert "The sticking of 2 loops costs about 4,015 EUR" in page
+
+
+@pytest.mark.browser
+def test_a_click_on_the_cost_orders_the_ranking_by_it(priced: Site, browser) -> None:
+    """The dearest first; on a phone the cost is a line of the valve's card, and the page
+    no wider."""
+    with example_plant.serving(priced) as base:
+        context = browser.new_context(viewport={"width": 1280, "height": 900})
+        (name, value) = next(iter(cookie_of(priced).items()))
+        context.add_cookies([{"name": name, "value": value, "url": base}])
+        page = context.new_page()
+        page.goto(base)
+        costs = page.locator("#ranking-table tbody .c-cost")
+        page.locator("th.h-cost a").click()
+        page.locator("th.h-cost[aria-sort=descending]").wait_for()
+        dear, cheap, *others = costs.all_inner_texts()
+        assert dear.startswith("3,650 EUR")
+        assert cheap.startswith("365 EUR")
+        assert set(others) == {"–"}
+        page.set_viewport_size({"width": 390, "height": 800})
+        assert costs.first.is_visible()
+        label = "one => getComputedStyle(one, '::before').content"
+        assert "Cost a month" in costs.first.evaluate(label)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        context.close()

@@ -8,6 +8,7 @@ what the whole file would, ``NotInPieces`` says so, and the file is read whole.
 from __future__ import annotations
 
 import io
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +25,12 @@ from stemwatch.connectors.historian.tables.layout_input import Body, LayoutInput
 from stemwatch.connectors.historian.tables.row_pieces import BREAK, RowPieces
 from stemwatch.connectors.historian.tables.rows import Rows, split_rows
 from stemwatch.connectors.historian.tables.text_pieces import NotInPieces, TextPieces
-from stemwatch.connectors.historian.values.stored_text import StoredText
+from stemwatch.connectors.historian.values.stored_text import (
+    Kinds,
+    StoredText,
+    code_texts,
+    joined_codes,
+)
 from stemwatch.models.recording import Floats
 
 if TYPE_CHECKING:
@@ -33,6 +39,7 @@ if TYPE_CHECKING:
 LARGE_BYTES = 4 * 1024**2
 _PACKED = 10  # exports of measurements pack so many times
 _ROWS_AT_ONCE = 200_000  # of which the cells of many tags are taken
+_MOST_CODES = 2**16  # texts of a column that are told apart by two bytes
 
 
 @dataclass(frozen=True)
@@ -108,6 +115,8 @@ class FileColumns:
     def __init__(self, path: Path, rows: RowPieces) -> None:
         self._path, self._rows = path, rows
         self._with_words: set[int] = set()  # columns in which cells are no numbers
+        self._next: tuple[Sequence[StoredText], str] | None = None
+        self.codes: dict[int, tuple[list[str], Kinds]] = {}
 
     @property
     def size(self) -> int:
@@ -128,12 +137,33 @@ class FileColumns:
         """The text of columns, some rows at a time, of all rows or the first ones."""
         import pyarrow as pa
 
-        return self._batches(dict.fromkeys(places, pa.string()), places, ".", rows)
+        rows_done = 0
+        if rows is None and self._next is not None:
+            (numbers, mark), self._next = self._next, None
+            try:
+                for batch in self._passed(numbers, [], mark, pa.float64(), places):
+                    yield batch
+                    rows_done += len(batch[0])
+                return
+            except pa.ArrowInvalid:  # a word among the numbers: they are read later, as text
+                pass
+        for batch in self._batches(dict.fromkeys(places, pa.string()), places, ".", rows):
+            skipped = min(rows_done, len(batch[0]))
+            rows_done -= skipped
+            if skipped < len(batch[0]):
+                yield [column[skipped:] for column in batch]
+
+    def read_next(self, numbers: Sequence[StoredText], mark: str) -> None:
+        """The next pass over all rows reads these too, if each of their cells is a number."""
+        wanted = [cells for cells in numbers if cells.numbers is None and cells.text is None]
+        plain = not any(cells.combine or set(cells.places) & self._with_words for cells in wanted)
+        self._next = (wanted, mark) if wanted and plain else None
 
     def read(self, numbers: Sequence[StoredText], texts: Sequence[StoredText], mark: str) -> None:
         """Fill in the numbers or the texts of these in one pass. ``mark``: the decimal mark."""
         import pyarrow as pa
 
+        self._next = None
         numbers = [
             request for request in numbers if request.numbers is None and request.text is None
         ]
@@ -144,30 +174,49 @@ class FileColumns:
         combined = any(request.combine is not None for request in numbers)
         if not combined and not places & self._with_words:
             try:
-                self._fill(numbers, texts, mark, pa.float64())
+                deque(self._passed(numbers, texts, mark, pa.float64()), maxlen=0)
             except pa.ArrowInvalid:  # a word among the numbers
                 if len(places) == 1:
                     self._with_words |= places
             else:
                 return
-        self._fill(numbers, texts, mark, pa.string())
+        deque(self._passed(numbers, texts, mark, pa.string()), maxlen=0)
 
-    def _fill(
+    def code(self, places: Sequence[int]) -> None:
+        """Keep the cells of these columns, in which few texts come again and again, in ``codes``:
+        in one pass, as numbers of two bytes. A column of too many texts is not kept."""
+        index_of_text: dict[int, dict[str, int]] = {place: {} for place in places}
+        parts: dict[int, list[Kinds]] = {place: [] for place in places}
+        for batch in self.batches(places):
+            for place, text in zip(places, batch, strict=True):
+                if place in parts:
+                    parts[place].append(code_texts(text, index_of_text[place]))
+                if len(index_of_text[place]) >= _MOST_CODES:
+                    parts.pop(place, None)
+        for place, kinds in parts.items():
+            self.codes[place] = (list(index_of_text[place]), joined_codes(kinds))
+
+    def _passed(
         self,
         numbers: Sequence[StoredText],
         texts: Sequence[StoredText],
         mark: str,
         kind: pa.DataType,
-    ) -> None:
+        others: Sequence[int] = (),
+    ) -> Iterator[list[pa.Array]]:
+        """One pass that fills these in; meanwhile the text of the columns ``others``."""
         import pyarrow as pa
 
         kinds = {column_index: kind for request in numbers for column_index in request.places}
         kinds |= {column_index: pa.string() for request in texts for column_index in request.places}
+        kinds |= dict.fromkeys(others, pa.string())
         requests = [*numbers, *texts]
         parts: list[list[pa.Array]] = [[] for _ in requests]
         rows_read, most = 0, _rows_needed(requests)
-        for batch in _larger(self._batches(kinds, list(kinds), mark, most), most):
+        batches = self._batches(kinds, list(kinds), mark, None if others else most)
+        for batch in batches if most is None else _larger(batches):
             by_place = dict(zip(kinds, batch, strict=True))
+            yield [by_place[column_index] for column_index in others]
             for request, part in zip(requests, parts, strict=True):
                 cells = _chosen(request, by_place, rows_read, len(batch[0]))
                 if cells is not None:
@@ -294,14 +343,11 @@ def _rows_needed(requests: Sequence[StoredText]) -> int | None:
     return max((int(chosen[-1]) + 1 for chosen in rows if len(chosen)), default=0)
 
 
-def _larger(batches: Iterator[list[pa.Array]], some: int | None) -> Iterator[list[pa.Array]]:
-    """The same in larger ones where each column takes ``some`` rows of them: what a column costs
-    in each batch counts where a batch has thousands of tags."""
+def _larger(batches: Iterator[list[pa.Array]]) -> Iterator[list[pa.Array]]:
+    """The same in larger ones where each column takes some rows of them: what a column costs in
+    each batch counts where a batch has thousands of tags."""
     import pyarrow as pa
 
-    if some is None:
-        yield from batches
-        return
     buffered: list[list[pa.Array]] = []
     for batch in batches:
         buffered.append(batch)

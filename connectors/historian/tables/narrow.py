@@ -14,8 +14,10 @@ from stemwatch.connectors.historian.values.quality_codes import Family
 from stemwatch.connectors.historian.values.stored_text import (
     cells_at,
     chosen,
+    code_together,
     coded,
     first_filled,
+    forget_codes,
     joined,
     rows_of_each,
 )
@@ -90,6 +92,7 @@ def narrow_table(
         day_first=day_first,
         utc=utc,
     )
+    code_together([columns[i] for i in (column_of.tag, column_of.quality) if i is not None])
     series = _series(columns, column_of, source)
     cells = _values(columns, column_of)
     quality_name = (
@@ -136,6 +139,7 @@ def _series(
         n = len(columns[column_of.value])
         return {source.document.path.stem.split(".")[0]: np.arange(n, dtype=np.int64)}
     tags, tag_index = coded(columns[column_of.tag])
+    forget_codes(columns[column_of.tag])
     rows = rows_of_each(tag_index, len(tags))
     return {tag: rows_of_tag for tag, rows_of_tag in zip(tags, rows, strict=True) if tag}
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.rows import row_left_out, whole_rows
@@ -187,18 +188,17 @@ class RowPieces:
     ) -> bytes:
         """``data`` without the rows that do not count, which are told; the others are counted."""
         signs = np.frombuffer(data, dtype=np.uint8)
-        ends = np.flatnonzero(signs == 10)
-        marks = np.flatnonzero(signs == mark[0])
-        separators_per_row = self.width - 1
+        ends = _ends_of_even_rows(signs, mark[0], self.width)
+        is_even = ends is not None
+        if ends is None:
+            ends = np.flatnonzero(signs == 10)
         if sampler is not None and ends.size:
             stored = int(np.diff(ends, prepend=-1).max()) + 2 * self.width + 1  # quotes, CR
             self.longest = max(self.longest, stored)
         odd_rows: list[int] = []
-        if marks.size != separators_per_row * ends.size or not _even(
-            marks, ends, separators_per_row
-        ):
-            counts = np.diff(np.searchsorted(marks, ends), prepend=0)
-            odd_rows = np.flatnonzero(counts != separators_per_row).tolist()
+        if not is_even:
+            counts = np.diff(np.searchsorted(np.flatnonzero(signs == mark[0]), ends), prepend=0)
+            odd_rows = np.flatnonzero(counts != self.width - 1).tolist()
         odd_rows += self._headers_again(data, mark, ends)
         if not odd_rows:
             self._count(lines, 0, ends.size, sampler)
@@ -256,12 +256,14 @@ class RowPieces:
                 signs = np.frombuffer(data, dtype=np.uint8)
                 rows += np.flatnonzero(np.isin(signs[firsts], (mark[0], 32, 9, 0xC2))).tolist()
                 continue
-            offset = data.find(start.encode("utf-8"))
+            # To miss one of its signs is quicker than to look for the whole.
+            needle = start.encode("utf-8")
+            offset = data.find(needle) if all(sign in data for sign in needle) else -1
             while offset >= 0:
                 begin = data.rfind(b"\n", 0, offset) + 1
                 if mark not in data[begin:offset]:
                     rows.append(int(np.searchsorted(ends, offset)))
-                offset = data.find(start.encode("utf-8"), offset + 1)
+                offset = data.find(needle, offset + 1)
         return rows
 
     def _count(self, lines: Sequence[int], begin: int, end: int, sampler: _Sampler | None) -> None:
@@ -283,9 +285,12 @@ class _Sampler:
     widths: ReadingNotes
 
 
-def _even(marks: np.ndarray, ends: np.ndarray, separators_per_row: int) -> bool:
-    table = marks.reshape(ends.size, separators_per_row)
-    return bool((table[:, -1] < ends).all() and (table[1:, 0] > ends[:-1]).all())
+def _ends_of_even_rows(signs: NDArray[np.uint8], mark: int, width: int) -> NDArray[np.intp] | None:
+    """Where the rows end, if each has ``width`` cells; else ``None``."""
+    marks = np.flatnonzero((signs == mark) | (signs == 10))
+    ends = marks[width - 1 :: width]
+    rows = np.count_nonzero(signs == 10)
+    return ends if marks.size == rows * width and (signs[ends] == 10).all() else None
 
 
 def _without_quotes(data: bytes, separator: bytes) -> bytes | None:

@@ -94,7 +94,8 @@ class TextPieces:
                 text = raw.replace(b"\r\n", b"\n")
                 changed = b"\r" in text
                 text = text.replace(b"\r", b"\n")
-            if b"\0" in text or b"\xc3\x82" in text:
+            # Looking for two bytes takes longer than all else that is done here.
+            if b"\0" in text or (not text.isascii() and b"\xc3\x82" in text):
                 signs = text.decode("utf-8")
                 changed = changed or "\0" in signs
                 signs, repaired = once_encoded(mark_lost(signs, line, notes))

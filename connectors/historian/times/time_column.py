@@ -30,7 +30,11 @@ from stemwatch.connectors.historian.times.time_fields import (
 )
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
-from stemwatch.connectors.historian.values.stored_text import StoredText, cells_at
+from stemwatch.connectors.historian.values.stored_text import (
+    StoredText,
+    cells_at,
+    neighbours_once,
+)
 from stemwatch.models.recording import Bools, Floats
 
 _ROWS_AT_ONCE = 1 << 20
@@ -387,17 +391,19 @@ def _in_pieces(
     # Mostly all rows have one offset, which then needs no memory.
     offsets = np.broadcast_to(np.int32(NO_OFFSET), size)
     for text in texts.arrays():
-        fields = stored_time_fields(text)
+        # The tags of a row per sample share their times: each is read once.
+        distinct, repeats = neighbours_once(text)
+        fields = stored_time_fields(distinct)
         if (fields.order == Order.NUMERIC).any():
             return None
         local, real = local_ns(fields, None, name, "", notes)
-        end = rows_done + local.size
+        end = rows_done + len(text)
         if local.size and not rows_done:
             offsets = np.broadcast_to(np.int32(fields.offset_min[0]), size)
-        if (fields.offset_min != offsets[rows_done:end]).any():
+        if offsets.flags.writeable or (fields.offset_min != offsets[0]).any():
             offsets = offsets if offsets.flags.writeable else offsets.copy()
-            offsets[rows_done:end] = fields.offset_min
-        ns[rows_done:end], ok[rows_done:end] = local, real
+            offsets[rows_done:end] = np.repeat(fields.offset_min, repeats)
+        ns[rows_done:end], ok[rows_done:end] = np.repeat(local, repeats), np.repeat(real, repeats)
         rows_done = end
     return ns, ok, offsets
 

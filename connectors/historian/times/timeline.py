@@ -26,7 +26,7 @@ class Timeline:
 
     @cached_property
     def distinct(self) -> Ints:
-        """Each time once."""
+        """The times in rising order, each once, ns since 1970."""
         return distinct_times(self.ns)
 
     @cached_property

@@ -45,6 +45,7 @@ class Column:
     file_ns: Ints  # the same rows' times in file order, empty cells included
     reasons: dict[str, int] = field(default_factory=dict)
     decisions: tuple[str, ...] = ()
+    own_ticks: dict[bool, float | None] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def ns(self) -> Ints:
@@ -54,16 +55,20 @@ class Column:
 
 def sharing_times(columns: Mapping[Role, Column]) -> dict[Role, Column]:
     """The columns, those of equal times with one timeline between them."""
-    timelines: list[Timeline] = []
     shared: dict[Role, Column] = {}
     for role, column in columns.items():
-        same_times = next(
-            (timeline for timeline in timelines if np.array_equal(timeline.ns, column.ns)), None
-        )
-        if same_times is None:
-            timelines.append(column.times)
-        shared[role] = column if same_times is None else replace(column, times=same_times)
+        known = (at_times(column, other.times) for other in shared.values())
+        shared[role] = next((same for same in known if same is not column), column)
     return shared
+
+
+def at_times(column: Column, times: Timeline | None) -> Column:
+    """The column with this timeline where it is the column's own, so that what the clock asks of it
+    is worked out once for all tags."""
+    if times is None or not np.array_equal(times.ns, column.ns):
+        return column
+    file_ns = times.ns if column.file_ns is column.ns else column.file_ns
+    return replace(column, times=times, file_ns=file_ns)
 
 
 def own_interval_s(column: Column, *, command: bool) -> float | None:
@@ -71,7 +76,11 @@ def own_interval_s(column: Column, *, command: bool) -> float | None:
     step = column.times.usual_step
     if step is None:
         return None
-    ticks = implausible_values.own_interval(column.times.ticks, column.values, command=command)
+    if command not in column.own_ticks:
+        column.own_ticks[command] = implausible_values.own_interval(
+            column.times.ticks, column.values, command=command
+        )
+    ticks = column.own_ticks[command]
     return None if ticks is None else ticks * step / 1e9
 
 

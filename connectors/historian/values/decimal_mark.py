@@ -19,7 +19,7 @@ from stemwatch.connectors.historian.values.numbers import (
     quick_numbers,
     written_with,
 )
-from stemwatch.connectors.historian.values.stored_text import StoredText
+from stemwatch.connectors.historian.values.stored_text import Rows, StoredText
 from stemwatch.models.recording import Bools
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) 
         return ",", "Numbers like 1,234 in a file with semicolons were read as 1.234."
     if separator == ",":
         return ".", "Numbers like '1,234' in quotes were read as 1234 (thousands)."
+    either = _votes_of_texts(stored)["either"] if stored else either
     raise UnreadableSource(
         f"{name}: {either} numbers such as '1,234' may be 1.234 or 1234, and no other number "
         "settles it; say decimal=',' or decimal='.'"
@@ -98,6 +99,8 @@ def _vote(text: str) -> str:
 
 def stored_votes(columns: Sequence[StoredText]) -> Counter[str]:
     """What ``_votes`` counts, of columns that stay in their file."""
+    import pyarrow as pa
+
     votes: Counter[str] = Counter()
     if not columns:
         return votes
@@ -111,12 +114,22 @@ def stored_votes(columns: Sequence[StoredText]) -> Counter[str]:
             votes["point"] += seen.point and quick_numbers(seen.first[:_FIRST], ".") is not None
         elif seen.certain and seen.numbers:
             votes["comma"] += seen.certain
+        elif seen.texts is not None:
+            votes["either"] += seen.either
+            if seen.texts:
+                votes += _distinct_votes(pa.concat_arrays(seen.texts).unique())
         else:
             doubtful.append(cells)
-    at_once = max(1, _AT_ONCE // max(1, len(columns[0])))
-    for begin in range(0, len(doubtful), at_once):
-        part = doubtful[begin : begin + at_once]
-        file.read([], part, ".")
+    return votes + _votes_of_texts(doubtful)
+
+
+def _votes_of_texts(columns: Sequence[StoredText]) -> Counter[str]:
+    """The votes of the different cells of these columns."""
+    votes: Counter[str] = Counter()
+    at_once = max(1, _AT_ONCE // max(1, len(columns[0]))) if columns else 1
+    for begin in range(0, len(columns), at_once):
+        part = columns[begin : begin + at_once]
+        part[0].columns.read([], part, ".")
         for cells in part:
             votes += _distinct_votes(cells.whole().unique())
             cells.forget()
@@ -154,6 +167,8 @@ class _Seen:
     certain: int = 0  # commas that cannot mark thousands
     numbers: bool = True  # every cell is one with a decimal comma or none
     first: list[str] = field(default_factory=list)
+    either: bool = False  # a comma that may mark thousands or decimals
+    texts: list[pa.Array] | None = None  # others that are in doubt, the different ones of a batch
 
 
 @dataclass(frozen=True)
@@ -164,11 +179,20 @@ class _Marks:
     point: Bools
     certain: NDArray[np.int64]
     numbers: Bools
+    either: Bools | None = None  # told where each cell is digits around one comma
+
+    def of(self, rows: Rows) -> _Marks:
+        """The same of these cells."""
+        either = None if self.either is None else self.either[rows]
+        return _Marks(
+            self.comma[rows], self.point[rows], self.certain[rows], self.numbers[rows], either
+        )
 
 
 def _look_at(columns: Sequence[StoredText]) -> list[_Seen]:
     """One pass over the file."""
-    seen = [_Seen() for _ in columns]
+    cells_in_all = sum(len(cells) for cells in columns)
+    seen = [_Seen(texts=[] if cells_in_all <= _AT_ONCE else None) for _ in columns]
     places = sorted({column_index for cells in columns for column_index in cells.places})
     rows_seen = 0
     for batch in columns[0].columns.batches(places):
@@ -192,17 +216,24 @@ def _add(votes: _Seen, cells: StoredText, text: pa.Array, marks: _Marks, rows_be
         if begin == end:
             return
         rows = cells.rows[begin:end] - rows_before
-        marks = _Marks(
-            marks.comma[rows], marks.point[rows], marks.certain[rows], marks.numbers[rows]
-        )
-        if len(votes.first) < _FIRST:
-            text = text.take(pa.array(rows[:_FIRST]))
+        marks = marks.of(rows)
+        if len(votes.first) < _FIRST or votes.texts is not None:
+            text = text.take(pa.array(rows))
     votes.comma = votes.comma or bool(marks.comma.any())
     votes.point = votes.point or bool(marks.point.any())
     votes.certain += int(marks.certain.sum())
     votes.numbers = votes.numbers and bool(marks.numbers.all())
     if len(votes.first) < _FIRST:
         votes.first += text[:_FIRST].to_pylist()
+    if votes.certain and votes.numbers:
+        votes.texts = None  # its commas were counted
+    if votes.texts is None:
+        return
+    if marks.either is not None:
+        votes.either = votes.either or bool(marks.either.any())
+        text = text.filter(pa.array(~marks.either))
+    if len(text):
+        votes.texts.append(text.unique())
 
 
 def _marks(text: pa.Array) -> _Marks:
@@ -250,7 +281,14 @@ def _plain_marks(text: pa.Array) -> _Marks | None:
     is_comma = others == ord(",")
     if not (is_comma | (others == ord("-")) | (others == ord("+"))).all():
         return None
-    cell = np.searchsorted(begins[1:] - begins[0], at, side="right")
+    starts, ends = begins[:-1] - begins[0], begins[1:] - begins[0]
+    if at.size == count and is_comma.all() and ((at >= starts) & (at < ends)).all():
+        whole, digits = at - starts, ends - at - 1
+        either = (digits == 3) & (whole >= 1) & (whole <= 3) & (signs[starts] != ord("0"))
+        certain = ((digits != 3) & (digits > 0)).astype(np.int64)
+        every = np.ones(count, dtype=bool)
+        return _Marks(every, ~every, certain, every, either) if lengths.min() > 1 else None
+    cell = np.searchsorted(ends, at, side="right")
     if not (is_comma | (at == begins[cell] - begins[0])).all():
         return None  # a sign amid the digits
     commas = np.bincount(cell[is_comma], minlength=count)

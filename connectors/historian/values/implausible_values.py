@@ -11,6 +11,7 @@ import numpy as np
 from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models import forensics
 from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.runs_of_samples import runs_of
 
 # Below this a 32-bit float is denormal: an integer read as a float, not a measurement.
 SMALLEST_REAL = 1e-37
@@ -72,8 +73,7 @@ def zero_dropouts(values: Floats) -> Bools:
         return is_dropout
     without_zeros = np.where(zero, np.nan, values)
     floor = max(forensics.noise_sigma(without_zeros), forensics.quantum(without_zeros))
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], zero.astype(np.int8), [0]))))
-    for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for start, stop in runs_of(zero).tolist():
         if stop - start <= _LONGEST_DROPOUT and _far_from_zero(without_zeros, start, stop, floor):
             is_dropout[start:stop] = True
     return is_dropout

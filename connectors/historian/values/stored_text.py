@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 Rows = NDArray[np.int64] | NDArray[np.int32]
-Kinds = NDArray[np.intp] | NDArray[np.int32] | NDArray[np.uint16]
+Kinds = NDArray[np.integer[Any]]
 Combine = Callable[[list["pa.Array"]], "pa.Array"]
 _PIECE = 200_000  # cells that are Python texts at one time
 
@@ -38,12 +38,25 @@ class StoredColumns(Protocol):
         """Whether a cell of any column has a point."""
         ...
 
+    @property
+    def codes(self) -> dict[int, tuple[list[str], Kinds]]:
+        """Of columns that were coded: their different texts, and which of them each cell is."""
+        ...
+
+    def code(self, places: Sequence[int]) -> None:
+        """Put columns of which few texts come again and again into ``codes``, in one pass."""
+        ...
+
     def batches(self, places: Sequence[int], rows: int | None = None) -> Iterator[list[pa.Array]]:
         """The text of columns, some rows at a time, of all rows or the first ones."""
         ...
 
     def read(self, numbers: Sequence[StoredText], texts: Sequence[StoredText], mark: str) -> None:
         """Fill in the numbers or the texts of these in one pass."""
+        ...
+
+    def read_next(self, numbers: Sequence[StoredText], mark: str) -> None:
+        """The next pass over all rows may fill in the numbers of these too."""
         ...
 
 
@@ -75,6 +88,9 @@ class StoredText(Sequence[str]):
             if self.text is None and begin == 0 and step == 1 and end <= _PIECE:
                 return self.first(end)
             return [cell.strip() for cell in self.whole()[at].to_pylist()]
+        codes = self.codes
+        if codes is not None:
+            return codes[0][int(codes[1][at])]
         if self.text is None:
             return self.at(np.array([at]))[0]
         return str(self.text[at].as_py()).strip()
@@ -82,6 +98,12 @@ class StoredText(Sequence[str]):
     def __iter__(self) -> Iterator[str]:
         for piece in self.pieces():
             yield from piece
+
+    @property
+    def codes(self) -> tuple[list[str], Kinds] | None:
+        """The different texts of the column, and which of them each cell is, if it was coded."""
+        known = self.columns.codes.get(self.places[0]) if self.combine is None else None
+        return known if known is None or self.rows is None else (known[0], known[1][self.rows])
 
     def first(self, count: int) -> list[str]:
         """The first cells, without reading the others."""
@@ -169,21 +191,74 @@ def coded(cells: Sequence[str]) -> tuple[list[str], Kinds]:
     """The different cells, blanks at both ends taken off, in the order in which they first come;
     (n,) which of them each cell is."""
     index_of_text: dict[str, int] = {}
-    parts: list[NDArray[Any]] = []
     if isinstance(cells, StoredText):
-        for text in cells.arrays():
-            words = text.dictionary_encode()
-            places = [
-                index_of_text.setdefault(w.strip(), len(index_of_text))
-                for w in words.dictionary.to_pylist()
-            ]
-            indices = words.indices.to_numpy(zero_copy_only=False)
-            kind_index = np.array(places, dtype=np.int32)[indices]
-            parts.append(kind_index.astype(np.uint16) if len(index_of_text) < 2**16 else kind_index)
-        return list(index_of_text), np.concatenate(parts or [np.zeros(0, dtype=np.int32)])
+        codes = cells.codes
+        if codes is not None:
+            return _those_that_come(*codes)
+        parts = [code_texts(text, index_of_text) for text in cells.arrays()]
+        return list(index_of_text), joined_codes(parts)
     kinds = (index_of_text.setdefault(cell.strip(), len(index_of_text)) for cell in cells)
     kind_index = np.fromiter(kinds, dtype=np.intp, count=len(cells))
     return list(index_of_text), kind_index
+
+
+def forget_codes(cells: Sequence[str]) -> None:
+    """Release what ``code_together`` read of a column."""
+    if isinstance(cells, StoredText):
+        cells.columns.codes.pop(cells.places[0], None)
+
+
+def code_together(columns: Sequence[Sequence[str]]) -> None:
+    """Read what ``coded`` tells of these columns in one pass, where they stay in their file."""
+    stored = [cells for cells in columns if isinstance(cells, StoredText) and cells.combine is None]
+    if len(stored) > 1:
+        stored[0].columns.code([cells.places[0] for cells in stored])
+
+
+def code_texts(text: pa.Array, index_of_text: dict[str, int]) -> Kinds:
+    """(n,) which of ``index_of_text`` each text is, blanks at both ends taken off; new ones are
+    added there."""
+    import pyarrow.compute as pc
+
+    # The tags of one moment mostly come in the same order as those of the moment before.
+    period = pc.index(text[1:], text[0]).as_py() + 1 if len(text) else 0
+    if period and text[period:].equals(text[:-period]):
+        of_period = code_texts(text[:period], index_of_text)
+        repeated: Kinds = np.tile(of_period, len(text) // period + 1)[: len(text)]
+        return repeated
+    words = text.dictionary_encode()
+    places = [
+        index_of_text.setdefault(w.strip(), len(index_of_text))
+        for w in words.dictionary.to_pylist()
+    ]
+    kind = np.uint16 if len(index_of_text) < 2**16 else np.int32
+    kind_index: Kinds = np.array(places, dtype=kind)[words.indices.to_numpy(zero_copy_only=False)]
+    return kind_index
+
+
+def joined_codes(parts: Sequence[Kinds]) -> Kinds:
+    """The same of all batches."""
+    codes: Kinds = np.concatenate(parts) if parts else np.zeros(0, dtype=np.uint16)
+    return codes
+
+
+def _those_that_come(texts: list[str], kind_index: Kinds) -> tuple[list[str], Kinds]:
+    """The same without texts that no cell has, in the order in which they first come."""
+    if len(texts) == 1 and kind_index.size:
+        return texts, kind_index
+    kinds, firsts = np.unique(kind_index, return_index=True)
+    order = np.argsort(firsts)
+    new_index = np.zeros(len(texts), dtype=np.uint16)
+    new_index[kinds[order]] = np.arange(kinds.size)
+    return [texts[kind] for kind in kinds[order].tolist()], new_index[kind_index]
+
+
+def neighbours_once(text: pa.Array) -> tuple[pa.Array, Kinds]:
+    """The text with equal neighbours once, and how often each stands there."""
+    import pyarrow.compute as pc
+
+    runs = pc.run_end_encode(text)
+    return runs.values, np.diff(runs.run_ends.to_numpy(), prepend=0)
 
 
 def rows_of_each(kind_index: Kinds, kinds: int) -> list[Rows]:

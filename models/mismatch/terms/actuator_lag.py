@@ -86,7 +86,7 @@ class ActuatorLag(CommandTerm):
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
-        """The lagged command."""
+        """The command through a first-order lag: tau dx/dt = u - x."""
         lagged(command, marks, interval_s, float(values[0]), out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
@@ -94,7 +94,7 @@ class ActuatorLag(CommandTerm):
         return bool(values[0] >= max(MATERIAL_S, 0.7 * summary.interval_s))
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """The time constant."""
+        """tau, the time constant in seconds."""
         return {"tau": (float(values[0]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:

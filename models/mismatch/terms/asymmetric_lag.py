@@ -102,7 +102,7 @@ class AsymmetricLag(CommandTerm):
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
-        """The lagged command."""
+        """The command through a first-order lag with a time constant for each direction."""
         lagged_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:

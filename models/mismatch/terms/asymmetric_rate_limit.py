@@ -88,7 +88,7 @@ class AsymmetricRateLimit(CommandTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The two slownesses."""
+        """Seconds for a percent of travel, rising and falling: 0 for no limit."""
         high = SLOWEST * max(summary.interval_s, 1.0)
         return (
             Coordinate(name="slowness_up_s_per_percent", low=0.0, high=high),
@@ -108,7 +108,7 @@ class AsymmetricRateLimit(CommandTerm):
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
-        """The limited command."""
+        """The command, followed at no more than the speed limit of its direction."""
         limited_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:

@@ -78,7 +78,7 @@ class DeadTime(CommandTerm):
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
-        """The delayed command."""
+        """The command ``theta_s`` later: u(t - theta)."""
         delayed(command, marks, float(values[0]) / interval_s, out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
@@ -90,7 +90,7 @@ class DeadTime(CommandTerm):
         return bool(values[0] <= AS_BUILT * max(1.0, summary.interval_s))
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """The delay."""
+        """theta, the dead time in seconds."""
         return {"theta": (float(values[0]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:

@@ -60,7 +60,7 @@ class GrowingStiction(OneNumberTerm):
         return (Coordinate(name="growth", low=-0.5, high=2.0),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """Shrinking and growing."""
+        """S and J that shrink by 0.3 of their size, or grow by up to 1.5 of it."""
         return np.array([[-0.3], [0.3], [0.6], [1.0], [1.5]])
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:

@@ -66,7 +66,7 @@ class LostMotion(OneNumberTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The play."""
+        """b, the play in percent of travel, 0 for none."""
         return (Coordinate(name="b_percent", low=0.0, high=8.0),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
@@ -78,7 +78,7 @@ class LostMotion(OneNumberTerm):
         return bool(values[0] >= MATERIAL_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """The play."""
+        """b, the play in percent of travel."""
         return {"b": (float(values[0]), "%")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:

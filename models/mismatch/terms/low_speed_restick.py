@@ -75,7 +75,7 @@ class LowSpeedRestick(ReadingTerm):
         return bool(values[0] >= MATERIAL_PERCENT_PER_S)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """The speed."""
+        """v_c, the speed in percent of travel a second below which the stem sticks again."""
         return {"v_c": (float(values[0]), "%/s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:

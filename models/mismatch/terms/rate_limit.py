@@ -90,7 +90,7 @@ class RateLimit(CommandTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """The slowness."""
+        """Seconds for a percent of travel, the inverse of the speed: 0 for no limit."""
         high = SLOWEST * max(summary.interval_s, 1.0)
         return (Coordinate(name="slowness_s_per_percent", low=0.0, high=high),)
 
@@ -103,7 +103,7 @@ class RateLimit(CommandTerm):
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
-        """The limited command."""
+        """The command, followed at no more than the speed limit."""
         limited(command, marks, interval_s, float(values[0]), out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:

@@ -80,7 +80,7 @@ class SlipOvershoot(ReadingTerm):
         return self.material(values, summary)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """The speed."""
+        """v_c, the speed in percent of travel a second up to which the stem sticks after a slip."""
         return {"v_c": (float(values[0]), "%/s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:

@@ -80,7 +80,7 @@ class TravelStop(StemTerm):
         return np.concatenate([np.stack([low, none], axis=1), np.stack([none, high], axis=1)])
 
     def fill(self, stem: Stem, values: Floats) -> None:
-        """The stops."""
+        """Put the stops where there are any, in percent of travel from 0."""
         if values[0] > 0.0:
             stem.numbers[stem_number.STOP_LOW] = values[0]
         if values[1] > 0.0:

@@ -122,7 +122,7 @@ class UnderdampedPositioner(CommandTerm):
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
-        """The ringing command."""
+        """The command through a second-order system that overshoots and rings."""
         rung(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:

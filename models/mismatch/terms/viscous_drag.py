@@ -78,7 +78,7 @@ class ViscousDrag(OneNumberTerm):
         return bool(values[0] >= max(MATERIAL_S, 0.7 * summary.interval_s))
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
-        """The time constant."""
+        """tau_v, viscous coefficient over spring rate: the time constant of a slip in seconds."""
         return {"tau_v": (float(values[0]), "s")}
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:

@@ -25,7 +25,7 @@ from stemwatch.models.oscillation_groups.sources import (
 )
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.interacting_loops.draws import RunPlant
-from stemwatch.models.studies.interacting_loops.judge import suspicions
+from stemwatch.models.studies.interacting_loops.score_plant import suspicions
 
 QUIET = 0.95  # of quiet plants have no candidate above the limit
 _SAME, _OTHER = 0.4, 0.2  # Jaccard index with a true group: is one, is none

@@ -55,7 +55,7 @@ _ARROW = {
 
 @dataclass(frozen=True, kw_only=True)
 class TableColumn:
-    """A column of a table."""
+    """A column of a table as a backup stores it: its name, and its type in Parquet."""
 
     name: str
     kind: ColumnKind

@@ -1,10 +1,11 @@
-"""S of each valve by day over the last weeks, for its trend: a row a day, however often a plant is
-screened."""
+"""S and J of each valve by day over the last weeks, for their trends: a row a day, however often a
+plant is screened."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import date, timedelta
 
 from sqlalchemy import func, select
@@ -17,24 +18,31 @@ _AT_ONCE = 500
 
 
 def read_trends(session: Session, valves: Sequence[str], limit: float) -> dict[str, TrendOverWeeks]:
-    """The trend of S of each of ``valves`` that has one: over the weeks before its latest
-    screening, and since the last work on it; and when it will reach ``limit``, percent."""
+    """The trend of S, with that of J, of each of ``valves`` that has one: over the weeks before its
+    latest screening, and since the last work on it; and when S will reach ``limit``, percent."""
     trends: dict[str, TrendOverWeeks] = {}
     for first in range(0, len(valves), _AT_ONCE):
         part = list(valves[first : first + _AT_ONCE])
         for valve, points in _daily(session, part).items():
-            start = min(points)
-            days = sorted(points)
-            trend = trend_over_weeks(
-                [(day - start).days for day in days], [points[day] for day in days], limit
-            )
+            trend = _trend({day: S for day, (S, _) in points.items()}, limit)
             if trend is not None:
-                trends[valve] = trend
+                of_J = _trend({day: J for day, (_, J) in points.items() if J is not None})
+                of_J = None if of_J is None else replace(of_J, number="J")
+                trends[valve] = replace(trend, J=of_J)
     return trends
 
 
-def _daily(session: Session, valves: Sequence[str]) -> Mapping[str, Mapping[date, float]]:
-    """The mean of S in percent of OP span of each day that counts, UTC."""
+def _trend(points: Mapping[date, float], limit: float | None = None) -> TrendOverWeeks | None:
+    days = sorted(points)
+    return trend_over_weeks(
+        [(day - days[0]).days for day in days], [points[day] for day in days], limit
+    )
+
+
+def _daily(
+    session: Session, valves: Sequence[str]
+) -> Mapping[str, Mapping[date, tuple[float, float | None]]]:
+    """The means of S and of J in percent of OP span of each day that counts, UTC."""
     conditions = (ScreeningRow.valve.in_(valves), ScreeningRow.s_percent.is_not(None))
     newest = select(ScreeningRow.valve, func.max(ScreeningRow.at)).where(*conditions)
     latest = {
@@ -52,13 +60,14 @@ def _daily(session: Session, valves: Sequence[str]) -> Mapping[str, Mapping[date
         for valve, window_end in latest.items()
     }
     day = func.date(ScreeningRow.at)
-    statement = select(ScreeningRow.valve, day, func.avg(ScreeningRow.s_percent)).where(
+    means = func.avg(ScreeningRow.s_percent), func.avg(ScreeningRow.j_percent)
+    statement = select(ScreeningRow.valve, day, *means).where(
         *conditions, ScreeningRow.at >= min(begins.values())
     )
-    lowest_by_day: dict[str, dict[date, float]] = defaultdict(dict)
-    for valve, text, mean in session.execute(statement.group_by(ScreeningRow.valve, day)):
+    by_day: dict[str, dict[date, tuple[float, float | None]]] = defaultdict(dict)
+    for valve, text, S, J in session.execute(statement.group_by(ScreeningRow.valve, day)):
         when = text if isinstance(text, date) else date.fromisoformat(str(text))
         # The day of the work has screenings of the valve before it as well.
         if when >= begins[valve].date() and (valve not in work or when > work[valve].date()):
-            lowest_by_day[valve][when] = float(mean)
-    return lowest_by_day
+            by_day[valve][when] = (float(S), None if J is None else float(J))
+    return by_day

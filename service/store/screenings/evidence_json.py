@@ -17,14 +17,20 @@ _DIGITS = 4
 
 
 def evidence_json(screening: Screening) -> dict[str, Any] | None:
-    """``named``, ``scores`` (mean, t and strength by slug), S and J (value, low, high), the
-    p value, and what ``begins_anew``; ``None`` where no effect was looked for."""
+    """``named``, ``sizes`` (slug, name, value and unit of each), ``scores`` (mean, t and strength
+    by slug), S and J (value, low, high), the p value, and what ``begins_anew``; ``None`` where no
+    effect was looked for."""
     mismatch, at = screening.mismatch, screening.window[1] or datetime.min
     if mismatch is None:
         return None
     evidence = WindowEvidence.of(mismatch, at, begins_anew=screening.changed)
     return {
         "named": [list(members) for members in evidence.named],
+        "sizes": [
+            [*place, value, size.unit]
+            for place, size in evidence.sizes.items()
+            if (value := finite(size.value)) is not None
+        ],
         "scores": {
             score.slug: [_short(score.mean), _short(score.t), _short(score.strength)]
             for score in evidence.scores
@@ -42,6 +48,10 @@ def evidence_of(stored: dict[str, Any], start: datetime | None, at: datetime) ->
         at=at,
         start=start,
         named=tuple(tuple(members) for members in stored.get("named", ())),
+        sizes={
+            (slug, name): Estimate(value=value, unit=unit)
+            for slug, name, value, unit in stored.get("sizes", ())
+        },
         scores=tuple(
             EffectScore(slug=slug, mean=mean or 0.0, t=t or 0.0, strength=strength or 0.0)
             for slug, (mean, t, strength) in stored.get("scores", {}).items()

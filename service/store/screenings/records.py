@@ -54,7 +54,7 @@ class StoredValve(PlantPath):
 
 
 class RunState(StrEnum):
-    """The state of a run."""
+    """How far a run has come, from the queue to its end."""
 
     WAITING = "waiting"
     RUNNING = "running"

@@ -158,7 +158,7 @@ static bool usable(const Valve *v)
 {
     const double *q = v->q;
     bool ok = q[SAMPLE_TIME] > 0.0 && q[TIGHT_WIDTH] > 0.0 && q[SUPPLY_RECOVERY] > 0.0
-        && q[DWELL_TIME] > 0.0 && q[READING_GAIN] != 0.0 && q[STOP_LOW] <= q[STOP_HIGH];
+        && q[DWELL_TIME] > 0.0 && q[RECORD_TIME] > 0.0 && q[READING_GAIN] != 0.0 && q[STOP_LOW] <= q[STOP_HIGH];
 #if CURVE_POINTS > 0
     for (int i = 1; i < CURVE_POINTS; i++) ok = ok && v->curve_op[i] > v->curve_op[i - 1];
 #endif
@@ -168,8 +168,8 @@ static bool usable(const Valve *v)
 static fmi3Status restarted(Instance *instance)
 {
     if (!usable(&instance->valve))
-        return refused(instance, "sample_time, tight_width, supply_recovery and dwell_time must be "
-            "above 0, reading_gain not 0, stop_low no higher than stop_high, curve_op rising.");
+        return refused(instance, "sample_time, tight_width, supply_recovery, dwell_time and "
+            "record_time must be above 0, reading_gain not 0, stop_low no higher than stop_high, curve_op rising.");
     if (!restart(&instance->valve))
         return refused(instance, "dead_time must be 0 or more and at most ten million samples of "
             "sample_time.");

@@ -29,6 +29,7 @@ enum {
 #define NO_LAG 1e-3         /* in units of the fit's own clock, of UNIT_S seconds */
 #define PLACES 141          /* of the tables over travel: one for each percent from -20 to 120 */
 #define PLACE_LOW (-20.0)
+#define PI 3.141592653589793
 #define MOTOR_PARTS 4       /* of a sample, in which a stem with inertia is moved */
 #define LONGEST_DELAY 10000000.0 /* samples */
 
@@ -52,6 +53,7 @@ typedef struct {
     double x, z, way, speed;
     bool moving;
     double rested;
+    double age; /* samples since the start */
 } Valve;
 
 static double share_of(double dt, double lag_s)
@@ -135,9 +137,24 @@ static void prepare(Valve *v)
     prepare_tables(v);
 }
 
+/* How much of record_time is over, 0 to 1. */
+static double course(const Valve *v)
+{
+    return fmin(v->age * v->q[SAMPLE_TIME] / v->q[RECORD_TIME], 1.0);
+}
+
+/* What is read where the stem is at 50 % of travel. */
+static double reading_at_50(const Valve *v)
+{
+    const double *q = v->q;
+    double t = course(v), waves = q[READING_WAVE_1] * sin(PI * t);
+    waves += q[READING_WAVE_2] * sin(2.0 * PI * t) + q[READING_WAVE_3] * sin(3.0 * PI * t);
+    return 50.0 + q[READING_ZERO] + q[READING_DRIFT] * (t - 0.5) + waves;
+}
+
 static double reading(const Valve *v)
 {
-    return v->q[READING_GAIN] * (v->z - 50.0) + (50.0 + v->q[READING_ZERO]);
+    return v->q[READING_GAIN] * (v->z - 50.0) + reading_at_50(v);
 }
 
 /* Every state from the present OP; the stem stands at position_start, or as near as friction lets
@@ -155,12 +172,12 @@ static bool restart(Valve *v)
     v->next = 0;
     prepare(v);
     v->lagged = v->rung = v->limited = v->before_air = command;
-    v->rung_speed = v->step = v->air = v->speed = v->rested = 0.0;
+    v->rung_speed = v->step = v->air = v->speed = v->rested = v->age = 0.0;
     v->way = 1.0;
     v->moving = false;
     double per_op = fabs(v->q[TRAVEL_PER_OP]);
     double band = fabs(0.5 * (v->q[S] + v->q[J]) * per_op) + 0.5 * v->q[PLAY];
-    double z = (v->q[POSITION_START] - (50.0 + v->q[READING_ZERO])) / v->q[READING_GAIN] + 50.0;
+    double z = (v->q[POSITION_START] - reading_at_50(v)) / v->q[READING_GAIN] + 50.0;
     band += fabs(table_at(v->friction, z)) + fabs(table_at(v->force, z));
     v->x = v->z = clipped(z, command - band, command + band);
     v->position = reading(v);
@@ -228,8 +245,9 @@ typedef struct {
 static Levels levels_of(const Valve *v)
 {
     const double *q = v->q;
-    double per_op = fabs(q[TRAVEL_PER_OP]), friction = table_at(v->friction, v->x);
-    double level = 0.5 * q[S] * per_op + friction, jump = 0.5 * q[J] * per_op;
+    double grown = fabs(q[TRAVEL_PER_OP]) * (1.0 + q[FRICTION_GROWTH] * course(v));
+    double friction = table_at(v->friction, v->x);
+    double level = 0.5 * q[S] * grown + friction, jump = 0.5 * q[J] * grown;
     double up = jump * (1.0 + q[SLIP_ASYMMETRY]), down = jump * (1.0 - q[SLIP_ASYMMETRY]);
     double rise = q[DWELL_BREAKAWAY]
         * log1p((v->moving ? 0.0 : v->rested) * q[SAMPLE_TIME] / q[DWELL_TIME]);
@@ -284,6 +302,7 @@ static void move(Valve *v, double force, Levels at)
 static void advance(Valve *v)
 {
     double force = force_of(v), half = 0.5 * v->q[PLAY];
+    v->age += 1.0;
     Levels at = levels_of(v);
     force -= table_at(v->force, v->x);
     v->rested = v->moving ? 1.0 : v->rested + 1.0;

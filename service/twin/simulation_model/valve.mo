@@ -1,4 +1,4 @@
-block {{ identifier }} "A control valve with stick-slip, fitted to the recording of {{ chain.valve | in_string }}"
+block {{ identifier }} "A control valve with stick-slip, fitted to the recording of {{ valve | in_string }}"
   // {{ sentence }}
   // Written by {{ tool }}. OP and position in percent; S and J in percent of OP, others of travel.
   //
@@ -28,6 +28,7 @@ protected
   constant Real rounding = 1e-9 "Percent; a smaller step of the force is a held command";
   parameter Integer delay = integer(dead_time / sample_time) "Whole samples of the dead time";
   parameter Real late = dead_time / sample_time - delay "The rest of them";
+  constant Real pi = 3.141592653589793;
   parameter Integer ring_parts = max(10, integer(ceil(sample_time / unit_s / 0.1 - 1e-9))) "Of a sample, in which ringing is counted";
   discrete Real waiting[delay + 2] "Commands that are on their way, the newest first, %";
   discrete Real command, lagged, rung, ring_speed, limited, step, air, before_air, force;
@@ -36,6 +37,9 @@ protected
   discrete Real way "1 rising, -1 falling";
   discrete Real speed "Of a stem with inertia, %/s";
   discrete Real rested "Samples";
+  discrete Real age "Samples since the start";
+  discrete Real course "How much of record_time is over, 0 to 1";
+  discrete Real reading_at_50 "What is read where the stem is at 50 % of travel";
   discrete Boolean moving;
   Real error, part, f, level, jump, up, down, rise, sliding, gap, share, place, off, pushed, least;
   Boolean begun(start = false, fixed = true);
@@ -53,6 +57,10 @@ algorithm
     command := OP;
 {% endif %}
 
+    age := if begun then age + 1 else 0;
+    course := min(age * sample_time / record_time, 1);
+    reading_at_50 := 50 + reading_zero + reading_drift * (course - 0.5) + reading_wave_1 * sin(pi * course) + reading_wave_2 * sin(2 * pi * course) + reading_wave_3 * sin(3 * pi * course);
+
     if not begun then
       // At the first sample all is at rest, the stem at position_start or as near as friction lets it.
       begun := true;
@@ -68,7 +76,7 @@ algorithm
       rested := 0;
       way := 1;
       moving := false;
-      z := (position_start - 50 - reading_zero) / reading_gain + 50;
+      z := (position_start - reading_at_50) / reading_gain + 50;
       level := abs(0.5 * (S + J) * abs(travel_per_op)) + 0.5 * play;
       x := z;
     else
@@ -129,8 +137,8 @@ algorithm
       before_air := limited;
       force := limited - share * air - pushed;
 
-      level := 0.5 * S * abs(travel_per_op) + off;
-      jump := 0.5 * J * abs(travel_per_op);
+      level := 0.5 * S * abs(travel_per_op) * (1 + friction_growth * course) + off;
+      jump := 0.5 * J * abs(travel_per_op) * (1 + friction_growth * course);
       up := jump * (1 + slip_asymmetry);
       down := jump * (1 - slip_asymmetry);
       rise := dwell_breakaway * log(1 + (if moving then 0 else rested) * sample_time / dwell_time);
@@ -174,6 +182,6 @@ algorithm
     end if;
 
     stem := x;
-    position := reading_gain * (z - 50) + 50 + reading_zero;
+    position := reading_gain * (z - 50) + reading_at_50;
   end when;
 end {{ identifier }};

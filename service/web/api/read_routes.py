@@ -264,7 +264,7 @@ def valve_line(line: RankingLine, cost: CostOfSticking | None = None) -> shapes.
 
 
 def alert_line(alert: StoredAlert, deps: Dependencies) -> shapes.AlertLine:
-    """An alert for the API."""
+    """``alert`` with the fields that the API promises, its state as of now."""
     names = set(shapes.AlertLine.model_fields) - {"state", "kind", "severity"}
     return shapes.AlertLine(
         state=state_of(alert, deps.now),
@@ -275,7 +275,7 @@ def alert_line(alert: StoredAlert, deps: Dependencies) -> shapes.AlertLine:
 
 
 def run_answer(run: StoredRun, deps: Dependencies) -> shapes.RunAnswer:
-    """A run for the API."""
+    """``run`` with the fields that the API promises, progress and time left among them."""
     return shapes.RunAnswer(
         id=run.id,
         state=run.state.value,

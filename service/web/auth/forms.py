@@ -55,7 +55,7 @@ class Form:
         return self._fields.get(name, [])
 
     def number(self, name: str, needed: str) -> int:
-        """A whole number."""
+        """The whole number in a field; 422 with ``needed`` where there is none."""
         return _number(self.text(name, needed=needed), needed)
 
     def numbers(self, name: str, needed: str) -> list[int]:

@@ -19,7 +19,7 @@ from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.maintenance.work_compared import compare
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking
 from stemwatch.service.presenter.finding import PresentedFinding, present
-from stemwatch.service.presenter.oscillation_words import of_loops
+from stemwatch.service.presenter.oscillation_words import loop_sentences
 from stemwatch.service.presenter.physics_words import left_to_tell
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
@@ -105,7 +105,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
         judgements=list(Judgement),
         plan_link=_plan_link(request, shown_screening),
         work=None if around is None else compare(around),
-        oscillates=of_loops(groups, name, deps.site.tz),
+        oscillates=loop_sentences(groups, name, deps.site.tz),
     )
 
 

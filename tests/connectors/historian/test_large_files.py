@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import subprocess
 import sys
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -53,6 +54,7 @@ WORDS = {
 HABIT = {(i, 3): f"1 {i % 900 + 100}" for i in range(ROWS) if i % 3}
 WHOLE = {(i, column): str(i % 90) for i in range(ROWS) for column in range(1, 6)}
 GOOD = {(i, 2): "Bad" if i % 50 == 0 else "Good" for i in range(ROWS)}
+EITHER = {(i, column): f"{i % 90 + 1},{i:03d}" for i in range(ROWS) for column in range(1, 6)}
 UNITS = "Time,FIC-1.OP [%],FIC-1.ZT [%],T [°C],FIC-2.OP,FIC-2.ZT"
 TWICE = "Time,FIC-1.OP,FIC-1.ZT,FIC-1.PV,FIC-1.OP,FIC-2.ZT"
 BERLIN = ReadOptions(zone="Europe/Berlin")
@@ -94,6 +96,11 @@ FILES |= {
         "decimal comma and words": export(
             separator=";", decimal=",", cells={(3, 1): "Bad", (4, 1): "", (5, 1): "+7,5"}
         ),
+        "either mark and semicolons": export(separator=";", cells=EITHER),
+        "either mark, and one that settles it": export(
+            separator="\t", cells={**EITHER, (800, 3): "0,125"}
+        ),
+        "a word at the end": export(cells={(ROWS - 1, 2): "Bad"}),
         "headers again": export(lines={5: "Time,FIC-1.OP,FIC-1.ZT,FIC-1.PV,FIC-2.OP,FIC-2.ZT"}),
         "empty cells at the end": export(lines={5: "2026-10-25T00:50:50Z,1,2,3,4,5,,"}),
         "other encoding": export(header="Time,FIC-1.OP,FIC-1.ZT,Hoehe,FIC-2.OP,FIC-2.ZT").replace(
@@ -166,6 +173,54 @@ def test_what_could_be_misread_in_pieces_is_read_whole(whole_and_in_pieces, name
     """With the same result as ever."""
     complete, pieces, in_pieces = whole_and_in_pieces(READ_WHOLE[name], ReadOptions())
     assert not in_pieces
+    assert pieces == complete
+
+
+def test_marks_that_nothing_settles_are_refused_alike(whole_and_in_pieces) -> None:
+    """With the count of all different numbers, though one would do to be in doubt."""
+    content = export(separator="\t", cells=EITHER)
+    complete, pieces, _ = whole_and_in_pieces(content, ReadOptions())
+    assert pieces == complete
+    assert "numbers such as '1,234'" in pieces[0]
+
+
+def narrow_export(quality: Callable[[int, int], str], *, in_order: bool = True) -> bytes:
+    """A row per sample, with a quality code; five tags."""
+    tags = ("FIC-1.OP", "FIC-1.ZT", "FIC-1.PV", "FIC-2.OP", "FIC-2.ZT")
+    rows = ["DateTime,TagName,Value,QualityDetail"]
+    for i in range(ROWS):
+        stamp = f"{START + timedelta(seconds=i):%Y-%m-%d %H:%M:%S}"
+        order = range(5) if in_order else np.random.default_rng(i).permutation(5).tolist()
+        rows += [f"{stamp},{tags[n]},{40 + (i * 7 + n) % 23}.{n},{quality(i, n)}" for n in order]
+    return ("\n".join(rows) + "\n").encode()
+
+
+@pytest.mark.parametrize("in_order", [True, False])
+@pytest.mark.parametrize(
+    "quality",
+    [
+        lambda i, n: "192",
+        lambda i, n: "0" if i % 9 == n else "192",
+        lambda i, n: " 192" if i % 2 else "192 ",
+        lambda i, n: "" if n == 2 else "192",
+        lambda i, n: "24" if (i, n) == (ROWS - 1, 4) else "192",
+    ],
+    ids=["one code", "two codes", "blanks", "none for a tag", "another at the end"],
+)
+def test_codes_of_a_row_per_sample(whole_and_in_pieces, quality, in_order: bool) -> None:
+    """Codes and tags are read once for all tags, and each tag gets its own."""
+    content = narrow_export(quality, in_order=in_order)
+    complete, pieces, in_pieces = whole_and_in_pieces(content, BERLIN)
+    assert in_pieces
+    assert pieces == complete
+
+
+def test_texts_that_are_no_codes_are_not_kept(whole_and_in_pieces, monkeypatch) -> None:
+    """A column of so many texts is read where it is asked for."""
+    monkeypatch.setattr(large_file, "_MOST_CODES", 3)
+    content = narrow_export(lambda i, n: str(192 + i % 7))
+    complete, pieces, in_pieces = whole_and_in_pieces(content, BERLIN)
+    assert in_pieces
     assert pieces == complete
 
 

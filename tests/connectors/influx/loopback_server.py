@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from typing import Any, ClassVar
 from urllib.parse import parse_qs, urlsplit
+
+from tests.connectors.loopback_http import ReadOnlyJson, on_loopback
 
 SELECT = re.compile(
     r'SELECT "(?P<value>[^"]+)" AS v(?:, "(?P<quality>[^"]+)" AS q)? FROM "(?P<measurement>[^"]+)"'
@@ -33,11 +31,11 @@ class Served:
     url: str = ""
 
 
-class Handler(BaseHTTPRequestHandler):
+class Handler(ReadOnlyJson):
     """GET /query; everything else is refused and remembered."""
 
     served: Served
-    protocol_version = "HTTP/1.1"
+    refusal: ClassVar = {"error": "not allowed"}
 
     def do_GET(self) -> None:
         """The only method that a reader may use."""
@@ -46,20 +44,13 @@ class Handler(BaseHTTPRequestHandler):
         asked = {name: words[0] for name, words in parse_qs(parts.query).items()}
         served.asked.append(asked)
         if served.faults:
-            self._send(*served.faults.pop(0))
+            self.answer(*served.faults.pop(0))
         elif served.token and self.headers.get("Authorization") != f"Token {served.token}":
-            self._send(401, {"code": "unauthorized", "message": "unauthorized access"})
+            self.answer(401, {"code": "unauthorized", "message": "unauthorized access"})
         elif parts.path != "/query" or asked.get("db") != "plant" or asked.get("epoch") != "ns":
-            self._send(404, {"error": "database not found: " + asked.get("db", "")})
+            self.answer(404, {"error": "database not found: " + asked.get("db", "")})
         else:
-            self._send(200, {"results": [{"statement_id": 0, **self._answer(asked["q"])}]})
-
-    def do_POST(self) -> None:
-        """Anything that writes."""
-        self.served.methods.add(self.command)
-        self._send(405, {"error": "not allowed"})
-
-    do_PUT = do_PATCH = do_DELETE = do_POST
+            self.answer(200, {"results": [{"statement_id": 0, **self._answer(asked["q"])}]})
 
     def _answer(self, q: str) -> dict[str, Any]:
         served = self.served
@@ -101,27 +92,7 @@ class Handler(BaseHTTPRequestHandler):
         values = [list(row[:width]) for row in page]
         return {"series": [{"name": match["measurement"], "columns": columns, "values": values}]}
 
-    def _send(self, status: int, body: Any) -> None:
-        data = body if isinstance(body, bytes) else json.dumps(body).encode()
-        self.send_response(status)
-        self.send_header("Content-Type", "application/json")
-        self.send_header("Content-Length", str(len(data)))
-        self.end_headers()
-        self.wfile.write(data)
 
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: the tests read ``Served.asked``."""
-
-
-@contextmanager
-def serving(served: Served) -> Iterator[Served]:
+def serving(served: Served) -> AbstractContextManager[Served]:
     """The server on a free port, until the block ends."""
-    handler = type("OneServer", (Handler,), {"served": served})
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
-        served.url = f"http://127.0.0.1:{server.server_address[1]}"
-        try:
-            yield served
-        finally:
-            server.shutdown()
+    return on_loopback(served, Handler)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import base64
 import fnmatch
-import json
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
+from typing import Any, ClassVar
 from urllib.parse import parse_qs, urlsplit
+
+from tests.connectors.loopback_http import ReadOnlyJson, on_loopback
 
 ARCHIVE = "PISRV1"
 Value = dict[str, Any]
@@ -61,11 +60,11 @@ class Refused(Exception):
         self.status, self.body = status, {"Errors": list(errors)}
 
 
-class Handler(BaseHTTPRequestHandler):
+class Handler(ReadOnlyJson):
     """Points, dataservers, streams and streamsets; everything else is refused and remembered."""
 
     served: Served
-    protocol_version = "HTTP/1.1"
+    refusal: ClassVar = {"Errors": ["not allowed"]}
 
     def do_GET(self) -> None:
         """The only method that a reader may use."""
@@ -76,19 +75,12 @@ class Handler(BaseHTTPRequestHandler):
             threading.Event().wait(served.late_s.pop(0))  # tests replace time.sleep
         if served.faults and (fault := served.faults.pop(0)) is not None:
             status, headers, body = fault
-            self._send(status, body, headers)
+            self.answer(status, body, headers)
             return
         try:
-            self._send(200, self._answer())
+            self.answer(200, self._answer())
         except Refused as refused:
-            self._send(refused.status, refused.body)
-
-    def do_POST(self) -> None:
-        """Anything that writes."""
-        self.served.methods.add(self.command)
-        self._send(405, {"Errors": ["not allowed"]})
-
-    do_PUT = do_PATCH = do_DELETE = do_POST
+            self.answer(refused.status, refused.body)
 
     def _answer(self) -> Any:
         self._check_sign_in()
@@ -172,19 +164,6 @@ class Handler(BaseHTTPRequestHandler):
         ]
         return {"Items": inside[:most]}
 
-    def _send(self, status: int, body: Any, headers: dict[str, str] | None = None) -> None:
-        data = body if isinstance(body, bytes) else json.dumps(body).encode()
-        self.send_response(status)
-        for name, content in (headers or {}).items():
-            self.send_header(name, content)
-        self.send_header("Content-Type", "application/json; charset=utf-8")
-        self.send_header("Content-Length", str(len(data)))
-        self.end_headers()
-        self.wfile.write(data)
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: the tests read ``Served.asked``."""
-
 
 def _key(timestamp: str) -> str:
     """A time as it compares: seconds, then seven decimals."""
@@ -192,15 +171,6 @@ def _key(timestamp: str) -> str:
     return f"{seconds}.{decimals:0<7}"
 
 
-@contextmanager
-def serving(served: Served) -> Iterator[Served]:
+def serving(served: Served) -> AbstractContextManager[Served]:
     """The server on a free port, until the block ends."""
-    handler = type("OneServer", (Handler,), {"served": served})
-    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        server.daemon_threads = True
-        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
-        served.url = f"http://127.0.0.1:{server.server_address[1]}/piwebapi"
-        try:
-            yield served
-        finally:
-            server.shutdown()
+    return on_loopback(served, Handler, "/piwebapi")

@@ -34,7 +34,7 @@ def test_a_bowed_reading_is_bent(bow):
     plain = simulated_by_chain()
     mv = plain.mv.values
     evaluator, result = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
-    assert convincing(curvature(evaluator, result), evaluator.told, "bend")
+    assert convincing(curvature(evaluator, result), evaluator.measured_counts, "bend")
 
 
 @pytest.mark.parametrize(("gain", "zero"), [(0.0, 0.0), (0.06, -1.0), (-0.08, 0.5)])
@@ -42,7 +42,7 @@ def test_a_stretched_reading_is_not(gain, zero):
     """Where zero and span are in the model, nothing of the residual follows the travel."""
     recording = simulated_by_chain(base={base_coordinate.GAIN: gain, base_coordinate.ZERO: zero})
     evaluator, result = fitted(recording, GAIN=gain, ZERO=zero)
-    assert not convincing(curvature(evaluator, result), evaluator.told, "bend")
+    assert not convincing(curvature(evaluator, result), evaluator.measured_counts, "bend")
 
 
 def test_a_stem_that_never_moves_tells_nothing():

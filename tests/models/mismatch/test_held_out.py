@@ -10,7 +10,7 @@ import pytest
 
 from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.held_out import show
+from stemwatch.models.mismatch.held_out import compare_held_out
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.terms import catalogue
@@ -28,7 +28,7 @@ def prepared(*slugs):
 @cache
 def shown(*slugs):
     """What is shown of it."""
-    return show(*prepared(*slugs), None)
+    return compare_held_out(*prepared(*slugs), None)
 
 
 def with_position(evaluator, mv):
@@ -61,7 +61,7 @@ def test_the_runs_do_not_know_what_comes_after(slugs):
     first = before.runs.heldout_from
     mv = evaluator.problem.mv.copy()
     mv[first:] = 50.0 + np.random.default_rng(1).normal(0.0, 8.0, mv.size - first)
-    after = show(with_position(evaluator, mv), layout, terms, None)
+    after = compare_held_out(with_position(evaluator, mv), layout, terms, None)
     assert first == after.runs.heldout_from
     np.testing.assert_array_equal(after.runs.naive, before.runs.naive)
     np.testing.assert_array_equal(after.runs.extended, before.runs.extended)
@@ -73,7 +73,7 @@ def test_another_position_in_the_first_part_changes_the_runs():
     evaluator, layout, terms = prepared("dead_time")
     mv = evaluator.problem.mv.copy()
     mv[: shown("dead_time").runs.heldout_from] += 2.0
-    after = show(with_position(evaluator, mv), layout, terms, None)
+    after = compare_held_out(with_position(evaluator, mv), layout, terms, None)
     assert not np.array_equal(after.runs.extended, shown("dead_time").runs.extended)
 
 
@@ -108,10 +108,12 @@ def test_the_ceiling_is_the_networks_error_on_the_same_samples():
     ceiling = mv + 0.25
     ceiling[:first] = mv[:first] + 9.0
     ceiling[first : first + 50] = np.nan
-    assert 0.25 == pytest.approx(show(evaluator, layout, terms, ceiling).heldout.rmse_ceiling)
+    assert 0.25 == pytest.approx(
+        compare_held_out(evaluator, layout, terms, ceiling).heldout.rmse_ceiling
+    )
     ceiling[first + 29 :] = np.nan
-    assert None is show(evaluator, layout, terms, ceiling).heldout.rmse_ceiling
-    assert None is show(evaluator, layout, terms, mv[:-1]).heldout.rmse_ceiling
+    assert None is compare_held_out(evaluator, layout, terms, ceiling).heldout.rmse_ceiling
+    assert None is compare_held_out(evaluator, layout, terms, mv[:-1]).heldout.rmse_ceiling
 
 
 def test_where_the_unseen_part_stands_still_no_fit_is_claimed():
@@ -119,7 +121,7 @@ def test_where_the_unseen_part_stands_still_no_fit_is_claimed():
     evaluator, layout, terms = prepared("dead_time")
     mv = evaluator.problem.mv.copy()
     mv[shown("dead_time").runs.heldout_from :] = 50.0
-    heldout = show(with_position(evaluator, mv), layout, terms, None).heldout
+    heldout = compare_held_out(with_position(evaluator, mv), layout, terms, None).heldout
     assert heldout.noise_floor == evaluator.problem.sigma
     assert {None} == {
         heldout.rmse_naive,

@@ -17,7 +17,7 @@ from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import settle
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import best_pairs, with_pair
-from stemwatch.models.mismatch.term_selection import SelectionStage, TermScore, name
+from stemwatch.models.mismatch.term_selection import SelectionStage, TermScore, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.studies.simulator.hidden import draw_hidden, simulate_hidden
@@ -32,7 +32,7 @@ def one_of_two():
     """What was named of two effects when the second was not looked for: the first alone."""
     recording = simulated_by_chain(samples=1200, **PAIR)
     problem = problem_of(recording, settle(recording))
-    selection = name(fit_base(problem, summary_of(problem)), TERMS)
+    selection = name_terms(fit_base(problem, summary_of(problem)), TERMS)
     (needed,) = [item for item in selection.needed if item.term.slug == "dead_time"]
     stages = selection.stages[:2]
     return replace(selection, fitted=stages[1].before, needed=(needed,), stages=stages)
@@ -73,7 +73,7 @@ def test_a_pair_is_named_beyond_the_limit_of_pairs_alone(one_of_two, monkeypatch
     """The weaker of the two must reach what no pair reaches where nothing is hidden; a term beside
     another one needs less."""
     best = best_pairs(one_of_two, TERMS)[0]
-    told = one_of_two.evaluator.told
+    told = one_of_two.evaluator.measured_counts
     assert all(convincing(score.advantage, told, score.slug, 1) for score in best.scores)
     assert best.needs_both(one_of_two.evaluator)
     above = best.least_strength(one_of_two.evaluator) + 0.01

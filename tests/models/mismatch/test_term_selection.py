@@ -24,7 +24,7 @@ from stemwatch.models.mismatch.term_selection import (
     SelectionStage,
     TermScore,
     accepted,
-    name,
+    name_terms,
     neutral,
     passes,
     pruned,
@@ -54,7 +54,7 @@ def begun(recording: Recording):
 def named(**terms):
     """What is named in a recording that the chain made with ``terms`` (slug to a value)."""
     values = {slug: np.atleast_1d(value) for slug, value in terms.items()}
-    return name(*begun(simulated_by_chain(**values)))
+    return name_terms(*begun(simulated_by_chain(**values)))
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_play_goes_where_a_later_term_has_taken_the_jump(monkeypatch):
     """What tells play from friction is asked again at the end: without a jump the two are one dead
     band, and everything is looked for once more without play."""
     base, terms = begun(simulated_by_chain(lost_motion=np.atleast_1d(0.8)))
-    assert ["lost_motion"] == [item.term.slug for item in name(base, terms).needed]
+    assert ["lost_motion"] == [item.term.slug for item in name_terms(base, terms).needed]
 
     def lose_the_jump(evaluator, fitted, stages):
         fitted, needed = pruned(evaluator, fitted, stages)
@@ -267,6 +267,6 @@ def test_play_goes_where_a_later_term_has_taken_the_jump(monkeypatch):
         return replace(fitted, candidates=candidates), needed
 
     monkeypatch.setattr(term_selection, "pruned", lose_the_jump)
-    again = name(base, terms)
+    again = name_terms(base, terms)
     assert "lost_motion" not in [item.term.slug for item in again.needed]
     assert "lost_motion" not in again.fitted.slugs

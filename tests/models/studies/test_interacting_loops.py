@@ -14,10 +14,10 @@ from stemwatch.models.studies.interacting_loops.fitting import (
     fit_sources,
     plant_evidence,
 )
-from stemwatch.models.studies.interacting_loops.judge import (
+from stemwatch.models.studies.interacting_loops.score_plant import (
     adjusted_rand_index,
-    judge_plant,
     plant_of,
+    score_plant,
 )
 
 
@@ -51,7 +51,7 @@ def test_a_source_moves_its_own_loop() -> None:
     plants = [run_drawn(draw_plant(rng, sources=1)) for _ in range(4)]
     own = [p.shares[0, p.sources[0].loop] for p in plants if p.sources[0].loop >= 0]
     assert max(own) > 0.5
-    judged = judge_plant(plants[0])
+    judged = score_plant(plants[0])
     assert judged.loops == len(plants[0].units)
     assert judged.quiet == (set(plants[0].label) == {-1})
 

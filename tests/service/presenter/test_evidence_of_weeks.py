@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from xml.etree import ElementTree
 from zoneinfo import ZoneInfo
@@ -37,6 +38,34 @@ def window(day, named, strength=0.5):
         S=size,
         J=size,
     )
+
+
+def playing(day, size, name="b"):
+    """An hour on ``day`` that names play of ``size`` percent."""
+    plain = window(day, None)
+    play = {("lost_motion", name): Estimate(value=size, unit="%")}
+    return replace(plain, named=(("lost_motion",),), sizes=play)
+
+
+def test_a_confirmed_effect_says_how_its_size_goes():
+    """Its rate a month over the windows that name it, with the interval."""
+    grows = [playing(3 * k, 1.0 + 0.1 * k + 0.01 * (-1) ** k) for k in range(6)]
+    evidence = evidence_of_weeks([*grows, window(20, None)])
+    (finding,) = evidence.findings
+    (trend,) = evidence.size_trends(finding).values()
+    assert trend.is_change
+    assert trend.per_month == pytest.approx(0.1 / 3.0 * 365.25 / 12.0, rel=0.1)
+    assert f"Over the weeks: play +{trend.per_month:.2f} % a month (+" in evidence.sentences()[0]
+    stays = evidence_of_weeks([playing(3 * k, 1.0 + 0.1 * (-1) ** k) for k in range(6)])
+    assert "a month" in stays.sentences()[0]
+    assert "no more than its scatter" in stays.sentences()[0]
+
+
+def test_a_size_that_few_days_have_has_no_trend():
+    """Three days are too few, also where later windows call their number otherwise."""
+    mixed = [playing(3 * k, 1.0 + k, "b" if k < 3 else "other") for k in range(6)]
+    evidence = evidence_of_weeks(mixed)
+    assert evidence.size_trends(evidence.findings[0]) == {}
 
 
 def said(*named):

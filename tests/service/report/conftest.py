@@ -32,7 +32,7 @@ EARLIER = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 
 
 def stick_slip(op: Floats, S: float, J: float) -> Floats:
-    """Stem of a valve with stickband plus deadband S and slip jump J, both percent of OP."""
+    """Stem of a valve with stick band plus dead band S and slip jump J, both percent of OP."""
     static, kinetic = (S + J) / 2, (S - J) / 2
     stem, moving, out = op[0], False, np.empty_like(op)
     for k, command in enumerate(op):

@@ -40,14 +40,16 @@ def test_source_and_victims_are_told_apart() -> None:
     assert said.headline(GROUP) == (
         "3 loops oscillate with 3.8 min: it likely begins in FIC-104 (60 %), else in TIC-2 (20 %)"
     )
-    first = said.of_loop(GROUP, "FIC-104", zone)
+    first = said.loop_sentence(GROUP, "FIC-104", zone)
     assert "Oscillates since 2026-03-02 19:00 with TIC-2, <b>LIC (80 % of its PV" in first
     assert "likeliest source (60 %): it leads." in first
-    victim = said.of_loop(GROUP, "TIC-2", zone)
+    victim = said.loop_sentence(GROUP, "TIC-2", zone)
     assert "with FIC-104 (50 % of its PV's variance" in victim
     assert "retuning this loop would not help" in victim
-    assert "50 % of the variance of these 3 loops on average, and up to 80 %" in said.cost(GROUP)
-    assert said.of_loops([GROUP], "other", zone) == []
+    assert "50 % of the variance of these 3 loops on average, and up to 80 %" in said.cost_sentence(
+        GROUP
+    )
+    assert said.loop_sentences([GROUP], "other", zone) == []
 
 
 def test_no_source_among_them_is_an_answer() -> None:
@@ -55,7 +57,7 @@ def test_no_source_among_them_is_an_answer() -> None:
     outside = replace(GROUP, outside=0.7)
     assert outside.source == ""
     assert "none of them is the source (70 %)" in said.headline(outside)
-    assert "none of them is the source" in said.of_loop(outside, "FIC-104", UTC)
+    assert "none of them is the source" in said.loop_sentence(outside, "FIC-104", UTC)
 
 
 def test_pictures_escape_names_and_hold_many_loops() -> None:

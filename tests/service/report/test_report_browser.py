@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.recording import Role, Signal
 from stemwatch.service.report import ValveFacts, write_report
 
@@ -101,6 +102,40 @@ def test_the_report_is_filtered_and_counted_by_unit(
     contracts = json.loads(files.json.read_text("utf-8"))
     assert {one["valve"]: one["path"]["unit"] for one in contracts}["FV-3"] == "200"
     assert "unit" in files.csv.read_text("utf-8-sig").splitlines()[0].split(",")
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_histograms_are_bars_as_long_as_their_numbers(
+    browser, make_screening, make_context, tmp_path, width: int
+) -> None:
+    """In each column the longest bar fills its place and the others are in proportion; the tables
+    are within the page, beside each other at a desk and below each other on a phone."""
+    valve = make_screening("FV-1")
+    valve = replace(valve, histograms=position_histograms(valve.recording))
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(write_report([valve], make_context([valve]), tmp_path).html.as_uri())
+    page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    classes, strokes = page.locator("table.histograms").all()
+    classes.scroll_into_view_if_needed()
+    assert classes.is_visible()
+    assert strokes.is_visible()
+    cells = classes.locator("tbody tr").evaluate_all(
+        """rows => rows.map(row => [...row.querySelectorAll("td")].map(cell => [
+            Number(cell.querySelector(".num").textContent.replace(",", "")),
+            cell.querySelector(".length > span").getBoundingClientRect().width,
+            cell.querySelector(".length").getBoundingClientRect().width,
+        ]))"""
+    )
+    time, travel, turns = np.array(cells).transpose(1, 0, 2)
+    for column, numbers in ((time, "time"), (travel, "travel"), (turns, "reversals")):
+        expected = np.array(getattr(valve.histograms, numbers))
+        assert column[:, 0] == pytest.approx(expected, rel=0.05, abs=0.05)
+        shares = column[:, 1] / column[:, 2]
+        assert shares == pytest.approx(expected / expected.max(), abs=0.06)
+    beside = strokes.bounding_box()["y"] < classes.bounding_box()["y"] + 50.0
+    assert beside == (width == 1280)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.close()
 
 
 def test_a_link_reaches_a_valve_that_a_filter_hides(open_page):

@@ -197,7 +197,7 @@ def test_the_workbook_is_ready_to_work_with(written):
         "%",
     }
     answer = [cell for row in book["Read me"].iter_rows(values_only=True) for cell in row]
-    assert "deadband plus stickband, percent of OP span" in answer
+    assert "dead band plus stick band, percent of OP span" in answer
     assert "exports/notes.pdf" in answer
 
 

@@ -151,7 +151,7 @@ def test_an_undetermined_valve_leads_with_why_and_what_helps(make_screening, mak
     ]
     assert places == sorted(places)
     assert first.count("so that sticking could not show itself") == 1
-    assert "deadband + stickband" not in first
+    assert "dead band + stick band" not in first
 
 
 def test_the_line_beside_s_and_j_and_the_bars_stand_in_the_page(with_indicators, make_context):

@@ -130,6 +130,7 @@ BLIND = st.builds(
 @given(answer=BLIND, seed=st.integers(0, 50), knows=st.booleans())
 @example(answer=CaseAnswer(causes=("none",)), seed=0, knows=False)
 @example(answer=CaseAnswer(S=Number(low=2.0, high=9.0)), seed=1, knows=True)
+@example(answer=CaseAnswer(S=Number(low=0.0, high=100.0)), seed=2, knows=True)  # as wide as can be
 @settings(max_examples=25, deadline=None)
 def test_adding_a_blind_answer_never_raises_the_expected_score(
     answer: CaseAnswer, seed: int, knows: bool

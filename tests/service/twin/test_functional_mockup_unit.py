@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import re
 import shutil
 import subprocess
 import zipfile
@@ -17,9 +19,10 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 
 from stemwatch.models.field_test.rival_runs import RivalRuns
-from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion, RivalModel
+from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.stickslip import kernel
+from stemwatch.models.stickslip.fit import ALWAYS, ONLY_WHEN_TURNING
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.valve_chain import CHAIN_PARAMETERS, ValveChain, valve_chain
 from stemwatch.service.twin.simulation_model.write_model import functional_mockup_unit
@@ -32,6 +35,7 @@ COMPILER = next((path for path in map(shutil.which, ("cc", "gcc", "clang")) if p
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler here")
 NEUTRAL = {parameter.name: parameter.neutral for parameter in CHAIN_PARAMETERS}
 LARGE = {slug: large for slug, _, large in MATTERS}
+LARGE["sensor_drift"] = [-0.7, 0.4, -0.3, 0.2]
 
 
 def wandering_op(samples: int = HOUR, seed: int = 3) -> np.ndarray:
@@ -109,6 +113,7 @@ def by_quick_fit(chain: ValveChain, op: np.ndarray) -> np.ndarray:
     q[kernel.LAG_UP_S], q[kernel.LAG_DOWN_S] = own["lag_rising"], own["lag_falling"]
     q[kernel.RATE_UP], q[kernel.RATE_DOWN] = own["speed_rising"], own["speed_falling"]
     q[kernel.ZERO], q[kernel.GAIN] = own["reading_zero"], 1.0
+    q[kernel.RESTICK] = own["restick_speed"]
     marks = np.zeros(op.size, dtype=np.uint8)
     marks[0] = kernel.START
     out, mv = np.empty(op.size), np.full(op.size, own["position_start"])
@@ -174,7 +179,7 @@ def by_fitted_model(question: OpenQuestion, command: np.ndarray) -> np.ndarray:
 
 
 @needs_compiler
-@pytest.mark.parametrize("slug", sorted(set(catalogue()) - SLOW))
+@pytest.mark.parametrize("slug", sorted(catalogue()))
 def test_every_effect_is_the_kernel_that_named_it(unit, slug: str) -> None:
     """The whole catalogue, from the stored fit through names and units into C, over an hour."""
     screening, question = with_term(slug)
@@ -191,6 +196,27 @@ def test_every_effect_is_the_kernel_that_named_it(unit, slug: str) -> None:
 
 
 @needs_compiler
+@pytest.mark.parametrize("restick", [ALWAYS, ONLY_WHEN_TURNING])
+@pytest.mark.parametrize("slug", [None, "lost_motion"])
+def test_the_stem_sticks_again_as_the_fit_has_it(unit, slug: str | None, restick: float) -> None:
+    """At every sample, or only where the command turns; with S and J alone and with an effect."""
+    screening, question = with_term(slug or "lost_motion")
+    question = replace(question, restick=restick)
+    effects = () if slug is None else screening.mismatch.effects
+    mismatch = replace(screening.mismatch, open_question=question, effects=effects)
+    chain = valve_chain(replace(screening, mismatch=mismatch))
+    assert isinstance(chain, ValveChain)
+    op = wandering_op()
+    op[0] = chain.op_start
+    times, positions = simulated(unit(chain), chain, op, 1.0, position_start=op[0])
+    fitted = {**chain.values, "position_start": op[0], "restick_speed": restick}
+    own = replace(chain, values=fitted)
+    expected = by_quick_fit(own, op) if slug is None else by_fitted_model(question, op)
+    assert np.max(np.abs(positions[1:] - expected[before(times[1:], 1.0)])) < NEAR
+    assert sources_have_no_infinity(chain)
+
+
+@needs_compiler
 @pytest.mark.parametrize("slug", ["asymmetric_lag", "dwell_dependent_breakaway", "viscous_drag"])
 def test_a_record_on_another_clock(unit, slug: str) -> None:
     """A sample a minute through a bent curve: times are in seconds, S and J in percent of OP."""
@@ -204,6 +230,39 @@ def test_a_record_on_another_clock(unit, slug: str) -> None:
     times, positions = simulated(unit(chain), chain, op, 60.0, position_start=command[0])
     expected = by_fitted_model(question, command)[before(times[1:], 60.0)]
     assert np.max(np.abs(positions[1:] - expected)) < NEAR
+
+
+@needs_compiler
+@pytest.mark.parametrize("step_s", [0.1, 0.5, 2.0, 5.0])
+@pytest.mark.parametrize("slug", ["growing_stiction", "sensor_drift"])
+def test_what_changes_with_time_does_so_at_every_step_size(unit, slug: str, step_s: float) -> None:
+    """Friction grows and the reading drifts by the time of each sample, whatever the step."""
+    screening, question = with_term(slug)
+    chain = valve_chain(screening)
+    assert isinstance(chain, ValveChain)
+    op = wandering_op()
+    op[0] = chain.op_start
+    times, positions = simulated(unit(chain), chain, op, step_s, position_start=op[0])
+    expected = by_fitted_model(question, as_held(op, 1.0, step_s))[before(times[1:], 1.0)]
+    assert np.max(np.abs(positions[1:] - expected)) < NEAR
+
+
+@needs_compiler
+def test_what_changed_with_time_stays_after_the_recording(unit) -> None:
+    """A simulation longer than the recording: S and J stay as they are at its end, and the reading
+    where it then was."""
+    short = {"record_time": 600.0}
+    op = wandering_op(1800)
+    late = slice(601, None)
+    grows = quick_fit(friction_growth=1.0, **short)
+    drifts = quick_fit(reading_drift=2.0, reading_wave_2=0.7, **short)
+    plain = by_quick_fit(PLAIN, op)
+    _, grown = simulated(unit(PLAIN), grows, op, 1.0)
+    _, drifted = simulated(unit(PLAIN), drifts, op, 1.0)
+    twice = by_quick_fit(quick_fit(S=10.0, J=3.0), op)
+    # From the first slip after the end of the recording on, as if it had always been so.
+    assert np.max(np.abs(grown[1:][late][300:] - twice[:-1][late][300:])) < NEAR
+    assert np.max(np.abs(drifted[1:][late] - (plain[:-1][late] + 1.0))) < NEAR
 
 
 @needs_compiler
@@ -345,6 +404,24 @@ def test_a_name_cannot_break_the_descriptions(tmp_path: Path) -> None:
     file.write_bytes(functional_mockup_unit(replace(quick_fit(), valve=name)).content)
     assert validate_fmu(str(file)) == []
     assert fmpy.read_model_description(str(file)).modelName == name
+
+
+@pytest.mark.parametrize("name", ["FIC\x001", "FIC\ud8001", "../../x", "F" * 5000])
+def test_a_name_that_no_description_can_hold(tmp_path: Path, name: str) -> None:
+    """Signs that XML does not have are blanks there; no file of the archive is elsewhere."""
+    file = tmp_path / "valve.fmu"
+    unit = functional_mockup_unit(replace(quick_fit(), valve=name), "no compiler")
+    file.write_bytes(unit.content)
+    assert validate_fmu(str(file)) == []
+    with zipfile.ZipFile(file) as archive:
+        assert not any(".." in entry or len(entry) > 200 for entry in archive.namelist())
+
+
+def sources_have_no_infinity(chain: ValveChain) -> bool:
+    """Neither C nor XML has a number without an end."""
+    with zipfile.ZipFile(io.BytesIO(functional_mockup_unit(chain, "no compiler").content)) as made:
+        texts = [made.read(name) for name in made.namelist()]
+    return not any(re.search(rb"[^a-z]inf[^a-z]", text) for text in texts)
 
 
 def sources(tmp_path: Path, chain: ValveChain) -> Path:

@@ -54,6 +54,12 @@ def test_each_window_comes_back_with_what_it_named_and_scored(store: Store) -> N
     assert first.S is not None
     assert first.S.value == pytest.approx(result.restated.S.value)
     assert first.start == BEGAN
+    assert {place: size.value for place, size in first.sizes.items()} == {
+        (effect.slug, name): size.value
+        for effect in result.defects
+        for name, size in effect.parameters.items()
+        if size.value is not None
+    }
     mismatch = store.screenings("FIC-1", 1)[0].mismatch
     assert mismatch is not None
     assert mismatch.scores == ()

@@ -1,4 +1,4 @@
-"""S over weeks: a rise that no single run shows is said, with its rate and interval."""
+"""S and J over weeks: a rise that no single run shows is said, with its rate and interval."""
 
 from __future__ import annotations
 
@@ -49,6 +49,21 @@ def test_a_rise_over_weeks_is_worse_although_no_run_shows_it(store: Store) -> No
     change = change_since_last_run(last, last.verdict, before, trend)
     assert change.direction == "worse"
     assert f"S +{trend.per_month:.2f} % a month" in change.words
+
+
+def test_j_has_a_trend_of_its_own(store: Store) -> None:
+    """J falls while S rises; a day without a J is none of its days."""
+    for week, J in enumerate((2.0, 1.6, None, 1.1, 0.8, 0.4)):
+        unknown = Estimate.unknown("no slip was seen", "%")
+        estimate = unknown if J is None else Estimate(value=J, unit="%")
+        result = replace(of_week(week, 2.0 + 0.3 * week), J=estimate)
+        store.save(result, store.begin_run(software_version="1"))
+    of_J = store.trends(["FIC-1"], Limits())["FIC-1"].J
+    assert of_J is not None
+    assert of_J.is_change
+    per_week = np.polyfit([0, 1, 3, 4, 5], [2.0, 1.6, 1.1, 0.8, 0.4], 1)[0]
+    assert of_J.per_month == pytest.approx(per_week / 7.0 * 365.25 / 12.0)
+    assert of_J.words.startswith(f"J −{-of_J.per_month:.2f} % a month (−")
 
 
 def test_work_begins_a_new_trend(store: Store) -> None:

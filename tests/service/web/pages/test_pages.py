@@ -34,7 +34,7 @@ def test_a_valves_page_says_what_was_found_and_what_is_known(client):
         "sticks: S 4.0 %",
         "squeaks &lt;b&gt;loudly&lt;/b&gt;",
         "packing renewed",
-        "Deadband plus stickband",
+        "Dead band plus stick band",
         f"{STICKY}.ZT",
         "2026-03-30 13:00 to 14:00 (Europe/Berlin)",
     ):

@@ -23,7 +23,7 @@ from stemwatch.models.without_position.suspicion import look_at_loop, trained_ju
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgedGroup:
+class ScoredGroup:
     """A group that was found: what most of its members really oscillate with, and where the true
     source stands in the ranking. ``place`` 0 is first, -1 not among the candidates;
     ``place_by_connections`` is that where the plant file names connections."""
@@ -34,14 +34,14 @@ class JudgedGroup:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgedPlant:
+class ScoredPlant:
     """``rand_index`` the adjusted Rand index of the groups (Hubert and Arabie 1985), ``None`` for a
     plant in which no loop oscillates."""
 
     loops: int
     sources: int
     rand_index: float | None
-    groups: tuple[JudgedGroup, ...]
+    groups: tuple[ScoredGroup, ...]
 
     @property
     def quiet(self) -> bool:
@@ -71,31 +71,31 @@ def _recording(plant: RunPlant, loop: int) -> Recording:
     return Recording(valve=str(loop), signals=signals, interval_s=plant.interval_s)
 
 
-def judge_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> JudgedPlant:
+def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
     """The groups of a plant and the ranking of each, against what is true."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     suspicion = suspicions(plant)
     groups = find_groups(errors, limits, suspicion)
-    judged = [
-        _judged(plant, member_evidence(errors, outputs, group, suspicion, feeds=plant.feeds))
+    scored = [
+        _scored(plant, member_evidence(errors, outputs, group, suspicion, feeds=plant.feeds))
         for group in groups
     ]
     label = np.array(plant.label)
     quiet = bool((label < 0).all())
     index = None if quiet else adjusted_rand_index(plant.label, labels(groups, label.size))
-    return JudgedPlant(
-        loops=label.size, sources=len(plant.sources), rand_index=index, groups=tuple(judged)
+    return ScoredPlant(
+        loops=label.size, sources=len(plant.sources), rand_index=index, groups=tuple(scored)
     )
 
 
-def _judged(plant: RunPlant, evidence: MemberEvidence) -> JudgedGroup:
+def _scored(plant: RunPlant, evidence: MemberEvidence) -> ScoredGroup:
     true = [plant.label[loop] for loop in evidence.members]
     commonest = max(sorted(set(true)), key=true.count)
     if commonest < 0:
-        return JudgedGroup(kind="")
+        return ScoredGroup(kind="")
     source = plant.sources[commonest]
-    return JudgedGroup(
+    return ScoredGroup(
         kind=source.kind.value,
         place=_place(without_connections(evidence), source.loop),
         place_by_connections=_place(evidence, source.loop),
