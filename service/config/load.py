@@ -53,7 +53,9 @@ LimitsTable = create_model("LimitsTable", __base__=TomlTable, **_FIELDS)
 class TopTable(TomlTable):
     """The whole file; limits, sources, valves and devices are validated one by one later."""
 
-    plant: PlantSection = Field(default=PlantSection(), description="a table with name and zone")
+    plant: PlantSection = Field(
+        default=PlantSection(), description="a table with name, site, zone and currency"
+    )
     storage: StorageSection = Field(default=StorageSection(), description="a table with the url")
     limits: dict[str, Any] = Field(default={}, description="a table of limits, each a number")
     sources: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[sources]]")
@@ -162,6 +164,7 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
     _read_list(data, file, reading)
     read_live(data, file.name, lines, reading)
     _report_orphans(reading)
+    _report_unknown_connections(reading)
     if reading.fatal:
         raise PlantFileError([*reading.fatal, *reading.problems])
     variables = os.environ if environment is None else environment
@@ -289,6 +292,17 @@ def _report_orphans(reading: PlantReading) -> None:
             "the mistakes in this source to be mended",
         )
         reading.problems.append(problem)
+
+
+def _report_unknown_connections(reading: PlantReading) -> None:
+    """Valves that ``feeds`` names and the plant does not have; the valve itself stays."""
+    for valve in reading.valves.values():
+        for name in valve.feeds:
+            if name not in reading.valve_places:
+                expected = "the id of a valve of this plant" + nearest(name, reading.valve_places)
+                location = reading.valve_places[valve.id]
+                found_text = f"the unknown valve {name!r}"
+                reading.problems.append(location.problem(("feeds",), found_text, expected))
 
 
 Read = TypeVar("Read", bound=BaseModel)

@@ -4,7 +4,8 @@ whether the valve needs work. Every output asks here: report, tables, pages, PDF
 A valve needs work where its stem sticks, or where a material effect beside friction was named that
 stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. Where
 the valve has a history, that is what its windows of the last weeks confirm, whatever the newest of
-them names. An effect that belongs to the machine, as a motor's lag, is named and asks for nothing.
+them names. An effect that belongs to the machine, as a motor's lag, or is
+too small for work of its own, as a zero error of 1 %, is named and asks for nothing.
 Valves to watch and those that cannot be judged are counted apart.
 """
 
@@ -110,8 +111,8 @@ class WorkDecision:
     ``verdict`` is the word that every output shows; ``kinds`` has the kind to act on first at its
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
-    how such a machine is made. ``lasting`` has the slugs of defects that the windows of weeks
-    confirm and this one does not name: work is planned on them too.
+    how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
+    weeks confirm and this one does not name: work is planned on them too.
     """
 
     verdict: Verdict
@@ -294,7 +295,9 @@ class WorkCounts:
 
     @property
     def headline(self) -> str:
-        """How many valves need work: "4 of 15 valves need work"."""
+        """How many valves need work: "4 of 15 valves need work"; or that nobody can say."""
+        if self.not_judged == self.valves:
+            return f"None of {valves_counted(self.valves)} can be judged"
         needs = "needs" if self.needs_work <= 1 else "need"
         return f"{self.needs_work or 'None'} of {valves_counted(self.valves)} {needs} work"
 
@@ -304,10 +307,11 @@ class WorkCounts:
         clauses = []
         if self.watch:
             clauses.append(f"{self.watch} to watch")
+        to_find_out = f"{self.orders} with a work order to find out why" if self.orders else ""
+        if self.not_judged == self.valves:
+            return to_find_out
         if self.not_judged:
-            reason_clause = (
-                f" ({self.orders} with a work order to find out why)" if self.orders else ""
-            )
+            reason_clause = f" ({to_find_out})" if to_find_out else ""
             clauses.append(f"{self.not_judged} cannot be judged{reason_clause}")
         if self.no_work:
             clauses.append(f"{self.no_work} without work")
