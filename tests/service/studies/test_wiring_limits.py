@@ -10,9 +10,8 @@ import pytest
 
 from stemwatch.models import signal_pairing, validity_checks, wiring_checks
 from stemwatch.models.stickslip import stored_range
-from stemwatch.service.studies.miswiring import draw_miswired
+from stemwatch.service.studies.miswiring import AS_IT_IS, draw_miswired
 from stemwatch.service.studies.wiring_limits import (
-    AS_IT_IS,
     SWAPPED,
     WiringShown,
     shown_by_valve,
