@@ -42,7 +42,7 @@ class ExplainedWindows:
     """What the windows of one recording say together.
 
     ``mismatch`` is that of window ``shown``, the first that names just what they agree on, on the
-    clock of the whole recording and with the ``pooled`` S and J, where at least two name just that.
+    clock of the whole recording; ``pooled`` S and J, where at least two name just that.
     Its p value is the smallest of what holds. ``findings`` are those that hold first; ``windows``
     what each said, on a clock that ``began`` with the recording. ``by_whole`` are the effects that
     hold because the recording as a whole names them and the windows gain by them: ``mismatch`` is
@@ -101,8 +101,6 @@ def explain_windows(
     if shown_by is not None:
         mismatch = shown_by(recording.part(shown_window.first, shown_window.last))
         seconds += mismatch.seconds
-    if pooled is not None and mismatch.finding is not Finding.UNKNOWN:
-        mismatch = replace(mismatch, restated=pooled)
     runs = mismatch.runs
     mismatch = replace(
         mismatch,

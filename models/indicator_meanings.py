@@ -20,7 +20,7 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "loop_regularity": ("Regularity of OP's oscillation, above 1 is regular", "up"),
     "slip_count": ("Jumps of the stem from rest", "up"),
     "slips_per_hour": ("Jumps of the stem per hour", "up"),
-    "jumped_percent": ("Share of its way made in jumps", "up"),
+    "jumped_percent": ("Share of the stem's way made in jumps from rest", "up"),
     "mv_reversals": ("Times the stem turned round", "up"),
     "travel_percent": ("Way of the stem, noise left out", "up"),
     "travel_per_hour_percent": ("Way of the stem per hour", "up"),
@@ -34,8 +34,8 @@ MEANINGS: dict[str, tuple[str, str]] = {
     # Its name until contract version 3: a reader of the valve standards takes S for the dead band.
     "dead_band_percent": ("Former name of S_minus_J_percent", "none"),
     "breakaway_scatter_percent": ("Scatter of the breakaways about their mean level", "none"),
-    "naive_S_percent": ("S of S and J alone", "none"),
-    "naive_J_percent": ("J of S and J alone", "none"),
+    "naive_S_percent": ("S of a fit without dead time, lag and speed limit", "none"),
+    "naive_J_percent": ("J of a fit without dead time, lag and speed limit", "none"),
     "position_zero_percent": ("Position minus OP, at rest", "none"),
     "dead_time_s": ("Command to stem, or a clock skew", "up"),
     "lag_rising_s": ("Actuator lag, position rising", "up"),
@@ -45,14 +45,20 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "sticking_score": ("Likeness to a sticking valve by OP and PV alone, 0 to 1", "none"),
     "apparent_S_percent": ("S that OP and PV alone suggest, where sticking is suspected", "none"),
     "control_error_std": ("Standard deviation of SP - PV", "up"),
-    "control_error_std_repaired": ("The same, predicted for a valve that does not stick", "none"),
+    "control_error_std_repaired": (
+        "Standard deviation of SP - PV predicted for a valve that does not stick",
+        "none",
+    ),
     "variance_from_sticking_percent": (
         "Share of the variance of SP - PV that the sticking makes",
         "up",
     ),
-    "control_error_from_sticking": ("Part of the mean of |SP - PV| that it makes", "up"),
-    "off_target_from_sticking_percent": ("Share of time off target that it makes", "up"),
-    "travel_from_sticking_per_hour_percent": ("Part of the stem's travel that it makes", "up"),
+    "control_error_from_sticking": ("Part of the mean of |SP - PV| that the sticking makes", "up"),
+    "off_target_from_sticking_percent": ("Share of time off target that the sticking makes", "up"),
+    "travel_from_sticking_per_hour_percent": (
+        "Part of the stem's travel that the sticking makes",
+        "up",
+    ),
     "baseline_ratio": ("Residual of the baseline network against its own window", "up"),
 }
 for _key, _model in _MODELS.items():

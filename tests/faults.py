@@ -47,9 +47,10 @@ ELSEWHERE = {
     "answers later than the time-out, RTU over TCP and serial": (
         "connectors/modbus/test_modbus_late_answers.py",
     ),
-    "SQL, OPC UA, PI and Parquet archives that break, hang, garble, vanish": (
+    "SQL, OPC UA, PI, InfluxDB and Parquet archives that break, hang, garble, vanish": (
         "connectors/test_hostile_archives.py",
         "connectors/pi/test_pi_archive.py",
+        "connectors/influx/test_influx_archive.py",
     ),
     "power loss": ("service/test_power_loss.py",),
     "PostgreSQL fails over to its standby": ("service/test_database_failover.py",),

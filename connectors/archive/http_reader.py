@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import socket
 import ssl
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from stemwatch.connectors.connector import ConnectorError
+from stemwatch.connectors.cut_off import cut_off_after
 from stemwatch.connectors.secret import Secret, masked
 
 if TYPE_CHECKING:
@@ -44,6 +46,7 @@ class HttpReader:
     def __init__(self, name: str, client: httpx.Client, timeout_s: float) -> None:
         self.name = name
         self._client, self._timeout_s = client, timeout_s
+        self._link: socket.socket | None = None
 
     def get(self, path: str, parameters: Parameters, values: int, too_large: str) -> HttpAnswer:
         """What the server answers; one that is busy is asked again, with growing waits.
@@ -74,24 +77,34 @@ class HttpReader:
         import httpx
 
         most = ANSWER_BYTES + VALUE_BYTES * values
-        until = time.monotonic() + LONGEST_ANSWER * self._timeout_s
         parts: list[bytes] = []
         query = parameters if isinstance(parameters, Mapping) else list(parameters)
-        with self._client.stream("GET", path, params=query) as answer:
-            for part in answer.iter_bytes():
-                most -= len(part)
-                parts.append(part)
-                if most < 0:
-                    raise ConnectorError(
-                        f"{self.name}: an answer is larger than {too_large} can be; it was not "
-                        "read to its end. Check url, and what stands between this machine and the "
-                        "server"
-                    )
-                if time.monotonic() > until:
-                    raise httpx.ReadTimeout("the answer does not come to an end")
+        told = {"trace": self._see}
+        with cut_off_after(LONGEST_ANSWER * self._timeout_s, lambda: self._link) as was_cut:
+            try:
+                with self._client.stream("GET", path, params=query, extensions=told) as answer:
+                    for part in answer.iter_bytes():
+                        most -= len(part)
+                        parts.append(part)
+                        if most < 0:
+                            raise ConnectorError(
+                                f"{self.name}: an answer is larger than {too_large} can be; it was "
+                                "not read to its end. Check url, and what stands between this "
+                                "machine and the server"
+                            )
+            except httpx.HTTPError:
+                if not was_cut.is_set():
+                    raise
+            if was_cut.is_set():  # an answer without a length only seems to be at its end
+                raise httpx.ReadTimeout("the answer does not come to an end")
             return HttpAnswer(
                 answer.status_code, answer.headers, b"".join(parts), answer.is_redirect
             )
+
+    def _see(self, event: str, about: Mapping[str, Any]) -> None:
+        """Remember the connection on which the answer comes, its head too."""
+        if event in ("connection.connect_tcp.complete", "connection.start_tls.complete"):
+            self._link = about["return_value"].get_extra_info("socket")
 
     def _unreached(self, error: Exception) -> ConnectorError:
         text = one_line(str(error)) or type(error).__name__

@@ -105,6 +105,8 @@ class InfluxQuery:
             page = self._rows(text)
             if page and start is not None:
                 self._check_next(page, start)
+            if last is not None and any(self._time(row) >= last for row in page):
+                raise self._not_heeded()
             for row in page:
                 ns.append(self._time(row))
                 values.append(number_of(row.get("v")))
@@ -119,16 +121,19 @@ class InfluxQuery:
     def _check_next(self, page: Sequence[Mapping[str, Any]], start: int) -> None:
         """Raise ``ConnectorError`` for a page that does not lead on: reading would never end."""
         if self._time(page[0]) < start:
-            raise ConnectorError(
-                f"{self.server}: the server gave points from before those that were asked for; "
-                "expected it to heed time and OFFSET. Something between us may keep old answers; "
-                "nothing of it is used"
-            )
+            raise self._not_heeded()
         if len(page) >= self.server.page and self._time(page[-1]) == start:
             raise ConnectorError(
                 f"{self.server}: more than {self.server.page} points of a tag stand at one "
                 "instant; set a larger page for this source, or check tag_key"
             )
+
+    def _not_heeded(self) -> ConnectorError:
+        return ConnectorError(
+            f"{self.server}: the server gave points from outside those that were asked for; "
+            "expected it to heed time and OFFSET. Something between us may keep old answers; "
+            "nothing of it is used"
+        )
 
     def _place(self, tag: str) -> tuple[str, list[str]]:
         """What is selected of where, and the conditions."""
@@ -145,7 +150,7 @@ class InfluxQuery:
 
     def _time(self, row: Mapping[str, Any]) -> int:
         time = row.get("time")
-        if not isinstance(time, int):
+        if not isinstance(time, int) or isinstance(time, bool) or abs(time) >= 2**63:
             raise ConnectorError(
                 f"{self.server}: found the time {one_line(str(time))!r}; expected whole "
                 "nanoseconds, as epoch=ns asks for"
@@ -183,12 +188,18 @@ class InfluxQuery:
                 raise ConnectorError(
                     f"{server}: the server answered with an error: {one_line(str(error))}"
                 )
-        return [
-            dict(zip(series["columns"], row, strict=False))
-            for result in results
-            for series in result.get("series", [])
-            for row in series.get("values", [])
-        ]
+        try:
+            return [
+                dict(zip(series["columns"], row, strict=False))
+                for result in results
+                for series in result.get("series", [])
+                for row in series.get("values", [])
+            ]
+        except (TypeError, KeyError, AttributeError):
+            raise ConnectorError(
+                f"{server}: the answer is none of an InfluxDB: expected series with columns and "
+                "values; check url"
+            ) from None
 
 
 @contextmanager

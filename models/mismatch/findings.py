@@ -90,7 +90,7 @@ class Effect:
     decide: str  # the test that would tell the members apart; empty where there is one
     parameters: Mapping[str, Estimate]
     evidence: EffectEvidence
-    inherent: bool = False  # how such a machine is made, and no defect: see ``Term.inherent``
+    inherent: bool = False  # how such a machine is made or may be: see ``Term.inherent``
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,9 +72,9 @@ def missed_breakaways(comparison: HeldOutComparison) -> str:
     if free is None or followed is None or followed - free < MISSES:
         return ""
     return (
-        f" Their free run has a fit of only {free:.0f} % on the part that was not fitted, because "
-        "it misses single breakaways; with each breakaway where it was seen it is "
-        f"{followed:.0f} %."
+        f" Fitted anew by free runs in this search, they have a fit of only {free:.0f} % on the "
+        "part that was not fitted, because such a run misses single breakaways; with each "
+        f"breakaway where it was seen it is {followed:.0f} %."
     )
 
 

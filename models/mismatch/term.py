@@ -68,6 +68,8 @@ class Words:
     plain: str  # "The actuator or the I/P converter takes time to fill or vent"
     decide: str  # the test that tells it from its neighbours
     advice: FieldAdvice  # what to check in which order, with which parts; codes for work orders
+    # Why a size that is ``inherent`` asks for no work, after "is"; empty: the machine is made so.
+    no_work: str = ""
 
     @property
     def check(self) -> str:
@@ -103,12 +105,13 @@ class Term(Protocol):
         ...
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """True where an effect of this size is worth a work order."""
+        """True where an effect of this size is worth a name."""
         ...
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
-        """True where an effect of this size is how such a machine is made, and no defect: it is
-        named, and S and J are restated with it, but it asks for no work."""
+        """True where an effect of this size is how such a machine is made, or as far off as one is
+        allowed to be, and no defect: it is named, and S and J are restated with it, but it asks for
+        no work."""
         ...
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:

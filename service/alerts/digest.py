@@ -30,6 +30,9 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
             )
     numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
+    # One that became more urgent is told again, and that is another message.
+    if again := sum(len(alert.evidence.get("formerly", ())) for alert in alerts):
+        key += f"-{again}"
     return store.deliveries.put(messages, key, numbers)
 
 
@@ -47,7 +50,7 @@ def message_of(
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
     if address:
-        lines.append(f"Acknowledge, put off or mark as false: {address.rstrip('/')}/alerts")
+        lines.append(f"Acknowledge, snooze or mark as false: {address.rstrip('/')}/alerts")
     return {
         "subject": _cut(f"{plant_prefix}{count_text}{first}"),
         "text": "\n\n".join(lines) + "\n",

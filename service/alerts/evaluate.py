@@ -9,10 +9,10 @@ from types import MappingProxyType
 from zoneinfo import ZoneInfo
 
 from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
-from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, cause, one_per_cause
+from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, faded, one_per_cause
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.alerts.alerts import JOINED, AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
 
@@ -21,7 +21,6 @@ AT_ONCE = 250  # valves of one round of queries; times the depth, what one state
 _NAMED = 12  # valves of a common alert that are listed
 _AT_ONCE = 500  # causes closed by one statement
 CLEARED = "not found in the last runs any more"
-JOINED = "part of another alert of this valve now, which has the same cause"
 
 
 def over_weeks(
@@ -107,11 +106,13 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     joined_now: list[str] = []
     for seen in gathered(store, plant, valves_done, over_weeks(store, run_id, valves_done)):
         raised_now, closed = apply_rules(seen, plant.alerts)
-        of_valve, spoken_for = one_per_cause(raised_now, open_before - set(closed))
+        of_valve, spoken_for = one_per_cause(
+            raised_now, open_before - set(closed), faded(seen, plant.alerts)
+        )
         raised += of_valve
-        joined_now += [cause_now for cause_now in spoken_for if cause_now in open_before]
+        renamed = {former for alert in of_valve for former in alert.formerly}
+        joined_now += [one for one in spoken_for if one in open_before - renamed]
         ended += [one for one in closed if one in open_before]
-        joined_now += [one for one in _causes_by_kind(of_valve) if one in open_before]
     for valve in awaiting_aftermath(store, valves_done):
         note_result_of_work(store, valve)
     groups = _groups(raised, plant)
@@ -121,21 +122,15 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
         cause for cause in open_before if cause.startswith(AlertKind.COMMON.value + ":")
     }
     ended += sorted(_ended_causes(causes_before - causes_now, set(valves_done), plant))
+    in_common = {alert.cause for group in groups.values() for alert in group}
+    joined_now += [one for alert in raised if alert.cause in in_common for one in alert.formerly]
     for first in range(0, len(ended), _AT_ONCE):
         store.alerts.clear(ended[first : first + _AT_ONCE], CLEARED)
     for first in range(0, len(joined_now), _AT_ONCE):
         store.alerts.clear(joined_now[first : first + _AT_ONCE], JOINED)
-    joined = {alert.cause for group in groups.values() for alert in group}
     # What was raised alone before and is part of a common cause now is told once, by that.
-    new = [alert for alert in raised if alert.cause not in joined]
+    new = [alert for alert in raised if alert.cause not in in_common]
     return store.alerts.raise_all([*common, *new])
-
-
-def _causes_by_kind(raised: Iterable[RaisedAlert]) -> list[str]:
-    """The causes that alerts would have by their kind alone, where they have another: an alert that
-    is open under such a one is part of the alert now."""
-    cause_pairs = [(cause(alert.kind, alert.valve or ""), alert.cause) for alert in raised]
-    return [by_kind for by_kind, now in cause_pairs if by_kind != now]
 
 
 def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[RaisedAlert]]:

@@ -125,14 +125,14 @@ def _of_weeks(
     rules: AlertRules,
 ) -> AlertDecision:
     """What is foreseen comes from weeks, not from the last runs: it is raised at once, and is over
-    when the stem sticks, which has its alert, or when S does not rise any more."""
-    if not answers or answers[0] is None:
+    when S does not rise any more. Where the stem sticks it has come true, and waits to become the
+    alert of that."""
+    if not answers or answers[0] is None or judged[0].verdict is Verdict.STICKY:
         return AlertDecision.LEAVE
-    sticks = judged[0].verdict is Verdict.STICKY
     foreseen = record.weeks is not None and record.weeks.foresees_within(
         rules.foreseen_within_weeks
     )
-    if sticks or foreseen is False:
+    if foreseen is False:
         return AlertDecision.CLEAR
     return AlertDecision.LEAVE if foreseen is None else AlertDecision.RAISE
 
@@ -175,42 +175,106 @@ FOLLOWS = {
 }
 
 
+# What is the same trouble under another name, where the one replaces the other in the windows.
+RENAMED = {
+    AlertKind.STICKY: (AlertKind.MISMATCH,),
+    AlertKind.MISMATCH: (AlertKind.STICKY, AlertKind.FORESEEN),
+}
+
+
+def faded(record: ValveRecord, rules: AlertRules) -> frozenset[AlertKind]:
+    """The kinds of finding that the last windows do not tell any more (or never did): another name
+    that they tell is a new one for the same trouble. After work on the valve it is another trouble,
+    and so nothing counts as faded until ``of_runs`` windows are behind it."""
+    judged = [one for one in record.screenings if one.verdict is not Verdict.UNDETERMINED]
+    last = judged[: rules.of_runs]
+    if any(_before_work(record, one) for one in last):
+        return frozenset()
+    counts = {
+        AlertKind.STICKY: sum(one.verdict is Verdict.STICKY for one in last),
+        AlertKind.MISMATCH: _named_lately(record, rules.of_runs),
+        AlertKind.FORESEEN: rules.raise_after_runs if _foresees(record, rules) else 0,
+    }
+    return frozenset(kind for kind, count in counts.items() if count < rules.raise_after_runs)
+
+
+def _before_work(record: ValveRecord, judged: JudgedScreening) -> bool:
+    start, _ = judged.window
+    return start is not None and any(start < work_time for work_time in record.worked_at)
+
+
+def _named_lately(record: ValveRecord, of_runs: int) -> int:
+    """How many of the last windows name an effect that is confirmed."""
+    if record.by_window is None:
+        return 0
+    slugs = [finding.slug for finding in record.by_window.confirmed]
+    windows = record.by_window.windows[-of_runs:]
+    return sum(any(window.names(slug) for slug in slugs) for window in windows)
+
+
+def _foresees(record: ValveRecord, rules: AlertRules) -> bool:
+    weeks = record.weeks
+    return weeks is not None and weeks.foresees_within(rules.foreseen_within_weeks) is True
+
+
 def one_per_cause(
-    raised: Sequence[RaisedAlert], still_open: Collection[str]
+    raised: Sequence[RaisedAlert],
+    still_open: Collection[str],
+    past: Collection[AlertKind] = (),
 ) -> tuple[list[RaisedAlert], list[str]]:
     """The alerts of one valve, ``raised`` by ``apply_rules``, with one for each cause that lists
-    its evidence; and the causes that another alert speaks for now.
+    its evidence and says under which causes it may have stood so far; and the causes that another
+    alert speaks for now.
 
-    ``still_open`` are the causes that were open before and are not over.
+    ``still_open`` are the causes that were open before and are not over, ``past`` the kinds that
+    have ``faded``.
     """
     by_kind = {alert.kind: alert for alert in raised}
     spoken_for: dict[AlertKind, list[RaisedAlert]] = {}
     joined: list[str] = []
-    for kind in by_kind:
-        valve = by_kind[kind].valve or ""
-        leads = _leads(by_kind[kind])
+    for kind, alert in by_kind.items():
+        valve = alert.valve or ""
         lead = next(
             (
                 leading_kind
-                for leading_kind in leads
+                for leading_kind in _leads(alert, past)
                 if leading_kind in by_kind or cause(leading_kind, valve) in still_open
             ),
             None,
         )
         if lead is not None:
-            spoken_for.setdefault(lead, []).append(by_kind[kind])
+            spoken_for.setdefault(lead, []).append(alert)
             joined.append(cause(kind, valve))
     merged_kinds = {alert.kind for alerts in spoken_for.values() for alert in alerts}
-    lead_kinds = [by_kind[kind] for kind in LEADS if kind in by_kind and kind not in merged_kinds]
-    return [_with_evidence(alert, spoken_for.get(alert.kind, ())) for alert in lead_kinds], joined
+    lead_kinds = [kind for kind in LEADS if kind in by_kind and kind not in merged_kinds]
+    told = []
+    for kind in lead_kinds:
+        merged = spoken_for.get(kind, ())
+        former = {cause(other.kind, other.valve or "") for other in (by_kind[kind], *merged)}
+        former |= {
+            cause(other, by_kind[kind].valve or "")
+            for other in LEADS
+            if other not in lead_kinds and _is_former(other, by_kind[kind], past)
+        }
+        standing = sorted(former & set(still_open) - {by_kind[kind].cause})
+        told.append(replace(_with_evidence(by_kind[kind], merged), formerly=tuple(standing)))
+    return told, joined
 
 
-def _leads(alert: RaisedAlert) -> tuple[AlertKind, ...]:
+def _leads(alert: RaisedAlert, past: Collection[AlertKind]) -> tuple[AlertKind, ...]:
     """The kinds of alert that speak for this one where they are open."""
-    effects = set(alert.evidence.get("effects", ()))
-    if alert.kind is AlertKind.MISMATCH and effects and effects <= OF_FRICTION:
+    of_sticking = alert.cause == cause(AlertKind.STICKY, alert.valve or "")
+    if alert.kind is AlertKind.MISMATCH and (of_sticking or AlertKind.MISMATCH in past):
         return (AlertKind.STICKY,)
     return FOLLOWS.get(alert.kind, ())
+
+
+def _is_former(kind: AlertKind, alert: RaisedAlert, past: Collection[AlertKind]) -> bool:
+    """Whether an open alert of ``kind`` is of the trouble that ``alert`` tells: it looked like this
+    from afar, or was another name for it that the windows do not tell any more."""
+    if alert.kind in FOLLOWS.get(kind, ()):
+        return True
+    return kind in RENAMED.get(alert.kind, ()) and kind in past
 
 
 def _with_evidence(alert: RaisedAlert, merged: Sequence[RaisedAlert]) -> RaisedAlert:
@@ -289,7 +353,7 @@ def _foreseen(record: ValveRecord) -> str:
     assert record.weeks is not None
     return (
         f"{record.weeks.words}, where the stem counts as sticky. Plan its maintenance before that; "
-        "how sure this is stands with the trend on the valve's page."
+        "the trend on the valve's page says how sure this is."
     )
 
 

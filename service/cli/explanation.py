@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.service.cli import views
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.finding import PresentedEffect, present_effects
@@ -28,7 +28,7 @@ from stemwatch.service.presenter.wording import (
     not_yet_said,
     span_percent,
 )
-from stemwatch.service.report.mismatch_view import alternative_of, left_over_bars
+from stemwatch.service.report.mismatch_view import alternatives_of, left_over_bars
 
 STYLE = {
     Finding.NAMED: "bold red",
@@ -47,7 +47,7 @@ def explanation(explained: Explained) -> RenderableType:
     parts: list[RenderableType] = [Text.from_markup(_headline(explained))]
     parts += [_line(text) for text in _sentences(mismatch)]
     if mismatch.finding is not Finding.NOT_TESTABLE:
-        parts.append(Padding(_numbers(mismatch), (0, 0, 0, INDENT)))
+        parts.append(Padding(_numbers(explained), (0, 0, 0, INDENT)))
     parts.append(Text(""))
     return Group(*parts)
 
@@ -105,21 +105,26 @@ def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
         yield f"[dim]Test in the field[/]  {views.escape(test)}"
 
 
-def _numbers(mismatch: Mismatch) -> Table:
-    """S, J and the fit on samples that were not fitted, as on the page: what counts, and what S and
-    J alone would have said."""
+def _numbers(explained: Explained) -> Table:
+    """S, J and the fit on samples that were not fitted, as on the page: what counts, and what else
+    was read. The fit of a long recording is of the window that is shown."""
     table = Table(box=None, pad_edge=False)
     for name in ("", "S, %", "J, %", "fit, %", "rmse, %"):
         table.add_column(name, justify="right" if name else "left", no_wrap=bool(name))
+    mismatch, by_window = explained.mismatch, explained.by_window
     heldout, counts = mismatch.heldout, mismatch.restated
-    rows = [("of this valve", counts, heldout.fit_extended, heldout.rmse_extended)]
-    alternative = alternative_of(mismatch, counts.S, counts.J)
-    if alternative:
-        alone = mismatch.naive, heldout.fit_naive, heldout.rmse_naive
-        rows.append((f"not used: {alternative}", *alone))
+    extended = heldout.fit_extended, heldout.rmse_extended
+    of_valve = extended if by_window is None else (None, None)
+    rows: list[tuple[str, Stiction, float | None, float | None]] = [
+        ("of this valve", counts, *of_valve)
+    ]
+    for other in alternatives_of(mismatch, counts.S, counts.J, by_window):
+        alone = other.stiction is mismatch.naive
+        of_alone = (heldout.fit_naive, heldout.rmse_naive) if alone else (None, None)
+        rows.append((f"not used: {other.of}", other.stiction, *of_alone))
     for name, stiction, fit, rmse in rows:
         table.add_row(name, _number(stiction.S), _number(stiction.J), figure(fit), figure(rmse, 2))
-    table.caption = _caption(mismatch) or None
+    table.caption = _caption(mismatch, shown_alone=by_window is not None) or None
     table.caption_justify = "left"
     return table
 
@@ -131,9 +136,12 @@ def _number(estimate: Estimate) -> str:
     return span_percent(estimate.value) + (f" ({around})" if around else "")
 
 
-def _caption(mismatch: Mismatch) -> str:
-    """The interval of the gain, the network and the noise floor, as on the page."""
-    heldout, parts = mismatch.heldout, []
+def _caption(mismatch: Mismatch, *, shown_alone: bool) -> str:
+    """The interval of the gain, the network and the noise floor, as on the page; of a long
+    recording first how what was named fits the window that is ``shown_alone``."""
+    heldout, parts = mismatch.heldout, list[str]()
+    if shown_alone and mismatch.effects:
+        parts.append(f"with what was named the window shown fits {figure(heldout.fit_extended)} %")
     known = finite(heldout.gain_low) is not None and finite(heldout.gain_high) is not None
     if known and mismatch.effects:
         parts.append(

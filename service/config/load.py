@@ -53,7 +53,9 @@ LimitsTable = create_model("LimitsTable", __base__=TomlTable, **_FIELDS)
 class TopTable(TomlTable):
     """The whole file; limits, sources, valves and devices are validated one by one later."""
 
-    plant: PlantSection = Field(default=PlantSection(), description="a table with name and zone")
+    plant: PlantSection = Field(
+        default=PlantSection(), description="a table with name, site, zone and currency"
+    )
     storage: StorageSection = Field(default=StorageSection(), description="a table with the url")
     limits: dict[str, Any] = Field(default={}, description="a table of limits, each a number")
     sources: list[dict[str, Any]] = Field(default=[], description="tables, each headed [[sources]]")

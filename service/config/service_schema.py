@@ -56,7 +56,9 @@ class ScheduleTable(TomlTable):
     window_s: Positive | None = Field(
         default=None, description="seconds of recording that a run looks at, above 0"
     )
-    areas: list[Name] = Field(default=[], description='a list of areas, such as ["100", "200"]')
+    areas: list[Name] = Field(
+        default=[], description='a list of areas, such as ["Crude", "Utilities"]'
+    )
     units: list[Name] = Field(default=[], description='a list of units, such as ["100", "200"]')
     valves: list[Name] = Field(default=[], description='a list of ids, such as ["FIC-101"]')
     enabled: bool = Field(default=True, description="true or false")

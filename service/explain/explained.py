@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.limits import Limits
-from stemwatch.models.mismatch.findings import Finding, Mismatch
+from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.service.explain.to_explain import ToExplain
@@ -117,16 +117,18 @@ def _explained(
     known_curve: KnownCurve | None,
 ) -> tuple[Mismatch, EvidenceOfWeeks | None]:
     """The mismatch of a recording, which is read at the pace of its loop, and what its windows say
-    together where it is a long one."""
+    together where it is a long one. S and J are those of the verdict in any case."""
     from stemwatch.models.explained_windows import explain_windows
 
+    samples = round(limits.fitted_samples)
+    uncut = replace(limits, fitted_samples=float(max(len(recording), samples)))
+
     def explain_alone(part: Recording) -> Mismatch:
-        return _mismatch(part, False, limits, known_curve)
+        return _mismatch(part, False, uncut, known_curve)
 
     def explain_shown(part: Recording) -> Mismatch:
-        return _mismatch(part, True, limits, known_curve)
+        return _mismatch(part, True, uncut, known_curve)
 
-    samples = round(limits.fitted_samples)
     evidence_windows = explain_windows(
         recording, samples, explain_alone, explain_shown if narx else None
     )
@@ -147,8 +149,13 @@ def _explained(
             f"What follows is of the window of {hours:.3g} h that begins after {begin:.3g} h."
         )
         sentences.append(position_text)
-    sentence = " ".join((*sentences, evidence_windows.mismatch.sentence))
-    return replace(evidence_windows.mismatch, sentence=sentence), evidence
+    mismatch = evidence_windows.mismatch
+    verdict = _screened(as_stored, False, limits, known_curve)
+    return replace(
+        mismatch,
+        sentence=" ".join((*sentences, mismatch.sentence)),
+        restated=Stiction(S=verdict.S, J=verdict.J),
+    ), evidence
 
 
 def _mismatch(
@@ -157,19 +164,27 @@ def _mismatch(
     """What its screening says of a recording, with the same S and J; where that cannot judge it,
     why, and what can be looked for all the same."""
     from stemwatch.models.mismatch.explain import explain
-    from stemwatch.models.screening import Case, Options, screen
 
     if narx:
         import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
     started = time.perf_counter()
-    case = Case(recording=recording, known_curve=known_curve)
-    (screening,) = screen([case], Options(limits=limits, narx=narx))
+    screening = _screened(recording, narx, limits, known_curve)
     mismatch = screening.mismatch
     if mismatch is None:
         as_read = screening.recording or recording
         mismatch = explain(as_read, look_for_curve=known_curve is None)
         mismatch = _without_verdict(screening, mismatch)
     return replace(mismatch, seconds=time.perf_counter() - started)
+
+
+def _screened(
+    recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
+) -> Screening:
+    from stemwatch.models.screening import Case, Options, screen
+
+    case = Case(recording=recording, known_curve=known_curve)
+    (screening,) = screen([case], Options(limits=limits, narx=narx))
+    return screening
 
 
 def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:

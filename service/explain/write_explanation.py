@@ -69,7 +69,13 @@ def _entry(explained: Explained, number: int, used_anchors: Counter[str]) -> Exp
     anchor = anchor_of(explained.valve, used_anchors)
     return ExplainedEntry(
         explained=explained,
-        view=mismatch_view(explained.mismatch, recording, anchor, explained.valve),
+        view=mismatch_view(
+            explained.mismatch,
+            recording,
+            anchor,
+            explained.valve,
+            by_window=explained.by_window,
+        ),
     )
 
 

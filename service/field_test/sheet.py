@@ -303,8 +303,7 @@ def _passes(plan: FieldTestPlan) -> str:
     return (
         f"Passed: at each of these instants MV is within {tolerance:.1f} % of one and the same "
         "column. Failed: it follows none of them, or another one each time; then what is wrong "
-        "is not "
-        "among them, and the recording is worth more than any guess."
+        "is not among them, and `stemwatch explain` of the recording tries all other effects."
     )
 
 

@@ -1,4 +1,4 @@
-"""Since when a finding has been seen, and in how many screenings on end."""
+"""Since when a finding has been seen, and in how many screenings in a row."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from stemwatch.service.store.screenings.records import Remark
 
 @dataclass(frozen=True, kw_only=True)
 class FirstSeen:
-    """``count`` screenings on end have shown it, this one included.
+    """``count`` screenings in a row have shown it, this one included.
 
     ``first`` is the earliest of them but this one, ``None`` where this is the only one; ``before``
     the last one that did not show it. ``at_least`` where the record was not read any further back.
@@ -66,7 +66,7 @@ def sentence(first_seen: FirstSeen, zone: tzinfo) -> str:
     begins = "at least since" if first_seen.at_least else "since"
     text = (
         f"Seen {begins} {instant(first_seen.first.at, zone)} (run {first_seen.first.run}), "
-        f"in {first_seen.count} screenings on end"
+        f"in {first_seen.count} screenings in a row"
     )
     if first_seen.before is None:
         return f"{text}; nothing earlier is stored." if not first_seen.at_least else f"{text}."

@@ -281,7 +281,7 @@ def _confidence(decision: WorkDecision) -> str:
 def _seen_often(first_seen: FirstSeen) -> str:
     if first_seen.count == 1:
         return "One screening shows it; a second one would make it firmer."
-    return f"{first_seen.count} screenings on end show it."
+    return f"{first_seen.count} screenings in a row show it."
 
 
 def _wrong_of_sticky(screening: Screening) -> str:

@@ -45,7 +45,7 @@ ISOLATION = {
     ),
     IsolationLevel.MANUAL: (
         "Loop in manual, agreed with the control room; think of cascades, interlocks and what a "
-        "move of 5 % does to the process; somebody stands at the bypass where it bears none."
+        "move of 5 % does to the process; where it allows none, have somebody at the bypass."
     ),
     IsolationLevel.AIR: (
         "Air shut and vented, locked and tagged: the valve goes to its fail position, so agree on "

@@ -25,6 +25,11 @@ from stemwatch.service.presenter.wording import interval, span_percent
 
 MOST_SHOWN = 30  # windows of the picture, the newest
 
+POOLED_NOT_USED = (
+    "an alternative, since of a valve and window the S and J of the verdict count, from the "
+    "stretch in which OP moves most"
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class EvidenceOfWeeks:
@@ -124,17 +129,23 @@ class EvidenceOfWeeks:
         return {name: trend for name, trend in trends.items() if trend is not None}
 
     @property
+    def pooled_over(self) -> str:
+        """The windows that S and J are pooled over."""
+        if not self.of_one_recording:
+            return "the windows that name it"
+        return f"the windows that name {'just that' if self.confirmed else 'nothing'}"
+
+    @property
     def pooled_sentence(self) -> str:
         """S and J over the windows; empty where there are too few of them."""
         if self.pooled is None:
             return ""
         S, J = self.pooled.S, self.pooled.J
-        those = "that name just that" if self.confirmed else "that name nothing"
-        those = those if self.of_one_recording else "that name it"
-        return (
-            f"Over the windows {those}, S is {span_percent(S.value)} % ({interval(S)}) and "
-            f"J {span_percent(J.value)} % ({interval(J)})."
+        text = (
+            f"Over {self.pooled_over}, S is {span_percent(S.value)} % ({interval(S)}) and "
+            f"J {span_percent(J.value)} % ({interval(J)})"
         )
+        return f"{text}: {POOLED_NOT_USED}." if self.of_one_recording else f"{text}."
 
 
 def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | None:

@@ -51,7 +51,7 @@ class PresentedEffect:
     """One effect beside friction. ``instead`` names those that the recording cannot tell from it,
     ``decide`` is the test that would; both empty where there is none. ``test`` shows the effect in
     the field, with what to expect from its own numbers; ``None`` for one of another version.
-    ``as_built`` says that it belongs to such a machine; empty for a defect."""
+    ``as_built`` says why it asks for no work; empty for a defect."""
 
     slug: str
     name: str
@@ -69,7 +69,7 @@ class PresentedEffect:
         """What passes the test in the field, and that this finding does where it is no defect."""
         if self.test is None:
             return ""
-        passed = "; what this finding expects passes" if self.as_built else ""
+        passed = "; what this finding expects passes as well" if self.as_built else ""
         return f"{self.test.passes}{passed}"
 
     @property
@@ -178,7 +178,7 @@ def present_effect(effect: Effect) -> PresentedEffect:
         decide=decide if similar_effects else "",
         evidence=_evidence(effect),
         test=effect_test(effect),
-        as_built=belong_to_machine([effect]) if effect.inherent else "",
+        as_built=why_no_work([effect]) if effect.inherent else "",
     )
 
 
@@ -200,7 +200,7 @@ def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str,
     if decision.lasting:
         sentences.append(confirmed_by_others(decision.lasting))
     if decision.inherent:
-        sentences.append(belong_to_machine(decision.inherent))
+        sentences.append(why_no_work(decision.inherent))
     mismatch = screening.mismatch
     if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
         sentences += not_yet_said([mismatch.sentence], screening.reason)
@@ -216,12 +216,22 @@ def confirmed_by_others(slugs: Sequence[str]) -> str:
     )
 
 
-def belong_to_machine(effects: Sequence[Effect]) -> str:
-    """That ``effects`` are how such a machine is made."""
-    names = effect_names(effect.slug for effect in effects)
-    is_single = len(effects) == 1
-    subject = f"{names[:1].upper()}{names[1:]} {'belongs' if is_single else 'belong'}"
-    return f"{subject} to such a machine and {'is no defect' if is_single else 'are no defects'}."
+def why_no_work(effects: Sequence[Effect]) -> str:
+    """Why ``effects`` ask for no work: they are how such a machine is made, or small enough."""
+    words = {effect.slug: term_words(effect.slug) for effect in effects}
+    small = {slug: one.no_work for slug, one in words.items() if one is not None and one.no_work}
+    as_built = [effect.slug for effect in effects if effect.slug not in small]
+    sentences = [f"{_capital(effect_name(slug))} is {reason}." for slug, reason in small.items()]
+    if as_built:
+        is_single = len(as_built) == 1
+        belongs, none = ("belongs", "is no defect") if is_single else ("belong", "are no defects")
+        names = _capital(effect_names(as_built))
+        sentences.insert(0, f"{names} {belongs} to such a machine and {none}.")
+    return " ".join(sentences)
+
+
+def _capital(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
 
 
 def field_test(screening: Screening) -> str:
@@ -299,7 +309,7 @@ def _alternatives(effect: PresentedEffect, *, held_back: bool) -> Iterable[str]:
         return [f"Perhaps {effect.name}, which is held back: chance alone may have named it."]
     if not effect.instead:
         return []
-    text = f"Instead of {effect.name}: {effect.instead}; this recording cannot tell them."
+    text = f"Instead of {effect.name}: {effect.instead}; this recording cannot tell them apart."
     return [f"{text} {effect.decide}".rstrip()]
 
 
@@ -386,7 +396,7 @@ def stiction_grown(before: Estimate | None, now: Estimate) -> str:
 def baseline_left(ratio: float) -> str:
     """That the position follows its baseline network worse than it did, ``ratio`` times."""
     return (
-        "The valve moves otherwise than it did when its baseline was set: a model of how it moved "
-        f"then is {ratio:.1f} times worse at telling its position now. That alone does not say "
-        "what is wrong. Look at its page for where it differs, and ask what was changed."
+        "The valve moves differently than when its baseline was set: a model of how it moved then "
+        f"predicts its position {ratio:.1f} times worse now. That alone does not say what is "
+        "wrong. Its page shows where it differs; ask what was changed."
     )

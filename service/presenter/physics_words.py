@@ -34,7 +34,7 @@ OUTCOME_MEANING = {
     TriedOutcome.NAMED: "named",
     TriedOutcome.AS_GOOD: "explains it as well: this recording cannot tell it from what is named",
     TriedOutcome.ADDS_NOTHING: "helps alone, but adds nothing beside what is named",
-    TriedOutcome.TOO_SMALL: "there perhaps, but of a size that needs no work",
+    TriedOutcome.TOO_SMALL: "perhaps there, but too small to need work",
     TriedOutcome.CHANCE: "gains no more than on recordings with nothing hidden",
     TriedOutcome.NOT_HELD: "helps in places, but does not stand on the whole record",
 }

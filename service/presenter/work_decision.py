@@ -4,7 +4,8 @@ whether the valve needs work. Every output asks here: report, tables, pages, PDF
 A valve needs work where its stem sticks, or where a material effect beside friction was named that
 stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. Where
 the valve has a history, that is what its windows of the last weeks confirm, whatever the newest of
-them names. An effect that belongs to the machine, as a motor's lag, is named and asks for nothing.
+them names. An effect that belongs to the machine, as a motor's lag, or is
+too small for work of its own, as a zero error of 1 %, is named and asks for nothing.
 Valves to watch and those that cannot be judged are counted apart.
 """
 
@@ -110,8 +111,8 @@ class WorkDecision:
     ``verdict`` is the word that every output shows; ``kinds`` has the kind to act on first at its
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
-    how such a machine is made. ``lasting`` has the slugs of defects that the windows of weeks
-    confirm and this one does not name: work is planned on them too.
+    how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
+    weeks confirm and this one does not name: work is planned on them too.
     """
 
     verdict: Verdict

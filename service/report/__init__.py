@@ -1,6 +1,6 @@
 """The report of one run: a page that stands alone, and the same findings as CSV, XLSX and JSON."""
 
-from stemwatch.service.report.json_contract import to_contract, to_contracts
+from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead, ValveFacts
 from stemwatch.service.report.write_report import ReportFiles, ReportNotWritten, write_report
 
@@ -11,6 +11,5 @@ __all__ = [
     "SourceNotRead",
     "ValveFacts",
     "to_contract",
-    "to_contracts",
     "write_report",
 ]

@@ -31,7 +31,6 @@ from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.finding import present, present_effect
 from stemwatch.service.presenter.plant_path import LEVELS, NO_PATH, PlantPath
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
@@ -205,18 +204,6 @@ def _hot(places: Sequence[HotPlace]) -> list[dict[str, Any]]:
 
 CONTRACT_VERSION = 2
 MODELS = ("stiction", "narx", "baseline")
-
-
-def to_contracts(screenings: Sequence[Screening]) -> list[dict[str, Any]]:
-    """All screenings of a run as plain JSON types, in their order.
-
-    Whether a valve's effects stand depends on all the others.
-    """
-    stands_of_each = discoveries([screening.mismatch for screening in screenings]).standing
-    return [
-        to_contract(screening, stands=stands_of_valve)
-        for screening, stands_of_valve in zip(screenings, stands_of_each, strict=True)
-    ]
 
 
 def to_contract(

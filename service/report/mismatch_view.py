@@ -10,8 +10,16 @@ from dataclasses import dataclass
 from markupsafe import Markup
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Cell, Finding, Gain, Mismatch, TriedOutcome
+from stemwatch.models.mismatch.findings import (
+    Cell,
+    Finding,
+    Gain,
+    Mismatch,
+    Stiction,
+    TriedOutcome,
+)
 from stemwatch.models.recording import Recording
+from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.physics_words import (
     OUTCOME_MEANING,
     effect_name,
@@ -28,8 +36,8 @@ from stemwatch.service.report.heatmap import heat_map, largest
 class MismatchView:
     """``mismatch`` with its pictures; ``anchor`` and ``tag`` name the valve in the page.
 
-    ``S`` and ``J`` are those of the valve, the only ones that count on a page; ``alternative`` is
-    why those of S and J alone differ, empty where they do not. ``held_back`` is why its effects do
+    ``S`` and ``J`` are those of the valve, the only ones that count on a page; ``alternatives`` are
+    others, each with why it is not used. ``held_back`` is why its effects do
     not stand among all valves of the run; empty where they do.
     """
 
@@ -44,13 +52,21 @@ class MismatchView:
     pictures: tuple[Picture, ...]
     S: Estimate
     J: Estimate
-    alternative: str = ""
+    alternatives: tuple[Alternative, ...] = ()
     held_back: str = ""
 
     @property
     def brief(self) -> bool:
         """Nothing was left out or nothing could be said: one sentence is enough."""
         return self.mismatch.finding in (Finding.NONE, Finding.NOT_TESTABLE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """An S and J that do not count, and what they are of."""
+
+    of: str
+    stiction: Stiction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,11 +89,13 @@ def mismatch_view(
     overlay: Chart | None = None,
     counts: tuple[Estimate, Estimate] | None = None,
     pictures: tuple[Picture, ...] = (),
+    by_window: EvidenceOfWeeks | None = None,
 ) -> MismatchView:
     """The view of ``mismatch``; without ``recording`` with the ``overlay`` and the ``pictures``
     given, if any.
 
     ``counts`` are the valve's S and J where a screening says them; else the mismatch does.
+    ``by_window`` is there where the recording was explained as several windows.
     """
     S, J = counts or (mismatch.restated.S, mismatch.restated.J)
     top = largest(mismatch.before, mismatch.after)
@@ -93,19 +111,28 @@ def mismatch_view(
         pictures=effect_pictures(recording, mismatch) or pictures,
         S=S,
         J=J,
-        alternative=alternative_of(mismatch, S, J),
+        alternatives=alternatives_of(mismatch, S, J, by_window),
         held_back=held_back,
     )
 
 
-def alternative_of(mismatch: Mismatch, S: Estimate, J: Estimate) -> str:
-    """Why the fit of S and J alone has others than the valve's ``S`` and ``J``; empty where it has
-    the same."""
-    if (mismatch.naive.S, mismatch.naive.J) == (S, J):
-        return ""
-    if mismatch.effects:
-        return "S and J alone, without what was named"
-    return "the fit that physics beside friction was looked for from"
+def alternatives_of(
+    mismatch: Mismatch, S: Estimate, J: Estimate, by_window: EvidenceOfWeeks | None = None
+) -> tuple[Alternative, ...]:
+    """What else was read than the valve's ``S`` and ``J``, and of what: over the windows of a long
+    recording, and by the fit of S and J alone."""
+    others: list[Alternative] = []
+    if by_window is not None and by_window.pooled is not None:
+        others.append(Alternative(of=f"over {by_window.pooled_over}", stiction=by_window.pooled))
+    if (mismatch.naive.S, mismatch.naive.J) != (S, J):
+        if by_window is not None:
+            of = "S and J alone, in the window that is shown"
+        elif mismatch.effects:
+            of = "S and J alone, without what was named"
+        else:
+            of = "the fit that physics beside friction was looked for from"
+        others.append(Alternative(of=of, stiction=mismatch.naive))
+    return tuple(others)
 
 
 def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:

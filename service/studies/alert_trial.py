@@ -53,7 +53,8 @@ class AlertPlan:
 @dataclass(frozen=True, kw_only=True)
 class PlayedAlert:
     """One alert: the days (from 0) on which it was raised and closed, ``None`` while it is open;
-    ``valves`` it speaks of, ``has_cause`` whether one of them had any."""
+    ``valves`` it speaks of, ``has_cause`` whether one of them had any. An alert without a cause
+    that took another name when there was one is right since the day ``renamed``."""
 
     cause: str
     kind: AlertKind
@@ -62,6 +63,12 @@ class PlayedAlert:
     has_cause: bool
     text: str
     closed: int | None = None
+    renamed: int | None = None
+
+    @property
+    def right_since(self) -> int | None:
+        """The day from which it told of a cause; ``None`` where it never did."""
+        return self.raised if self.has_cause else self.renamed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +102,11 @@ class Played:
             crosses = life.crosses
             if crosses is None or crosses + WITHIN >= self.plan.days:
                 continue
-            days = [alert.raised for alert in self.alerts if self._is_about(alert, life)]
+            days = [
+                alert.right_since
+                for alert in self.alerts
+                if alert.right_since is not None and self._is_about(alert, life)
+            ]
             delay_of_tag[life.tag] = max(min(days) - crosses, 0) if days else None
         return delay_of_tag
 
@@ -151,7 +162,8 @@ class Played:
 
     @staticmethod
     def _is_about(alert: PlayedAlert, life: ValveLife) -> bool:
-        return alert.has_cause and life.tag in alert.valves and life.life not in HEALTHY
+        told = alert.right_since is not None
+        return told and life.tag in alert.valves and life.life not in HEALTHY
 
 
 @dataclass(frozen=True)
@@ -227,8 +239,12 @@ class _Book:
             played = self.alerts.get(alert.id)
             if played is None:
                 self.alerts[alert.id] = played = self._played(alert, day)
+            if alert.kind is not played.kind and played.right_since is None:
+                now_told = self._played(alert, day)
+                renamed = day if now_told.has_cause else None
+                self.alerts[alert.id] = played = replace(played, renamed=renamed)
             if alert.closed is not None and played.closed is None:
-                self.alerts[alert.id] = _closed(played, day)
+                self.alerts[alert.id] = replace(played, closed=day)
 
     def _played(self, alert: StoredAlert, day: int) -> PlayedAlert:
         named = alert.evidence.get("valves", ())
@@ -249,10 +265,6 @@ class _Book:
             has_cause=caused,
             text=alert.text,
         )
-
-
-def _closed(alert: PlayedAlert, day: int) -> PlayedAlert:
-    return replace(alert, closed=day)
 
 
 def _record(

@@ -33,6 +33,7 @@ class WearKind(StrEnum):
     STEADY = "steady"
     ACCELERATING = "accelerating"
     STEPWISE = "stepwise"
+    REPAIRED = "steady, repaired unrecorded"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +130,8 @@ def _case(wear: WearKind, rng: np.random.Generator) -> ForecastCase | None:
 
 def true_S(wear: WearKind, rng: np.random.Generator) -> Floats:
     """(DAYS,) S of a valve, percent of OP span: it begins to wear, or was repaired, some time in
-    the first third."""
+    the first third. One that is repaired without a record goes back to where it began before it
+    reaches the limit, and wears on."""
     well = rng.uniform(0.1, 0.6)
     if wear is WearKind.NONE:
         return np.full(DAYS, rng.uniform(0.1, 1.3))
@@ -142,7 +144,11 @@ def true_S(wear: WearKind, rng: np.random.Generator) -> Floats:
         repair_days = rng.uniform(begins, DAYS, rng.integers(4, 12))
         size = rng.exponential(size=repair_days.size)
         share = (size * (day[:, None] >= repair_days)).sum(axis=1) / size.sum()
-    return np.asarray(well + (worn - well) * share)
+    S = np.asarray(well + (worn - well) * share)
+    if wear is WearKind.REPAIRED:
+        mended = int(np.argmax(S >= rng.uniform(0.7, LIMIT)))
+        S[mended:] -= S[mended] - well
+    return S
 
 
 def estimated_S(S: Floats, rng: np.random.Generator) -> tuple[Floats, Bools]:

@@ -35,7 +35,7 @@ PAGES = (
 # can put words into a page by a link.
 DONE = {
     "acknowledged": "The alert is acknowledged.",
-    "snoozed": "The alert is put off until the time you gave.",
+    "snoozed": "The alert is snoozed until the time you gave.",
     "false": "The alert is marked as a false alarm.",
     "note": "The note is kept.",
     "feedback": "What was found is kept, beside what had been said.",

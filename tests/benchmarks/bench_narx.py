@@ -6,7 +6,8 @@ Three in eight loops are healthy, the others stick, in every shape. Each network
 first part of its recording, about 60 %, and judged by its free run over the rest, once with all
 members started from random weights, as many as the product takes and four, and once with some of
 them started from the stick-slip fit to the same first part (grey-box). A fit below -100 % counts as
--100, and so does no network.
+-100, and so does no network. Where torch sees a CUDA GPU, every row is there once for the CPU and
+once for the GPU.
 
 Two populations: *all* are the first ``--valves`` drawn; of *screened* there are as many, drawn on
 until so many had no obstacle to a verdict, because where nothing moves a fit in percent is one of
@@ -26,6 +27,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from rich.console import Console
 from rich.table import Table
 
@@ -78,7 +80,7 @@ def made(loop: PlantLoop, seed: int) -> Valve:
     fit = fit_stickslip(recording)
     seconds = time.process_time() - started
     residual = of_stiction(fit, resynced=False)
-    example = NarxExample.of(recording, fit.first_heldout, network_start(fit))
+    example = NarxExample.of(recording, fit.first_heldout, network_start(fit, None))
     return Valve(
         example=example,
         stick_percent=max(residual.fit_percent, FLOOR) if residual is not None else FLOOR,
@@ -120,23 +122,36 @@ def percent_of(simulated: Floats, mv: Floats) -> float:
     return max(100.0 * (1.0 - error), FLOOR)
 
 
+def devices() -> tuple[str, ...]:
+    """Where networks can be trained on this machine."""
+    return ("cpu", "cuda") if torch.cuda.is_available() else ("cpu",)
+
+
 def trained(
-    examples: Sequence[NarxExample], batch: int, settings: NarxSettings
+    examples: Sequence[NarxExample], batch: int, settings: NarxSettings, device: str
 ) -> tuple[Floats, float]:
-    """Held-out percents of fit, and seconds of processor time for each valve."""
-    started = time.process_time()
-    fits = train(examples, replace(settings, valves_per_batch=batch))
-    seconds = (time.process_time() - started) / len(examples)
+    """Held-out percents of fit, and seconds for each valve: of processor time on the CPU, and on
+    the GPU, which works while the processor waits, by the clock."""
+    clock = time.process_time if device == "cpu" else time.perf_counter
+    started = clock()
+    fits = train(examples, replace(settings, valves_per_batch=batch, device=device))
+    seconds = (clock() - started) / len(examples)
     percents = [fit.heldout.fit_percent if fit.heldout else FLOOR for fit in fits]
     return np.maximum(percents, FLOOR), seconds
 
 
 def row(
-    model: str, batch: int | None, percents: Floats, stick: Floats, s: float | None
+    model: str,
+    batch: int | None,
+    percents: Floats,
+    stick: Floats,
+    s: float | None,
+    device: str | None = None,
 ) -> dict[str, object]:
     """One line of the table."""
     return {
         "model": model,
+        "device": device,
         "batch": batch,
         "median_percent": round(float(np.median(percents)), 1),
         "mean_percent": round(float(np.mean(percents)), 1),
@@ -163,10 +178,11 @@ def measure(valves: Sequence[Valve], batches: Sequence[int]) -> list[dict[str, o
         (f"NARX, {count.seeds} random starts", blind, count),
         (f"NARX, {count.fitted} of {count.seeds} from S and J", grey, count),
     ):
-        trained(some[:2], 2, settings)  # what is compiled and imported once is not counted
-        for batch in batches:
-            percents, seconds = trained(some, batch, settings)
-            rows.append(row(name, batch, percents, stick, seconds))
+        for device in devices():
+            trained(some[:2], 2, settings, device)  # what is compiled once is not counted
+            for batch in batches:
+                percents, seconds = trained(some, batch, settings, device)
+                rows.append(row(name, batch, percents, stick, seconds, device))
     return rows
 
 

@@ -12,7 +12,8 @@ _PIECE = 512
 
 class FaultyLine:
     """Passes on what both sides say. After ``most`` bytes of the server it is ``cut``, or
-    ``silent`` with the connection open, or ``garbled``: the bytes after that are others."""
+    ``silent`` with the connection open, or ``garbled``: the bytes after that are others; or they
+    come as ``drops``, one by one with half a second between."""
 
     def __init__(self, server: int | str, fault: str = "", most: int = 0) -> None:
         self._server, self.fault, self._left = server, fault, most
@@ -71,8 +72,17 @@ class FaultyLine:
                         break
                     if self._left < 0 and self.fault == "garbled":
                         data = bytes(byte ^ 0x55 for byte in data)
+                    if self._left < 0 and self.fault == "drops":
+                        self._drip(data, target)
+                        continue
                 target.sendall(data)
             target.shutdown(socket.SHUT_RDWR)
+
+    def _drip(self, data: bytes, target: socket.socket) -> None:
+        for byte in data:
+            target.sendall(bytes([byte]))
+            if self.over.wait(0.5):
+                return
 
 
 @contextmanager

@@ -15,16 +15,21 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from sqlalchemy import URL, make_url
 
 from stemwatch.connectors.connector import Connector, ConnectorError, ValveTags
 from stemwatch.connectors.historian import HistorianFile
+from stemwatch.connectors.influx.connector import InfluxAddress
 from stemwatch.connectors.opcua.connector import OpcUaAddress
 from stemwatch.connectors.parquet import ParquetArchive
 from stemwatch.connectors.pi.connector import PiAddress
 from tests.connectors import example_archives as made
 from tests.connectors.faulty_line import faulty_line
+from tests.connectors.influx.loopback_server import Row as InfluxRow
+from tests.connectors.influx.loopback_server import Served as InfluxServed
+from tests.connectors.influx.loopback_server import serving as influx_serving
 from tests.connectors.opcua.loopback_server import serving
 from tests.connectors.opcua.test_opcua_archive import PREFIX
 from tests.connectors.opcua.test_opcua_archive import history as opcua_history
@@ -146,9 +151,56 @@ def test_a_pi_server_that_fails_amid_its_values(
     assert said.startswith(f"PI http://127.0.0.1:{line.port}/piwebapi: "), said
 
 
+@pytest.fixture
+def influx_port() -> Iterator[int]:
+    """The port of an InfluxDB with the recording."""
+    points: dict[str, list[InfluxRow]] = {}
+    for tag, time_, number, _ in made.narrow_rows():
+        if number is not None:
+            points.setdefault(tag, []).append((int(time_.timestamp()) * 10**9, number, "Good"))
+    with influx_serving(InfluxServed(points=points, layout="measurement")) as served:
+        yield urlsplit(served.url).port or 0
+
+
+def influx_address(port: int, timeout_s: float = 2.0) -> InfluxAddress:
+    """The same server through a line."""
+    url = f"http://127.0.0.1:{port}"
+    return InfluxAddress(url=url, database="plant", timeout_s=timeout_s, page=100)
+
+
+@pytest.mark.parametrize(
+    ("fault", "most"),
+    [one if one[0] != "silent" else pytest.param(*one, marks=pytest.mark.long) for one in FAULTS],
+)
+def test_an_influx_server_that_fails_amid_its_points(
+    influx_port: int, fault: str, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As PI."""
+    monkeypatch.setattr("stemwatch.connectors.archive.http_reader.FIRST_WAIT_S", 0.01)
+    with faulty_line(influx_port, fault, most) as line:
+        said = failure(influx_address(line.port).open(), made.valve())
+    assert said.startswith(f"InfluxDB http://127.0.0.1:{line.port}, plant: "), said
+
+
+@pytest.mark.parametrize("most", [0, 6_000])
+@pytest.mark.parametrize("kind", ["PI", "InfluxDB"])
+def test_an_answer_that_comes_in_drops_is_given_up(
+    pi_port: int, influx_port: int, kind: str, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where it is the head that drips, which no time-out of a single read ends."""
+    monkeypatch.setattr("stemwatch.connectors.archive.http_reader.LONGEST_ANSWER", 1)
+    monkeypatch.setattr("stemwatch.connectors.archive.http_reader.ATTEMPTS", 1)
+    with faulty_line(pi_port if kind == "PI" else influx_port, "drops", most) as line:
+        archive = (pi_address if kind == "PI" else influx_address)(line.port).open()
+        begun = time.monotonic()
+        said = failure(archive, made.valve())
+    assert "does not come to an end" in said
+    assert time.monotonic() - begun < 30.0  # the head alone would take two minutes
+
+
 @pytest.mark.long
 def test_lines_without_a_fault_give_the_recording(
-    history: URL, pi_port: int, tmp_path: Path
+    history: URL, pi_port: int, influx_port: int, tmp_path: Path
 ) -> None:
     """What fails above is the fault and not the line."""
     true = HistorianFile(made.write_csv(tmp_path / "export.csv")).read(made.valve())
@@ -163,6 +215,9 @@ def test_lines_without_a_fault_give_the_recording(
             made.same(true, OpcUaAddress(url=at, page=100).open().read(made.valve(PREFIX)))
     with faulty_line(pi_port) as line:
         made.same(true, pi_address(line.port, 60.0).open().read(made.valve()))
+    with faulty_line(influx_port) as line:
+        read = influx_address(line.port, 60.0).open().read(made.valve())
+        assert np.array_equal(read.op.values[read.op.usable], true.op.values[true.op.usable])
 
 
 @pytest.fixture

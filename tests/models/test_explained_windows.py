@@ -65,7 +65,8 @@ def test_windows_are_those_in_which_op_moves_most():
 
 
 def test_what_two_windows_name_is_confirmed_and_shown():
-    """The window that is shown names it, on the clock of the whole; S and J are pooled."""
+    """The window that is shown names it, on the clock of the whole, with its own S and J; those
+    pooled stand beside."""
     start = datetime(2026, 3, 2, 6, tzinfo=UTC)
     in_windows = explain_windows(
         long_recording(4.0, start), SAMPLES, CannedExplainer([NONE, NAMED, NONE, NAMED])
@@ -81,7 +82,8 @@ def test_what_two_windows_name_is_confirmed_and_shown():
     assert np.isnan(in_windows.mismatch.runs.naive[:SAMPLES]).all()
     assert in_windows.mismatch.runs.heldout_from == SAMPLES + 9
     assert in_windows.pooled is not None
-    assert in_windows.mismatch.restated == in_windows.pooled
+    assert in_windows.mismatch.restated == NAMED.restated
+    assert in_windows.pooled.S.value == pytest.approx(NAMED.restated.S.value)
     assert in_windows.mismatch.p_value == min(finding.p_value for finding in in_windows.findings)
 
 

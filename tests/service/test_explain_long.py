@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import re
 from datetime import UTC, datetime
 from importlib.resources import files
 
@@ -12,6 +14,8 @@ from rich.console import Console
 
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.recording import Recording
+from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.studies.simulator.loop import PlantLoop, Transmitters
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.studies.simulator.valve import Actuator, SimulatedValve
@@ -19,16 +23,18 @@ from stemwatch.service.cli.explanation import explanation
 from stemwatch.service.explain.explain_json import to_json
 from stemwatch.service.explain.explained import Explained, explain_recording
 from stemwatch.service.explain.write_explanation import write_pages
-from stemwatch.service.report import ReportContext
+from stemwatch.service.presenter.wording import span_percent
+from stemwatch.service.report import ReportContext, to_contract
 
 SCHEMA = json.loads(
     files("stemwatch.service.explain").joinpath("explain.schema.json").read_text("utf-8")
 )
 WINDOWS, SAMPLES = 5, 700
+LIMITS = Limits(fitted_samples=float(SAMPLES))
 
 
 @pytest.fixture(scope="module")
-def result() -> Explained:
+def recording() -> Recording:
     """A valve whose air is slow, over five windows."""
     moves = tuple((60.0 + 110.0 * k, 50.0 + (-1) ** k * (6.0 + k % 5)) for k in range(32))
     loop = PlantLoop(
@@ -38,9 +44,13 @@ def result() -> Explained:
         setpoints=moves,
         duration_s=float(WINDOWS * SAMPLES),
     )
-    recording = simulate_loop(loop, 3).recording
-    limits = Limits(fitted_samples=float(SAMPLES))
-    return explain_recording(recording, "long.csv", narx=False, limits=limits)
+    return simulate_loop(loop, 3).recording
+
+
+@pytest.fixture(scope="module")
+def result(recording: Recording) -> Explained:
+    """Its explanation."""
+    return explain_recording(recording, "long.csv", narx=False, limits=LIMITS)
 
 
 def test_windows_that_agree_name_the_effect_and_pool_s_and_j(result):
@@ -53,9 +63,36 @@ def test_windows_that_agree_name_the_effect_and_pool_s_and_j(result):
     assert f"of {WINDOWS} windows of the recording, which confirms it." in result.mismatch.sentence
     assert evidence.pooled_sentence in result.mismatch.sentence
     assert "What follows is of the window of 0.194 h" in result.mismatch.sentence
-    S = result.mismatch.restated.S
-    assert S == evidence.pooled.S
-    assert S.low < 3.0 < S.high
+    assert evidence.pooled.S.low < 3.0 < evidence.pooled.S.high
+
+
+def test_s_and_j_are_those_of_the_verdict_and_others_are_called_alternatives(
+    result, recording, tmp_path
+):
+    """In JSON, page and terminal: what `screen` says of the valve, and what the windows say."""
+    (screened,) = screen([Case(recording=recording)], Options(limits=LIMITS, narx=False))
+    (told,) = json.loads(to_json([result]))
+    assert told["stiction"]["restated"] == to_contract(screened)["stiction"]
+    pooled = result.by_window.pooled
+    assert pooled.S != screened.S
+    assert "an alternative, since of a valve and window the S and J of the verdict count" in (
+        result.mismatch.sentence
+    )
+    console = Console(width=300, record=True, file=io.StringIO())
+    console.print(explanation(result))
+    lines = [line.strip() for line in console.export_text().splitlines()]
+    (counts,) = [line for line in lines if line.startswith("of this valve")]
+    (over,) = [line for line in lines if line.startswith("not used: over the windows")]
+    assert re.findall(r"[\d.]+", counts)[0] == span_percent(screened.S.value)
+    assert re.findall(r"[\d.]+", over)[0] == span_percent(pooled.S.value)
+    started = datetime(2026, 3, 2, tzinfo=UTC)
+    page = write_pages([result], ReportContext(started=started, zone="UTC"), tmp_path).html
+    text = " ".join(page.read_text("utf-8").split())
+    of_valve, alternative = text.partition('<th scope="row">of this valve</th>')[2].split(
+        'alternative, not used <span class="quiet">over the windows that name just that</span>', 1
+    )
+    assert f"<b>{span_percent(screened.S.value)} %</b>" in of_valve[:60]
+    assert f"<b>{span_percent(pooled.S.value)} %</b>" in alternative[:80]
 
 
 def test_json_says_what_each_window_named(result):
@@ -76,7 +113,7 @@ def test_json_says_what_each_window_named(result):
     )
     assert by_window["findings"][0]["named"] == named
     assert by_window["findings"][0]["confirmed"] is True
-    assert by_window["S"]["value"] == objects[0]["stiction"]["restated"]["S"]["value"]
+    assert by_window["S"]["value"] == result.by_window.pooled.S.value
     assert objects[1]["by_window"] is None
 
 

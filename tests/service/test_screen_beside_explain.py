@@ -8,6 +8,7 @@ import re
 import pytest
 from rich.console import Console
 
+from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
@@ -21,13 +22,14 @@ from stemwatch.service.explain.explained import Explained, explain_recording
 from stemwatch.service.presenter.wording import span_percent
 from stemwatch.service.report import to_contract
 
-STEPS = tuple((60.0 + 55.0 * k, 50.0 + (-1) ** k * (4.0 + k % 5)) for k in range(16))
+STEPS = tuple((60.0 + 55.0 * k, 50.0 + (-1) ** k * (4.0 + k % 5)) for k in range(32))
 
 
-def loop(S: float, J: float) -> Recording:
-    """A quarter of an hour of steps."""
+def loop(S: float, J: float, duration_s: float = 900.0) -> Recording:
+    """A quarter of an hour of steps, or more."""
+    steps = tuple(step for step in STEPS if step[0] < duration_s)
     simulated = PlantLoop(
-        tag="FIC-1", valve=SimulatedValve(S=S, J=J), setpoints=STEPS, duration_s=900.0
+        tag="FIC-1", valve=SimulatedValve(S=S, J=J), setpoints=steps, duration_s=duration_s
     )
     return simulate_loop(simulated, 3).recording
 
@@ -51,6 +53,23 @@ KINDS = {
     "late": lambda: hidden("dead_time", 4012),
     "cannot be judged": blind,
 }
+
+
+def agree_over_windows(screened: Screening, explained: Explained) -> None:
+    """Of a record of several windows S and J are one too; those pooled over the windows stand
+    beside as an alternative, and nowhere else."""
+    mismatch, evidence = to_object(explained), explained.by_window
+    assert evidence is not None
+    assert mismatch["stiction"]["restated"] == to_contract(screened)["stiction"]
+    terminal = Console(width=240, record=True, file=io.StringIO())
+    terminal.print(explanation(explained))
+    lines = [line.strip() for line in terminal.export_text().splitlines()]
+    (counts,) = [line for line in lines if line.startswith("of this valve")]
+    assert re.findall(r"[\d.]+", counts)[0] == span_percent(screened.S.value)
+    pooled = [line for line in lines if line.startswith("not used: over the windows")]
+    assert len(pooled) == (evidence.pooled is not None)
+    assert (evidence.pooled_sentence in explained.mismatch.sentence) or evidence.pooled is None
+    assert mismatch["by_window"]["S"] != mismatch["stiction"]["restated"]["S"]
 
 
 def agree(screened: Screening, explained: Explained) -> None:
@@ -82,3 +101,11 @@ def test_s_and_j_and_what_was_left_out_are_one(kind: str) -> None:
     recording = KINDS[kind]()
     (screened,) = screen([Case(recording=recording)], Options(narx=False))
     agree(screened, explain_recording(recording, "a.csv", narx=False))
+
+
+def test_s_and_j_of_a_record_of_four_windows_are_one() -> None:
+    """What `explain` cuts into windows and `screen` fits in one stretch."""
+    limits = Limits(fitted_samples=440.0)
+    recording = loop(4.0, 2.0, 1780.0)
+    (screened,) = screen([Case(recording=recording)], Options(limits=limits, narx=False))
+    agree_over_windows(screened, explain_recording(recording, "a.csv", narx=False, limits=limits))

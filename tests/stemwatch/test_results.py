@@ -22,9 +22,10 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import Recording
 from stemwatch.models.verdict import Verdict
 from stemwatch.results import ExplainedValve, ExplainedValves, ScreenedValve, ScreenedValves
+from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.csv_file import write_csv
-from stemwatch.service.report.json_contract import to_contracts
+from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.ranking import rank_valves
 
 REPOSITORY = Path(__file__).parent.parent.parent
@@ -118,7 +119,8 @@ def test_one_valve_is_the_json_contract(screened: ScreenedValve, work: ScreenedV
     """``to_dict`` is what ``valves.json`` holds, by its schema."""
     objects = [screened.to_dict(), *work.to_dict()]
     jsonschema.validate(json.loads(json.dumps(objects, allow_nan=False)), SCHEMA)
-    assert to_contracts([screened.screening]) == [screened.to_dict()]
+    (stands,) = discoveries([screened.screening.mismatch]).standing
+    assert to_contract(screened.screening, stands=stands) == screened.to_dict()
 
 
 def test_many_valves_are_the_rows_of_the_csv(work: ScreenedValves) -> None:

@@ -15,7 +15,14 @@ from stemwatch.models.field_advice import TRANSMITTER_SETTING, FieldAdvice, Fiel
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
-from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value, either_sign, number
+from stemwatch.models.mismatch.terms._common import (
+    CALIBRATE_FROM_PERCENT,
+    CALIBRATE_LATER,
+    ReadingTerm,
+    about_value,
+    either_sign,
+    number,
+)
 from stemwatch.models.recording import Floats
 
 MATERIAL_PERCENT = 0.3  # of travel, at the end of the travel seen against its middle
@@ -54,6 +61,7 @@ class SpanError(ReadingTerm):
             ),
             **TRANSMITTER_SETTING,
         ),
+        no_work=CALIBRATE_LATER,
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
@@ -71,6 +79,10 @@ class SpanError(ReadingTerm):
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """It moves the reading over half the travel seen."""
         return bool(abs(values[0]) * 0.5 * (summary.mv_high - summary.mv_low) >= MATERIAL_PERCENT)
+
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """At the ends of the stroke less than a stroke check finds fault with."""
+        return bool(abs(values[0]) * 50.0 < CALIBRATE_FROM_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """Percent of reading per percent of travel."""

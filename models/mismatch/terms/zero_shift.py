@@ -16,6 +16,8 @@ from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import (
+    CALIBRATE_FROM_PERCENT,
+    CALIBRATE_LATER,
     ReadingTerm,
     about_value,
     either_sign,
@@ -58,6 +60,7 @@ class ZeroShift(ReadingTerm):
             ),
             **TRANSMITTER_SETTING,
         ),
+        no_work=CALIBRATE_LATER,
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
@@ -75,6 +78,10 @@ class ZeroShift(ReadingTerm):
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """More than a careful calibration leaves."""
         return bool(abs(values[0]) >= MATERIAL_PERCENT)
+
+    def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
+        """Less than a stroke check finds fault with."""
+        return bool(abs(values[0]) < CALIBRATE_FROM_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """The shift at mid-travel, positive where the reading is high."""

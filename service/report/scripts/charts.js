@@ -3,7 +3,7 @@ var stemwatchCharts = (function () {
   "use strict";
   var HEIGHTS = { travel: 240, process: 150, residual: 150 };
   var LOWEST_EXTRA = 38; // the date and the zone below the lowest plot
-  var PRINT_HEIGHTS = { travel: 156, process: 98, residual: 98 };
+  var PRINT_HEIGHTS = { travel: 128, process: 86, residual: 86 };
   var STYLES = {
     op: { width: 1.25 }, mv: { width: 1.75 }, stiction: { width: 1.5, dash: [6, 3] },
     narx: { width: 1.25, dash: [2, 3] }, naive: { width: 1.5, dash: [7, 3] }, extended: { width: 1.75, dash: [3, 4] },

@@ -1,7 +1,7 @@
 // The stem against the controller output: the picture in which a sticking valve is recognised.
 var stemwatchLoop = (function () {
   "use strict";
-  var HEIGHT = 420, PRINT_HEIGHT = 236;
+  var HEIGHT = 420, PRINT_HEIGHT = 212;
   // Beyond three stretches the lines of a loop cover one another, and lines between thinned samples
   // of a record without a stretch follow no path of the stem; points say more.
   var MOST_STRETCHES_AS_LINES = 3, MOST_POINTS_AS_LINES = 1600, MOST_MARKED = 500;

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import ColumnElement, func, or_, select, update
+from sqlalchemy import ColumnElement, and_, func, or_, select
 from sqlalchemy.orm import Session
 
 from stemwatch.service.presenter.plant_path import WHOLE_PLANT, PartOfPlant
@@ -48,7 +48,12 @@ class AlertSeverity(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class RaisedAlert:
-    """An alert to be raised; alerts with the same ``cause`` are the same alert."""
+    """An alert to be raised; alerts with the same ``cause`` are the same alert.
+
+    ``formerly`` are causes under which the same trouble may stand open: the oldest of those becomes
+    this alert, with what people did to it, and the others are closed as part of it. False alarms
+    are left as they are: somebody said that there was no such trouble.
+    """
 
     cause: str
     kind: AlertKind
@@ -58,6 +63,7 @@ class RaisedAlert:
     source: str | None = None
     run_id: int | None = None
     evidence: Mapping[str, Any] = field(default_factory=dict)
+    formerly: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +92,7 @@ class StoredAlert:
     told: datetime | None
 
 
+JOINED = "part of another alert of this valve now, which has the same cause"
 MOST_ALERTS = 200  # the largest number that is shown of one state
 STATES = ("open", "acknowledged", "snoozed", "closed", "false", "all")
 
@@ -213,27 +220,22 @@ def _row(session: Session, alert: int) -> AlertRow:
 
 
 def _raise(session: Session, alert: RaisedAlert) -> int | None:
-    """Open the alert and return its number; ``None`` where one with this cause is open, which then
-    says that the stem sticks where it said less."""
+    """Open the alert and return its number; ``None`` where one of the same trouble is open, which
+    then says what is known now: that the stem sticks where it said less, or the new name."""
     now = datetime.now(UTC)
     if alert.valve is not None:
         ensure_valve(session, alert.valve)
-    reopened = session.execute(
-        update(AlertRow)
-        .where(AlertRow.cause == alert.cause, AlertRow.closed.is_(None))
-        .values(seen=now)
-        .returning(AlertRow.id, AlertRow.kind)
-    ).first()
-    if reopened is not None:
-        if alert.kind is AlertKind.STICKY and reopened.kind != alert.kind.value:
-            says_more = {
-                "kind": alert.kind.value,
-                "severity": alert.severity.value,
-                "text": alert.text,
-                "run_id": alert.run_id,
-                "evidence": dict(alert.evidence),
-            }
-            session.execute(update(AlertRow).where(AlertRow.id == reopened.id).values(says_more))
+    former = and_(AlertRow.cause.in_(alert.formerly), AlertRow.false_alarm.is_(False))
+    open_rows = session.scalars(
+        select(AlertRow)
+        .where(AlertRow.closed.is_(None), or_(AlertRow.cause == alert.cause, former))
+        .order_by(AlertRow.cause != alert.cause, AlertRow.id)
+        .with_for_update()
+    ).all()
+    for other in open_rows[1:]:
+        other.closed, other.closed_why = now, JOINED
+    if open_rows:
+        _say_again(open_rows[0], alert, now)
         return None
     empty = ("closed_why", "acknowledged_by", "comment", "snoozed_by")
     values = {
@@ -260,6 +262,22 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
         returning=AlertRow.id,
     )
     return session.execute(statement).scalar_one_or_none()
+
+
+def _say_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
+    """The standing alert ``row`` of the trouble that ``alert`` tells. It says no less than before;
+    one that became more urgent is told to people once more."""
+    row.seen = now
+    renamed = row.cause != alert.cause
+    if renamed or (alert.kind is AlertKind.STICKY and row.kind != alert.kind.value):
+        before = {"kind": row.kind, "text": row.text, "until": now.isoformat()}
+        formerly = [*row.evidence.get("formerly", ()), before]
+        order = list(AlertSeverity)
+        if order.index(alert.severity) < order.index(AlertSeverity(row.severity)):
+            row.told = None
+        row.cause, row.kind, row.severity = alert.cause, alert.kind.value, alert.severity.value
+        row.text, row.run_id = alert.text, alert.run_id
+        row.evidence = {**alert.evidence, "formerly": formerly}
 
 
 def stored_alert(row: AlertRow) -> StoredAlert:

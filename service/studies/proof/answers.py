@@ -87,7 +87,7 @@ def read_answer(stored: Mapping[str, Any]) -> BlindAnswer:
             record_effects=_slugs(stored["record_effects"]),
             not_testable=_slugs(stored["not_testable"]),
             naive=_numbers(stiction.get("naive")),
-            restated=_numbers(stiction.get("restated")),
+            restated=_restated(stored),
             fit_naive=heldout.get("fit_naive"),
             fit_extended=heldout.get("fit_extended"),
             rmse_naive=heldout.get("rmse_naive"),
@@ -100,6 +100,14 @@ def read_answer(stored: Mapping[str, Any]) -> BlindAnswer:
             f"the JSON of explain lacks {missing} for {stored.get('recording', 'a recording')}; "
             f"received the fields {sorted(stored)}"
         ) from missing
+
+
+def _restated(stored: Mapping[str, Any]) -> StictionNumbers:
+    """S and J with what was named: of a long recording over the windows that name it."""
+    over_windows = _numbers(stored.get("by_window"))
+    if over_windows.S is not None:
+        return over_windows
+    return _numbers((stored["stiction"] or {}).get("restated"))
 
 
 def _slugs(stored: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-block {{ identifier }} "A control valve with stick-slip, fitted to the recording of {{ chain.valve | in_string }}"
+block {{ identifier }} "A control valve with stick-slip, fitted to the recording of {{ valve | in_string }}"
   // {{ sentence }}
   // Written by {{ tool }}. OP and position in percent; S and J in percent of OP, others of travel.
   //

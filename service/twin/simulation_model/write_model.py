@@ -30,6 +30,16 @@ SOURCES = Path(__file__).parent
 COMPILERS = ("cc", "gcc", "clang")
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 LONGEST_COMPILATION_S = 120.0
+_LONGEST_NAME = 64
+# Words that Modelica has for itself (language specification 3.6, section 2.3.3, and its types).
+_MODELICA = re.compile(
+    "algorithm|and|annotation|block|break|class|connect|connector|constant|constrainedby|der|"
+    "discrete|each|else|elseif|elsewhen|encapsulated|end|enumeration|equation|expandable|extends|"
+    "external|false|final|flow|for|function|if|import|impure|in|initial|inner|input|loop|model|"
+    "not|operator|or|outer|output|package|parameter|partial|protected|public|pure|record|"
+    "redeclare|replaceable|return|stream|then|true|type|when|while|within|"
+    "Boolean|Clock|Integer|Real|String"
+)
 # The names of FMI 3.0 for this machine and its system, and the ending of a shared library.
 _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 _SYSTEMS = {"linux": "linux", "darwin": "darwin", "windows": "windows"}
@@ -46,9 +56,10 @@ class MadeUnit:
 
 
 def identifier_of(valve: str) -> str:
-    """A name for C and Modelica: letters, digits and underscores."""
-    name = re.sub(r"\W+", "_", valve, flags=re.ASCII).strip("_")
-    return name if name and not name[0].isdigit() else f"valve_{name}".rstrip("_")
+    """A name for C, Modelica and files: letters, digits and underscores, no word of Modelica."""
+    name = re.sub(r"\W+", "_", valve, flags=re.ASCII).strip("_")[:_LONGEST_NAME]
+    taken = not name or name[0].isdigit() or _MODELICA.fullmatch(name)
+    return f"valve_{name}".rstrip("_") if taken else name
 
 
 def contents_in_words(chain: ValveChain) -> str:
@@ -97,7 +108,8 @@ def _rendered(chain: ValveChain) -> dict[str, bytes]:
     context = _context(chain)
     plain, escaped = _environment(escapes=False), _environment(escapes=True)
     numbers = plain.get_template("start_values.h").render(context, token="")
-    token = "{" + hashlib.sha256(f"{__version__}{chain.valve}{numbers}".encode()).hexdigest() + "}"
+    of_this = f"{__version__}{chain.valve}{numbers}".encode("utf-8", "backslashreplace")
+    token = "{" + hashlib.sha256(of_this).hexdigest() + "}"
     rendered = {"start_values.h": plain.get_template("start_values.h").render(context, token=token)}
     for name in ("modelDescription.xml", "buildDescription.xml", "index.html"):
         rendered[name] = escaped.get_template(name).render(context, token=token)
@@ -107,6 +119,8 @@ def _rendered(chain: ValveChain) -> dict[str, bytes]:
 def _context(chain: ValveChain) -> dict[str, Any]:
     return {
         "chain": chain,
+        # Without signs that neither XML nor a terminal can hold.
+        "valve": "".join(sign if sign.isprintable() else " " for sign in chain.valve),
         "identifier": identifier_of(chain.valve),
         "values": chain.values,
         "parameters": [{**vars(one), "value": chain.values[one.name]} for one in CHAIN_PARAMETERS],
@@ -132,9 +146,8 @@ def _environment(*, escapes: bool) -> Environment:
 
 
 def _in_string(text: str) -> str:
-    """``text`` between the quotation marks of Modelica: whatever a plant may call a valve."""
-    plain = "".join(letter if letter.isprintable() else " " for letter in text)
-    return plain.replace("\\", "\\\\").replace('"', '\\"')
+    """``text`` between the quotation marks of Modelica."""
+    return text.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _platform() -> tuple[str, str]:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
+from stemwatch.connectors.archive import http_reader
 from stemwatch.connectors.connector import ConnectorError, TagMapping, ValveTags, Window
 from stemwatch.connectors.influx import InfluxArchive
 from stemwatch.connectors.influx.connector import InfluxSettings
@@ -173,3 +174,66 @@ def test_mistakes_in_the_table_say_what_is_expected(table: dict[str, str], expec
     whole = {"name": "i", "kind": "influx", "url": "https://host:8086", "database": "plant"}
     with pytest.raises(ValidationError, match=expected):
         InfluxSettings.model_validate(whole | table)
+
+
+SERIES = {"columns": ["time", "v"], "values": [[NS, 1.0]]}
+NO_TABLES = [
+    b"[" * 100_000,
+    b'{"results": ' + b"9" * 5000 + b"}",
+    b'{"a": "\xff"}',
+    {"results": [{"series": None}]},
+    {"results": [{"series": ["opc"]}]},
+    {"results": [{"series": [{"values": [[NS, 1.0]]}]}]},
+    {"results": [{"series": [{**SERIES, "columns": "tv"}]}]},
+    {"results": [{"series": [{**SERIES, "columns": [["time"], "v"]}]}]},
+    {"results": [{"series": [{**SERIES, "values": [5]}]}]},
+    {"results": [{"series": [{**SERIES, "values": [[10**30, 1.0]]}]}]},
+    {"results": [{"series": [{**SERIES, "values": [[True, 1.0]]}]}]},
+]
+
+
+@pytest.mark.parametrize("body", NO_TABLES, ids=range(len(NO_TABLES)))
+def test_an_answer_of_another_shape_is_named(served: Served, body: Any) -> None:
+    """Whatever it is: the server, and that it is no answer of an InfluxDB."""
+    served.faults = [(200, body)]
+    with pytest.raises(ConnectorError, match=r"InfluxDB http://\S+, plant: (the answer|found)"):
+        archive(served).read(VALVE)
+
+
+def test_an_answer_without_end_does_not_fill_the_memory(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is left where it is larger than what was asked for can be."""
+    monkeypatch.setattr(http_reader, "ANSWER_BYTES", 100_000)
+    served.faults = [(200, b" " * 3_000_000)]
+    with pytest.raises(ConnectorError, match="larger than 100 values"):
+        archive(served, page=100).read(VALVE)
+
+
+def test_points_from_after_the_window_are_refused(served: Served) -> None:
+    """A server that does not heed the end would be read for ever."""
+    window = Window(start=START, stop=START + timedelta(seconds=100))
+    rows = [[NS + i * 10**9, 1.0] for i in range(200)]
+    served.faults = [(200, {"results": [{"series": [{**SERIES, "values": rows}]}]})]
+    with pytest.raises(ConnectorError, match="from outside"):
+        archive(served).read(VALVE, window)
+
+
+def test_what_a_server_says_is_one_line_of_the_log(served: Served) -> None:
+    """Line ends and control signs in it would forge others."""
+    served.faults = [(400, {"error": "out\r\nERROR forged \x1b[31mline" + "x" * 5000})]
+    with pytest.raises(ConnectorError) as failed:
+        archive(served).read(VALVE)
+    assert str(failed.value).isprintable()
+    assert len(str(failed.value)) < 600
+
+
+def test_a_redirect_is_not_followed(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would carry the token to whoever it names."""
+    monkeypatch.setenv("INFLUX_TOKEN", "geheim")
+    moved: Any = (307, {}, {"Location": f"{served.url}/elsewhere"})
+    served.faults = [moved]
+    with pytest.raises(ConnectorError, match="answered 307") as failed:
+        archive(served, secret_variable="INFLUX_TOKEN").read(VALVE)
+    assert len(served.asked) == 1
+    assert "geheim" not in str(failed.value)

@@ -19,7 +19,9 @@ from stemwatch.models.stickslip import kernel as element
 N = 3600
 
 
-def plant(S: float, J: float, *, integrates: bool = False, seed: int = 5) -> dict[str, np.ndarray]:
+def plant(
+    S: float, J: float, *, integrates: bool = False, seed: int = 5, noise: float = 0.02
+) -> dict[str, np.ndarray]:
     """A PI loop written down here, sample by sample: gain 1.5, lag 20 s, delay 4 s (or an
     integral), a coloured load at its input, and the canonical element as its valve."""
     rng = np.random.default_rng(seed)
@@ -30,7 +32,7 @@ def plant(S: float, J: float, *, integrates: bool = False, seed: int = 5) -> dic
     integral, before = 50.0, 50.0
     gain, reset = (0.8, 25.0) if not integrates else (1.2, 90.0)
     for k in range(N):
-        pv[k] = 50.0 + level + 0.02 * rng.standard_normal()
+        pv[k] = 50.0 + level + noise * rng.standard_normal()
         integral += gain / reset * (sp[k] - pv[k])
         op[k] = integral + gain * (sp[k] - pv[k])
         step, before = op[k] - before, op[k]
@@ -224,3 +226,40 @@ def test_noise_of_the_reading_is_no_travel() -> None:
     truth = figures_of(loop.recorded).turns_per_hour
     assert figures_of(moved).turns_per_hour > 10.0 * truth
     assert truth <= figures_of(moved, noise=0.2).turns_per_hour < 2.0 * truth
+
+
+def test_the_lag_of_the_air_comes_to_light_as_friction_goes() -> None:
+    """None while the valve sticks as it did, all of it once it is repaired; a lag that was found
+    stays as it is."""
+    sticking = FittedValve(S=4.0, J=1.0, hidden_lag_s=2.0)
+    assert LoopChange(gain_times=0.5).valve(sticking) == sticking
+    half, repaired = LoopChange(S=2.0).valve(sticking), REPAIRED.valve(sticking)
+    assert (half.lag_up_s, half.lag_down_s) == (1.0, 1.0)
+    assert (repaired.lag_up_s, repaired.lag_down_s) == (2.0, 2.0)
+    slow = replace(sticking, lag_up_s=0.7, lag_down_s=0.4)
+    assert (REPAIRED.valve(slow).lag_up_s, REPAIRED.valve(slow).lag_down_s) == (0.7, 0.4)
+
+
+def test_a_repaired_valve_travels_less_with_slow_air() -> None:
+    """By what it leaves of the noise of PV; what is not known of it is in the interval."""
+    loop = fit_loop(recording(plant(5.0, 2.0, noise=0.4)), FittedValve(S=5.0, J=2.0))
+    assert not isinstance(loop, str)
+    slow, quick = (
+        figures_of(loop.run(REPAIRED.valve(replace(loop.valve, hidden_lag_s=lag))))
+        for lag in (5.0, 0.1)
+    )
+    assert slow.travel_per_hour < 0.5 * quick.travel_per_hour
+    assert slow.error_std == pytest.approx(quick.error_std, rel=0.1)
+    foretold = predict(loop, REPAIRED).predicted["travel_per_hour"]
+    assert 2.0 * foretold.low < foretold.high
+    assert foretold.high > 0.9 * quick.travel_per_hour
+
+
+def test_another_tuning_is_known_less_well_than_a_repair() -> None:
+    """At least a tenth of the recorded deviation either way, whatever draws say."""
+    loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
+    assert not isinstance(loop, str)
+    for change, least in ((LoopChange(gain_times=0.5), 0.1), (LoopChange(S=2.0), 0.05)):
+        foretold = predict(loop, change)
+        end = foretold.predicted["error_std"]
+        assert end.high - end.value >= least * foretold.recorded.error_std * (1.0 - 1e-9)

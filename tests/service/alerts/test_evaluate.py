@@ -214,18 +214,39 @@ def test_a_silent_device_is_one_alert_for_all_its_valves(store: Store, plant: Pl
 
 
 def test_what_has_one_cause_is_one_alert_with_its_evidence(store: Store, plant: Plant) -> None:
-    """A valve leaves its baseline and then sticks: the second alert takes the first one in."""
+    """A valve leaves its baseline and then sticks: the alert says so, and stays the same one. It is
+    more urgent now, so it is told once more, to those who hear of urgent ones only, too."""
     for hour in (0, 1):
         run(store, plant, hour, left=["V3"])
     (early,) = open_alerts(store)
     assert early.kind is AlertKind.BASELINE
+    assert queue_messages(store, plant)
+    store.alerts.acknowledge(early.id, "K. Berg", "on the list")
+    numbers: list[int] = []
     for hour in (2, 3, 4):
+        numbers += run(store, plant, hour, sticky=["V3"], left=["V3"])
+        queue_messages(store, plant)
+    (alert,) = store.alerts.in_state("all", START)
+    assert (numbers, alert.id, alert.kind) == ([], early.id, AlertKind.STICKY)
+    assert (alert.acknowledged_by, alert.comment) == ("K. Berg", "on the list")
+    assert [before["kind"] for before in alert.evidence["formerly"]] == ["baseline"]
+    assert [finding["kind"] for finding in alert.evidence["findings"]] == ["baseline"]
+    told_urgency = [one.message["alerts"][0]["severity"] for one in store.deliveries.recent()]
+    assert told_urgency == ["medium", "low"]
+
+
+def test_a_false_alarm_does_not_become_another_finding(store: Store, plant: Plant) -> None:
+    """Somebody said that the valve follows its baseline well; that it sticks is new."""
+    for hour in (0, 1):
+        run(store, plant, hour, left=["V3"])
+    (early,) = open_alerts(store)
+    store.alerts.mark_false(early.id, "K. Berg")
+    for hour in (2, 3):
         run(store, plant, hour, sticky=["V3"], left=["V3"])
     (alert,) = open_alerts(store)
     assert alert.kind is AlertKind.STICKY
-    closed = store.alerts.get(early.id)
-    assert closed.closed is not None
-    assert "part of another alert of this valve" in closed.closed_why
+    assert alert.id != early.id
+    assert store.alerts.get(early.id).false_alarm
 
 
 def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
@@ -236,7 +257,7 @@ def test_the_evidence_of_an_alert_is_listed(store: Store, plant: Plant) -> None:
     (alert,) = open_alerts(store)
     assert numbers == [alert.id]
     assert [finding["kind"] for finding in alert.evidence["findings"]] == ["baseline"]
-    assert "Also seen: The valve moves otherwise than it did" in alert.text
+    assert "Also seen: The valve moves differently than when its baseline was set" in alert.text
     assert alert.text.count("V3") == 1
 
 

@@ -27,6 +27,7 @@ from stemwatch.service.alerts.rules import (
     ValveRecord,
     alert_decision,
     apply_rules,
+    faded,
     has_grown,
     one_per_cause,
 )
@@ -247,6 +248,48 @@ def test_an_effect_of_friction_has_the_cause_of_a_sticking_stem() -> None:
     assert "sticky:FIC-1" in closed
 
 
+def told(record: ValveRecord, *still_open: str) -> dict[AlertKind, tuple[str, ...]]:
+    """The alerts of a run by kind, with the causes under which their trouble stood so far."""
+    raised, closed = apply_rules(record, RULES)
+    alerts, _ = one_per_cause(raised, set(still_open) - set(closed), faded(record, RULES))
+    return {alert.kind: alert.formerly for alert in alerts}
+
+
+def test_a_name_that_replaces_another_is_the_same_trouble() -> None:
+    """Play was named while S grew; now the stem sticks and the windows do not name play any more.
+    While they name both there are two troubles, and after work on the valve there is a new one."""
+    stuck = [screening(9 - n, STICKY) for n in range(3)]
+    replaced = ValveRecord(
+        valve=VALVE, screenings=stuck, stands=True,
+        by_window=evidence(True, True, True, False, False),
+    )  # fmt: skip
+    assert told(replaced, "mismatch:FIC-1") == {AlertKind.STICKY: ("mismatch:FIC-1",)}
+    assert told(replaced) == {AlertKind.STICKY: ()}
+    assert told(replaced, "sticky:FIC-1") == {AlertKind.STICKY: ()}
+    both = replace(replaced, by_window=evidence(True, True, True, True, True))
+    assert told(both, "mismatch:FIC-1") == {AlertKind.STICKY: (), AlertKind.MISMATCH: ()}
+    worked = replace(replaced, worked_at=[NOW + timedelta(minutes=1)])
+    assert AlertKind.STICKY not in told(worked, "mismatch:FIC-1"), "the work lies in each window"
+
+
+def test_a_sticking_stem_that_turns_out_to_be_play_keeps_its_alert() -> None:
+    """The windows name play in place of it; where they still tell both, the two stand."""
+    freed = [screening(9, WELL), screening(8, WELL), screening(7, STICKY)]
+    play = ValveRecord(
+        valve=VALVE, screenings=freed, stands=True, by_window=evidence(True, True, True)
+    )
+    assert told(play, "sticky:FIC-1") == {AlertKind.MISMATCH: ("sticky:FIC-1",)}
+    still = replace(play, screenings=[screening(9, WELL), *freed[2:], screening(6, STICKY)])
+    assert told(still, "sticky:FIC-1") == {AlertKind.MISMATCH: ()}
+    day = timedelta(days=1)
+    dated = [
+        replace(one, window=(NOW + n * day, NOW + (n + 1) * day))
+        for n, one in zip((2, 1, 0), freed, strict=True)
+    ]
+    repaired = replace(play, screenings=dated, worked_at=[NOW + 1.5 * day])
+    assert told(repaired, "sticky:FIC-1") == {AlertKind.MISMATCH: ()}
+
+
 def test_an_effect_that_is_gone_closes_its_alert() -> None:
     """After windows on end without it."""
     well = [screening(n) for n in (4, 3, 2, 1)]
@@ -324,7 +367,9 @@ def test_the_foreseen_alert_says_when_and_gives_way_to_the_sticking_stem() -> No
     stuck = [screening(9 - n, STICKY) for n in range(3)]
     raised, closed = apply_rules(replace(record, screenings=stuck), RULES)
     assert [one.kind for one in raised] == [AlertKind.STICKY]
-    assert "foreseen:FIC-1" in closed
+    assert "foreseen:FIC-1" not in closed
+    ((sticky,), _) = one_per_cause(raised, {"foreseen:FIC-1"})
+    assert sticky.formerly == ("foreseen:FIC-1",)
     none, _ = apply_rules(record, AlertRules(foreseen_within_weeks=0))
     assert none == []
 

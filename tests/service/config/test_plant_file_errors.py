@@ -193,7 +193,10 @@ def test_a_second_source_of_one_name_is_left_out(tmp_path: Path) -> None:
         ("valves = 3", "1: valves: found 3; expected tables, each headed [[valves]]"),
         ('sources = ["a.csv"]', "1: sources[1]: found the text 'a.csv'; expected tables, each"),
         ("[valves]\nid = 3", "1: valves: found a table; expected tables, each headed [[valves]]"),
-        ('plant = "x"', "1: plant: found the text 'x'; expected a table with name and zone"),
+        (
+            'plant = "x"',
+            "1: plant: found the text 'x'; expected a table with name, site, zone and currency",
+        ),
         ("limits = 3", "1: limits: found 3; expected a table of limits, each a number"),
         ("valve_list = 3", "1: valve_list: found 3; expected the name of a CSV file"),
         ("[sorces]", "1: sorces: found an unknown key; expected one of alerts, devices, "

@@ -170,7 +170,7 @@ def test_the_page_says_what_a_planner_asks(whole):
     for part in (
         "7.00 %",
         "2.8 mm",
-        "Seen since 2026-02-16 07:00 (run 39), in 3 screenings on end",
+        "Seen since 2026-02-16 07:00 (run 39), in 3 screenings in a row",
         "packing renewed",
         "criticality 3 of 3, severity 84 of 100",
         "not a work permit",

@@ -166,7 +166,7 @@ def test_the_sentence_says_when_how_often_and_what_was_before():
     """In the plant's own time."""
     text = sentence(first_seen("stiction_undershoot", past(S, S, H)), ZoneInfo("Europe/Berlin"))
     assert text == (
-        "Seen since 2026-02-15 07:00 (run 48), in 3 screenings on end; the one before, of "
+        "Seen since 2026-02-15 07:00 (run 48), in 3 screenings in a row; the one before, of "
         "2026-02-08 07:00, said healthy and did not show it."
     )
     assert sentence(first_seen("watch", []), UTC).startswith("First screening")

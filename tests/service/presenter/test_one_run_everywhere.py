@@ -30,7 +30,7 @@ from stemwatch.service.config import load_plant
 from stemwatch.service.maintenance.labels import labels_csv
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.stored import report_of_store
-from stemwatch.service.presenter.finding import belong_to_machine
+from stemwatch.service.presenter.finding import why_no_work
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
@@ -234,7 +234,7 @@ def test_what_belongs_to_the_machine_is_a_defect_nowhere(
     """Named as such in JSON, and said in the same words in the tables, the report and on the page;
     no work order, no defect in the API, and nothing in the list for maintenance."""
     (valve,) = [item for item in ranking if item.screening.valve == "FIC-9"]
-    says = belong_to_machine(valve.decision.inherent)
+    says = why_no_work(valve.decision.inherent)
     assert "no defects" in says
     assert says in valve.finding.reason
     (item,) = [item for item in _objects(files) if item["valve"] == "FIC-9"]

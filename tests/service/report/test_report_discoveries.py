@@ -16,7 +16,7 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.explain.explain_json import to_json
 from stemwatch.service.explain.explained import Explained
 from stemwatch.service.presenter.false_discoveries import discoveries
-from stemwatch.service.report import to_contracts, write_report
+from stemwatch.service.report import to_contract, write_report
 from tests.service.example_mismatches import named, of_every_kind
 
 SCHEMA = json.loads(
@@ -160,19 +160,17 @@ def test_the_json_has_it_for_each_valve(written, valves):
     assert (by_valve["FV-1"]["p_value"], by_valve["FV-1"]["stands"]) == (WEAK, False)
     assert (by_valve["FV-4"]["p_value"], by_valve["FV-4"]["stands"]) == (None, None)
     assert by_valve["FV-3"] is None
-    assert {
-        to_contract["valve"]: to_contract["mismatch"] for to_contract in to_contracts(valves)
-    } == by_valve
+    standing = discoveries([screening.mismatch for screening in valves]).standing
+    contracts = map(lambda valve, stands: to_contract(valve, stands=stands), valves, standing)
+    assert {contract["valve"]: contract["mismatch"] for contract in contracts} == by_valve
 
 
 def test_the_schema_refuses_a_probability_above_one(valves):
     """The schema is not so wide that anything passes."""
-    to_contract = to_contracts(valves)[0]
+    contract = to_contract(valves[0])
     for wrong in ({"p_value": 1.5}, {"stands": "yes"}):
         with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(
-                [to_contract | {"mismatch": to_contract["mismatch"] | wrong}], SCHEMA
-            )
+            jsonschema.validate([contract | {"mismatch": contract["mismatch"] | wrong}], SCHEMA)
 
 
 def test_the_strength_of_the_evidence_is_in_the_json():

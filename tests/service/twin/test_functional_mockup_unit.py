@@ -406,6 +406,17 @@ def test_a_name_cannot_break_the_descriptions(tmp_path: Path) -> None:
     assert fmpy.read_model_description(str(file)).modelName == name
 
 
+@pytest.mark.parametrize("name", ["FIC\x001", "FIC\ud8001", "../../x", "F" * 5000])
+def test_a_name_that_no_description_can_hold(tmp_path: Path, name: str) -> None:
+    """Signs that XML does not have are blanks there; no file of the archive is elsewhere."""
+    file = tmp_path / "valve.fmu"
+    unit = functional_mockup_unit(replace(quick_fit(), valve=name), "no compiler")
+    file.write_bytes(unit.content)
+    assert validate_fmu(str(file)) == []
+    with zipfile.ZipFile(file) as archive:
+        assert not any(".." in entry or len(entry) > 200 for entry in archive.namelist())
+
+
 def sources_have_no_infinity(chain: ValveChain) -> bool:
     """Neither C nor XML has a number without an end."""
     with zipfile.ZipFile(io.BytesIO(functional_mockup_unit(chain, "no compiler").content)) as made:

@@ -169,9 +169,12 @@ def test_the_text_on_another_clock() -> None:
     assert np.max(np.abs(run(chain, op, position_start=command[0]) - expected)) < NEAR
 
 
-def test_a_name_cannot_break_the_text() -> None:
-    """Quotation marks, backslashes and ends of lines in a tag stay within the description."""
-    chain = replace(PLAIN, valve='FIC"1\\\n"; end x;')
+@pytest.mark.parametrize("name", ['FIC"1\\\n"; end x;', "FIC\x00\x1b[31m\ud800", "end", "Real"])
+def test_a_name_cannot_break_the_text(name: str) -> None:
+    """Quotation marks, backslashes, ends of lines and control signs in a tag stay within the
+    description or are left out; a word of Modelica is no identifier."""
+    chain = replace(PLAIN, valve=name)
+    modelica_text(chain).encode()
     op = wandering_op(60)
     assert run(chain, op).tolist() == run(PLAIN, op).tolist()
 
@@ -181,3 +184,5 @@ def test_names_of_modelica() -> None:
     assert identifier_of("10-FIC/104.A") == "valve_10_FIC_104_A"
     assert identifier_of("FIC-104") == "FIC_104"
     assert identifier_of("弁") == "valve"
+    assert identifier_of("end") == "valve_end"
+    assert len(identifier_of("F" * 5000)) == 64
