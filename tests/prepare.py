@@ -1,8 +1,9 @@
 """What test processes that begin together would each do: ``make test`` does it once, beside the
 type checks.
 
-Compiling the kernels that most tests need takes half a minute of a core, and so does reading all
-tests for the first time: Python keeps what it has compiled of them, and of all that they import.
+Reading all tests for the first time takes half a minute of a core: Python keeps what it has
+compiled of them, and of all that they import. So does compiling the kernels that most tests need,
+where the installation has not done it.
 """
 
 from __future__ import annotations
