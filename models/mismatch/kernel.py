@@ -336,6 +336,18 @@ def _lanes_with(numbers: Floats, number: int) -> NDArray[np.int64]:
 
 
 @njit(cache=True)
+def _tabled(
+    numbers: Floats,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The lanes whose stem has tables over place, over the rest before, and over time."""
+    return (
+        _lanes_with(numbers, stem_number.BY_PLACE),
+        _lanes_with(numbers, stem_number.BY_REST),
+        _lanes_with(numbers, stem_number.BY_TIME),
+    )
+
+
+@njit(cache=True)
 def _look_up(s: Floats, placed: NDArray[np.int64], friction: Floats, force: Floats) -> None:
     """Friction and force by place, of those lanes ``placed`` that moved."""
     for lane in placed:
@@ -537,10 +549,7 @@ def follow(
     s, laid_out, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
     varied, timed, heavy = used(numbers)
-    each = varied or timed  # sample must be looked at
-    placed = _lanes_with(numbers, stem_number.BY_PLACE)
-    rested = _lanes_with(numbers, stem_number.BY_REST)
-    waving = _lanes_with(numbers, stem_number.BY_TIME)
+    placed, rested, waving = _tabled(numbers)
     weighty = numbers[: m if heavy else 0]
     losses[:] = 0.0
     early_late[:, : 0 if window > 0.0 else n] = 0.0
@@ -563,8 +572,7 @@ def follow(
             k += 1
             continue
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
-        alone = up or down or mark != 0 or heavy
-        last = k + 1 if alone else min(n, k - k % _AHEAD + _AHEAD)
+        last = k + 1 if up or down or mark != 0 or heavy else min(n, k - k % _AHEAD + _AHEAD)
         end = _end_of_alike(k, last, marks, block, next_up[k], next_down[k], patience)
         near_up = _share_near_onset(next_up[k], k, n, window, patience)
         near_onset = near_up, _share_near_onset(next_down[k], k, n, window, patience)
@@ -578,7 +586,7 @@ def follow(
             if timed:
                 _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
-            until = k + 1 if each else end
+            until = k + 1 if varied or timed else end
             k, charged_more = _move(
                 s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, until
             )
