@@ -60,7 +60,7 @@ from stemwatch.models.mismatch.record_effects import (
 )
 from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.mismatch.rivals import left_open, on_site
-from stemwatch.models.mismatch.stiction import of_balance, stiction
+from stemwatch.models.mismatch.stiction import holding_no_jump, of_balance, of_candidate, stiction
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import strongest_pair
 from stemwatch.models.mismatch.term_selection import TermScore, name_terms
@@ -307,6 +307,8 @@ def _stictions(
     )
     if case.balance is not None and DRIVE in hypothesis.layout.places:
         refitted = of_balance(case.balance, refitted)
+    if effects and not elements:
+        refitted = holding_no_jump(evaluator, hypothesis.fitted, refitted)
     for S, J in of_rivals(hypothesis):
         # Which of them it is cannot be told, so neither can whose S and J these are.
         refitted = Stiction(S=refitted.S.holding(S), J=refitted.J.holding(J))
@@ -319,10 +321,7 @@ def of_rivals(hypothesis: AcceptedHypothesis) -> Iterator[tuple[Estimate, Estima
         return
     for rival in hypothesis.named.needed[-1].stage.accepted[1:]:
         middle = rival.fitted.candidates.mean(axis=0)
-        S = float(middle[base_coordinate.S_PERCENT])
-        values = (S, S * float(middle[base_coordinate.RATIO]))
-        S_alone, J_alone = (Estimate(value=v, low=v, high=v, unit=PERCENT) for v in values)
-        yield S_alone, J_alone
+        yield of_candidate(middle)
 
 
 def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:

@@ -1,15 +1,18 @@
-"""Which loops oscillate together: coherent at a common period, and regular.
+"""Which loops oscillate together: coherent at a common period, by more than chance makes alike.
 
-The strongest regular oscillation that is not explained yet is the first reference. Loops whose
+The strongest oscillation of a loop that is not explained yet is the first reference. Loops whose
 spectra around its period are coherent with it join; the reference becomes what the members have in
-common (the first principal component of their spectra); what it explains is taken out of all
-loops, and the search goes on. So a loop may belong to several groups.
+common (the first principal component of their spectra). Loads that travel from loop to loop do the
+same, though less: by the size of the common part, the regularity of the periods, and whether a
+member looks as if its valve sticks, it is a group or it is left. What a group explains is taken out
+of all loops, and the search goes on. So a loop may belong to several.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -23,11 +26,16 @@ from stemwatch.models.oscillation_groups.loop_spectra import (
 from stemwatch.models.recording import Bools, Floats
 
 BAND = 0.25  # half width of a group's band, relative: limit cycles wander
-_SMOOTH = 3  # terms of the way from what is common to a loop, over the band
-_ALIKE = 0.1  # relative difference of periods of one oscillation
+_SMOOTH = 4  # terms of the way from what is common to a loop, over the band
+_ALIKE = 0.15  # relative difference of periods of one oscillation
 _MOST_GROUPS = 40
 _HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 _HARMONIC_MATCH = 0.025
+_BOUND = 0.8  # coherence from which on a harmonic is bound to the phase
+_LEAST_REGULARITY = 0.3
+
+
+NOT_ASKED: Mapping[int, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +44,8 @@ class FoundGroup:
 
     ``members`` (k,) their numbers; ``shares`` (k,) of each one's variance that the oscillation
     makes; ``coherence`` (k,) with what they have in common, in the band; ``reference`` (bins,) that
-    common spectrum, of unit length.
+    common spectrum, of unit length; ``statistics`` (4,) what speaks for its being more than
+    chance, in the order of the weights.
     """
 
     frequency: float
@@ -46,6 +55,7 @@ class FoundGroup:
     regularity: float  # the middle one of the members that show it by themselves
     reference: Complexes
     band: slice
+    statistics: Floats
 
     @property
     def period_s(self) -> float:
@@ -53,18 +63,24 @@ class FoundGroup:
 
 
 def find_groups(
-    spectra: LoopSpectra, limits: GroupLimits, of_each_loop: Sequence[LoopOscillation] | None = None
+    spectra: LoopSpectra,
+    limits: GroupLimits,
+    sticking: Mapping[int, float] = NOT_ASKED,
+    of_each_loop: Sequence[LoopOscillation] | None = None,
 ) -> list[FoundGroup]:
-    """The groups, the strongest first. ``of_each_loop``: ``oscillations(spectra)`` where it is
+    """The groups, the strongest first. ``sticking``: the log odds that a loop's valve sticks by its
+    OP and PV, where they are known. ``of_each_loop``: ``oscillations(spectra)`` where it is
     known."""
-    seen = [peak for peak in of_each_loop or oscillations(spectra) if _counts(peak, limits)]
+    seen = list(of_each_loop or oscillations(spectra))
     remaining = spectra.spectra.copy()
-    open_ = sorted(seen, key=lambda peak: -peak.share)
+    open_ = sorted(
+        (peak for peak in seen if peak.share >= limits.share), key=lambda peak: -peak.share
+    )
     groups: list[FoundGroup] = []
     while open_ and len(groups) < _MOST_GROUPS:
         first = open_.pop(0)
-        group = _around(first, spectra, remaining, seen, limits)
-        if group is None:
+        group = candidate(first, spectra, remaining, seen, limits, sticking)
+        if group is None or group.statistics @ np.array(limits.weights) < limits.evidence:
             continue
         members = set(group.members)
         open_ = [
@@ -72,67 +88,87 @@ def find_groups(
             for peak in open_
             if not (peak.loop in members and _near(peak.frequency, group.frequency, BAND))
         ]
-        group = _with_harmonics(spectra, remaining, group, limits)
+        group = _with_harmonics(spectra, remaining, group)
         if not any(_is_harmonic(group, other) for other in groups):
             groups.append(group)
     return sorted(groups, key=lambda group: -sum(group.shares))
-
-
-def _counts(peak: LoopOscillation, limits: GroupLimits) -> bool:
-    return (
-        peak.regularity >= limits.regularity
-        and peak.prominence >= limits.prominence
-        and peak.share >= limits.share
-    )
 
 
 def _near(a: float, b: float, relative: float) -> bool:
     return bool(abs(np.log(a / b)) <= relative)
 
 
-def _around(
+def candidate(
     first: LoopOscillation,
     spectra: LoopSpectra,
     remaining: Complexes,
     seen: Sequence[LoopOscillation],
     limits: GroupLimits,
+    sticking: Mapping[int, float],
 ) -> FoundGroup | None:
-    """The group of an oscillation; ``None`` where fewer than two loops show it by themselves."""
+    """What loops have in common with an oscillation in ``remaining`` (m, f), whether or not it is
+    more than chance; ``None`` where no second loop has."""
     band = spectra.within(first.frequency * (1.0 - BAND), first.frequency * (1.0 + BAND))
     parts = remaining[:, band]
-    power = (np.abs(parts) ** 2).sum(axis=1)
-    reference = parts[first.loop] / max(float(np.sqrt(power[first.loop])), 1e-12)
-    near_peaks = [peak for peak in seen if _near(peak.frequency, first.frequency, _ALIKE)]
-    of_group = np.zeros(parts.shape[0], dtype=bool)
-    of_group[[one.loop for one in near_peaks]] = True
-    in_group: Bools = of_group
-    basis = _basis(reference)
-    for _ in range(4):
-        common = (np.abs(parts @ basis.conj()) ** 2).sum(axis=1)
-        coherence = np.sqrt(common / np.maximum(power, 1e-30))
-        in_group = (common >= limits.share) & (coherence >= limits.coherence)
+    power = np.maximum((np.abs(parts) ** 2).sum(axis=1), 1e-30)
+    if power[first.loop] < limits.share:
+        return None
+    basis = _basis(parts[first.loop] / float(np.sqrt(power[first.loop])))
+    for _ in range(3):
+        along = (np.abs(parts @ basis.conj()) ** 2).sum(axis=1)
+        common = _beyond_noise(along, power, basis.shape)
+        coherence = np.sqrt(along / power)
+        in_group: Bools = (common >= limits.share) & (coherence >= limits.coherence)
         if in_group.sum() < 2 or not in_group[first.loop]:
             return None
-        _, _, vectors = np.linalg.svd(parts[in_group], full_matrices=False)
+        weighed = parts[in_group] * coherence[in_group, None] ** 2
+        _, _, vectors = np.linalg.svd(weighed, full_matrices=False)
         basis = _basis(vectors[0])
     reference = basis[:, 0]
     members = np.flatnonzero(in_group)
-    regular = [peak.regularity for peak in near_peaks if in_group[peak.loop]] or [first.regularity]
+    regular = [
+        peak.regularity
+        for peak in seen
+        if in_group[peak.loop] and _near(peak.frequency, first.frequency, _ALIKE)
+    ] or [first.regularity]
     weights = np.abs(reference) ** 2
-    frequency = float(weights @ spectra.frequencies[band] / weights.sum())
     return FoundGroup(
-        frequency=frequency,
+        frequency=float(weights @ spectra.frequencies[band] / weights.sum()),
         members=tuple(int(i) for i in members),
         shares=tuple(float(x) for x in common[members]),
         coherence=tuple(float(x) for x in coherence[members]),
         regularity=float(np.median(regular)),
         reference=reference,
         band=band,
+        statistics=_statistics(
+            common[members], max(regular), [sticking.get(int(i)) for i in members]
+        ),
+    )
+
+
+def _beyond_noise(along: Floats, power: Floats, shape: tuple[int, ...]) -> Floats:
+    """(m,) power along a basis of (bins, terms) beyond what noise as strong as the rest has."""
+    bins, terms = shape
+    noise = (power - along) * (terms / max(bins - terms, 1))
+    return np.asarray(np.maximum(along - noise, 0.0))
+
+
+def _statistics(shares: Floats, regularity: float, sticking: Sequence[float | None]) -> Floats:
+    """(4,) what speaks for a group, in the order of the weights. The number of members does not:
+    a load that all have in common is no oscillation."""
+    known = [odds for odds in sticking if odds is not None]
+    return np.array(
+        [
+            1.0,
+            np.log(shares.max()),
+            np.log(max(regularity, _LEAST_REGULARITY)),
+            max(known, default=0.0),
+        ]
     )
 
 
 def _basis(reference: Complexes) -> Complexes:
-    """(bins, 3) orthonormal: the reference, and it times the frequency's first powers. What lies
+    """(bins, 4) orthonormal: the reference, and it times the frequency's first powers. What lies
     in their span has passed a smooth transfer function, such as a lag or a dead time."""
     grid = np.linspace(-1.0, 1.0, reference.size)
     powers = np.stack([reference * grid**k for k in range(min(_SMOOTH, reference.size))], axis=1)
@@ -147,9 +183,7 @@ def _take_out(remaining: Complexes, group: FoundGroup) -> None:
     remaining[:, group.band] = part - (part @ basis.conj()) @ basis.T
 
 
-def _with_harmonics(
-    spectra: LoopSpectra, remaining: Complexes, group: FoundGroup, limits: GroupLimits
-) -> FoundGroup:
+def _with_harmonics(spectra: LoopSpectra, remaining: Complexes, group: FoundGroup) -> FoundGroup:
     """The group with the share that its harmonics make, which are taken out of all loops too:
     waves that are 2 to 7 times as quick and bound to its phase."""
     _take_out(remaining, group)
@@ -168,7 +202,7 @@ def _with_harmonics(
         along = part @ basis.conj()
         common = (np.abs(along) ** 2).sum(axis=1)
         power = np.maximum((np.abs(part) ** 2).sum(axis=1), 1e-30)
-        bound = common >= limits.coherence**2 * power
+        bound = common >= _BOUND**2 * power
         remaining[:, band] = part - np.where(bound[:, None], along, 0.0) @ basis.T
         shares += np.where(bound, common, 0.0)[list(group.members)]
     return replace(group, shares=tuple(float(share) for share in shares))

@@ -11,7 +11,6 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.holes import bridged
 from stemwatch.models.oscillation_groups.find_groups import (
     FoundGroup,
     find_groups,
@@ -25,7 +24,6 @@ from stemwatch.models.oscillation_groups.sources import (
     SourceRanking,
     compared,
     member_evidence,
-    non_linearity,
     rank_sources,
 )
 from stemwatch.models.recording import Floats, Recording, Role
@@ -39,6 +37,7 @@ _ACTIVE = 0.5  # of the usual strength, from which on a group oscillates
 _SAID = 0.3  # of evidence above the group's mean, from which on it is said
 Small = NDArray[np.float32]
 NO_UNITS: Mapping[str, str] = MappingProxyType({})
+NO_FEEDS: Mapping[str, Sequence[str]] = MappingProxyType({})
 
 _WORDS = {
     "share": "most of its movement is this oscillation",
@@ -46,15 +45,17 @@ _WORDS = {
     "harmonics of PV": "its PV has more of the oscillation's harmonics",
     "harmonics of OP": "its OP has more of the oscillation's harmonics",
     "lead": "it wanders in phase before the others",
-    "non-linearity": "its PV follows its OP as no linear loop's does",
+    "suspicion": "its PV follows its OP as behind a valve that sticks",
     "sticking": "its valve sticks by its measured position",
+    "nearness": "by the connections in the plant file it acts on the others more directly",
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class ThinnedLoop:
     """OP, PV and SP (n,) of one loop, thinned to ``LONGEST`` samples by means over blocks; NaN
-    where there is none. ``sticks`` by a measured position, ``None`` where that is not known."""
+    where there is none. ``sticks`` by a measured position, ``score`` of sticking by OP and PV alone
+    (0 to 1); ``None`` where it is not known."""
 
     loop: str
     source: str
@@ -64,6 +65,7 @@ class ThinnedLoop:
     pv: Small
     sp: Small
     sticks: bool | None = None
+    score: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +115,9 @@ class OscillationGroup:
         return float(np.mean([member.share for member in self.members]))
 
 
-def thinned_loop(recording: Recording, sticks: bool | None = None) -> ThinnedLoop | None:
+def thinned_loop(
+    recording: Recording, sticks: bool | None = None, score: float | None = None
+) -> ThinnedLoop | None:
     """What a recording has for the search; ``None`` without PV or with too few samples."""
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
     if pv is None or len(recording) < FEWEST:
@@ -134,6 +138,7 @@ def thinned_loop(recording: Recording, sticks: bool | None = None) -> ThinnedLoo
         pv=thinned(pv.values, pv.usable),
         sp=thinned(sp.values, sp.usable) if same_unit and sp is not None else none[:0].astype("f4"),
         sticks=sticks,
+        score=score,
     )
 
 
@@ -148,14 +153,17 @@ def _block_means(values: Floats, stride: int) -> Floats:
 
 
 def plant_groups(
-    loops: Iterable[ThinnedLoop], units: Mapping[str, str] = NO_UNITS
+    loops: Iterable[ThinnedLoop],
+    units: Mapping[str, str] = NO_UNITS,
+    feeds: Mapping[str, Sequence[str]] = NO_FEEDS,
 ) -> list[OscillationGroup]:
     """The groups of all loops, those that move most loops first. Loops are compared where they were
     recorded together; where nothing dates them, within one file. ``units`` has the unit of the
-    plant that a loop is in, where that is known: loops of one unit are neighbours."""
+    plant that a loop is in, where that is known: loops of one unit are neighbours; ``feeds`` the
+    loops that a loop acts on."""
     groups: list[OscillationGroup] = []
     for recorded_together in _recorded_together(list(loops)):
-        groups += _groups_of(recorded_together, units)
+        groups += _groups_of(recorded_together, units, feeds)
     return sorted(groups, key=lambda group: -sum(member.share for member in group.members))
 
 
@@ -183,7 +191,9 @@ def _recorded_together(loops: Sequence[ThinnedLoop]) -> list[list[ThinnedLoop]]:
     ]
 
 
-def _groups_of(loops: Sequence[ThinnedLoop], units: Mapping[str, str]) -> list[OscillationGroup]:
+def _groups_of(
+    loops: Sequence[ThinnedLoop], units: Mapping[str, str], feeds: Mapping[str, Sequence[str]]
+) -> list[OscillationGroup]:
     loops = list({recorded_loop.loop: recorded_loop for recorded_loop in loops}.values())
     interval_s = max(recorded_loop.interval_s for recorded_loop in loops)
     starts = [recorded_loop.start for recorded_loop in loops if recorded_loop.start is not None]
@@ -200,14 +210,17 @@ def _groups_of(loops: Sequence[ThinnedLoop], units: Mapping[str, str]) -> list[O
     op, pv, sp = (np.array([row[:size] for row in rows[name]]) for name in ("op", "pv", "sp"))
     error = np.where(np.isfinite(sp), sp - pv, -pv)
     spectra, outputs = loop_spectra(error, interval_s), loop_spectra(op, interval_s)
+    suspicion = {i: log_odds(loop.score) for i, loop in enumerate(loops) if loop.score is not None}
+    acts_on = _by_number(loops, feeds)
     groups = []
-    for group in find_groups(spectra, LIMITS):
+    for group in find_groups(spectra, LIMITS, suspicion):
         evidence = member_evidence(
             spectra,
             outputs,
             group,
-            lambda i: _non_linearity(op[i], pv[i]),
+            suspicion,
             lambda i: _as_number(loops[i].sticks),
+            acts_on,
         )
         names = {i: loops[i].loop for i in group.members}
         groups.append(_group_result(spectra, group, evidence, names, start, units))
@@ -230,11 +243,21 @@ def _on_clock(
     return np.asarray(values[np.minimum(sample_index, values.size - 1)])
 
 
-def _non_linearity(op: Floats, pv: Floats) -> float:
-    both_finite = np.isfinite(op) & np.isfinite(pv)
-    if both_finite.mean() < 0.9:
-        return 0.0
-    return non_linearity(bridged(op, both_finite), bridged(pv, both_finite))
+def log_odds(score: float) -> float:
+    """Of a score of 0 to 1, at most 5 either way."""
+    return float(np.clip(np.log((score + 1e-3) / (1.0 - score + 1e-3)), -5.0, 5.0))
+
+
+def _by_number(
+    loops: Sequence[ThinnedLoop], feeds: Mapping[str, Sequence[str]]
+) -> dict[int, list[int]]:
+    """Which loops each loop acts on, by their places in ``loops``; others of the plant, which ways
+    may pass through, have places behind them."""
+    places = {loop.loop: i for i, loop in enumerate(loops)}
+    for name, fed in feeds.items():
+        for each in (name, *fed):
+            places.setdefault(each, len(places))
+    return {places[name]: [places[each] for each in fed] for name, fed in feeds.items() if fed}
 
 
 def _group_result(
@@ -282,7 +305,8 @@ def _evidence_sentences(
     evidence: MemberEvidence, ranking: SourceRanking
 ) -> dict[int, tuple[str, ...]]:
     """What speaks for each of the first two, the weightiest first."""
-    weighed = compared(evidence) * np.array(WEIGHTS.member)
+    # What counts against a source the more there is of it is weighed and not told.
+    weighed = compared(evidence) * np.maximum(WEIGHTS.member, 0.0)
     out = {}
     for i in ranking.members[:2]:
         row = weighed[evidence.members.index(i)]

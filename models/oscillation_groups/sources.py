@@ -1,14 +1,16 @@
 """Where the oscillation of a group likely begins: each member's evidence, and what weighs how much.
 
 What begins an oscillation shows more of it, more of its harmonics (each process on the way is a
-low pass), has least noise of its own beside it, wanders in phase before the others do, and, where
-its valve sticks, answers its controller's output as no linear loop does.
+low pass), has least noise of its own beside it, wanders in phase before the others do, where its
+valve sticks looks so by OP and PV, and acts on the others rather than they on it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -16,7 +18,6 @@ from stemwatch.models.oscillation_groups.find_groups import FoundGroup
 from stemwatch.models.oscillation_groups.limits import SourceWeights
 from stemwatch.models.oscillation_groups.loop_spectra import LoopSpectra
 from stemwatch.models.recording import Floats
-from stemwatch.models.without_position.features import evidence
 
 NAMES = (
     "share",
@@ -24,19 +25,25 @@ NAMES = (
     "harmonics of PV",
     "harmonics of OP",
     "lead",
-    "non-linearity",
+    "suspicion",
     "sticking",
+    "nearness",
 )
 _HARMONICS = (2, 3, 4, 5)
 _MOST_LEAD = 2.0  # periods
+NO_CONNECTIONS: Mapping[int, Sequence[int]] = MappingProxyType({})
 
 
 @dataclass(frozen=True, kw_only=True)
 class MemberEvidence:
-    """(k, 7) what speaks for each member, in the order of ``NAMES``, as it is (not compared)."""
+    """(k, 8) what speaks for each member, in the order of ``NAMES``, as it is (not compared).
+
+    ``connected`` is whether connections of these loops are known.
+    """
 
     members: tuple[int, ...]
     values: Floats
+    connected: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,29 +61,21 @@ class SourceRanking:
         return self.none > max(self.probability, default=0.0)
 
 
-def non_linearity(op: Floats, pv: Floats) -> float:
-    """Whether PV follows OP as no linear loop does: the gain in held-out error of a sticking
-    element between OP and PV (n,) over a linear loop, in standard deviations of surrogates that
-    have the phases of both in common; its inverse hyperbolic sine. 0 where it cannot be told."""
-    try:
-        return evidence(op, pv).beyond
-    except ValueError:
-        return 0.0
-
-
 def member_evidence(
     errors: LoopSpectra,
     outputs: LoopSpectra,
     group: FoundGroup,
-    non_linearity: Callable[[int], float],
+    suspicion: Mapping[int, float],
     sticking: Callable[[int], float | None] = lambda _: None,
+    feeds: Mapping[int, Sequence[int]] = NO_CONNECTIONS,
 ) -> MemberEvidence:
-    """The evidence of each member. ``non_linearity`` gives the gain of a sticking element over a
-    linear loop beyond the loop's surrogates; ``sticking`` 1 where a measured position says that the
-    valve sticks, 0 where it says that it does not."""
+    """The evidence of each member. ``suspicion`` has the log odds that a loop's valve sticks by its
+    OP and PV; ``sticking`` gives 1 where a measured position says that it does, 0 where it says
+    that it does not; ``feeds`` the loops that each loop acts on."""
     members = list(group.members)
     coherence = np.clip(np.array(group.coherence), 0.0, 0.9999)
     sticking_of_each = [sticking(loop) for loop in members]
+    near = nearness(feeds, members, group.shares)
     values = np.stack(
         [
             np.log(np.array(group.shares)),
@@ -84,17 +83,42 @@ def member_evidence(
             _harmonics(errors, group, members),
             _harmonics(outputs, group, members),
             _lead(errors, group, members),
-            np.array([non_linearity(loop) for loop in members]),
+            np.array([suspicion.get(loop, 0.0) for loop in members]),
             np.array(
                 [
                     0.0 if probability is None else 2.0 * probability - 1.0
                     for probability in sticking_of_each
                 ]
             ),
+            near,
         ],
         axis=1,
     )
-    return MemberEvidence(members=group.members, values=values)
+    return MemberEvidence(members=group.members, values=values, connected=bool(near.any()))
+
+
+def nearness(
+    feeds: Mapping[int, Sequence[int]], members: Sequence[int], shares: Sequence[float]
+) -> Floats:
+    """(k,) how directly each member acts on the others: the mean of one over the number of
+    connections on the way to each, 0 where there is no way, weighed by what the oscillation makes
+    of it. 1 acts on all others at once; the ways may pass through loops that do not oscillate."""
+    out = np.zeros(len(members))
+    if not feeds:
+        return out
+    for place, member in enumerate(members):
+        steps, waiting = {member: 0}, deque([member])
+        while waiting:
+            loop = waiting.popleft()
+            for fed in feeds.get(loop, ()):
+                if fed not in steps:
+                    steps[fed] = steps[loop] + 1
+                    waiting.append(fed)
+        others = [(share, steps.get(other, 0)) for share, other in
+                  zip(shares, members, strict=True) if other != member]  # fmt: skip
+        near = sum(share / count for share, count in others if count)
+        out[place] = near / max(sum(share for share, _ in others), 1e-12)
+    return out
 
 
 def _harmonics(spectra: LoopSpectra, group: FoundGroup, members: Sequence[int]) -> Floats:
@@ -145,12 +169,19 @@ def rank_sources(evidence: MemberEvidence, weights: SourceWeights) -> SourceRank
 
 
 def compared(evidence: MemberEvidence) -> Floats:
-    """(k, 7) each member's evidence above the mean of the group."""
+    """(k, 8) each member's evidence above the mean of the group."""
     return np.asarray(evidence.values - evidence.values.mean(axis=0))
 
 
+def without_connections(evidence: MemberEvidence) -> MemberEvidence:
+    """The evidence as it is where no connection is known."""
+    values = evidence.values.copy()
+    values[:, NAMES.index("nearness")] = 0.0
+    return replace(evidence, values=values, connected=False)
+
+
 def of_none(evidence: MemberEvidence) -> Floats:
-    """(5,) what speaks for a source outside the group."""
+    """(7,) what speaks for a source outside the group."""
     values = evidence.values
     return np.array(
         [
@@ -159,5 +190,7 @@ def of_none(evidence: MemberEvidence) -> Floats:
             values[:, 2].max(),
             values[:, 5].max(),
             values[:, 6].max(),
+            float(evidence.connected),
+            values[:, 7].max(),
         ]
     )

@@ -37,6 +37,7 @@ LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
 MOST_HELD = 0.75  # of PV repeating its last value
+MOST_BELOW_SHUT = 0.25  # of OP below -0.5: it is centred or scaled, and no percentage
 FEWEST_MOVES = 30  # changes of OP
 LEAST_MOVED_PERCENT = 0.3
 BEYOND = float(np.arcsinh(1.0))  # a standard deviation of the loop's own surrogates
@@ -52,6 +53,9 @@ _LONGER = (
 _FASTER = "Export OP and PV raw and at a shorter interval, over at least ten swings of the loop."
 
 
+_SCALE = "Give OP's values at 0 and 100 % in the plant file (low, high), and screen the loop again."
+
+
 class Suspicion(StrEnum):
     """What OP and PV allow to be said."""
 
@@ -65,7 +69,7 @@ class WithoutPosition:
     """What OP and PV say of the valve, for a person to act on.
 
     ``score`` (0 to 1) is the probability of sticking where half of all loops stick; ``apparent_S``
-    in percent of OP, or in OP's own unit; ``shows_from`` the S from which on sticking would have
+    in percent of OP; ``shows_from`` the S from which on sticking would have
     been seen; ``rivals`` other causes that the data cannot exclude.
     """
 
@@ -93,7 +97,7 @@ class SuspicionLimits:
 class SeenLoop:
     """A recording as the networks see it, or why it cannot be judged and what would help."""
 
-    unit: str  # of OP
+    unit: str  # of OP; empty where it is not known
     samples: int = 0
     thinned_by: int = 1  # samples of the recording to one of these
     shown: Evidence | None = None
@@ -103,7 +107,7 @@ class SeenLoop:
 
 def look_at_loop(recording: Recording) -> SeenLoop:
     """What ``recording`` shows by OP and PV, whether or not there is a position."""
-    unit = recording.op.unit
+    unit = _unit_of_op(recording.op)
     doubt = _doubt(recording)
     if doubt is not None:
         return SeenLoop(unit=unit, doubt=doubt)
@@ -116,6 +120,12 @@ def look_at_loop(recording: Recording) -> SeenLoop:
     return SeenLoop(
         unit=unit, samples=op.size, thinned_by=thinned_by, shown=loop_evidence, windows=cut
     )
+
+
+def _unit_of_op(op: Signal) -> str:
+    """The unit of OP; of one that was taken for percent and runs far below 0, none is known."""
+    below = np.mean(op.values[op.usable] < -0.5) if op.usable.any() else 0.0
+    return "" if op.unit == PERCENT and below > MOST_BELOW_SHUT else op.unit
 
 
 def suspect(recording: Recording, judge: Judge) -> WithoutPosition:
@@ -265,11 +275,18 @@ def _answer(
     said_unit = f" {unit}" if unit else ""
     S = loop_evidence.amplitude * float(np.exp(answer.log_S))
     low, high = (S * float(np.exp(side * 1.96 * answer.spread)) for side in (-1.0, 1.0))
-    least = LEAST_S_PERCENT if unit == PERCENT else 0.0
     periods = seen.samples / loop_evidence.period
     better = loop_evidence.coarse.gain_of_both > 0.0 and loop_evidence.beyond > BEYOND
     is_suspected = answer.score >= limits.suspected_from and better
-    if is_suspected and S < least:
+    if is_suspected and unit != PERCENT:
+        return _cannot_tell(
+            f"it looks as if the valve sticks by {S:.2g}{said_unit} of OP, not in percent: "
+            f"nobody can say whether that is more than the {LEAST_S_PERCENT:g} % that a sound "
+            "valve may have",
+            _SCALE,
+            answer.score,
+        )
+    if is_suspected and S < LEAST_S_PERCENT:
         return _cannot_tell(
             f"it looks as if the valve sticks by {S:.2f} % of OP, which a sound valve may have",
             _TEST,
@@ -290,7 +307,7 @@ def _answer(
             rivals=_rivals(loop_evidence),
         )
     if periods < FEWEST_PERIODS + 1:
-        return _cannot_tell("the record holds too few swings of the loop", _FASTER, answer.score)
+        return _cannot_tell("the record holds too few swings of the loop", _LONGER, answer.score)
     shows = limits.shows_from * loop_evidence.amplitude
     if answer.score < limits.no_sign_below:
         return WithoutPosition(

@@ -12,6 +12,7 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
+    from stemwatch.models.studies.interacting_loops.fitting import PlantEvidence
     from stemwatch.models.studies.interacting_loops.score_plant import ScoredPlant
 
 _DAY = 8640  # samples of 10 s
@@ -24,6 +25,14 @@ def study_oscillations(
     loops: Annotated[
         int, typer.Option(min=0, help="Loops of one day each, timed on one core; 0 leaves it out.")
     ] = 1000,
+    fit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SEEDS",
+            help="Judge nothing, but print limits and weights by so many plants of each of these "
+            "seeds, such as 5151,6161.",
+        ),
+    ] = None,
     workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
@@ -31,28 +40,24 @@ def study_oscillations(
 
     Plants of 10 to 40 loops that act on each other, with no source or up to three: a sticking
     valve, a loop at its stability limit, a wave from outside. What is true comes from running each
-    plant with one source at a time. Last, what plants without a source reach by chance.
+    plant with one source at a time.
     """
-    from functools import partial
-
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
 
-    scored: dict[int, tuple[ScoredPlant, Any]] = {}
-    with views.progress("plants", plants, transient=True) as advance:
-        numbers = list(range(plants))
-        for index, result in map_items(
-            choose_executor(workers), partial(_judge_one_plant, seed), numbers
-        ):
-            scored[index] = result
-            advance(len(scored))
-    results = [scored[index][0] for index in sorted(scored)]
-    nulls = [scored[index][1] for index in sorted(scored) if scored[index][1] is not None]
+    done: dict[int, Any] = {}
+    seeds = [seed] if fit is None else _seeds(fit)
+    items = [(each, number) for each in seeds for number in range(plants)]
+    with views.progress("plants", len(items), transient=True) as advance:
+        work = _score_one_plant if fit is None else _look_at_one_plant
+        for index, result in map_items(choose_executor(workers), work, items):
+            done[index] = result
+            advance(len(done))
+    results = [done[index] for index in sorted(done)]
+    if fit is not None:
+        _print_fitted(results)
+        return
     figures = _figures(results)
-    if nulls:
-        figures["nulls: 95th percentile of regularity, prominence"] = [
-            round(sorted(null[k] for null in nulls)[int(0.95 * len(nulls))], 2) for k in (0, 1)
-        ]
     if loops:
         figures[f"{loops} loops of a day, s on one core"] = round(_seconds(loops), 1)
     for name, value in figures.items():
@@ -61,15 +66,35 @@ def study_oscillations(
         json_file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
-def _judge_one_plant(seed: int, number: int) -> tuple[ScoredPlant, tuple[float, float] | None]:
-    from stemwatch.models.studies.interacting_loops.score_plant import (
-        null_statistics,
-        plant_of,
-        score_plant,
-    )
+def _seeds(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise typer.BadParameter(f"--fit {text}: expected seeds such as 5151,6161") from None
 
-    plant = plant_of(seed, number)
-    return score_plant(plant), null_statistics(plant)
+
+def _score_one_plant(item: tuple[int, int]) -> ScoredPlant:
+    from stemwatch.models.studies.interacting_loops.score_plant import plant_of, score_plant
+
+    return score_plant(plant_of(*item))
+
+
+def _look_at_one_plant(item: tuple[int, int]) -> PlantEvidence:
+    from stemwatch.models.studies.interacting_loops.fitting import plant_evidence
+    from stemwatch.models.studies.interacting_loops.score_plant import plant_of
+
+    return plant_evidence(plant_of(*item))
+
+
+def _print_fitted(plants: Sequence[PlantEvidence]) -> None:
+    """What stands in ``models/oscillation_groups/limits.py``."""
+    from stemwatch.models.studies.interacting_loops.fitting import fit_limits, fit_sources
+    from stemwatch.service.cli import views
+
+    quiet = sum(plant.quiet for plant in plants)
+    views.out.print(f"{len(plants)} plants, {quiet} of them quiet", highlight=False)
+    views.out.print(f"LIMITS = {fit_limits(plants)}", highlight=False)
+    views.out.print(f"WEIGHTS = {fit_sources(plants)}", highlight=False)
 
 
 def _figures(results: Sequence[ScoredPlant]) -> dict[str, Any]:
@@ -90,6 +115,12 @@ def _figures(results: Sequence[ScoredPlant]) -> dict[str, Any]:
         "true source first": share(sum(group.place == 0 for group in true), len(true)),
         "true source among the first two": share(
             sum(group.place in (0, 1) for group in true), len(true)
+        ),
+        "true source first, connections known": share(
+            sum(group.place_by_connections == 0 for group in true), len(true)
+        ),
+        "true source among the first two, connections known": share(
+            sum(group.place_by_connections in (0, 1) for group in true), len(true)
         ),
         "quiet plants with a group": share(sum(bool(p.groups) for p in quiet), len(quiet)),
     }

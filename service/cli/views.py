@@ -207,7 +207,7 @@ def is_final(screening: Screening) -> bool:
 
 def summary(screenings: Sequence[Screening]) -> Table:
     """The ranking, worst first, in the order and the words of the report."""
-    from stemwatch.service.presenter.worth_a_test import suspected_sentence
+    from stemwatch.service.presenter.worth_a_test import loops_to_test, suspected_sentence
     from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.report.report_context import ReportContext
 
@@ -216,7 +216,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table = Table(
         title=f"{ranking.counts.sentence.rstrip('.')}{worst_shown}.", title_justify="left"
     )
-    first = suspected_sentence(ranking.suspected)
+    first = suspected_sentence(loops_to_test(ranking.next_steps))
     table.caption, table.caption_justify = (
         "\n".join(filter(None, (_verdicts(ranking), escape(first)))),
         "left",

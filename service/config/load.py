@@ -164,6 +164,7 @@ def load_plant(path: Path | str, environment: Mapping[str, str] | None = None) -
     _read_list(data, file, reading)
     read_live(data, file.name, lines, reading)
     _report_orphans(reading)
+    _report_unknown_connections(reading)
     if reading.fatal:
         raise PlantFileError([*reading.fatal, *reading.problems])
     variables = os.environ if environment is None else environment
@@ -291,6 +292,17 @@ def _report_orphans(reading: PlantReading) -> None:
             "the mistakes in this source to be mended",
         )
         reading.problems.append(problem)
+
+
+def _report_unknown_connections(reading: PlantReading) -> None:
+    """Valves that ``feeds`` names and the plant does not have; the valve itself stays."""
+    for valve in reading.valves.values():
+        for name in valve.feeds:
+            if name not in reading.valve_places:
+                expected = "the id of a valve of this plant" + nearest(name, reading.valve_places)
+                location = reading.valve_places[valve.id]
+                found_text = f"the unknown valve {name!r}"
+                reading.problems.append(location.problem(("feeds",), found_text, expected))
 
 
 Read = TypeVar("Read", bound=BaseModel)

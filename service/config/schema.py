@@ -178,6 +178,10 @@ class Valve(TomlTable):
     area: Text = Field(default="", description="text on one line")
     unit: Text = Field(default="", description="the unit's name, such as 200")
     loop: Text = Field(default="", description="the control loop's name, such as FIC-201")
+    feeds: list[Name] = Field(
+        default=[],
+        description='ids of the valves whose loops this one acts on, such as ["TIC-102"]',
+    )
     criticality: Annotated[int, Field(ge=1, le=3)] = Field(
         default=2, description="1, 2 or 3, where 3 is the valve the plant can least do without"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ from stemwatch.service.presenter.plant_path import LEVELS
 
 _OF_MONEY = ("target_band", "price_per_unit_hour", "price_per_hour_off_target", "price_per_stroke")
 _OF_VALVE = ("id", "description", *LEVELS, "criticality", "source", "stroke", "stroke_curve")
-_FACTS = (*_OF_VALVE, *_OF_MONEY)
+_LIST = "feeds"  # a cell of several names
+_FACTS = (*_OF_VALVE, _LIST, *_OF_MONEY)
 _NUMBERS = ("low", "high")
 _TAG_COLUMNS = {
     column: (role.value, key)
@@ -137,6 +139,9 @@ def _table(cells: dict[str, str], separator: str) -> dict[str, Any]:
             continue
         if column in _OF_MONEY and separator != ",":
             text = text.replace(",", ".")
+        if column == _LIST:
+            table[column] = [name for part in re.split("[|,;]", text) if (name := part.strip())]
+            continue
         if column in _FACTS:
             table[column] = text
             continue

@@ -295,7 +295,9 @@ class WorkCounts:
 
     @property
     def headline(self) -> str:
-        """How many valves need work: "4 of 15 valves need work"."""
+        """How many valves need work: "4 of 15 valves need work"; or that nobody can say."""
+        if self.not_judged == self.valves:
+            return f"None of {valves_counted(self.valves)} can be judged"
         needs = "needs" if self.needs_work <= 1 else "need"
         return f"{self.needs_work or 'None'} of {valves_counted(self.valves)} {needs} work"
 
@@ -305,10 +307,11 @@ class WorkCounts:
         clauses = []
         if self.watch:
             clauses.append(f"{self.watch} to watch")
+        to_find_out = f"{self.orders} with a work order to find out why" if self.orders else ""
+        if self.not_judged == self.valves:
+            return to_find_out
         if self.not_judged:
-            reason_clause = (
-                f" ({self.orders} with a work order to find out why)" if self.orders else ""
-            )
+            reason_clause = f" ({to_find_out})" if to_find_out else ""
             clauses.append(f"{self.not_judged} cannot be judged{reason_clause}")
         if self.no_work:
             clauses.append(f"{self.no_work} without work")

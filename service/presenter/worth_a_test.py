@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
@@ -11,9 +14,11 @@ from stemwatch.service.presenter.wording import figure, finite
 
 # Counted on seed 2067 and on the recordings of docs/without-position.md.
 HOW_SURE = (
-    "Of 185 such suspicions on simulated valves 184 were right; of three on 61 real loops with "
-    "known answers two were: test before anything is opened."
+    "Of 185 such suspicions on simulated valves 184 were right. On 61 real loops with known "
+    "answers both were, after a third, wrong one had led to a rule: test before anything is opened."
 )
+MOST_NAMED = 20  # loops in a line of the list of next steps
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 TITLES = {
     Suspicion.SUSPECTED: "By OP and PV alone: sticking suspected",
     Suspicion.NO_SIGN: "By OP and PV alone: no sign of sticking",
@@ -46,17 +51,86 @@ def worth_a_test_sentence(screening: Screening) -> str:
     return f"{suspicion_title(suspicion)}{score}. Test it before other loops without a position."
 
 
-def loops_to_test(screenings: Iterable[Screening]) -> tuple[str, ...]:
-    """The valves that are worth a test, in the order given: of several recordings of a valve at
-    least half must let it be suspected, since one in many does so by chance."""
-    votes: dict[str, list[bool]] = {}
+@dataclass(frozen=True, kw_only=True)
+class NextStep:
+    """What to do next at loops of which OP and PV alone say the same: ``answer`` and ``why`` in
+    words, ``step``, and the ``loops``, those that look most like sticking first."""
+
+    verdict: Suspicion
+    answer: str
+    why: str
+    step: str
+    loops: tuple[str, ...]
+
+    @property
+    def listed(self) -> str:
+        """The loops by name, as many as a line holds; the tables beside the page have all."""
+        named = ", ".join(self.loops[:MOST_NAMED])
+        more = len(self.loops) - MOST_NAMED
+        return f"{named} and {more} more" if more > 0 else named
+
+
+def next_steps(screenings: Iterable[Screening]) -> tuple[NextStep, ...]:
+    """What to do at the valves without a verdict, those to test first at the front, then by how
+    many loops each step helps; what needs nothing last.
+
+    A valve counts once. Of several recordings at least half must let it be suspected, since one in
+    many does so by chance; else what most of them say counts.
+    """
+    by_valve: dict[str, list[WithoutPosition]] = {}
+    judged: set[str] = set()
     for screening in screenings:
-        votes.setdefault(screening.valve, []).append(worth_a_test(screening))
-    return tuple(
-        valve
-        for valve, votes_of_valve in votes.items()
-        if 2 * sum(votes_of_valve) >= len(votes_of_valve)
-    )
+        if screening.verdict is not Verdict.UNDETERMINED:
+            judged.add(screening.valve)
+        elif screening.without_position is not None:
+            by_valve.setdefault(screening.valve, []).append(screening.without_position)
+    loops: dict[tuple[Suspicion, str, str], list[tuple[float, str, str]]] = {}
+    for valve, answers in by_valve.items():
+        if valve in judged:
+            continue
+        same, most = _of_most(answers)
+        loops.setdefault(same, []).append((-(finite(most.score) or 0.0), valve, _why(most)))
+    steps = [
+        NextStep(
+            verdict=verdict,
+            answer=TITLES[verdict].partition(": ")[2],
+            why=why if len({own for _, _, own in valves}) > 1 else valves[0][2],
+            step=advice,
+            loops=tuple(valve for _, valve, _ in sorted(valves)),
+        )
+        for (verdict, why, advice), valves in loops.items()
+    ]
+    order = (Suspicion.SUSPECTED, Suspicion.CANNOT_TELL, Suspicion.NO_SIGN)
+    return tuple(sorted(steps, key=lambda one: (order.index(one.verdict), -len(one.loops))))
+
+
+def _of_most(
+    answers: Sequence[WithoutPosition],
+) -> tuple[tuple[Suspicion, str, str], WithoutPosition]:
+    """What most of a valve's recordings say, and the first of them that says it."""
+    suspicions = [answer for answer in answers if answer.verdict is Suspicion.SUSPECTED]
+    if 2 * len(suspicions) >= len(answers):
+        most_like_sticking = max(suspicions, key=lambda answer: finite(answer.score) or 0.0)
+        return _sameness(most_like_sticking), most_like_sticking
+    others = [answer for answer in answers if answer.verdict is not Suspicion.SUSPECTED]
+    ((same, _),) = Counter(_sameness(answer) for answer in others).most_common(1)
+    return same, next(answer for answer in others if _sameness(answer) == same)
+
+
+def _sameness(answer: WithoutPosition) -> tuple[Suspicion, str, str]:
+    """Verdict, reason and advice, without the numbers in which loops differ."""
+    return answer.verdict, _NUMBER.sub("…", _why(answer)), answer.advice
+
+
+def _why(answer: WithoutPosition) -> str:
+    """Why nothing can be told, without the words that all such reasons begin with."""
+    return answer.reason.partition(": ")[2] if answer.verdict is Suspicion.CANNOT_TELL else ""
+
+
+def loops_to_test(steps: Iterable[NextStep]) -> tuple[str, ...]:
+    """The valves that deserve a position transmitter or a test first."""
+    suspected = (step for step in steps if step.verdict is Suspicion.SUSPECTED)
+    return tuple(valve for step in suspected for valve in step.loops)
 
 
 def suspected_sentence(named: Sequence[str]) -> str:

@@ -26,7 +26,12 @@ from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
-from stemwatch.service.presenter.worth_a_test import HOW_SURE, suspected_sentence, suspicion_title
+from stemwatch.service.presenter.worth_a_test import (
+    HOW_SURE,
+    loops_to_test,
+    suspected_sentence,
+    suspicion_title,
+)
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
@@ -46,7 +51,7 @@ from stemwatch.service.report.ranking import (
     count_verdicts,
     discovered,
     glance,
-    suspected,
+    steps_without_position,
     work_by_unit,
     work_counts,
 )
@@ -104,7 +109,7 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
 
 def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
     counts = count_verdicts(ranked)
-    discoveries = discovered(ranked, context)
+    discoveries, next_steps = discovered(ranked, context), steps_without_position(ranked)
     page = environment(context, template).get_template("report.html")
     return page.generate(
         context=context,
@@ -114,7 +119,8 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
         told=section_limit(counts),
-        suspected=suspected_sentence(suspected(ranked)),
+        suspected=suspected_sentence(loops_to_test(next_steps)),
+        next_steps=next_steps,
         cost=cost_in_words(ranked),
         glance=glance(ranked),
         levels=names_by_level(context.valves.values()),

@@ -29,7 +29,7 @@ from stemwatch.service.presenter.work_decision import (
     count_valves,
     decide,
 )
-from stemwatch.service.presenter.worth_a_test import loops_to_test, worth_a_test
+from stemwatch.service.presenter.worth_a_test import NextStep, next_steps, worth_a_test
 from stemwatch.service.report.at_a_glance import GlanceLine, at_a_glance
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
@@ -140,7 +140,7 @@ class Ranking(Sequence[RankedValve]):
             {note.valve: context.facts(note.valve).weeks for note in notes},
             self.cost_of_sticking,
         )
-        self.suspected = loops_to_test(notes[index] for index in self._order)
+        self.next_steps = next_steps(notes)
         used_anchors: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
 
@@ -315,11 +315,11 @@ def _key(screening: Screening, decided: WorkDecision) -> RankKey:
     return WORST_FIRST.index(decided.verdict), -severity, -score, screening.valve
 
 
-def suspected(ranked: Sequence[RankedValve]) -> Sequence[str]:
-    """The valves that deserve a position transmitter or a test first, in their order."""
+def steps_without_position(ranked: Sequence[RankedValve]) -> Sequence[NextStep]:
+    """What to do next at the valves of which only OP and PV are known."""
     if isinstance(ranked, Ranking):
-        return ranked.suspected
-    return loops_to_test(valve.screening for valve in ranked)
+        return ranked.next_steps
+    return next_steps(valve.screening for valve in ranked)
 
 
 def anchor_of(valve: str, used_anchors: Counter[str]) -> str:

@@ -162,9 +162,10 @@ def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
     """Loops of the run that oscillate together, kept in the store with what earlier windows found;
     none where looking for them fails, since all else matters more."""
     try:
-        valves = run.plant.valves.values() if run.plant else ()
+        valves = list(run.plant.valves.values()) if run.plant else []
         units = {valve.id: valve.unit for valve in valves}
-        groups = plant_groups(executed.results.thinned_loops(), units)
+        feeds = {valve.id: valve.feeds for valve in valves}
+        groups = plant_groups(executed.results.thinned_loops(), units, feeds)
         return tuple(run.store.keep_oscillations(run.number, groups))
     except Exception:
         text = "run %d: loops that oscillate together could not be looked for"

@@ -12,8 +12,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from stemwatch.service.collector import Spool
 from stemwatch.service.store.store import open_store
 
 SYNCED = r"""
@@ -73,8 +75,23 @@ os._exit(0)  # nothing is tidied up
 """
 
 
-def test_what_the_spool_forgets_is_on_the_disk(tmp_path: Path) -> None:
-    """Every sample that was acknowledged is in what was synced of the database."""
+SPOOL = """
+import os, sys
+import numpy as np
+from stemwatch.connectors.modbus.sample_batch import one_instant
+from stemwatch.service.collector import Spool
+
+spool = Spool(sys.argv[1] + "/spool", sync=True)
+for second in range(20):
+    at_us = 1_700_000_000_000_000 + second * 1_000_000
+    value = np.array([50.0 + second])
+    spool.append(one_instant("plc", ["T"], at_us, value, np.zeros(1, np.uint8), [""]))
+os._exit(0)
+"""
+
+
+def synced_by(program: str, tmp_path: Path) -> Path:
+    """The folder of what ``program`` synced."""
     compiler = shutil.which("cc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("no C compiler, or not Linux: POWER LOSS IS NOT TRIED")
@@ -88,7 +105,7 @@ def test_what_the_spool_forgets_is_on_the_disk(tmp_path: Path) -> None:
     open_store(f"sqlite:///{plant / 'stemwatch.db'}").close()  # was made and synced long ago
     shutil.copy(plant / "stemwatch.db", disk)
     process = subprocess.run(
-        [sys.executable, "-c", COLLECT, str(plant)],
+        [sys.executable, "-c", program, str(plant)],
         env={**os.environ, "LD_PRELOAD": str(library), "SYNCED_FOLDER": str(disk)},
         cwd=plant,
         check=False,
@@ -96,6 +113,21 @@ def test_what_the_spool_forgets_is_on_the_disk(tmp_path: Path) -> None:
         text=True,
     )
     assert process.returncode == 0, process.stderr
+    return disk
+
+
+def test_what_the_spool_forgets_is_on_the_disk(tmp_path: Path) -> None:
+    """Every sample that was acknowledged is in what was synced of the database."""
+    disk = synced_by(COLLECT, tmp_path)
     with open_store(f"sqlite:///{disk / 'stemwatch.db'}") as store:
         samples = store.samples.read("plc", "T")
     assert samples.values.tolist() == [50.0 + second for second in range(20)]
+
+
+def test_a_spool_that_syncs_keeps_every_sample(tmp_path: Path) -> None:
+    """Of a spool with ``sync`` all that was appended is on the disk."""
+    disk = synced_by(SPOOL, tmp_path)
+    spool = Spool(disk)
+    values = [waiting.batch.values.tolist() for waiting in spool.waiting()]
+    spool.close()
+    assert np.ravel(values).tolist() == [50.0 + second for second in range(20)]

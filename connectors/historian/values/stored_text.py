@@ -231,7 +231,7 @@ def code_texts(text: pa.Array, index_of_text: dict[str, int]) -> Kinds:
         index_of_text.setdefault(w.strip(), len(index_of_text))
         for w in words.dictionary.to_pylist()
     ]
-    kind = np.uint16 if len(index_of_text) < 2**16 else np.int32
+    kind = np.min_scalar_type(max(len(index_of_text) - 1, 0))
     kind_index: Kinds = np.array(places, dtype=kind)[words.indices.to_numpy(zero_copy_only=False)]
     return kind_index
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.studies.interacting_loops.kernel import (
     DELAY,
+    FROM,
     GAIN,
     INTEGRATING,
     JUMP,
@@ -20,6 +22,7 @@ from stemwatch.models.studies.interacting_loops.kernel import (
     STEP,
     STICK,
     STRENGTH,
+    TO,
     run_plant,
 )
 
@@ -71,7 +74,8 @@ class RunPlant:
     ``sp``, ``pv``, ``op`` (m, n). ``shares`` (sources, m): of each PV's variance what is gone from
     around the source's frequency without it, or what it adds by itself to a calmer plant, whichever
     is more. ``label`` (m,): the source with the largest share of at least
-    ``LEAST_SHARE``, -1 for none; sources that move fewer than two loops make no group.
+    ``LEAST_SHARE``, -1 for none; sources that move fewer than two loops make no group. ``feeds``
+    the loops that each loop acts on.
     """
 
     interval_s: float
@@ -82,6 +86,7 @@ class RunPlant:
     sources: tuple[Source, ...]
     shares: Floats
     label: tuple[int, ...]
+    feeds: Mapping[int, tuple[int, ...]]
 
 
 def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPlant:
@@ -137,6 +142,7 @@ def run_drawn(plant: DrawnPlant) -> RunPlant:
         sources=plant.sources,
         shares=shares,
         label=_labels(shares),
+        feeds=_feeds(plant.links),
     )
 
 
@@ -158,16 +164,25 @@ def _around(values: Floats, bins: Bools) -> Floats:
     return np.asarray(2.0 * spectrum[:, bins].sum(axis=1) / values.shape[1] ** 2)
 
 
+def _feeds(links: Floats) -> dict[int, tuple[int, ...]]:
+    """Which loops each loop acts on."""
+    pairs = sorted({(int(link[FROM]), int(link[TO])) for link in links})
+    return {a: tuple(to for start, to in pairs if start == a) for a in {a for a, _ in pairs}}
+
+
 def _labels(shares: Floats) -> tuple[int, ...]:
-    m = shares.shape[1]
-    if not shares.size:
-        return tuple([-1] * m)
-    best = shares.argmax(axis=0)
-    label = np.where(shares.max(axis=0) >= LEAST_SHARE, best, -1)
-    for row in range(shares.shape[0]):
-        if (label == row).sum() < 2:
-            label[label == row] = -1
-    return tuple(int(number) for number in label.tolist())
+    """The source of each loop. Where one moves fewer than two loops, its loop belongs to the next
+    of its sources; the weakest such source goes first."""
+    rows = list(range(shares.shape[0]))
+    while rows:
+        left = shares[rows]
+        label = np.where(left.max(axis=0) >= LEAST_SHARE, np.array(rows)[left.argmax(axis=0)], -1)
+        counts = {row: (int((label == row).sum()), float(shares[row].sum())) for row in rows}
+        weakest = min(rows, key=lambda row: counts[row])
+        if counts[weakest][0] >= 2:
+            return tuple(int(number) for number in label.tolist())
+        rows.remove(weakest)
+    return tuple([-1] * shares.shape[1])
 
 
 def _moving(values: Floats) -> Floats:

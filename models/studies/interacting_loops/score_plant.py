@@ -9,25 +9,28 @@ import numpy as np
 
 from stemwatch.models.oscillation_groups.find_groups import find_groups, labels
 from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS, GroupLimits
-from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra, oscillations
+from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra
+from stemwatch.models.oscillation_groups.plant_groups import log_odds
 from stemwatch.models.oscillation_groups.sources import (
     MemberEvidence,
     member_evidence,
-    non_linearity,
     rank_sources,
+    without_connections,
 )
+from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.studies.interacting_loops.draws import RunPlant, draw_plant, run_drawn
+from stemwatch.models.without_position.suspicion import look_at_loop, trained_judge
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScoredGroup:
     """A group that was found: what most of its members really oscillate with, and where the true
-    source stands in the ranking. ``place`` 0 is first, -1 not among the candidates."""
+    source stands in the ranking. ``place`` 0 is first, -1 not among the candidates;
+    ``place_by_connections`` is that where the plant file names connections."""
 
     kind: str  # of the source; empty where no source moves these loops
-    place: int
-    source: int  # its loop, -1 for outside
-    evidence: MemberEvidence
+    place: int = -1
+    place_by_connections: int = -1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,20 +53,34 @@ def plant_of(seed: int, number: int) -> RunPlant:
     return run_drawn(draw_plant(np.random.default_rng((seed, number))))
 
 
+def suspicions(plant: RunPlant) -> dict[int, float]:
+    """The log odds of sticking by OP and PV of each loop of which they tell anything, as a run of
+    ``screen`` has them."""
+    judge = trained_judge()
+    scores = {
+        i: judge.says(look_at_loop(_recording(plant, i))).score for i in range(len(plant.units))
+    }
+    return {i: log_odds(score) for i, score in scores.items() if score is not None}
+
+
+def _recording(plant: RunPlant, loop: int) -> Recording:
+    signals = {
+        role: Signal.good(getattr(plant, role.value)[loop], role.value)
+        for role in (Role.OP, Role.PV, Role.SP)
+    }
+    return Recording(valve=str(loop), signals=signals, interval_s=plant.interval_s)
+
+
 def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
     """The groups of a plant and the ranking of each, against what is true."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
-    groups = find_groups(errors, limits)
-    scored = []
-    for group in groups:
-        evidence = member_evidence(
-            errors,
-            outputs,
-            group,
-            lambda i: non_linearity(plant.op[i], plant.pv[i]),
-        )
-        scored.append(_scored(plant, evidence))
+    suspicion = suspicions(plant)
+    groups = find_groups(errors, limits, suspicion)
+    scored = [
+        _scored(plant, member_evidence(errors, outputs, group, suspicion, feeds=plant.feeds))
+        for group in groups
+    ]
     label = np.array(plant.label)
     quiet = bool((label < 0).all())
     index = None if quiet else adjusted_rand_index(plant.label, labels(groups, label.size))
@@ -76,29 +93,23 @@ def _scored(plant: RunPlant, evidence: MemberEvidence) -> ScoredGroup:
     true = [plant.label[loop] for loop in evidence.members]
     commonest = max(sorted(set(true)), key=true.count)
     if commonest < 0:
-        return ScoredGroup(kind="", place=-1, source=-1, evidence=evidence)
+        return ScoredGroup(kind="")
     source = plant.sources[commonest]
+    return ScoredGroup(
+        kind=source.kind.value,
+        place=_place(without_connections(evidence), source.loop),
+        place_by_connections=_place(evidence, source.loop),
+    )
+
+
+def _place(evidence: MemberEvidence, loop: int) -> int:
     ranking = rank_sources(evidence, WEIGHTS)
-    order = sorted(
+    ranked = sorted(
         [*zip(ranking.probability, ranking.members, strict=True), (ranking.none, -1)],
         key=lambda pair: -pair[0],
     )
-    places = [loop for _, loop in order]
-    rank = places.index(source.loop) if source.loop in places else -1
-    return ScoredGroup(kind=source.kind.value, place=rank, source=source.loop, evidence=evidence)
-
-
-def null_statistics(plant: RunPlant) -> tuple[float, float] | None:
-    """Of a plant without sources: the largest regularity of an oscillation with the prominence and
-    share of the limits, and the largest prominence of a regular one; ``None`` of other plants."""
-    if plant.sources:
-        return None
-    of_each_loop = oscillations(loop_spectra(plant.sp - plant.pv, plant.interval_s))
-    tall = [peak.regularity for peak in of_each_loop if peak.prominence >= LIMITS.prominence
-            and peak.share >= LIMITS.share]  # fmt: skip
-    regular = [peak.prominence for peak in of_each_loop if peak.regularity >= LIMITS.regularity
-               and peak.share >= LIMITS.share]  # fmt: skip
-    return max(tall, default=0.0), max(regular, default=0.0)
+    places = [member for _, member in ranked]
+    return places.index(loop) if loop in places else -1
 
 
 def adjusted_rand_index(a: Sequence[int], b: Sequence[int]) -> float:

@@ -52,7 +52,8 @@ def _thinned_loop(screening: Screening) -> ThinnedLoop | None:
     if screening.recording is None:
         return None
     sticks = {Verdict.STICKY: True, Verdict.HEALTHY: False}.get(screening.verdict)
-    return thinned_loop(screening.recording, sticks)
+    told = screening.without_position
+    return thinned_loop(screening.recording, sticks, None if told is None else told.score)
 
 
 def plots_instead_of_samples(screening: Screening) -> tuple[Screening, ValvePlots]:

@@ -20,6 +20,7 @@ from stemwatch.models.oscillation_groups.plant_groups import (
 from stemwatch.models.oscillation_groups.sources import (
     MemberEvidence,
     member_evidence,
+    nearness,
     rank_sources,
 )
 from stemwatch.models.recording import Quality, Recording, Role, Signal
@@ -130,7 +131,7 @@ def test_the_loop_before_the_others_leads() -> None:
         values[loop] += size * wave(400.0, delay_s=delay, wander=0.08)
     spectra = loop_spectra(values, INTERVAL_S)
     (group,) = find_groups(spectra, LIMITS)
-    evidence = member_evidence(spectra, spectra, group, lambda _: 0.0)
+    evidence = member_evidence(spectra, spectra, group, {})
     lead = evidence.values[:, 4]
     assert lead[1] > lead[0] > lead[2]
     assert lead[1] - lead[2] == pytest.approx(300.0 / 400.0, abs=0.25)
@@ -138,14 +139,14 @@ def test_the_loop_before_the_others_leads() -> None:
 
 def test_probabilities_are_of_one_source_or_none() -> None:
     """They add up to one; a verdict from a position outweighs what is equal otherwise."""
-    weights = SourceWeights(member=(0, 0, 0, 0, 0, 1.0, 3.0), none=(0, 0, 0, 0, 0))
-    values = np.zeros((3, 7))
+    weights = SourceWeights(member=(0, 0, 0, 0, 0, 1.0, 3.0, 0), none=(0,) * 7)
+    values = np.zeros((3, 8))
     values[2, 6] = 1.0
     ranking = rank_sources(MemberEvidence(members=(4, 7, 9), values=values), weights)
     assert ranking.members[0] == 9
     assert sum(ranking.probability) + ranking.none == pytest.approx(1.0)
     assert not ranking.outside
-    none = replace(weights, none=(9.0, 0, 0, 0, 0))
+    none = replace(weights, none=(9.0, 0, 0, 0, 0, 0, 0))
     assert rank_sources(MemberEvidence(members=(4, 7, 9), values=values), none).outside
 
 
@@ -184,6 +185,53 @@ def test_loops_recorded_together_are_compared() -> None:
         near = "1 of the 2 other loops is of its unit 100" in member.evidence
         assert near == (place < 2 and units[member.loop] == "100")
         assert not any("unit 200" in text for text in member.evidence)
+
+
+def test_an_irregular_swing_in_common_is_a_group_where_a_valve_looks_as_if_it_sticks() -> None:
+    """Loads that travel look the same, so that without a suspicion nothing is said."""
+    values = noises(6)
+    swing = wave(400.0, wander=0.2)
+    values[1] += 2.0 * swing
+    values[4] += 1.5 * swing
+    spectra = loop_spectra(values, INTERVAL_S)
+    assert find_groups(spectra, LIMITS) == []
+    assert find_groups(spectra, LIMITS, {1: -4.0, 4: -4.0, 2: 4.0}) == []
+    (group,) = find_groups(spectra, LIMITS, {1: 4.0, 4: -4.0})
+    assert group.members == (1, 4)
+
+
+def test_a_loop_that_acts_on_the_others_is_near_them() -> None:
+    """One over the number of connections on the way, which may pass through other loops."""
+    feeds = {0: [1], 1: [2, 9], 9: [3], 7: [0]}
+    near = nearness(feeds, [0, 2, 3], [0.5, 0.4, 0.2])
+    assert near == pytest.approx([(0.4 / 2 + 0.2 / 3) / 0.6, 0.0, 0.0])
+    assert nearness({}, [0, 2], [0.5, 0.4]).tolist() == [0.0, 0.0]
+    assert nearness({0: [0]}, [0, 2], [0.5, 0.4]).tolist() == [0.0, 0.0]
+
+
+def test_connections_weigh_for_the_loop_that_acts_on_the_others() -> None:
+    """Through a loop that is not in the run; and it is said."""
+    values = noises(3) * 0.5 + 3.0 * wave(400.0)
+    loops = [loop(name, row) for name, row in zip("ABC", values, strict=True)]
+    feeds = {"B": ["X"], "X": ["A", "C"]}
+    (without,), (group,) = plant_groups(loops), plant_groups(loops, feeds=feeds)
+    before = {member.loop: member.probability for member in without.members}
+    after = {member.loop: member for member in group.members}
+    assert after["B"].probability > before["B"]
+    said = "by the connections in the plant file it acts on the others more directly"
+    assert [member.loop for member in group.members if said in member.evidence] == ["B"]
+
+
+def test_a_suspicion_by_op_and_pv_weighs_for_the_loop() -> None:
+    """More than none does, and it is told."""
+    values = noises(3) * 0.5 + 3.0 * wave(400.0)
+    loops = [loop(name, row, score=0.5) for name, row in zip("ABC", values, strict=True)]
+    suspected = [replace(one, score=0.95 if one.loop == "C" else 0.05) for one in loops]
+    (alike,), (group,) = plant_groups(loops), plant_groups(suspected)
+    before = {member.loop: member.probability for member in alike.members}
+    assert group.members[0].loop == "C"
+    assert group.members[0].probability > before["C"]
+    assert "its PV follows its OP as behind a valve that sticks" in group.members[0].evidence
 
 
 def test_undated_loops_are_compared_within_a_file() -> None:

@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.studies.interacting_loops.draws import draw_plant, run_drawn
+from stemwatch.models.oscillation_groups.limits import WEIGHTS
+from stemwatch.models.oscillation_groups.sources import MemberEvidence
+from stemwatch.models.studies.interacting_loops.draws import _labels, draw_plant, run_drawn
+from stemwatch.models.studies.interacting_loops.fitting import (
+    PlantEvidence,
+    fit_limits,
+    fit_sources,
+    plant_evidence,
+)
 from stemwatch.models.studies.interacting_loops.score_plant import (
     adjusted_rand_index,
     plant_of,
@@ -46,3 +54,53 @@ def test_a_source_moves_its_own_loop() -> None:
     judged = score_plant(plants[0])
     assert judged.loops == len(plants[0].units)
     assert judged.quiet == (set(plants[0].label) == {-1})
+
+
+def test_a_loop_of_a_source_that_moves_no_other_belongs_to_its_next_source() -> None:
+    """It is moved by that one all the same."""
+    shares = np.array([[0.9, 0.0, 0.05], [0.3, 0.4, 0.2]])
+    assert _labels(shares) == (1, 1, 1)
+    assert _labels(shares[:1]) == (-1, -1, -1)
+    assert _labels(np.zeros((0, 3))) == (-1, -1, -1)
+
+
+def shown(rng: np.random.Generator, *, quiet: bool) -> PlantEvidence:
+    """A plant whose candidates are groups where their shares are large, and whose source has most
+    of the harmonics and acts on the others."""
+    true = np.zeros(6, dtype=bool) if quiet else np.arange(6) < 4
+    rows = np.column_stack(
+        [np.ones(6), np.where(true, -0.5, -1.8) + 0.3 * rng.normal(size=6), rng.normal(size=(6, 2))]
+    )
+    values = rng.normal(size=(3, 8)) * 0.3
+    values[1, 3] += 2.0
+    values[:, 7] = (0.0, 1.0, 0.0)
+    evidence = MemberEvidence(members=(4, 5, 8), values=values, connected=True)
+    groups = () if quiet else ((evidence, 5),)
+    return PlantEvidence(quiet=quiet, candidates=rows, alike=true * 0.9, groups=groups)
+
+
+def test_limits_and_weights_come_from_plants_whose_truth_is_known() -> None:
+    """What tells groups from chance has the weight; one quiet plant of twenty passes the limit."""
+    rng = np.random.default_rng(6161)
+    plants = [shown(rng, quiet=k % 2 == 0) for k in range(80)]
+    limits, weights = fit_limits(plants), fit_sources(plants)
+    assert limits.weights[1] > 3.0 * max(abs(weight) for weight in limits.weights[2:])
+    passing = sum(
+        bool((p.candidates @ np.array(limits.weights) >= limits.evidence).any())
+        for p in plants
+        if p.quiet
+    )
+    assert passing in (1, 2, 3)
+    assert np.argmax(weights.member[:6]) == 3
+    assert weights.member[6] == WEIGHTS.member[6]
+    assert weights.member[7] > 0.5
+
+
+def test_a_plant_shows_its_candidates_and_the_evidence_of_its_groups() -> None:
+    """As many rows as candidates; the group of a true source with connections known."""
+    evidence = plant_evidence(plant_of(5151, 1))
+    assert evidence.candidates.shape == (evidence.alike.size, 4)
+    assert not evidence.quiet
+    assert evidence.alike.max() > 0.5
+    assert evidence.groups
+    assert all(group.connected for group, _ in evidence.groups)

@@ -268,6 +268,19 @@ def limit_cycle() -> Recording:
     raise AssertionError("no limit cycle of a hundred was suspected")
 
 
+def test_without_the_scale_of_op_nothing_is_suspected() -> None:
+    """Whether S is more than a sound valve has cannot be said; what would help is."""
+    percent = limit_cycle()
+    op, pv = percent.op.values, percent.get(Role.PV).values
+    known = suspect_by(percent, trained_judge())
+    for other in (loop_of(op - op.mean(), pv), loop_of(4.0 + 0.16 * op, pv, unit="mA")):
+        answer = suspect_by(other, trained_judge())
+        assert answer.verdict is Suspicion.CANNOT_TELL
+        assert "not in percent" in answer.reason
+        assert "low, high" in answer.advice
+        assert answer.score == pytest.approx(known.score, abs=1e-6)
+
+
 def test_a_suspicion_has_a_picture_and_a_sound_filter_has_none() -> None:
     """The stem stays within OP's range and lags it; both models follow PV."""
     recording = limit_cycle()

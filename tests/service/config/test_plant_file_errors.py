@@ -71,7 +71,7 @@ ID, S = 'id = "V"', 'source = "s"'
         (
             valve(ID, S, 'descripton = "x"'),
             "12: valves[V].descripton: found an unknown key; expected one of area, criticality, "
-            "description, id, loop, price_per_hour_off_target, price_per_stroke, "
+            "description, feeds, id, loop, price_per_hour_off_target, price_per_stroke, "
             "price_per_unit_hour, site, source, stroke, stroke_curve, tags, target_band, unit "
             "(did you mean 'description'?)",
         ),
@@ -331,3 +331,14 @@ def test_any_file_is_read_or_refused_in_words(tmp_path: Path, text: str | bytes)
 def test_the_example_lines_are_toml() -> None:
     """What the tests call good is TOML, so that what they refuse is refused for its own reason."""
     assert "GOOD" == tomllib.loads(SOURCE + GOOD)["valves"][0]["id"]
+
+
+def test_a_connection_to_a_valve_that_is_not_there_is_said_and_costs_nothing(tmp_path) -> None:
+    """The valve stays with its other connections; a misspelt id has a proposal."""
+    plant = load_plant(write(tmp_path, valve(ID, S, 'feeds = ["GOOD", "GOD"]')), environment={})
+    (problem,) = plant.problems
+    assert str(problem) == (
+        "plant.toml, line 12: valves[V].feeds: found the unknown valve 'GOD'; expected the id of "
+        "a valve of this plant (did you mean 'GOOD'?)"
+    )
+    assert plant.valves["V"].feeds == ["GOOD", "GOD"]

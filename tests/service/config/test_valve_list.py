@@ -96,3 +96,12 @@ def test_a_list_in_another_encoding_is_read_and_said(tmp_path: Path) -> None:
         "(the list was read as Windows-1252 instead)"
     )
     assert "Süd" == plant.valves["B"].description
+
+
+def test_a_cell_of_connections_holds_several_valves(tmp_path: Path) -> None:
+    """Between bars, or commas and semicolons in quotation marks."""
+    rows = 'id,source,op,feeds\nA,s,A.OP,B | C\nB,s,B.OP,"C;A"\nC,s,C.OP,\n'
+    plant = load_plant(write(tmp_path, LISTED, rows), environment={})
+    assert plant.problems == ()
+    feeds = {valve.id: valve.feeds for valve in plant.valves.values()}
+    assert feeds == {"A": ["B", "C"], "B": ["C", "A"], "C": []}

@@ -203,8 +203,8 @@ def test_nothing_is_green_where_nothing_could_be_judged(tmp_path) -> None:
     every = Outputs(screenings, context(screenings), tmp_path)
     text = (tmp_path / "report.html").read_text("utf-8")
     assert 'class="is-healthy">None' not in text
-    assert bare("None of 2 valves needs work") in every.report
-    assert bare("2 cannot be judged") in every.report
+    assert bare("None of 2 valves can be judged") in every.report
+    assert bare("2 with a work order to find out why") in every.report
     assert bare("8 recordings of 2 valves") in every.report
     assert len(every.orders) == 2
 

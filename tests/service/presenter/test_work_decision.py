@@ -192,5 +192,5 @@ def test_where_nothing_can_be_judged_nobody_is_told_that_all_is_well():
     """The number of valves without a verdict is in the sentence."""
     blind = sticky(verdict=Verdict.UNDETERMINED, reason="Cannot tell: too short.")
     counts = k.count_valves([("FV-1", k.decide(blind, stands=None))])
-    assert counts.sentence == "None of 1 valve needs work; 1 cannot be judged."
+    assert counts.sentence == "None of 1 valve can be judged."
     assert k.count_valves([]).sentence == "No valve was screened."

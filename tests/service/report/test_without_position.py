@@ -12,7 +12,12 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
-from stemwatch.service.presenter.worth_a_test import suspected_sentence
+from stemwatch.service.presenter.worth_a_test import (
+    MOST_NAMED,
+    loops_to_test,
+    next_steps,
+    suspected_sentence,
+)
 from stemwatch.service.report.charts.valve_charts import chart_of
 from stemwatch.service.report.html_page import html_bytes
 from stemwatch.service.report.json_contract import to_contract
@@ -73,7 +78,9 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
         suspected_sentence(["FV-1"]),
     ):
         assert answer in text, answer
-    assert "None of 2 valves needs work" in text
+    assert "None of 2 valves can be judged" in text
+    assert "1 sticking suspected – Do a bump test. FV-1" in text
+    assert "1 no sign of sticking – Nothing at the valve on these grounds. FV-2" in text
 
 
 def test_beside_a_position_it_is_a_cross_check(make_screening, make_context):
@@ -94,7 +101,7 @@ def test_the_suspected_come_first_of_those_without_a_verdict(make_screening, mak
     ]
     ranking = rank_valves(valves, make_context(valves))
     assert [valve.screening.valve for valve in ranking] == ["D", "C", "B", "A"]
-    assert list(ranking.suspected) == ["C", "B"]
+    assert loops_to_test(ranking.next_steps) == ("C", "B")
 
 
 def test_the_chart_shows_the_suspected_stem_between_op_and_pv(make_screening):
@@ -141,12 +148,49 @@ def test_whom_to_test_first_is_one_sentence():
     assert "suspected there: A, B. Of 185" in suspected_sentence(["A", "B"])
 
 
+def cannot_tell(reason: str, score: float | None = None) -> WithoutPosition:
+    """No answer, for a reason."""
+    return WithoutPosition(
+        verdict=Suspicion.CANNOT_TELL,
+        reason=f"OP and PV cannot tell whether the valve sticks: {reason}.",
+        advice="Export longer.",
+        score=score,
+        apparent_S=Estimate.unknown(reason, unit="%"),
+    )
+
+
 def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening, make_context):
-    """One of three is chance; two of three are not."""
+    """One of three is chance; two of three are not. Each valve has one next step."""
     answer = {"A": (suspected(), no_sign(), no_sign()), "B": (suspected(), suspected(), no_sign())}
     valves = [
         without_mv(make_screening, valve, item)
         for valve, several in answer.items()
         for item in several
     ]
-    assert list(rank_valves(valves, make_context(valves)).suspected) == ["B"]
+    steps = rank_valves(valves, make_context(valves)).next_steps
+    assert loops_to_test(steps) == ("B",)
+    assert [(step.verdict.value, step.loops) for step in steps] == [
+        ("suspected", ("B",)),
+        ("no_sign", ("A",)),
+    ]
+
+
+def test_loops_with_one_reason_have_one_step_whatever_their_numbers(make_screening) -> None:
+    """Most loops first, those that look most like sticking at the front of them; long lists are
+    cut; a valve with a verdict in one of its recordings needs none."""
+    few = [
+        without_mv(make_screening, f"F-{k:02}", cannot_tell(f"only {90 + k} samples", k / 100))
+        for k in range(MOST_NAMED + 2)
+    ]
+    others = [
+        without_mv(make_screening, "P-1", cannot_tell("PV is not in this recording")),
+        without_mv(make_screening, "P-2", cannot_tell("PV is not in this recording")),
+        make_screening("P-2"),
+    ]
+    first, second = next_steps([*others, *few])
+    assert first.why == "only … samples."
+    assert first.loops[:2] == (f"F-{MOST_NAMED + 1:02}", f"F-{MOST_NAMED:02}")
+    assert first.listed.endswith(" and 2 more")
+    assert (second.why, second.loops) == ("PV is not in this recording.", ("P-1",))
+    (alone,) = next_steps(few[5:6])
+    assert alone.why == "only 95 samples."

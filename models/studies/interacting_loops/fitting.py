@@ -1,0 +1,142 @@
+"""Limits and weights of ``models.oscillation_groups``, by drawn plants whose truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from stemwatch.models.oscillation_groups.find_groups import candidate
+from stemwatch.models.oscillation_groups.limits import (
+    LIMITS,
+    WEIGHTS,
+    GroupLimits,
+    SourceWeights,
+)
+from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra, oscillations
+from stemwatch.models.oscillation_groups.sources import (
+    MemberEvidence,
+    compared,
+    member_evidence,
+    of_none,
+    without_connections,
+)
+from stemwatch.models.recording import Floats
+from stemwatch.models.studies.interacting_loops.draws import RunPlant
+from stemwatch.models.studies.interacting_loops.score_plant import suspicions
+
+QUIET = 0.95  # of quiet plants have no candidate above the limit
+_SAME, _OTHER = 0.4, 0.2  # Jaccard index with a true group: is one, is none
+_RIDGE = 0.5
+_STICKING, _NEARNESS = 6, 7  # places in a member's weights
+_OF_NONE_KNOWN = 5  # places of "none" that need no connections
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantEvidence:
+    """What one plant shows. ``candidates`` (c, 4) what speaks for each; ``alike`` (c,) their
+    Jaccard index with the true group that is most alike; ``groups`` the evidence of the candidate
+    most like each true group, and its source (-1: outside)."""
+
+    quiet: bool
+    candidates: Floats
+    alike: Floats
+    groups: tuple[tuple[MemberEvidence, int], ...]
+
+
+def plant_evidence(plant: RunPlant) -> PlantEvidence:
+    """The candidates of a plant before anything is taken out of it."""
+    errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
+    outputs = loop_spectra(plant.op, plant.interval_s)
+    suspicion, seen = suspicions(plant), oscillations(errors)
+    label = np.array(plant.label)
+    true = {row: set(np.flatnonzero(label == row).tolist()) for row in set(plant.label) - {-1}}
+    rows, alike = [], []
+    best: dict[int, tuple[float, MemberEvidence]] = {}
+    for peak in seen:
+        group = candidate(peak, errors, errors.spectra, seen, LIMITS, suspicion)
+        if group is None:
+            continue
+        members = set(group.members)
+        index = {row: len(members & of) / len(members | of) for row, of in true.items()}
+        rows.append(group.statistics)
+        alike.append(max(index.values(), default=0.0))
+        for row, share in index.items():
+            if share > max(_SAME, best.get(row, (0.0, None))[0]):
+                shown = member_evidence(errors, outputs, group, suspicion, feeds=plant.feeds)
+                best[row] = (share, shown)
+    return PlantEvidence(
+        quiet=not true,
+        candidates=np.array(rows).reshape(-1, 4),
+        alike=np.array(alike),
+        groups=tuple((shown, plant.sources[row].loop) for row, (_, shown) in best.items()),
+    )
+
+
+def fit_limits(plants: Sequence[PlantEvidence]) -> GroupLimits:
+    """Weights by a logistic regression, true groups against what is none, each plant's candidates
+    weighed down by their number; the limit from the quiet plants."""
+    rows = np.concatenate([plant.candidates for plant in plants])
+    alike = np.concatenate([plant.alike for plant in plants])
+    weigh = np.concatenate(
+        [np.full(p.alike.size, p.alike.size**-0.5) for p in plants if p.alike.size]
+    )
+    told = (alike >= _SAME) | (alike < _OTHER)
+    sign = np.where(alike >= _SAME, 1.0, -1.0)[told]
+
+    def loss(weights: Floats) -> float:
+        odds = sign * (rows[told] @ weights)
+        return float(
+            weigh[told] @ np.logaddexp(0.0, -odds) + _RIDGE * (weights[1:] @ weights[1:]) / 2.0
+        )
+
+    weights = minimize(loss, np.zeros(rows.shape[1])).x
+    strongest = [
+        float((plant.candidates @ weights).max(initial=-10.0)) for plant in plants if plant.quiet
+    ]
+    limit = float(np.quantile(strongest, QUIET))
+    a, b, c, d = (round(float(weight), 2) for weight in weights)
+    return replace(LIMITS, weights=(a, b, c, d), evidence=round(limit, 2))
+
+
+def fit_sources(plants: Sequence[PlantEvidence]) -> SourceWeights:
+    """A multinomial logit without connections; then what these weigh beside it."""
+    groups = [group for plant in plants for group in plant.groups]
+    members, none = np.array(WEIGHTS.member), np.array(WEIGHTS.none)
+    members[_NEARNESS], none[_OF_NONE_KNOWN:] = 0.0, 0.0
+    alone = [(without_connections(shown), source) for shown, source in groups]
+    free = [i for i in range(members.size) if i not in (_STICKING, _NEARNESS)]
+    _improve(members, none, free, [0, 1, 2, 3], alone)
+    _improve(members, none, [_NEARNESS], [5, 6], groups)
+    return SourceWeights(
+        member=tuple(round(float(x), 2) for x in members),
+        none=tuple(round(float(x), 2) for x in none),
+    )
+
+
+def _improve(
+    members: Floats,
+    none: Floats,
+    of_member: list[int],
+    of_none_: list[int],
+    groups: Sequence[tuple[MemberEvidence, int]],
+) -> None:
+    """The likeliest values of some of the weights, the others as they are; in place."""
+    terms = [(compared(shown), of_none(shown), _place(shown, source)) for shown, source in groups]
+
+    def loss(free: Floats) -> float:
+        members[of_member], none[of_none_] = free[: len(of_member)], free[len(of_member) :]
+        total = _RIDGE * float(free @ free) / 2.0
+        for values, outside, place in terms:
+            utility = np.append(values @ members, outside @ none)
+            total += float(np.logaddexp.reduce(utility) - utility[place])
+        return total
+
+    loss(minimize(loss, np.zeros(len(of_member) + len(of_none_))).x)
+
+
+def _place(shown: MemberEvidence, source: int) -> int:
+    """The place of the source among the members; behind them where it is outside."""
+    return shown.members.index(source) if source in shown.members else len(shown.members)
