@@ -15,7 +15,12 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import chance, strength
+from stemwatch.models.mismatch.acceptance_limits import (
+    chance,
+    remaining_loss,
+    short_record_factor,
+    strength,
+)
 from stemwatch.models.mismatch.accepted_hypothesis import (
     DELAY,
     STRAIGHT_LINE,
@@ -346,11 +351,13 @@ class NullScores:
 
     ``terms``: mean, t and strength of the advantage of every admissible term over the base alone;
     ``pair``: the strength of the weaker of two beside the other, of the pair in which it is
-    largest, 0 where no pair was worth a look.
+    largest, 0 where no pair was worth a look. ``left``: what S and J leave in the worst tenth of
+    the blocks, in noise variances, over the square of what a short record allows.
     """
 
     terms: dict[str, tuple[float, float, float]]
     pair: float
+    left: float = 0.0
 
 
 def scores(recording: Recording) -> NullScores:
@@ -363,7 +370,7 @@ def scores(recording: Recording) -> NullScores:
     case = prepare(recording, settled, None, problem_of(recording, settled))
     terms = of_the_valve(admissible(case.refused))
     named = name_terms(case.base, terms)
-    told = named.evaluator.measured_counts
+    evaluator, told = named.evaluator, named.evaluator.measured_counts
     first: tuple[TermScore, ...] = named.stages[0].scores
     return NullScores(
         terms={
@@ -375,4 +382,5 @@ def scores(recording: Recording) -> NullScores:
             for score in first
         },
         pair=strongest_pair(named, terms),
+        left=remaining_loss(evaluator, named.base) / short_record_factor(told) ** 2,
     )
