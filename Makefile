@@ -31,8 +31,8 @@ unexport PYTHONDONTWRITEBYTECODE
 # stays on its own core, and all share one cache of compiled kernels.
 test test-all explore: export OMP_NUM_THREADS ?= 1
 test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
-# While the type checks leave a core idle, kernels that are not compiled yet are, and all tests are read once: test
-# processes that begin together would each do it.
+# Beside the type checks, kernels that are not compiled yet are, and all tests are read once: test processes that begin
+# together would each do it.
 test test-all: MEANWHILE = $(BIN)/python tests/prepare.py &
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
@@ -94,7 +94,7 @@ faults: $(VENV)/can-test ## Kill and cut off whatever the service needs, ROUNDS=
 check: $(VENV)/can-test ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
 	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports --no-cache)
-	$(call step,Checking the types (mypy),$(MEANWHILE) $(BIN)/mypy && wait)
+	$(call step,Checking the types (mypy),$(MEANWHILE) $(BIN)/mypy --num-workers 2 && wait)
 
 bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; FULL=yes takes longer
 	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)

@@ -61,8 +61,9 @@ from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stored_range import in_percent
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
-from stemwatch.models.validity_checks import reversed_obstacles, wiring_obstacles
+from stemwatch.models.validity_checks import reversed_obstacles
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.wiring_checks import wiring_obstacles
 from stemwatch.models.without_position.suspicion import suspect, trained_judge
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from stemwatch.models.cross_correlation import lagged_products
@@ -40,14 +42,18 @@ def _pairs(recording: Recording) -> tuple[Floats, Floats]:
 
 def is_copy(recording: Recording) -> bool:
     """True where the "position" is OP under another name: equal, rounded, or a scan or two late."""
+    return copied_share(recording) > COPIED_SHARE
+
+
+def copied_share(recording: Recording) -> float:
+    """Share of the samples of the position that repeat OP, at once or a scan or two late."""
     op, mv = _pairs(recording)
     if not op.size:
-        return False
+        return 0.0
     # A rounded copy is within half its step of OP; a real stem is not, sample for sample.
     tolerance = max(0.51 * quantum(mv), 1e-6 * max(swing(op), 1.0))
-    return any(
-        float(np.mean(np.abs(mv[late:] - op[: op.size - late]) <= tolerance)) > COPIED_SHARE
-        for late in DELAYS
+    return max(
+        float(np.mean(np.abs(mv[late:] - op[: op.size - late]) <= tolerance)) for late in DELAYS
     )
 
 
@@ -104,13 +110,18 @@ def tells_two_places(recording: Recording) -> bool:
 
 def samples_exchanged(recording: Recording) -> bool:
     """True where OP and position change places from one sample to the next."""
+    return neighbours_alike(recording) < EXCHANGED
+
+
+def neighbours_alike(recording: Recording) -> float:
+    """The correlation of OP - MV with itself a sample later, -1 to 1; 0 where too few tell it."""
     op, mv = _pairs(recording)
     if op.size < LEAST_COPIED:
-        return False
+        return 0.0
     difference = op - mv
     difference = difference - np.median(difference)
     power = float(difference @ difference)
-    return power > 0.0 and float(difference[1:] @ difference[:-1]) / power < EXCHANGED
+    return float(difference[1:] @ difference[:-1]) / power if power > 0.0 else 0.0
 
 
 def moved_without_command(recording: Recording) -> float:
@@ -125,23 +136,42 @@ def moved_without_command(recording: Recording) -> float:
     return sum(travel(mv[first:last], least) for first, last in runs) / path if path else 0.0
 
 
+@dataclass(frozen=True)
+class SummedCommand:
+    """How far OP and MV explain how fast MV moves (0 to 1), and what of that is ``towards_command``
+    and not OP alone: 1 where MV comes to rest at its command, 0 where it does not ask for it."""
+
+    explained: float = 0.0
+    towards_command: float = np.nan
+
+    @property
+    def sums(self) -> bool:
+        """Whether OP tells how fast the position moves, wherever it is."""
+        least, most = TOWARDS_COMMAND
+        return self.explained >= SUMMED and least < self.towards_command < most
+
+
 def sums_its_command(recording: Recording) -> bool:
     """True where OP tells how fast the position moves, wherever it is: a speed, a force, or the
-    pulses of an electric actuator, and not the position that the valve is told.
+    pulses of an electric actuator, and not the position that the valve is told."""
+    return summed_command(recording).sums
+
+
+def summed_command(recording: Recording) -> SummedCommand:
+    """How the position moves by OP and by where it is.
 
     Over stretches of a twenty-fifth of the record, with means of OP and MV,
 
         change of MV = a OP + b MV + c,        a valve: b = -a / (MV per OP)
 
-    since a stem comes to rest where its command is, however late. ``-b std(MV) / (a std(OP))`` was
-    0.29 and more for 80 simulated valves (seed 5151) and 0.89 and more for a servo drive, and -1
-    where OP is stored late, since OP and MV then differ by what MV moves meanwhile; the position of
-    a slide whose OP is its force has -0.26.
+    since a stem comes to rest where its command is, however late; ``towards_command`` is
+    ``-b std(MV) / (a std(OP))``. OP that is stored late has -1, since OP and MV then differ by what
+    MV moves meanwhile; the position of a slide whose OP is its force has -0.26.
     """
     op, mv = _pairs(recording)
     width = op.size // STRETCHES
     if width < FEWEST_IN_STRETCH:
-        return False
+        return SummedCommand()
     ends = np.arange(STRETCHES + 1) * width
     command, position = (
         values[: ends[-1]].reshape(STRETCHES, width).mean(axis=1) for values in (op, mv)
@@ -149,14 +179,14 @@ def sums_its_command(recording: Recording) -> bool:
     change = np.diff(mv[np.minimum(ends, mv.size - 1)])
     spread = float(np.ptp(command)), float(np.ptp(position)), float(np.ptp(change))
     if min(spread) <= 0.0:
-        return False
+        return SummedCommand()
     columns = np.column_stack([command, position, np.ones(STRETCHES)])
     a, b, c = np.linalg.lstsq(columns, change, rcond=None)[0]
     left = change - columns @ np.array([a, b, c])
-    explained = 1.0 - float(np.var(left) / np.var(change))
-    towards_command = -b * float(np.std(position)) / (abs(a) * float(np.std(command)) + 1e-300)
-    least, most = TOWARDS_COMMAND
-    return explained >= SUMMED and least < towards_command < most
+    return SummedCommand(
+        explained=1.0 - float(np.var(left) / np.var(change)),
+        towards_command=-b * float(np.std(position)) / (abs(a) * float(np.std(command)) + 1e-300),
+    )
 
 
 def _tolerance(copy: Floats) -> float:

@@ -10,7 +10,7 @@ from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.forensics import noise_sigma, quantum
 from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration, is_of_seconds
-from stemwatch.models.percent import POSSIBLE_PERCENT, not_percent
+from stemwatch.models.percent import not_percent
 from stemwatch.models.recording import PERCENT, Bools, Quality, Recording, Role
 from stemwatch.models.runs_of_samples import long_runs
 from stemwatch.models.signal_pairing import (
@@ -25,12 +25,8 @@ from stemwatch.models.signal_pairing import (
     sums_its_command,
     tells_two_places,
 )
-from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pairing, paired
-from stemwatch.models.stickslip.clock_shift import BehindController, behind_controller
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
-from stemwatch.models.stickslip.fit import FirstLook
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
-from stemwatch.models.stickslip.rests import Rests
 from stemwatch.models.words import share, times
 
 # Where the plant does not say how long a recording must last.
@@ -39,38 +35,9 @@ LEAST_SAMPLES, GOOD_SAMPLES = 300, 3600
 NOISE_SWING = 6.0
 # 140 simulated valves that moved gave 0.37 and above, positions of other valves mostly below 0.3.
 UNRELATED = 0.3
-# What is left of a stem that never moves (``best_pairing``). 93 simulated valves that moved, with
-# and without hidden effects (seeds 5151 and 8181), leave 0.03 to 0.81, 0.49 at most without effects
-# and 0.25 in the middle; a command of another time leaves them 1.03 times as much and more, OP read
-# as the position 0.5 times, PV or SP in the place of OP or position 0.66 times.
-DOUBTED, RELATED, UNRELATED_LEFT = 0.3, 0.7, 0.85
-ANOTHER_TIME, BY_ANOTHER = 0.85, 0.5
-# A valve that hardly sticks goes with its command either way round, and is healthy either way.
-# Either way round, S of 76 sticking ones is 2.1 % and more, of 92 healthy ones 1.6 % and less, of
-# all but two 1.5 % (`draw_valves`, seeds 6161, 8383, 9393; `draw_sticky`, `draw_healthy`, 5151).
-SURELY_SWAPPED, SWAPPED_FROM, STICKS_PERCENT = 0.5, 0.2, 1.5
-# A command that seems stored late may be the position: then a little simpler the other way round is
-# enough.
-SWAPPED_AND_LATE = 0.9
-# Where OP rests as a stem does (``rests``), the other way round need not even be the simpler one.
-SWAPPED_BY_RESTS = 1.5
-# By the controller's law OP and PV are what they are called where it leaves so many times less of
-# OP's moves than of those of the position that answered PV, or of OP's that answered the position.
-# Where OP and position, or position and PV, are exchanged it is the other way round; nothing of the
-# kind is asked where the position follows OP so badly that it may be another valve's.
-OP_PLAINLY, PV_PLAINLY, FOLLOWS = 3.0, 10.0, 0.5
 # Share of the position's way; 80 simulated valves (seed 8181) make 0.06 of it at most.
 MOVED_WITHOUT_OP = 0.15
-LEAST_SWING_PERCENT = 0.5
 COARSEST_PERCENT = 3.0  # steps of a position, twice the S of a sticky valve
-# Which is exchanged for which, and what then is the command and what the position.
-OTHERS = (
-    (Role.OP, Role.PV, Role.PV, Role.MV),
-    (Role.MV, Role.PV, Role.OP, Role.PV),
-    (Role.OP, Role.SP, Role.SP, Role.MV),
-)
-UNEXPLAINED = BestShift(np.inf, 0.0)
-SPOKEN = {Role.OP: "OP", Role.MV: "the position", Role.PV: "PV", Role.SP: "SP"}
 SUMS_OP = "the position moves as fast as OP says"
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
 STUCK_REMEDY = "Look at the valve: a stroke test tells a stuck stem from a dead transmitter."
@@ -199,6 +166,12 @@ def reversed_obstacles(recording: Recording) -> list[Obstacle]:
     ]
 
 
+def related(recording: Recording) -> float:
+    """How well the position goes with OP, -1 to 1, soon after it or against it: one that counts the
+    other way is related all the same."""
+    return max(delayed_correlation(recording), -correlation(recording))
+
+
 def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     """A position that does not go with OP at all: a fit would call it sticking."""
     if sums_its_command(recording):
@@ -222,8 +195,7 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
                 "not track, nor of the other valve of a split range.",
             )
         ]
-    # A position that counts the other way is related all the same.
-    correlated = max(delayed_correlation(recording), -correlation(recording))
+    correlated = related(recording)
     if correlated >= UNRELATED or swing(recording.op.values) <= 2.0:
         return []
     unit_s = recording.unit_s
@@ -236,127 +208,6 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
             "Check which tag is this valve's position; step OP and see whether it answers.",
         )
     ]
-
-
-def wiring_obstacles(
-    recording: Recording, as_stored: Recording | None = None, first_look: FirstLook | None = None
-) -> list[Obstacle]:
-    """Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
-
-    ``recording`` in percent of travel both, read through its curve; ``as_stored`` what it was where
-    its OP was taken for stored late and brought forward; ``first_look`` a first look at
-    ``recording``.
-    """
-    pairing = Pairing.of(recording, first_look)
-    # Most valves need no second look.
-    if pairing is None or pairing.explained(BEFORE[:1]).left < SWAPPED_FROM:
-        return []
-    at_most = pairing.explained(BEFORE)
-    nearest = min(at_most, pairing.explained(AFTER), key=lambda candidate: candidate.left)
-    if nearest.left < SWAPPED_FROM or pairing.slips_to_its_command:
-        return []
-    controller = behind_controller(recording)
-    exchanged = np.inf
-    if not controller.rather_than(behind_controller(recording, output=Role.MV), OP_PLAINLY):
-        exchanged = _exchanged(pairing, nearest, as_stored or recording, as_stored is not None)
-    mixed_up = [(Role.OP, Role.MV, exchanged)]
-    far_left = UNEXPLAINED
-    if nearest.left >= DOUBTED:
-        far_left = pairing.far_away()
-        mixed_up += [
-            (role, instead_role, _explained(recording, command, position).left / BY_ANOTHER)
-            for role, instead_role, command, position in OTHERS
-            if not (role is Role.MV and nearest.left <= FOLLOWS and _is_pv(recording, controller))
-        ]
-    role, instead_role, other = min(mixed_up, key=lambda candidate: candidate[2])
-    if min(far_left.left, other) >= at_most.left and nearest.left <= UNRELATED_LEFT:
-        return []
-    # A valve with a slow actuator leaves much to friction alone.
-    before = min(at_most.left, pairing.by_a_slow_actuator())
-    if far_left.left < min(ANOTHER_TIME * nearest.left, RELATED, before, other):
-        return [_clocks_apart(recording, far_left.samples)]
-    if other < before:
-        return [_swapped(role, instead_role)]
-    return [_unrelated(before)] if min(nearest.left, before) > UNRELATED_LEFT else []
-
-
-def _is_pv(recording: Recording, controller: BehindController) -> bool:
-    """Whether PV is what the controller answers, and the position is not: that PV goes with OP is
-    then the controller's doing."""
-    return controller.rather_than(behind_controller(recording, answering=Role.MV), PV_PLAINLY)
-
-
-def _exchanged(pairing: Pairing, nearest: BestShift, recording: Recording, late: bool) -> float:
-    """What OP and MV of ``recording`` leave the other way round, as it compares with what is left
-    as they are mapped; nothing speaks for it where the valve hardly sticks either way round.
-
-    A position that rests while OP goes on is a stem, however late OP is; an OP that rests while the
-    position goes on is one too, if the other way round explains about as much.
-    """
-    rests = Rests.of(pairing.evaluator.problem)
-    if rests.of_position:
-        return np.inf
-    other = _explained(recording, Role.MV, Role.OP)
-    if max(nearest.S, other.S) < STICKS_PERCENT:
-        return np.inf
-    simpler = SWAPPED_AND_LATE if late else SURELY_SWAPPED
-    return other.left / (SWAPPED_BY_RESTS if rests.of_command else simpler)
-
-
-def _explained(recording: Recording, command: Role, position: Role) -> BestShift:
-    for role in (command, position):
-        signal = recording.get(role)
-        if signal is None or swing(signal.values) < LEAST_SWING_PERCENT:
-            return UNEXPLAINED
-        if np.nanmax(np.abs(signal.values)) > max(POSSIBLE_PERCENT):
-            return UNEXPLAINED  # in a unit of its own
-    pairing = paired(recording, command, position)
-    return UNEXPLAINED if pairing is None else pairing.explained(BEFORE)
-
-
-def _swapped(role: Role, instead_role: Role) -> Obstacle:
-    first, second = SPOKEN[role], SPOKEN[instead_role]
-    remedy = f"Check which tag is {first} and which is {second}, and map them the other way round."
-    if role is Role.MV:
-        return Obstacle(
-            "tags_swapped",
-            "PV goes with OP and the position does not: the two seem swapped, or the position is "
-            "another valve's",
-            f"{remedy} If they are right, look for this valve's position.",
-        )
-    if instead_role is Role.MV:
-        return Obstacle(
-            "tags_swapped",
-            f"{first} and {second} seem swapped, or {first} is stored late: the position moves "
-            "first, and the recording makes more sense the other way round",
-            f"{remedy} If they are right, compare the times of a step in both.",
-        )
-    return Obstacle(
-        "tags_swapped",
-        f"{first} and {second} seem swapped: the recording makes sense the other way round, and "
-        "not as it is mapped",
-        remedy,
-    )
-
-
-def _clocks_apart(recording: Recording, samples: float) -> Obstacle:
-    difference_text = duration(abs(samples) * recording.interval_s, recording.unit_s)
-    direction = "after OP, later than a stem answers" if samples < 0.0 else "before OP"
-    return Obstacle(
-        "clocks_apart",
-        f"the position moves about {difference_text} {direction}: their clocks differ, or one "
-        "of the two was exported for another time",
-        "Export OP and position for the same time from one archive, and compare a step.",
-    )
-
-
-def _unrelated(unexplained: float) -> Obstacle:
-    return Obstacle(
-        "position_unrelated",
-        "neither friction nor a slow actuator explains how the position follows OP "
-        f"({share(min(unexplained, 1.0))} is left): it may be another valve's",
-        "Check which tag is this valve's position; step OP and see whether it answers.",
-    )
 
 
 def unit_obstacles(recording: Recording) -> list[Obstacle]:

@@ -15,7 +15,12 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import chance, strength
+from stemwatch.models.mismatch.acceptance_limits import (
+    chance,
+    remaining_loss,
+    short_record_factor,
+    strength,
+)
 from stemwatch.models.mismatch.accepted_hypothesis import (
     DELAY,
     STRAIGHT_LINE,
@@ -60,7 +65,7 @@ from stemwatch.models.mismatch.record_effects import (
 )
 from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.mismatch.rivals import left_open, on_site
-from stemwatch.models.mismatch.stiction import of_balance, stiction
+from stemwatch.models.mismatch.stiction import holding_no_jump, of_balance, of_candidate, stiction
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import strongest_pair
 from stemwatch.models.mismatch.term_selection import TermScore, name_terms
@@ -307,6 +312,8 @@ def _stictions(
     )
     if case.balance is not None and DRIVE in hypothesis.layout.places:
         refitted = of_balance(case.balance, refitted)
+    if effects and not elements:
+        refitted = holding_no_jump(evaluator, hypothesis.fitted, refitted)
     for S, J in of_rivals(hypothesis):
         # Which of them it is cannot be told, so neither can whose S and J these are.
         refitted = Stiction(S=refitted.S.holding(S), J=refitted.J.holding(J))
@@ -319,10 +326,7 @@ def of_rivals(hypothesis: AcceptedHypothesis) -> Iterator[tuple[Estimate, Estima
         return
     for rival in hypothesis.named.needed[-1].stage.accepted[1:]:
         middle = rival.fitted.candidates.mean(axis=0)
-        S = float(middle[base_coordinate.S_PERCENT])
-        values = (S, S * float(middle[base_coordinate.RATIO]))
-        S_alone, J_alone = (Estimate(value=v, low=v, high=v, unit=PERCENT) for v in values)
-        yield S_alone, J_alone
+        yield of_candidate(middle)
 
 
 def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
@@ -347,11 +351,13 @@ class NullScores:
 
     ``terms``: mean, t and strength of the advantage of every admissible term over the base alone;
     ``pair``: the strength of the weaker of two beside the other, of the pair in which it is
-    largest, 0 where no pair was worth a look.
+    largest, 0 where no pair was worth a look. ``left``: what S and J leave in the worst tenth of
+    the blocks, in noise variances, over the square of what a short record allows.
     """
 
     terms: dict[str, tuple[float, float, float]]
     pair: float
+    left: float = 0.0
 
 
 def scores(recording: Recording) -> NullScores:
@@ -364,7 +370,7 @@ def scores(recording: Recording) -> NullScores:
     case = prepare(recording, settled, None, problem_of(recording, settled))
     terms = of_the_valve(admissible(case.refused))
     named = name_terms(case.base, terms)
-    told = named.evaluator.measured_counts
+    evaluator, told = named.evaluator, named.evaluator.measured_counts
     first: tuple[TermScore, ...] = named.stages[0].scores
     return NullScores(
         terms={
@@ -376,4 +382,5 @@ def scores(recording: Recording) -> NullScores:
             for score in first
         },
         pair=strongest_pair(named, terms),
+        left=remaining_loss(evaluator, named.base) / short_record_factor(told) ** 2,
     )

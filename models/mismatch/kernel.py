@@ -324,60 +324,57 @@ def _early_late(s: Floats, i: np.uint64, before: float, up: bool, down: bool) ->
 
 
 @njit(cache=True)
-def _look_up(s: Floats, numbers: Floats, friction: Floats, force: Floats) -> None:
-    """Friction and force by place, of the lanes that moved."""
+def _lanes_with(numbers: Floats, number: int) -> NDArray[np.int64]:
+    """The lanes whose stem has a number that is not 0."""
+    found = np.empty(numbers.shape[0], np.int64)
+    many = 0
     for lane in range(numbers.shape[0]):
+        if numbers[lane, number] != 0.0:
+            found[many] = lane
+            many += 1
+    return found[:many]
+
+
+@njit(cache=True)
+def _tabled(
+    numbers: Floats,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The lanes whose stem has tables over place, over the rest before, and over time."""
+    return (
+        _lanes_with(numbers, stem_number.BY_PLACE),
+        _lanes_with(numbers, stem_number.BY_REST),
+        _lanes_with(numbers, stem_number.BY_TIME),
+    )
+
+
+@njit(cache=True)
+def _look_up(s: Floats, placed: NDArray[np.int64], friction: Floats, force: Floats) -> None:
+    """Friction and force by place, of those lanes ``placed`` that moved."""
+    for lane in placed:
         i = _U(lane)
         x = s[_X + i]
-        if x != s[_LOOKED_UP + i] and numbers[lane, stem_number.BY_PLACE] != 0.0:
+        if x != s[_LOOKED_UP + i]:
             s[_LOOKED_UP + i] = x
             s[_FRICTION + i] = _table_value(friction, lane, x)
             s[_PUSHED + i] = _table_value(force, lane, x)
 
 
 @njit(cache=True)
-def _rise(s: Floats, numbers: Floats, breakaway: Floats) -> None:
-    """What the rest before adds to the breakaway of each lane."""
-    for lane in range(numbers.shape[0]):
+def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
+    """What the rest before adds to the breakaway of some lanes."""
+    for lane in resting:
         i = _U(lane)
         # A stem that sticks at this very sample has not rested yet.
         rested = 0.0 if s[_MOVING + i] > 0.0 else s[_RESTED + i]
-        if numbers[lane, stem_number.BY_REST] != 0.0:
-            s[_RISE + i] = breakaway[lane, int(rested)]
+        s[_RISE + i] = breakaway[lane, int(rested)]
         s[_RESTED + i] = rested + 1.0
 
 
 @njit(cache=True)
-def _tabled(numbers: Floats) -> tuple[bool, bool, bool]:
-    """Whether some stem has tables over place, rest and time."""
-    by_place, by_rest, by_time = False, False, False
-    for q in numbers:
-        by_place |= q[stem_number.BY_PLACE] != 0.0
-        by_rest |= q[stem_number.BY_REST] != 0.0
-        by_time |= q[stem_number.BY_TIME] != 0.0
-    return by_place, by_rest, by_time
-
-
-@njit(cache=True)
-def _vary(
-    s: Floats,
-    numbers: Floats,
-    tables: tuple[Floats, Floats, Floats, Floats],
-    tabled: tuple[bool, bool, bool],
-    lanes: np.uint64,
-    k: int,
-) -> None:
-    """Levels and wandering of every lane at sample ``k``."""
-    (friction, force, breakaway, wander), (by_place, by_rest, by_time) = tables, tabled
-    if by_place:
-        _look_up(s, numbers, friction, force)
-    if by_rest:
-        _rise(s, numbers, breakaway)
-    if by_time:
-        for lane in range(numbers.shape[0]):
-            if numbers[lane, stem_number.BY_TIME] != 0.0:
-                s[_WANDER + _U(lane)] = wander[lane, k]
-    _set_levels(s, lanes, k)
+def _wander(s: Floats, waving: NDArray[np.int64], wander: Floats, k: int) -> None:
+    """How far the readings of some lanes wander at sample ``k``."""
+    for lane in waving:
+        s[_WANDER + _U(lane)] = wander[lane, k]
 
 
 @njit(cache=True)
@@ -551,8 +548,8 @@ def follow(
     lanes = (m + WIDTH - 1) // WIDTH * WIDTH
     s, laid_out, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
-    (varied, timed, heavy), by = used(numbers), _tabled(numbers)
-    each = varied or timed  # sample must be looked at
+    varied, timed, heavy = used(numbers)
+    placed, rested, waving = _tabled(numbers)
     weighty = numbers[: m if heavy else 0]
     losses[:] = 0.0
     early_late[:, : 0 if window > 0.0 else n] = 0.0
@@ -575,19 +572,21 @@ def follow(
             k += 1
             continue
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
-        end = k + 1
-        if not (up or down or mark != 0 or heavy):
-            last_sample = min(n, k - k % _AHEAD + _AHEAD)
-            end = _end_of_alike(k, last_sample, marks, block, next_up[k], next_down[k], patience)
+        last = k + 1 if up or down or mark != 0 or heavy else min(n, k - k % _AHEAD + _AHEAD)
+        end = _end_of_alike(k, last, marks, block, next_up[k], next_down[k], patience)
         near_up = _share_near_onset(next_up[k], k, n, window, patience)
         near_onset = near_up, _share_near_onset(next_down[k], k, n, window, patience)
         _note(s, m, before)
         started_at, charged_more = k, _I(0)
         while k < end and charged_more == 0:
-            if each:
-                _vary(s, numbers, tabled, by, _U(lanes), k)
+            if varied:  # not one function: to hand over all tables takes as long as their use
+                _look_up(s, placed, friction, pushing)
+                _rise(s, rested, breakaway)
+                _set_levels(s, _U(lanes), k)
+            if timed:
+                _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
-            until = k + 1 if each else end
+            until = k + 1 if varied or timed else end
             k, charged_more = _move(
                 s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, until
             )

@@ -15,10 +15,12 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.crossfit import Fitted, gain
 from stemwatch.models.mismatch.delay import delayed
 from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.mismatch.findings import Stiction
 from stemwatch.models.mismatch.force_balance import ForceBalance
+from stemwatch.models.mismatch.reading_errors import without_error
 from stemwatch.models.mismatch.uncertainty import estimate
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
@@ -31,6 +33,8 @@ MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
 # without a jump on which one was named (draw_sticky, seeds 7171, 8181, 8383) five had S and J off
 # by 0.25 to 0.7 %, and three intervals failed.
 ERROR_WITH_LAG, LEAST_WITH_LAG = 0.12, 0.2
+# The t-like value of a jump on unseen blocks (``crossfit.gain``), below which there may be none.
+JUMP_ASKED = 2.0
 SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two elements
 
 
@@ -81,6 +85,30 @@ def _same_element(seen: Breakaways, element: Floats) -> bool:
     level, kinetic = 0.5 * S * (1.0 + ratio), 0.5 * S * (1.0 - ratio)
     difference = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
     return difference <= SAME_LEVELS * level
+
+
+def of_candidate(candidate: Floats) -> tuple[Estimate, Estimate]:
+    """S and J of a candidate, each an interval of no width."""
+    S = float(candidate[base_coordinate.S_PERCENT])
+    values = (S, S * float(candidate[base_coordinate.RATIO]))
+    S_alone, J_alone = (Estimate(value=v, low=v, high=v, unit=PERCENT) for v in values)
+    return S_alone, J_alone
+
+
+def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Stiction:
+    """What is ``told`` of a fit with effects beside friction, its intervals holding a stem that
+    does not jump where unseen blocks do not ask for a jump.
+
+    Every step of a staircase lets the stem go, whatever its breakaway level is, so that the level
+    is only bounded; and what a lag or a drag leaves of its shape, a jump takes up.
+    """
+    if not (told.J.low or 0.0) > 0.0:
+        return told
+    without = without_error(evaluator, fitted, base_coordinate.RATIO, 0.0)
+    if gain(evaluator, without, fitted).t >= JUMP_ASKED:
+        return told
+    S, J = of_candidate(without.candidates.mean(axis=0))
+    return Stiction(S=told.S.holding(S), J=told.J.holding(J))
 
 
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:

@@ -26,7 +26,7 @@ from stemwatch.models.mismatch.crossfit import (
     FitEffort,
     Fitted,
     better,
-    crossfit,
+    from_best,
     gain,
     own_losses,
     ranked,
@@ -54,11 +54,15 @@ NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one 
 
 @dataclass(frozen=True)
 class TermScore:
-    """One more term on top of what was accepted before."""
+    """One more term on top of what was accepted before.
+
+    ``further`` (2, size) are the best starts for each fold that the first look did not begin from.
+    """
 
     term: Term
     fitted: Fitted
     advantage: Advantage
+    further: tuple[Floats, ...] = ()
 
     @property
     def slug(self) -> str:
@@ -128,16 +132,16 @@ def _looked_at(
     """A first look at one term on top of ``simple``."""
     rich = simple.layout.hypothesis.plus(term)
     losses_of_simple = own_losses(evaluator, simple)
-    fitted = yield from crossfit(
-        evaluator,
-        evaluator.layout(rich),
-        _starts(evaluator, simple, term, rich),
-        effort,
-        losses_of_simple,
-    )
+    starts, layout = _starts(evaluator, simple, term, rich), evaluator.layout(rich)
+    begun = yield from ranked(evaluator, layout, starts, effort.keep + CAREFUL.keep - 1)
+    fitted = yield from from_best(evaluator, layout, begun, effort, losses_of_simple)
     neutral_fit = yield from neutral(evaluator, simple, rich)
     fitted = better(evaluator, neutral_fit, fitted)
-    return TermScore(term, fitted, gain(evaluator, simple, fitted))
+    further = tuple(
+        np.vstack((even.candidate, odd.candidate))
+        for even, odd in zip(*(best[effort.keep :] for best in begun), strict=True)
+    )
+    return TermScore(term, fitted, gain(evaluator, simple, fitted), further)
 
 
 def _starts(evaluator: Evaluator, simple: Fitted, term: Term, rich: TermSet) -> Floats:
@@ -201,9 +205,7 @@ def refined(
     for _ in range(ATTEMPTS):
         looked = yield from screened(evaluator, simple, terms, effort)
         promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
-        careful = yield from run_together(
-            _careful(evaluator, simple, score, effort) for score in promising
-        )
+        careful = yield from run_together(_careful(evaluator, score) for score in promising)
         scores = [*careful, *looked[len(promising) :]]
         restarted = yield from _restarted(evaluator, simple, scores[:REFINED])
         moved = gain(evaluator, simple, restarted).mean
@@ -214,21 +216,10 @@ def refined(
     return simple, _ordered(nested)
 
 
-def _careful(
-    evaluator: Evaluator, simple: Fitted, score: TermScore, looked: FitEffort
-) -> Search[TermScore]:
-    """A score searched with care.
-
-    The first look began from the best starts; this also begins from those that come next.
-    """
-    layout = score.fitted.layout
-    starts = _starts(evaluator, simple, score.term, layout.hypothesis)
-    even, odd_blocks = yield from ranked(evaluator, layout, starts, looked.keep + CAREFUL.keep - 1)
-    further = [
-        np.vstack((a.candidate, b.candidate))
-        for a, b in zip(even[looked.keep :], odd_blocks[looked.keep :], strict=True)
-    ]
-    fitted = yield from refit(evaluator, score.fitted, CAREFUL, *further)
+def _careful(evaluator: Evaluator, score: TermScore) -> Search[TermScore]:
+    """A score searched with care: from where the first look ended, and from the starts that it did
+    not begin from."""
+    fitted = yield from refit(evaluator, score.fitted, CAREFUL, *score.further)
     return TermScore(score.term, fitted, score.advantage)
 
 

@@ -86,6 +86,11 @@ NOT_AS_GIVEN = (
     "stroke_curve there, or ask whether the positioner was set otherwise."
 )
 KNOTS = 33
+# A reading leaves much where half of what it leaves lies farther off than this, percent of travel.
+# Sticking valves behind a curve that was found (`draw_valves`, seed 6161) have 0.05 to 0.2, a
+# healthy one near the foot of a square root, which was called sticky with 4 %, 0.7. The branches
+# are the outer tenths of the position over each of so many parts of OP.
+LEAVES_MUCH, BRANCH_BINS, BRANCHES = 0.4, 48, (10.0, 90.0)
 # A stop, or a tight shut-off: the share of samples at the lowest or highest position, how many
 # standard deviations of noise about it, and how far OP goes on there, percent.
 STOP_SHARE, STOP_NOISES, GOES_ON = 0.02, 4.0, 12.0
@@ -274,7 +279,29 @@ def _straight_or_bent(
         richer = _best(_rounds(recording, chosen.command, degree))
     if richer is not None and _better(richer, chosen):
         chosen = richer
-    return chosen
+    # Near where a square root begins no polynomial of OP is steep enough.
+    if chosen.degree == DEGREES[-1] or not chosen.leaves_much:
+        return chosen
+    free = _best(_rounds(recording, _between_branches(recording), DEGREES[-1]))
+    return free if free is not None and _better(free, chosen) else chosen
+
+
+def _between_branches(recording: Recording) -> Floats:
+    """(n,) percent of travel: the middle between the branches over OP, of any shape that rises or
+    falls throughout."""
+    from scipy.optimize import isotonic_regression  # slow to import, and rarely used
+
+    assert recording.mv is not None
+    usable = _off_the_stops(recording)
+    op, mv = recording.op.values[usable], recording.mv.values[usable]
+    ends = np.unique(np.percentile(op, np.linspace(0.0, 100.0, BRANCH_BINS + 1)))
+    bins = np.clip(np.searchsorted(ends, op, side="right") - 1, 0, max(ends.size - 2, 0))
+    filled, counts = np.unique(bins, return_counts=True)
+    knots = np.array([op[bins == one].mean() for one in filled])
+    middle = np.array([np.percentile(mv[bins == one], BRANCHES).mean() for one in filled])
+    rising = correlation(recording) >= 0.0
+    monotone_middle = isotonic_regression(middle, weights=counts, increasing=rising).x
+    return np.asarray(np.interp(recording.op.values, knots, monotone_middle))
 
 
 def _moves(recording: Recording) -> bool:
@@ -332,6 +359,14 @@ class _Reading:
         weights = robust_weights(columns, (problem.mv - simulated)[use])
         command = self.command + shapes @ weights[:-1]
         return _Reading.of(recording, command, self.degree, self.best)
+
+    @property
+    def leaves_much(self) -> bool:
+        """Whether half of what it leaves, put right at each block of time, is far off."""
+        problem = self.evaluator.problem
+        simulated = self.evaluator.simulate(self.best.candidate, resynced=True)
+        left = (problem.mv - simulated)[problem.scored]
+        return float(np.median(np.abs(left))) > LEAVES_MUCH
 
     def losses(self, delta: float) -> tuple[Floats, Floats]:
         """Losses and counts (n_blocks,) of all blocks, fitted or not."""

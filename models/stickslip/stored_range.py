@@ -94,20 +94,7 @@ def in_percent(recording: Recording) -> Recording:
 
     Itself where both are in percent as they stand, or no single range explains why they are not.
     """
-    mv = recording.mv
-    if mv is None or not _moves(recording):
-        return recording
-    in_percent_already = not_percent(recording.op) is None and not_percent(mv) is None
-    # A single value that no percent can be would outweigh all the others.
-    if in_percent_already and not curve_suspected(without_impossible_values(recording)):
-        return recording
-    candidates = [
-        (offset, role, stored)
-        for role in (Role.MV, Role.OP)
-        for stored in RANGES
-        if (offset := _offset_from_op(recording, role, stored)) is not None
-    ]
-    candidates.sort(key=lambda candidate: candidate[0])
+    candidates = fitting_ranges(recording)
     if not candidates or (
         len(candidates) > 1 and candidates[1][0] - candidates[0][0] < WORSE_PERCENT
     ):
@@ -119,6 +106,25 @@ def in_percent(recording: Recording) -> Recording:
         _converted(recording, role, stored),
         provenance=replace(recording.provenance, decisions=decisions),
     )
+
+
+def fitting_ranges(recording: Recording) -> list[tuple[float, Role, StoredRange]]:
+    """The ranges that lay one of OP and position on the other, best first, with how far off they
+    leave it, percent; none where both are in percent as they stand."""
+    mv = recording.mv
+    if mv is None or not _moves(recording):
+        return []
+    in_percent_already = not_percent(recording.op) is None and not_percent(mv) is None
+    # A single value that no percent can be would outweigh all the others.
+    if in_percent_already and not curve_suspected(without_impossible_values(recording)):
+        return []
+    candidates = [
+        (offset, role, stored)
+        for role in (Role.MV, Role.OP)
+        for stored in RANGES
+        if (offset := _offset_from_op(recording, role, stored)) is not None
+    ]
+    return sorted(candidates, key=lambda candidate: candidate[0])
 
 
 def _moves(recording: Recording) -> bool:

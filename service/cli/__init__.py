@@ -16,7 +16,7 @@ from stemwatch.service.cli.alert_trial import alert_trial
 from stemwatch.service.cli.archive import simulate_archive
 from stemwatch.service.cli.benchmark import benchmark_app
 from stemwatch.service.cli.calibrate import calibrate_mismatch
-from stemwatch.service.cli.calibrate_archives import calibrate_archives
+from stemwatch.service.cli.calibrate_limits import calibrate_archives, calibrate_wiring
 from stemwatch.service.cli.compare import compare
 from stemwatch.service.cli.db import db_app
 from stemwatch.service.cli.demo import demo
@@ -112,6 +112,7 @@ COMMANDS = {
         study_oscillations,
         calibrate_mismatch,
         calibrate_archives,
+        calibrate_wiring,
         reproduce,
     ),
 }

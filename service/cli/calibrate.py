@@ -14,7 +14,7 @@ from stemwatch.service.cli.json_lines import by_lines, rounded
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from stemwatch.service.studies.proof.nulls import NullGroup, TermNulls
+    from stemwatch.service.studies.proof.nulls import DerivedLimit, NullGroup, TermNulls
 
 SHOWN_FROM = 0.95  # the lowest quantile of the table
 
@@ -45,6 +45,7 @@ def calibrate_mismatch(
         QUANTILES,
         calibrate,
         common_limit,
+        derived_limits,
         groups,
         scores_of,
         term_nulls,
@@ -64,17 +65,22 @@ def calibrate_mismatch(
     )
     by_kind = groups(valves)
     views.out.print(_beyond(by_kind))
+    derived = derived_limits(valves)
+    views.out.print(_derived(derived))
     if json_file is not None:
         limits = {
             "seed": seed,
             "cases": cases,
             "quantiles": QUANTILES,
             "limits": _in_use(),
+            "derived": [asdict(limit) for limit in derived],
             "common": asdict(common),
             "groups": [asdict(group) for group in by_kind],
             "terms": [asdict(row) for row in rows],
             "scores": scores,
-            "valves": [[v.concealment, v.friction, v.strongest, v.pair] for v in valves],
+            "valves": [
+                [v.concealment, v.friction, v.strongest, v.pair, v.named, v.left] for v in valves
+            ],
         }
         json_file.write_text(by_lines(rounded(limits)), encoding="utf-8")
     views.say_read_on("method.md")
@@ -92,6 +98,19 @@ def _in_use() -> dict[str, float]:
         "pair": limits.LEAST_OF_A_PAIR,
         "null rate": limits.NULL_RATE,
     }
+
+
+def _derived(limits: Sequence[DerivedLimit]) -> Table:
+    """Each limit beside the least one that follows the rule."""
+    from stemwatch.service.cli.prove_tables import plain_table
+    from stemwatch.service.studies.proof.nulls import RATE
+
+    title = f"Limits beside what at most {RATE:.0%} of the nulls exceed"
+    table = plain_table(title, ("limit", "rule"), ("derived", "in use", "nulls beyond"))
+    for limit in limits:
+        numbers = (f"{limit.derived:.2f}", f"{limit.in_use:.2f}", str(limit.beyond))
+        table.add_row(limit.name, limit.rule, *numbers)
+    return table
 
 
 def _beyond(by_kind: Sequence[NullGroup]) -> Table:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from math import isnan
+from math import isfinite
 from typing import Any
 
 
@@ -22,9 +22,9 @@ def by_lines(report: Mapping[str, Any]) -> str:
 
 
 def rounded(value: Any) -> Any:
-    """As JSON has it: numbers to four digits, ``None`` for what is not a number."""
+    """As JSON has it: numbers to four digits, ``None`` for what is not a finite number."""
     if isinstance(value, float):
-        return None if isnan(value) else float(f"{value:.4g}")
+        return float(f"{value:.4g}") if isfinite(value) else None
     if isinstance(value, Mapping):
         return {name: rounded(item) for name, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -10,14 +10,12 @@ the limits. Each limit has nulls that come near it:
   their slips contradict a fit though nothing was lost (those of `robustness` hardly ever answer a
   slip within two samples).
 
-A limit is one of several that must all be met, and it holds where at most ``SHARE`` of all nulls
-meet them all. Where it would have to lie at least for that is derived from the nulls that meet all
-the others.
+At most one null of twenty may meet all limits that belong together (``limit_beside_nulls``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
@@ -38,6 +36,7 @@ from stemwatch.models.stickslip.clock_shift import behind_controller, late_evide
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.studies.simulator import PlantLoop, draw_sticky, simulate_loop
 from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.studies.limit_beside_nulls import Asked, Limit, Tested
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
@@ -45,7 +44,6 @@ NOISY, NOISE = "noisy PV", 1.5  # percent
 ALL_LOOPS, SELDOM = "all kinds of loops, as they are", "turns too seldom"
 PIECE, NOISY_PIECE, PIECE_SAMPLES = "five minutes", "noisy PV, five minutes", 300
 LOOPS_EACH, QUICK_AMONG = 2, 4  # of all kinds of loops, for each sticking valve
-SHARE = 0.05  # of nulls that may lie beyond all limits that belong together
 SLOW = ("stored every 5 s", "stored every 10 s", "averages of 10 s")
 
 
@@ -80,33 +78,6 @@ class ArchiveEvidence:
             "samples_per_turn": self.samples_per_turn <= b.RESOLVED,
         }
         return all(met for name, met in asked.items() if name != but)
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A limit of the product: beyond ``limit`` (``above`` it or below) it believes in the archive.
-
-    ``worst`` is the null that comes nearest, of the ``nulls`` that meet all limits beside it, and
-    ``nulls_beyond`` of them lie beyond it. It must lie beyond ``needed`` for a ``SHARE`` of
-    ``all_nulls`` to meet them all; NaN where the others see to that. ``beyond`` of ``of``
-    recordings that are late or slow lie beyond it.
-    """
-
-    name: str
-    limit: float
-    above: bool
-    worst: float
-    needed: float
-    nulls: int
-    nulls_beyond: int
-    all_nulls: int
-    beyond: int
-    of: int
-
-    @property
-    def holds(self) -> bool:
-        """Whether any null came so far, and no more than a ``SHARE`` of all lies beyond it."""
-        return self.nulls > 0 and self.nulls_beyond <= SHARE * self.all_nulls
 
 
 @dataclass(frozen=True)
@@ -211,20 +182,23 @@ def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     sticking = [case for case in of("as it is") if case.sticking]
     slow = [case for case in of(*SLOW) if case.sticking]
     agree = of("as it is", PIECE, NOISY, NOISY_PIECE, ALL_LOOPS)
-    clocks, friction = _Tested(agree, of(LATE)), _Tested(of(NOISY, NOISY_PIECE), slow)
-    slips = _Tested([*sticking, *of(ALL_LOOPS, SELDOM)], slow)
+    clocks, friction = Tested(agree, of(LATE)), Tested(of(NOISY, NOISY_PIECE), slow)
+    slips = Tested([*sticking, *of(ALL_LOOPS, SELDOM)], slow)
     name = "late clock, by the controller: left of that at once"
     yield clocks.limit(name, "late_left", c.LEFT_AT_ONCE, above=False)
-    stem = {"late_mean": c.LEAST_MEAN, "late_t": c.LEAST_T, "late_samples": c.LEAST}
-    for field, word in (("late_mean", "mean gain"), ("late_t", "t"), ("late_samples", "samples")):
-        name = f"late clock, by the stem: {word}"
-        yield clocks.limit(name, field, stem[field], partial(_reached, stem, but=field))
+    stem = [
+        Asked("mean gain", "late_mean", c.LEAST_MEAN),
+        Asked("t", "late_t", c.LEAST_T),
+        Asked("samples", "late_samples", c.LEAST),
+    ]
+    yield from clocks.together("late clock, by the stem", stem)
     name = "slow archive: samples to a turn"
-    yield _Tested(sticking, slow).limit(name, "samples_per_turn", b.FEW, above=False)
-    evident = {"friction_mean": b.EVIDENT_MEAN, "friction_t": b.EVIDENT_T}
-    for field, word in (("friction_mean", "mean"), ("friction_t", "t")):
-        name = f"friction evident: {word}"
-        yield friction.limit(name, field, evident[field], partial(_reached, evident, but=field))
+    yield Tested(sticking, slow).limit(name, "samples_per_turn", b.FEW, above=False)
+    evident = [
+        Asked("mean", "friction_mean", b.EVIDENT_MEAN),
+        Asked("t", "friction_t", b.EVIDENT_T),
+    ]
+    yield from friction.together("friction evident", evident)
     for field, limit, but, above in (
         ("S_apart", b.S_APART, "apart", True),
         ("J_apart", b.J_APART, "apart", True),
@@ -241,47 +215,3 @@ def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
 def _by_way(evidence: Sequence[ArchiveEvidence]) -> Callable[..., list[ArchiveEvidence]]:
     """The evidence of some ways."""
     return lambda *ways: [case for case in evidence if case.way in ways]
-
-
-def _reached(least: Mapping[str, float], case: ArchiveEvidence, but: str) -> bool:
-    """Whether a recording reaches all the ``least`` values ``but`` one."""
-    return all(getattr(case, name) >= value for name, value in least.items() if name != but)
-
-
-@dataclass(frozen=True)
-class _Tested:
-    """Recordings without the effect, and others that have it."""
-
-    nulls: Sequence[ArchiveEvidence]
-    others: Sequence[ArchiveEvidence]
-
-    def limit(
-        self,
-        name: str,
-        field: str,
-        limit: float,
-        beside: Callable[[ArchiveEvidence], bool] = lambda _: True,
-        *,
-        above: bool = True,
-    ) -> Limit:
-        """The limit of a ``field``, of those recordings that meet the limits ``beside`` it."""
-        sign = 1.0 if above else -1.0
-        nulls, others = (
-            np.sort([-sign * getattr(case, field) for case in group if beside(case)])
-            for group in (self.nulls, self.others)
-        )
-        nulls, others = nulls[np.isfinite(nulls)], others[np.isfinite(others)]
-        may_pass = int(SHARE * len(self.nulls))
-        nearest = np.append(-sign * nulls, np.full(may_pass + 1, np.nan))
-        return Limit(
-            name=name,
-            limit=limit,
-            above=above,
-            worst=float(nearest[0]),
-            needed=float(nearest[may_pass]) if nulls.size > may_pass else float("nan"),
-            nulls=nulls.size,
-            nulls_beyond=int(np.count_nonzero(nulls <= -sign * limit)),
-            all_nulls=len(self.nulls),
-            beyond=int(np.count_nonzero(others <= -sign * limit)),
-            of=others.size,
-        )

@@ -22,6 +22,7 @@ from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import draw_nulls
+from stemwatch.service.studies.robustness import draw_valves, recorded
 
 SCATTER = 0.12
 
@@ -80,6 +81,33 @@ def test_the_interval_is_that_of_the_breakaways():
         widths.append(high - low)
     assert half.breakaways.count < fit.breakaways.count
     assert widths[0] < widths[1]
+
+
+def test_a_stem_of_bristles_that_hardly_jumps_keeps_its_J_in_the_interval():
+    """It creeps with its command before it slips, so that J is read half as large again."""
+    (valve,) = [valve for valve in draw_valves(8, 5151) if valve.sticking][6:7]
+    fit = fit_stickslip(recorded(valve))
+    low, high = interval(bootstrap(fit).J, fit.J)
+    assert fit.J > 1.3 * valve.J
+    assert low <= valve.J <= high
+
+
+def test_the_levels_are_less_sure_where_a_slip_is_small_or_hardly_a_step():
+    """Of one reading: a jump of 0.5 % more than one of 1.5 %, and one that hardly exceeds a step of
+    the recorder; steps much smaller than it change nothing."""
+    _, recording = sticking(1)
+    seen = fit_stickslip(recording).breakaways
+
+    def spread(seen: Breakaways) -> float:
+        return float(np.std(seen.draws(300, np.random.default_rng(1))[1]))
+
+    level, kinetic = seen.level, seen.level - 0.5
+    tried = tuple(replace(one, level=level, kinetic=kinetic) for one in seen.tried)
+    small = replace(seen, level=level, kinetic=kinetic, tried=tried)
+    large = replace(small, kinetic=level - 1.5)
+    assert spread(small) > spread(large)
+    assert spread(replace(seen, step=0.1)) == spread(seen)
+    assert spread(replace(seen, step=seen.J)) > 1.2 * spread(seen)
 
 
 def test_a_healthy_valve_has_none():

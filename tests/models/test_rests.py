@@ -9,7 +9,7 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.rests import Rests
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
-from stemwatch.models.validity_checks import wiring_obstacles
+from stemwatch.models.wiring_checks import wiring_obstacles
 
 
 def wired(op, mv) -> Recording:

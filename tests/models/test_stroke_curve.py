@@ -34,6 +34,7 @@ from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedVal
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.studies.robustness import draw_valves, recorded
 
 QUICK = Options(narx=False)
 MOVES = ((10.0, 38.0), (300.0, 60.0), (600.0, 45.0), (900.0, 66.0), (1200.0, 40.0), (1500.0, 55.0))
@@ -145,6 +146,26 @@ def test_half_of_op_is_found_about_the_middle_of_its_range():
     assert slope_of_means(half) is None
     assert curve_suspected(half)
     assert not curve_suspected(plain_op)
+
+
+def test_near_the_foot_of_a_square_root_a_healthy_valve_does_not_seem_to_stick():
+    """No polynomial of OP is as steep as it begins: read through a straight line instead, this
+    stem of S 0.4 % had an S of 7 and a J of 9 % of travel, and was called sticky."""
+    healthy = [valve for valve in draw_valves(5, 6161) if not valve.sticking][2]
+    plain = recorded(healthy)
+    lower = 28.0 - float(np.median(plain.op.values))
+    stored = changed(
+        plain,
+        op=lambda op: np.clip(op + lower, 0.0, 100.0) ** 2 / 100.0,
+        mv=lambda mv: mv + lower,
+    )
+    curve = find_stroke_curve(stored)
+    assert curve is not None
+    fit = fit_stickslip(in_travel(stored, curve), curve.unsure_degree)
+    assert fit.S < 1.0
+    assert curve.bend_percent > 8.0
+    for op, travel, off in ((4.0, 20.0, 2.5), (9.0, 30.0, 0.7), (16.0, 40.0, 0.7)):
+        assert float(curve.command(np.array([op]))[0]) == pytest.approx(travel, abs=off)
 
 
 def test_the_peaks_of_op_ask_for_their_own_travel():

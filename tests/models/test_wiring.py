@@ -16,8 +16,8 @@ from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.signal_pairing import moved_without_command, samples_exchanged
 from stemwatch.models.stickslip.best_pairing import BEFORE, Pairing
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
-from stemwatch.models.validity_checks import wiring_obstacles
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.wiring_checks import wiring_obstacles
 
 LOOPS = [
     *(loop for loop in draw_healthy(12, 5151) if "set points" in loop.story),

@@ -14,8 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR
-from stemwatch.models.mismatch.explain import scores
+from stemwatch.models.mismatch.acceptance_limits import (
+    LEAST_OF_A_PAIR,
+    MUCH_LEFT,
+    NOT_LITTLE_LEFT,
+)
+from stemwatch.models.mismatch.explain import explain, scores
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls, simulate_hidden
 from stemwatch.service.executors import Executor, map_items
@@ -32,7 +36,9 @@ KARNOPP, LUGRE = "Karnopp", "LuGre"  # the frictions of the plant: a packing tha
 class NullValve:
     """What chance reached on one valve with nothing hidden.
 
-    ``strongest`` is that of any term over its limits, ``pair`` that of the weaker of the best pair.
+    ``strongest`` is that of any term over its limits, ``pair`` that of the weaker of the best pair;
+    ``named`` the strength of what is named in the end, 0 where nothing is; ``left`` is what S and J
+    leave (``NullScores``).
     """
 
     concealment: str
@@ -41,6 +47,64 @@ class NullValve:
     terms: dict[str, tuple[float, float]]
     strongest: float
     pair: float
+    named: float = 0.0
+    left: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class DerivedLimit:
+    """A limit ``in_use``, and the least one that follows the ``rule``: what at most ``RATE`` of the
+    nulls exceed. Where it is below the derived one, ``beyond`` of the nulls pass it."""
+
+    name: str
+    rule: str
+    in_use: float
+    derived: float
+    beyond: int
+
+    @property
+    def follows(self) -> bool:
+        """Whether the limit in use lets through no more nulls than the rule."""
+        return self.in_use >= self.derived
+
+
+RATE = 0.03  # of the nulls that may exceed a limit
+
+
+def derived_limits(valves: Sequence[NullValve]) -> list[DerivedLimit]:
+    """Each limit that nulls can tell, and the value that at most ``RATE`` of them exceed."""
+    columns = (
+        ("strength", "of what is named in the end", 1.0, [valve.named for valve in valves]),
+        (
+            "strength in the first round",
+            "of the strongest term, before the guards",
+            1.0,
+            [valve.strongest for valve in valves],
+        ),
+        (
+            "weaker of a pair",
+            "of the strongest pair",
+            LEAST_OF_A_PAIR,
+            [valve.pair for valve in valves],
+        ),
+        (
+            "not little left",
+            "of what S and J leave",
+            NOT_LITTLE_LEFT,
+            [valve.left for valve in valves],
+        ),
+        ("much left", "of what S and J leave", MUCH_LEFT, [valve.left for valve in valves]),
+    )
+    return [
+        DerivedLimit(
+            name=name,
+            rule=rule,
+            in_use=in_use,
+            derived=float(np.quantile(values, 1.0 - RATE, method="higher")),
+            beyond=sum(value >= in_use for value in values),
+        )
+        for name, rule, in_use, values in columns
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,7 +244,8 @@ def _scored(batch: Sequence[HiddenCase]) -> list[NullValve]:
 
 
 def _null(case: HiddenCase) -> NullValve:
-    found = scores(simulate_hidden(case)[1].recording)
+    recording = simulate_hidden(case)[1].recording
+    found, effects = scores(recording), explain(recording).effects
     valve = case.loop.valve
     return NullValve(
         concealment=case.concealment,
@@ -189,4 +254,6 @@ def _null(case: HiddenCase) -> NullValve:
         terms={slug: (mean, t) for slug, (mean, t, _) in found.terms.items()},
         strongest=max((strength for _, _, strength in found.terms.values()), default=0.0),
         pair=found.pair,
+        named=max((effect.evidence.strength for effect in effects), default=0.0),
+        left=found.left,
     )

@@ -73,6 +73,15 @@ def as_built(valve: str) -> Screening:
     return replace(result, mismatch=replace(result.mismatch, effects=effects))
 
 
+def slightly_off(valve: str) -> Screening:
+    """A healthy valve whose position reads high by less than is worth a work order."""
+    result = with_effects(valve, Verdict.HEALTHY)
+    assert result.mismatch is not None
+    (first, *_) = result.mismatch.effects
+    zero = replace(first, slug="zero_shift", members=("zero_shift",), inherent=True)
+    return replace(result, mismatch=replace(result.mismatch, effects=(zero,)))
+
+
 def every_kind() -> list[Screening]:
     """Sticky, sticky with an effect, defective, to watch, healthy, and what cannot be judged."""
     return [
@@ -85,6 +94,7 @@ def every_kind() -> list[Screening]:
         screening("FIC-7", Verdict.HEALTHY, S=0.3),
         by_chance("FIC-8"),
         as_built("FIC-9"),
+        slightly_off("FIC-10"),
         frozen("PIC-1"),
         blind("PIC-2", NO_POSITION),
         blind("PIC-3", BAD),
@@ -151,7 +161,7 @@ def test_each_kind_has_the_verdict_that_it_should(verdicts: dict[str, str]) -> N
     assert verdicts == {
         **{"FIC-1": "sticky", "FIC-2": "sticky", "FIC-3": "sticky"},
         **{"FIC-4": "defective", "FIC-5": "defective", "FIC-6": "watch"},
-        **{"FIC-7": "healthy", "FIC-8": "healthy", "FIC-9": "healthy"},
+        **dict.fromkeys(("FIC-7", "FIC-8", "FIC-9", "FIC-10"), "healthy"),
         **dict.fromkeys(("PIC-1", "PIC-2", "PIC-3", "PIC-4"), "undetermined"),
     }
 
@@ -228,29 +238,39 @@ def _workbook(file: Path) -> list[dict[str, Any]]:
     return [dict(zip(map(str, header), row, strict=True)) for row in rows]
 
 
-def test_what_belongs_to_the_machine_is_a_defect_nowhere(
-    ranking: Ranking, files: Path, pages: httpx.Client, stored: tuple[Store, int], tmp_path: Path
+@pytest.mark.parametrize(
+    ("tag", "words", "effects"), [("FIC-9", "no defects", 2), ("FIC-10", "no work of its own", 1)]
+)
+def test_what_asks_for_no_work_is_a_defect_nowhere(
+    ranking: Ranking,
+    files: Path,
+    pages: httpx.Client,
+    stored: tuple[Store, int],
+    tmp_path: Path,
+    tag: str,
+    words: str,
+    effects: int,
 ) -> None:
     """Named as such in JSON, and said in the same words in the tables, the report and on the page;
     no work order, no defect in the API, and nothing in the list for maintenance."""
-    (valve,) = [item for item in ranking if item.screening.valve == "FIC-9"]
+    (valve,) = [item for item in ranking if item.screening.valve == tag]
     says = why_no_work(valve.decision.inherent)
-    assert "no defects" in says
+    assert words in says
     assert says in valve.finding.reason
-    (item,) = [item for item in _objects(files) if item["valve"] == "FIC-9"]
-    assert [effect["inherent"] for effect in item["mismatch"]["effects"]] == [True, True]
+    (item,) = [item for item in _objects(files) if item["valve"] == tag]
+    assert [effect["inherent"] for effect in item["mismatch"]["effects"]] == [True] * effects
     assert says in item["reason"]
     for rows in (_rows(files / "valves.csv"), _workbook(files / "valves.xlsx")):
-        (row,) = [row for row in rows if row["valve"] == "FIC-9"]
+        (row,) = [row for row in rows if row["valve"] == tag]
         assert says in row["reason"]
         assert (row["verdict"], row["maintenance"]) == ("healthy", "no work")
     report = text_of((files / "report.html").read_text("utf-8"))
     assert says in report
-    assert says in text_of(pages.get("/valve", params={"id": "FIC-9"}).text)
-    (line,) = [line for line in _lines(pages) if line["valve"] == "FIC-9"]
+    assert says in text_of(pages.get("/valve", params={"id": tag}).text)
+    (line,) = [line for line in _lines(pages) if line["valve"] == tag]
     assert line["verdict"] == "healthy"
     book = report_of_store(stored[0], tmp_path, run=stored[1]).work_list
-    assert "FIC-9" not in {sheet.screening.valve for sheet in book.to_work_on}
+    assert tag not in {sheet.screening.valve for sheet in book.to_work_on}
 
 
 def _objects(files: Path) -> list[dict[str, Any]]:
@@ -344,8 +364,8 @@ def test_headline_and_counts_are_the_same(
     """Report, ranking page, terminal, run page, metrics, and the book made from the store."""
     store, run = stored
     counts, headline = ranking.counts, ranking.counts.headline
-    assert headline == "5 of 13 valves need work"
-    assert (counts.watch, counts.not_judged, counts.no_work) == (1, 4, 3)
+    assert headline == "5 of 14 valves need work"
+    assert (counts.watch, counts.not_judged, counts.no_work) == (1, 4, 4)
     assert headline in text_of((files / "report.html").read_text("utf-8"))
     assert headline in text_of(pages.get("/").text)
     assert headline in text_of(pages.get("/overview").text)

@@ -158,6 +158,22 @@ def test_a_flow_is_not_taken_for_a_position(
         assert "is in gal/min, not in percent of travel" in valve["reason"]
 
 
+def test_a_staircase_without_a_jump_is_not_surely_said_to_jump(
+    stemwatch, recordings: Path, tmp_path: Path
+) -> None:
+    """The flow valve 400C has a dead band of about 8 % and no slip jump: the intervals say so."""
+    files = sorted((recordings / "uolab").glob("*400C*.csv"))
+    tags = ("--op", "FIC-400C/BLOCK1/OUT.CV", "--mv", "FIT-400C/AI1/OUT.CV")
+    options = ("--no-narx", "--workers", 1, "--json", tmp_path / "explained.json")
+    assert stemwatch("explain", *files, *tags, *options).status == 0
+    explained = json.loads((tmp_path / "explained.json").read_text(encoding="utf-8"))
+    assert len(explained) == 2
+    for valve in explained:
+        S, J = (valve["stiction"]["restated"][name] for name in ("S", "J"))
+        assert S["low"] <= 8.1 <= S["high"]
+        assert J["low"] == 0.0
+
+
 def test_a_recording_of_25_seconds_is_judged_by_its_samples(screened: Screened) -> None:
     """Five thousand samples 5 ms apart are enough to see that a force given as command is no
     position: neither a defect nor health, and the advice says which tag to map."""

@@ -79,6 +79,11 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
     ):
         assert answer in text, answer
     assert "None of 2 valves can be judged" in text
+    # Before a ranking in which all lines are the same; behind one that says more.
+    title = "Valves without a verdict: what OP and PV alone say"
+    assert text.index(title) < text.index("Ranking, worst first")
+    beside = page_of([*valves, make_screening("FV-3")], make_context)
+    assert beside.index(title) > beside.index("Ranking, worst first")
     assert "1 sticking suspected – Do a bump test. FV-1" in text
     assert "1 no sign of sticking – Nothing at the valve on these grounds. FV-2" in text
 
@@ -192,3 +197,5 @@ def test_loops_with_one_reason_have_one_step_whatever_their_numbers(make_screeni
     assert first.loops[:2] == (f"F-{MOST_NAMED + 1:02}", f"F-{MOST_NAMED:02}")
     assert first.listed.endswith(" and 2 more")
     assert (second.why, second.loops) == ("PV is not in this recording.", ("P-1",))
+    (alone,) = next_steps(few[5:6])
+    assert alone.why == "only 95 samples."

@@ -1,0 +1,114 @@
+"""A limit of the product, beside recordings that must not meet it (nulls) and others that should.
+
+A limit is one of several that must all be met before something is said, and it holds where at most
+a share of all nulls meets them all. Where it would have to lie at least for that is derived from
+the nulls that meet all the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+import numpy as np
+
+MAY_PASS = 0.05  # of nulls that may lie beyond all limits that belong together
+Evidence = TypeVar("Evidence")
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit of the product: it is met beyond ``limit`` (``above`` it or below).
+
+    ``worst`` is the null that comes nearest, of the ``nulls`` that meet all limits beside it, and
+    ``nulls_beyond`` of them lie beyond it. It must lie beyond ``needed`` for no more than the share
+    that may of ``all_nulls`` to meet them all; NaN where the others see to that. ``beyond`` of
+    ``of`` recordings with the effect lie beyond it. It ``holds`` where some null came so far, and
+    no more than that share lies beyond it.
+    """
+
+    name: str
+    limit: float
+    above: bool
+    worst: float
+    needed: float
+    nulls: int
+    nulls_beyond: int
+    all_nulls: int
+    beyond: int
+    of: int
+    holds: bool
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One of the limits that must all be met: a ``field`` of the evidence beyond ``limit``; its
+    name in ``words``."""
+
+    words: str
+    field: str
+    limit: float
+    above: bool = True
+
+    def met(self, case: object) -> bool:
+        """Whether a recording meets it; what shows nothing of the kind does not."""
+        value = getattr(case, self.field)
+        return bool(value >= self.limit if self.above else value <= self.limit)
+
+
+@dataclass(frozen=True)
+class Tested(Generic[Evidence]):
+    """Evidence of recordings without the effect, and of others that have it; ``may_pass`` is the
+    share of the first that may meet all limits that belong together."""
+
+    nulls: Sequence[Evidence]
+    others: Sequence[Evidence]
+    may_pass: float = MAY_PASS
+
+    def limit(
+        self,
+        name: str,
+        field: str,
+        limit: float,
+        beside: Callable[[Evidence], bool] = lambda _: True,
+        *,
+        above: bool = True,
+    ) -> Limit:
+        """The limit of a ``field``, of those recordings that meet the limits ``beside`` it."""
+        sign = 1.0 if above else -1.0
+        nulls, others = (
+            np.sort([-sign * getattr(case, field) for case in group if beside(case)])
+            for group in (self.nulls, self.others)
+        )
+        nulls, others = nulls[np.isfinite(nulls)], others[np.isfinite(others)]
+        may_pass = int(self.may_pass * len(self.nulls))
+        nearest = np.append(-sign * nulls, np.full(may_pass + 1, np.nan))
+        nulls_beyond = int(np.count_nonzero(nulls <= -sign * limit))
+        return Limit(
+            name=name,
+            limit=limit,
+            above=above,
+            worst=float(nearest[0]),
+            needed=float(nearest[may_pass]) if nulls.size > may_pass else float("nan"),
+            nulls=nulls.size,
+            nulls_beyond=nulls_beyond,
+            all_nulls=len(self.nulls),
+            beyond=int(np.count_nonzero(others <= -sign * limit)),
+            of=others.size,
+            holds=nulls.size > 0 and nulls_beyond <= self.may_pass * len(self.nulls),
+        )
+
+    def together(
+        self, name: str, limits: Sequence[Asked], asked: Callable[[Evidence], bool] = lambda _: True
+    ) -> Iterator[Limit]:
+        """Each of the ``limits`` that must all be met, of those that meet the others; only where
+        ``asked`` is true anything is asked at all."""
+        for one in limits:
+            others = [other for other in limits if other is not one]
+
+            def meets_the_others(case: Evidence, others: Sequence[Asked] = others) -> bool:
+                return asked(case) and all(other.met(case) for other in others)
+
+            full_name = f"{name}: {one.words}"
+            yield self.limit(full_name, one.field, one.limit, meets_the_others, above=one.above)
