@@ -79,6 +79,11 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
     ):
         assert answer in text, answer
     assert "None of 2 valves can be judged" in text
+    # Before a ranking in which all lines are the same; behind one that says more.
+    title = "Valves without a verdict: what OP and PV alone say"
+    assert text.index(title) < text.index("Ranking, worst first")
+    beside = page_of([*valves, make_screening("FV-3")], make_context)
+    assert beside.index(title) > beside.index("Ranking, worst first")
     assert "1 sticking suspected – Do a bump test. FV-1" in text
     assert "1 no sign of sticking – Nothing at the valve on these grounds. FV-2" in text
 
