@@ -29,10 +29,11 @@ REPLAYED = (0.5, 2.0)  # the variance of the loop run as it is, over the recorde
 FREE = 1e6  # percent a sample: no speed limit
 USUAL_SCATTER = 0.06  # of breakaways, as a share of their level: 5 to 12 % is normal
 LARGEST_SCATTER = 2.5  # standard deviations
-# Time constants of the air where the fit found none, seconds: a stem that sticks hides it. 0.05 to
-# 1.5 s are usual; a controller that scans some times within a sample acts as a longer one.
-HIDDEN_LAG_S = 1.0
-HIDDEN_LAGS_S = (0.1, 5.0)
+# Time constants of the air where the fit found none, samples: a stem that sticks hides it. 0.05 to
+# 1.5 s are usual, with a sample a second; a controller that scans some times within a sample acts
+# as a longer one.
+HIDDEN_LAG = 1.0
+HIDDEN_LAGS = (0.1, 5.0)
 TRIES = 4  # to draw a process with which the loop gives its own variance back
 
 
@@ -55,7 +56,7 @@ class FittedValve:
     slope: float = 1.0
     scatter: float = USUAL_SCATTER
     noise: float = 0.0
-    hidden_lag_s: float = HIDDEN_LAG_S
+    hidden_lag_s: float = HIDDEN_LAG
 
     @classmethod
     def of(
@@ -187,7 +188,8 @@ class FittedLoop:
         J = max(valve.J + valve.J_spread * float(rng.standard_normal()), 0.0)
         scatter = rng.standard_normal(recorded.op.size).clip(-LARGEST_SCATTER, LARGEST_SCATTER)
         levels = np.maximum(1.0 + valve.scatter * scatter, 0.0)
-        lag = float(np.exp(rng.spawn(1)[0].uniform(*np.log(HIDDEN_LAGS_S))))
+        samples = float(np.exp(rng.spawn(1)[0].uniform(*np.log(HIDDEN_LAGS))))
+        lag = samples * recorded.interval_s
         loop = replace(self, valve=replace(valve, S=S, J=J, hidden_lag_s=lag), breakaways=levels)
         for _ in range(TRIES):
             process = self.process.drawn(rng, recorded.x, recorded.pv)
@@ -238,6 +240,7 @@ def fit_loop(recording: Recording, valve: FittedValve) -> FittedLoop | str:
         return process
     step_s = recording.interval_s * recording.unit_s
     recorded = LoopRun(op=op, x=x, pv=y, sp=target, interval_s=step_s)
+    valve = replace(valve, hidden_lag_s=HIDDEN_LAG * step_s)
     loop = FittedLoop(recorded=recorded, unit=pv.unit, law=law, process=process, valve=valve)
     if law.gain * process.gain * valve.slope <= 0.0:
         return "OP and PV do not answer each other as a controller and its process do"
