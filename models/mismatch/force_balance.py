@@ -33,7 +33,9 @@ REWEIGHTS = 12
 SPIKES = 5  # samples of the running median that takes single wrong readings out
 # What tells a drive whose motion is resolved: lag and run-up in samples, what the balance leaves of
 # the spread of OP - MV, and what it leaves of what it would without inertia. Servo drives recorded
-# at 100 Hz: 6 and more, 3.5, at most 0.13 and 0.75. Of 92 simulated valves at 1 s none.
+# at 100 Hz: 6 and more, 3.5, at most 0.13 and 0.75. Of 142 simulated valves at 1 s none. A motor
+# that is hardly damped has a short lag and a long run-up; then its swing must be resolved, whose
+# period is 2 pi times the root of their product.
 LEAST_LAG, LEAST_RUN_UP, MOST_LEFT, MOST_OF_MASSLESS = 3.0, 1.5, 0.22, 0.85
 FEWEST = 300  # samples
 FRICTION, SPEED, INERTIA = 4, 5, 6  # among the coefficients
@@ -146,7 +148,7 @@ class _Regression:
     def tells(self) -> bool:
         """True where this is a drive whose motion the samples resolve."""
         return bool(
-            self.coefficients[SPEED] >= LEAST_LAG
+            self.coefficients[SPEED] * max(self.run_up, LEAST_LAG) >= LEAST_LAG**2
             and self.run_up >= LEAST_RUN_UP
             and self.left <= MOST_LEFT * self.spread
             and self.left <= MOST_OF_MASSLESS * self.left_massless

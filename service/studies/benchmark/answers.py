@@ -172,6 +172,8 @@ class _Row:
             number = float(cell.replace(",", ".") if self.decimal_comma else cell)
         except ValueError:
             number = float("nan")
+        if not cell.isascii() or "_" in cell:  # Python's float reads 1_0 as 10
+            number = float("nan")
         if not isfinite(number) or not 0.0 <= number <= 1000.0:
             raise self.fault(column, cell, "a number of percent from 0 to 1000, or nothing")
         return number

@@ -296,7 +296,7 @@ def write_hours(path: Path, kind: str, megabytes: int) -> int:
 @pytest.mark.parametrize(
     ("kind", "megabytes", "most_mb"),
     [
-        ("quoted", 16, 400),
+        ("quoted", 16, 200),
         pytest.param("narrow", 16, 400, marks=pytest.mark.long),
         *(pytest.param(kind, 2000, 1500, marks=pytest.mark.long) for kind in TWO_GB),
         *(pytest.param(kind, 500, 1000, marks=pytest.mark.long) for kind in KINDS),

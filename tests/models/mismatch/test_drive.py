@@ -36,6 +36,21 @@ def test_the_same_drive_has_the_same_names_at_every_gain(S, lag_s, load):
     assert result.heldout.rmse_extended < 0.5 * result.heldout.rmse_naive
 
 
+@pytest.mark.parametrize(
+    ("S", "lag_s", "run_up_s", "load"), [(0.2, 0.018, 0.1, 0.5), (0.3, 0.02, 0.12, 1.0)]
+)
+def test_a_motor_that_is_hardly_damped_is_a_drive_and_no_ringing_positioner(
+    S, lag_s, run_up_s, load
+):
+    """Its lag is shorter than three samples, but its swing takes dozens."""
+    recording = drive(S, lag_s=lag_s, run_up_s=run_up_s, load=load, top_speed=400.0)
+    found = explain(recording)
+    assert "motor_drive" in {effect.slug for effect in found.effects}
+    assert {effect.slug for effect in found.effects} <= {"motor_drive", "load_by_position"}
+    assert found.restated.S.value == pytest.approx(S, abs=0.03)
+    assert found.restated.S.low <= S <= found.restated.S.high
+
+
 def test_a_load_that_pulls_by_little_is_not_named():
     """Nor is a span error in its place."""
     result = explained(0.3, 0.08, 0.2)
