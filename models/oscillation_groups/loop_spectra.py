@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from stemwatch.models.holes import bridged
 from stemwatch.models.oscillation import half_periods
@@ -18,7 +17,6 @@ FEWEST_CYCLES = 8  # in the record; what is slower is drift
 FEWEST_SAMPLES = 4  # of a period
 _GRID = 0.03  # relative step of the frequencies at which peaks are looked for
 _HALF_WIDTH = 0.15  # of a peak's band, relative
-_AROUND = 1.5  # octaves either side that make the background
 _MOST_PEAKS = 3  # oscillations of one loop
 _CLIP = 6.0  # robust standard deviations; a spike is no oscillation
 _CROSSINGS = 11  # zero crossings of the autocorrelation that tell regularity
@@ -30,15 +28,13 @@ _SHORTEST = 128  # samples of a record that shows a period
 class LoopOscillation:
     """What one loop shows by itself at one frequency.
 
-    ``share`` of the variance within 15 % of the frequency; ``prominence`` of the power there over
-    the background within 1.5 octaves; ``regularity`` of the zero crossings of the filtered
-    autocorrelation, T / (3 s) with the spread s of the periods.
+    ``share`` of the variance within 15 % of the frequency; ``regularity`` of the zero crossings of
+    the filtered autocorrelation, T / (3 s) with the spread s of the periods.
     """
 
     loop: int
     frequency: float  # 1/s
     share: float
-    prominence: float
     regularity: float
 
 
@@ -118,26 +114,21 @@ def oscillations(spectra: LoopSpectra) -> list[LoopOscillation]:
     high = np.searchsorted(spectra.frequencies, grid * (1.0 + _HALF_WIDTH))
     high = np.maximum(high, low + 1)
     share = total[:, high] - total[:, low]
-    density = share / (high - low)
-    reach = 2 * round(_AROUND * np.log(2.0) / _GRID) + 1
-    background = median_filter(density, size=(1, reach), mode="nearest")
-    prominence = density / np.maximum(background, 1e-12)
     peaks = [
-        LoopOscillation(int(i), float(grid[k]), float(share[i, k]), float(prominence[i, k]), 0.0)
-        for i, k in _peaks(density, share)
+        LoopOscillation(int(i), float(grid[k]), float(share[i, k]), 0.0) for i, k in _peaks(share)
     ]
     regular = _regularity(spectra, power, peaks)
     return [
-        LoopOscillation(peak.loop, peak.frequency, peak.share, peak.prominence, float(r))
+        LoopOscillation(peak.loop, peak.frequency, peak.share, float(r))
         for peak, r in zip(peaks, regular, strict=True)
     ]
 
 
-def _peaks(density: Floats, share: Floats) -> list[tuple[int, int]]:
+def _peaks(share: Floats) -> list[tuple[int, int]]:
     """(loop, place on the grid) of the highest maxima, none within 30 % of a higher one."""
     least_distance = round(0.3 / _GRID)
     peaks: list[tuple[int, int]] = []
-    for i in range(density.shape[0]):
+    for i in range(share.shape[0]):
         high_enough = np.flatnonzero(share[i] >= _LEAST_SHARE)
         kept_peaks: list[int] = []
         for k in high_enough[np.argsort(-share[i, high_enough], kind="stable")]:

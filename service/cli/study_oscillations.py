@@ -92,6 +92,8 @@ def _print_fitted(plants: Sequence[PlantEvidence]) -> None:
     from stemwatch.service.cli import views
 
     quiet = sum(plant.quiet for plant in plants)
+    if not quiet:
+        raise typer.BadParameter("no plant of these is quiet, which the limit needs: draw more")
     views.out.print(f"{len(plants)} plants, {quiet} of them quiet", highlight=False)
     views.out.print(f"LIMITS = {fit_limits(plants)}", highlight=False)
     views.out.print(f"WEIGHTS = {fit_sources(plants)}", highlight=False)
