@@ -15,7 +15,7 @@ def study_wear_forecast(
     valves: Annotated[
         int, typer.Option(min=10, max=100_000, help="Valves of each kind of wear.")
     ] = 400,
-    seed: o.Seed = 2053,
+    seed: o.Seed = 2083,
 ) -> None:
     """Count right forecasts for simulated valves that wear, and for those that do not.
 
