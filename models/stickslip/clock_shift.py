@@ -99,7 +99,7 @@ class LateEvidence:
     against_controller: bool = False
 
     @property
-    def measured_counts(self) -> bool:
+    def is_believed(self) -> bool:
         """Whether OP is believed to be late. Where the controller's law says so, the stem must only
         not be against it: PV may be what has another clock."""
         if self.by_controller:
@@ -109,7 +109,7 @@ class LateEvidence:
 
     def late_s(self, interval_s: float) -> float:
         """How late OP is believed to be, seconds of the recording's clock; 0 where it is not."""
-        return self.samples * interval_s if self.measured_counts else 0.0
+        return self.samples * interval_s if self.is_believed else 0.0
 
 
 _NOTHING = LateEvidence(0.0, Advantage(0.0, 0.0))
@@ -135,7 +135,7 @@ def late_evidence(recording: Recording, first_look: FirstLook | None = None) -> 
         evidence = LateEvidence(
             behind, gain(_cheapest(evaluator, near_grid, behind)), by_controller=True
         )
-        if evidence.measured_counts:
+        if evidence.is_believed:
             return evidence
     looked = [_cheapest(evaluator, grid, float(shift)) for shift in LOOKED_AT]
     if min(map(_total, looked)) >= _total(unshifted):
