@@ -12,7 +12,7 @@ from tests.service.live_demo.running_demo import Started
 
 @pytest.fixture
 def started(tmp_path: Path) -> Iterator[Started]:
-    """The live demo at its fastest, in a process group of its own."""
+    """The live demo in a process group of its own."""
     result = Started(tmp_path / "demo")
     try:
         yield result

@@ -14,7 +14,9 @@ from pathlib import Path
 
 import pytest
 
-DEMO = ("demo", "--live", "--port", "0", "--speed", "4")
+# Not at its fastest, 4: a machine that is busy with other tests then polls the plant so unevenly
+# that a healthy valve is far from its baseline.
+DEMO = ("demo", "--live", "--port", "0", "--speed", "2.5")
 
 
 def _ignore_ctrl_c() -> None:
