@@ -49,8 +49,9 @@ def _cycles(oscillations: dict[Role, Oscillation]) -> list[str]:
         return ["No regular oscillation was found."]
     sentences = []
     for role, seen in regular.items():
+        spec = ".3g" if seen.period_s < 1000.0 else ".0f"
         sentences.append(
-            f"{NAMES[role]} oscillates regularly, every {seen.period_s:.3g} s (regularity "
+            f"{NAMES[role]} oscillates regularly, every {seen.period_s:{spec}} s (regularity "
             f"{seen.regularity:.1f}, above 1 is regular)."
         )
     if Role.OP in regular:

@@ -34,6 +34,15 @@ def test_movement_and_oscillation():
     assert "tight tuning and a disturbance can all do this" in text
 
 
+def test_a_long_period_is_no_power_of_ten():
+    """Samples 30 s apart: about every 1885 s."""
+    signals = {Role.OP: Signal.good(WAVE + 0.1 * NOISE, "V.OP", "%")}
+    wave = Recording(valve="V", signals=signals, interval_s=30.0)
+    (cycle,) = (line for line in still_seen(wave) if "oscillates regularly" in line)
+    assert ", every 18" in cycle
+    assert "e+" not in cycle
+
+
 def test_no_oscillation():
     """Noise is said not to oscillate."""
     assert "No regular oscillation was found." in said(50.0 + NOISE)
