@@ -50,6 +50,11 @@ FAULTS = [
     ("silent", 6_000),
     ("garbled", 6_000),
 ]
+# An archive behind HTTP is asked four times, so that its silence takes long.
+EACH_FAULT_OF_HTTP = pytest.mark.parametrize(
+    ("fault", "most"),
+    [one if one[0] != "silent" else pytest.param(*one, marks=pytest.mark.long) for one in FAULTS],
+)
 
 
 # What breaks amid a conversation the libraries leave to the collection of garbage, with a warning.
@@ -137,10 +142,7 @@ def pi_address(port: int, timeout_s: float = 2.0) -> PiAddress:
     return PiAddress(url=url, server=PI_ARCHIVE, timeout_s=timeout_s, page=100)
 
 
-@pytest.mark.parametrize(
-    ("fault", "most"),
-    [one if one[0] != "silent" else pytest.param(*one, marks=pytest.mark.long) for one in FAULTS],
-)
+@EACH_FAULT_OF_HTTP
 def test_a_pi_server_that_fails_amid_its_values(
     pi_port: int, fault: str, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -168,10 +170,7 @@ def influx_address(port: int, timeout_s: float = 2.0) -> InfluxAddress:
     return InfluxAddress(url=url, database="plant", timeout_s=timeout_s, page=100)
 
 
-@pytest.mark.parametrize(
-    ("fault", "most"),
-    [one if one[0] != "silent" else pytest.param(*one, marks=pytest.mark.long) for one in FAULTS],
-)
+@EACH_FAULT_OF_HTTP
 def test_an_influx_server_that_fails_amid_its_points(
     influx_port: int, fault: str, most: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
