@@ -72,6 +72,7 @@ from stemwatch.models.mismatch.term_selection import TermScore, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
+from stemwatch.models.mismatch.vibration import find_vibration, vibration_effect, without_vibration
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
@@ -111,6 +112,7 @@ def explain(
     started, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
     settled = replace(settle(recording), restore=restore, archive=archive)
+    recording, settled = _stilled(recording, settled)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
@@ -129,6 +131,17 @@ def explain(
         mismatch = _explained(recording, settled, ceiling)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
     return replace(mismatch, open_question=question, seconds=time.perf_counter() - started)
+
+
+def _stilled(recording: Recording, settled: RecordSettled) -> tuple[Recording, RecordSettled]:
+    """Without a vibration of the position's reading, which is told with the record's effects."""
+    if settled.slack.any() or settled.spacing_s > recording.interval_s:
+        return recording, settled
+    vibration = find_vibration(recording, settled.real)
+    if vibration is None:
+        return recording, settled
+    effects = (*settled.effects, vibration_effect(vibration, recording))
+    return without_vibration(recording, vibration), replace(settled, effects=effects)
 
 
 def _explained(
