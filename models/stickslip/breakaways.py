@@ -79,8 +79,15 @@ LETS_GO = 0.3
 # with a J of 0.5 and 0.75 % read 0.6 of a sample too high, those above 1 % 0.1 in the median.
 SMALL_JUMP = 1.0  # percent
 # And where the position is recorded in steps that a slip hardly exceeds: only slips that come to a
-# step are seen. One standard deviation of both levels, as a share of the step: its rounding.
-FEW_STEPS, OF_A_STEP = 2.0, 12.0**-0.5
+# step and a half beyond the noise are seen, so that the smaller ones of a packing that scatters are
+# missed: a J of 2.1 steps (seed 7171) was read as 2.4. One standard deviation of both levels, as a
+# share of the step: its rounding.
+FEW_STEPS, OF_A_STEP = 3.0, 12.0**-0.5
+# And whatever the slip: a place of rest is rounded alike each time the stem comes there, at the end
+# of a slip one way and at the start of the next the other way. That moves the two levels apart and
+# leaves S as it is: one standard deviation of J, as a share of the step, of a stem with one place
+# at either end of its slips; that of more places is less, as of so many independent roundings.
+OF_A_PLACE = 6.0**-0.5
 # What is not known of an estimated curve, one standard deviation before the slips are looked at:
 # of its slope as a share, of its bends in percent of travel. Three times as much or a third of it
 # changes S by hundredths of a percent.
@@ -113,8 +120,8 @@ class Breakaways:
     (``level``) and at which it stays behind (``kinetic``), percent of OP, and the ``scatter`` from
     one breakaway to the next, a share of the level. ``rate`` is what the command moves in the
     sample of a slip, percent of OP (median), ``step`` that of the position's recorder where it is a
-    coarse one. ``tried`` is the same for each delay of the stem, with ``weights`` that sum to
-    one."""
+    coarse one, and ``places`` at how many places it then rested. ``tried`` is the same for each
+    delay of the stem, with ``weights`` that sum to one."""
 
     count: int
     level: float
@@ -124,6 +131,7 @@ class Breakaways:
     tried: tuple[_Levels, ...]
     weights: Floats
     step: float = 0.0
+    places: int = 1
 
     @property
     def S(self) -> float:
@@ -158,10 +166,11 @@ class Breakaways:
         if self.J < FEW_STEPS * self.step:
             own_error += (OF_A_STEP * self.step) ** 2
             own_kinetic += (OF_A_STEP * self.step) ** 2
+        apart = 0.25 * (OF_A_PLACE * self.step) ** 2 / self.places
         model = np.array(
             [
-                [within + own_error, within, 0.0],
-                [within, within + own_kinetic, 0.0],
+                [within + own_error + apart, within - apart, 0.0],
+                [within - apart, within + own_kinetic + apart, 0.0],
                 [0.0, 0.0, 1e-12],
             ]
         )
@@ -239,7 +248,11 @@ def breakaways(
     level = 0.5 * (S + J)
     if found_breakaways.scatter < ALIKE or abs(found_breakaways.level - level) > FARTHEST * level:
         return None
-    return replace(found_breakaways, step=coarse_step(problem.mv) / abs(gain))
+    step = coarse_step(problem.mv)
+    if not step:
+        return found_breakaways
+    places = np.unique(np.round(found_onsets.place / step)).size
+    return replace(found_breakaways, step=step / abs(gain), places=places)
 
 
 def _unfinished(
