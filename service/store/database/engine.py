@@ -95,7 +95,7 @@ def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     try:
         yield
     except SQLAlchemyError as error:
-        message = f"{doing} failed: {plainly(error, address)}"
+        message = f"{doing} failed: {error_text(error, address)}"
         raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
     except (UnicodeDecodeError, JSONDecodeError) as error:  # what a row holds is not what was saved
         message = f"{doing} failed: {error}"
@@ -136,7 +136,7 @@ def driver_errors(connection: Connection) -> Iterator[None]:
         ) from error
 
 
-def plainly(error: BaseException, address: DatabaseUrl) -> str:
+def error_text(error: BaseException, address: DatabaseUrl) -> str:
     """The database's error message on one line, without the password."""
     cause = getattr(error, "orig", None) or error
     words = masked(" ".join(str(cause).split())) or type(cause).__name__
