@@ -1,4 +1,4 @@
-"""What the rounds of the search say of each effect that was tried.
+"""The scores of every effect that was tried in the rounds of the search.
 
 For the page: its gain alone and beside what is named, and why it is not named (``TriedEffect``).
 For other windows of the valve: its gain where it was looked at last (``EffectScore``), which is
@@ -26,9 +26,10 @@ from stemwatch.models.stickslip.fit import Advantage
 def what_was_tried(
     named: Named, effects: Iterable[Effect], too_small: Collection[str] = ()
 ) -> tuple[tuple[TriedEffect, ...], Gain | None]:
-    """All that was tried term by term over S and J alone, the largest gain first, and the gain of
-    all that is named together; nothing of a drive, whose motor and load are one model.
-    ``too_small`` are slugs that stand and are not named, for they need no work."""
+    """Every term tried alone over S and J, the largest gain first, and the gain of all named terms
+    together; empty for a drive, whose motor and load are one model. ``too_small`` are slugs that
+    stand and are not named, because they need no work.
+    """
     slugs = {effect.slug for effect in effects}
     same_class = {slug for effect in effects for slug in effect.members} - slugs
     if not named.stages or slugs & set(OF_A_DRIVE):
@@ -66,7 +67,7 @@ def _gain(advantage: Advantage) -> Gain:
 
 
 def _on_top(named: Named) -> dict[str, TermScore]:
-    """The scores of the round that began with just what is named; empty where there was none."""
+    """The scores of the round that began with exactly the named terms, if there was one."""
     final = set(named.fitted.layout.hypothesis.slugs)
 
     def begins_there(stage: SelectionStage) -> bool:

@@ -22,7 +22,7 @@ from stemwatch.models.stickslip.kernel import Marks
 
 # Less lies within a scan of controller and recorder, where it cannot be told from sampling.
 MATERIAL = 0.8  # seconds, and samples
-# The same: what specifications allow the largest valves (EnTech 3.0, from memory).
+# Seconds that specifications allow the largest valves (EnTech 3.0, from memory).
 AS_BUILT = 1.2
 AT_THE_END = 0.99  # of the longest delay that is tried
 
