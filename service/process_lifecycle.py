@@ -52,7 +52,7 @@ def expect_workers() -> None:
         from multiprocessing import forkserver
 
         worker_context()
-        with quiet_start():
+        with starting_quietly():
             forkserver.ensure_running()
 
 
@@ -69,7 +69,7 @@ def take_environment(environment: Mapping[str, str]) -> None:
 
 
 @contextmanager
-def quiet_start() -> Iterator[None]:
+def starting_quietly() -> Iterator[None]:
     """Processes that this thread starts in the block hold back Ctrl-C until ``take_signals``."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows, where nothing is inherited
         yield
@@ -114,7 +114,7 @@ def _until_gone(sentinel: int) -> None:
 
 
 @contextmanager
-def asked_to_stop(stop: Callable[[], object], *, last: bool = False) -> Iterator[None]:
+def on_stop_signal(stop: Callable[[], object], *, last: bool = False) -> Iterator[None]:
     """SIGTERM and Ctrl-C call ``stop``, once, from a thread of its own.
 
     A handler runs in the midst of whatever the main thread is doing: an event that it set could be

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from stemwatch.connectors.connection_deadline import close_after
 from stemwatch.connectors.connector import ConnectorError
-from stemwatch.connectors.cut_off import cut_off_after
 from stemwatch.connectors.secret import Secret, masked
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class HttpReader:
         parts: list[bytes] = []
         query = parameters if isinstance(parameters, Mapping) else list(parameters)
         told = {"trace": self._see}
-        with cut_off_after(LONGEST_ANSWER * self._timeout_s, lambda: self._link) as was_cut:
+        with close_after(LONGEST_ANSWER * self._timeout_s, lambda: self._link) as was_cut:
             try:
                 with self._client.stream("GET", path, params=query, extensions=told) as answer:
                     for part in answer.iter_bytes():

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stemwatch.connectors.connection_deadline import close_after
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
-from stemwatch.connectors.cut_off import cut_off_after
 from stemwatch.connectors.secret import Secret, masked
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def _not_silent(connection: Connection) -> Iterator[None]:
     handle: Any = connection.connection.driver_connection
     with (
         socket.socket(fileno=os.dup(handle.fileno())) as link,
-        cut_off_after(timeout_s, lambda: link) as was_cut,
+        close_after(timeout_s, lambda: link) as was_cut,
     ):
         try:
             yield

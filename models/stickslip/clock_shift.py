@@ -276,7 +276,7 @@ def _unexplained(
 
 @dataclass(frozen=True)
 class _Shifted:
-    """The best ``candidate`` (9,) with OP shifted earlier by ``samples``, and its losses by block."""
+    """The best ``candidate`` (9,) with OP shifted earlier by ``samples``; its losses by block."""
 
     samples: float
     candidate: Floats

@@ -47,7 +47,7 @@ class SlipEvents:
 
     @property
     def of_this_command(self) -> bool:
-        """True where the jumps are those of a sticking stem, and nearly all go towards the command."""
+        """True where the jumps are those of a sticking stem, nearly all towards the command."""
         return self.evident and self.towards >= OWN_TOWARDS
 
 

@@ -1,4 +1,4 @@
-"""Onsets of motion: when the recorded stem breaks away, from the position alone, without a model."""
+"""Onsets of motion: when the recorded stem breaks away, from the position alone."""
 
 from __future__ import annotations
 

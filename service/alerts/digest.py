@@ -16,7 +16,7 @@ _LONGEST_SUBJECT = 200
 
 
 def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
-    """Queue messages about the open alerts that nobody was told of; whether there were any."""
+    """Queue messages about the open alerts that are in no message yet; whether there were any."""
     alerts = sorted(store.deliveries.untold(), key=lambda alert: _ORDER.index(alert.severity))
     if not alerts:
         return False
@@ -30,7 +30,7 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
             )
     numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
-    # One that became more urgent is told again, and that is another message.
+    # An alert that became more urgent is sent again, in another message.
     if again := sum(len(alert.evidence.get("formerly", ())) for alert in alerts):
         key += f"-{again}"
     return store.deliveries.put(messages, key, numbers)
@@ -74,7 +74,7 @@ def message_of(
 
 
 def _line(alert: StoredAlert, address: str) -> str:
-    """What is said of an alert, with the way to its page where there is one."""
+    """The text of an alert, with the link to its page where there is one."""
     link = _link(alert, address)
     return f"[{alert.severity.value}] {alert.text}" + (f"\n{link}" if link else "")
 

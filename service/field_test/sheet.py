@@ -18,8 +18,8 @@ from stemwatch.service.presenter.wording import finite
 
 VERSION = 1
 LAST_WORD = "stemwatch never writes to a plant: a person sets OP."
-LOOKS = 4  # instants at which the rivals' readings are given
-LOOK_S = 4.0  # either way, for which the readings stay apart
+READINGS = 4  # instants at which the rivals' readings are given
+READING_HOLDS_S = 4.0  # either way, for which the readings stay apart
 LEAST_APART_S = 20.0  # between two of them
 NAMES = {
     FREE: "a stem that moves freely",
@@ -33,7 +33,7 @@ MEANINGS = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Leg:
+class OpMove:
     """Values on the way from one corner to the next, or a rest.
 
     From ``at_s`` on OP goes to ``to`` percent in ``values`` of ``step`` percent, each held
@@ -68,7 +68,7 @@ class Leg:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TellingInstant:
+class ReadingInstant:
     """An instant at which the rivals differ: when, OP, and what MV each of them would show."""
 
     at_s: float
@@ -102,8 +102,8 @@ class TestSheet:
     headline: str
     remarks: tuple[str, ...]
     before: tuple[str, ...] = ()
-    legs: tuple[Leg, ...] = ()
-    looks: tuple[TellingInstant, ...] = ()
+    moves: tuple[OpMove, ...] = ()
+    readings: tuple[ReadingInstant, ...] = ()
     outcomes: tuple[RivalOutcome, ...] = ()
     stop: tuple[str, ...] = ()
     passes: str = ""
@@ -168,8 +168,8 @@ def sheet_of(plan: FieldTestPlan, valve: str) -> TestSheet:
         headline=_headline(plan, test, names),
         remarks=tuple(_remarks_on_test(plan, test)),
         before=tuple(_before(plan, test)),
-        legs=legs_of(test.programme, plan.op),
-        looks=looks_of(plan, test),
+        moves=op_moves_of(test.programme, plan.op),
+        readings=readings_of(plan, test),
         outcomes=tuple(outcome_of(slug) for slug in plan.rivals),
         stop=tuple(_stop(plan, test)),
         passes=_passes(plan),
@@ -320,9 +320,9 @@ def outcome_of(slug: str) -> RivalOutcome:
     return RivalOutcome(name=name, means=words.plain, then=first)
 
 
-def legs_of(programme: Programme, op: float) -> tuple[Leg, ...]:
+def op_moves_of(programme: Programme, op: float) -> tuple[OpMove, ...]:
     """The values of a programme, those on one way together."""
-    legs: list[Leg] = []
+    legs: list[OpMove] = []
     for begin, move in zip(programme.begins_s, programme.moves, strict=True):
         last, k = 0.0, 0
         while k < len(move.changes):
@@ -334,7 +334,7 @@ def legs_of(programme: Programme, op: float) -> tuple[Leg, ...]:
                 end += 1
             count, level = end - k, move.changes[end - 1]
             legs.append(
-                Leg(
+                OpMove(
                     at_s=begin + k * move.hold_s,
                     to=op + level,
                     change=level,
@@ -358,24 +358,24 @@ def _same_way(step: float, first: float) -> bool:
     return (step > 0.0) == (first > 0.0) and abs(step - first) <= 0.11
 
 
-def looks_of(plan: FieldTestPlan, test: DesignedTest) -> tuple[TellingInstant, ...]:
+def readings_of(plan: FieldTestPlan, test: DesignedTest) -> tuple[ReadingInstant, ...]:
     """The instants at which the rivals' readings lie farthest apart, in order of time."""
     predicted = test.predicted
     # The two that are nearest to each other decide whether a look tells.
     separation = np.min(np.diff(np.sort(predicted, axis=0), axis=0), axis=0)
     separation = separation + 0.2 * np.ptp(predicted, axis=0)
     # A slip comes a little earlier or later than predicted: a look must tell for some seconds.
-    around = max(round(LOOK_S / test.interval_s), 1)
+    around = max(round(READING_HOLDS_S / test.interval_s), 1)
     edges = np.pad(separation, around, constant_values=0.0)
     separation = np.lib.stride_tricks.sliding_window_view(edges, 2 * around + 1).min(axis=1)
     chosen: list[int] = []
     for k in np.argsort(-separation, kind="stable").tolist():
         if all(abs(k - other) * test.interval_s >= LEAST_APART_S for other in chosen):
             chosen.append(k)
-        if len(chosen) == LOOKS:
+        if len(chosen) == READINGS:
             break
     return tuple(
-        TellingInstant(
+        ReadingInstant(
             at_s=k * test.interval_s,
             op=plan.op + float(test.change[k]),
             mv=tuple(float(value) for value in predicted[:, k]),
@@ -436,7 +436,7 @@ def to_object(sheet: TestSheet) -> dict[str, Any]:
                     zip(plan.rivals, (round(mv, 3) for mv in reading.mv), strict=True)
                 ),
             }
-            for reading in sheet.looks
+            for reading in sheet.readings
         ],
     }
 

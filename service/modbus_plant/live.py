@@ -20,7 +20,7 @@ from stemwatch.service.modbus_plant.simulated_ahead import (
     simulate_stretch,
 )
 from stemwatch.service.modbus_plant.wear import Wear
-from stemwatch.service.process_lifecycle import begin_child, quiet_start
+from stemwatch.service.process_lifecycle import begin_child, starting_quietly
 
 STRETCH_S = 1800.0
 REPAIR_S = 5.0  # of plant time, in which a valve that is worked on shows no value
@@ -67,7 +67,7 @@ class LivePlant:
             max_workers=1, mp_context=context, initializer=_leave_ctrl_c
         )
         seeds = [seed + 100_003 * index for index in range(len(loops))]
-        with quiet_start():  # it is here that the process begins
+        with starting_quietly():  # it is here that the process begins
             first = [
                 self._pool.submit(
                     simulate_stretch,

@@ -14,7 +14,7 @@ from stemwatch.service.modbus_plant.live import LivePlant
 from stemwatch.service.modbus_plant.plant_file import plant_toml
 from stemwatch.service.modbus_plant.register_layout import STRIDE, words
 from stemwatch.service.modbus_plant.wear import Wear
-from stemwatch.service.process_lifecycle import asked_to_stop
+from stemwatch.service.process_lifecycle import on_stop_signal
 
 if TYPE_CHECKING:
     from pymodbus.constants import ExcCodes
@@ -135,7 +135,7 @@ def serve_plant(
     async def run() -> None:
         plant = LivePlant(loops, wear=wear, seed=seed)
         stop, loop = asyncio.Event(), asyncio.get_running_loop()
-        with asked_to_stop(lambda: loop.call_soon_threadsafe(stop.set)):
+        with on_stop_signal(lambda: loop.call_soon_threadsafe(stop.set)):
             async with PlantServer(plant, host, port, speed=speed) as server:
                 begin(server)
                 await _until(stop, None if beside_serving is None else beside_serving(server))

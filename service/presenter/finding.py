@@ -19,6 +19,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
 from stemwatch.service.presenter.oscillation_words import where_to_look
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, other_members
+from stemwatch.service.presenter.suspicion_words import worth_a_test_sentence
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
     figure,
@@ -28,7 +29,6 @@ from stemwatch.service.presenter.wording import (
     span_percent,
 )
 from stemwatch.service.presenter.work_decision import WorkDecision, decide
-from stemwatch.service.presenter.worth_a_test import worth_a_test_sentence
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one

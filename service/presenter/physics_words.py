@@ -129,7 +129,7 @@ def joined(names: tuple[str, ...], word: str = "and") -> str:
     return f"{', '.join(names[:-1])} {word} {names[-1]}"
 
 
-def left_to_tell(mismatch: Mismatch) -> str:
+def open_question_sentence(mismatch: Mismatch) -> str:
     """That a test could tell what the recording left open, and which command plans it; empty where
     nothing is left."""
     question = mismatch.open_question

@@ -26,7 +26,7 @@ from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
-from stemwatch.service.presenter.worth_a_test import (
+from stemwatch.service.presenter.suspicion_words import (
     HOW_SURE,
     loops_to_test,
     suspected_sentence,
@@ -41,9 +41,9 @@ from stemwatch.service.report.histogram_table import histogram_table
 from stemwatch.service.report.mismatch_view import (
     MismatchView,
     gain_rows,
-    left_over_bars,
     mismatch_view,
     rejected_rows,
+    residual_bars,
 )
 from stemwatch.service.report.ranking import (
     RankedValve,
@@ -64,7 +64,7 @@ ALWAYS_WITH_PLOTS = (Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH)
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
 # A section without plots is 20 to 30 KB; of thousands of valves the rest is a row of the table.
-MOST_TOLD = 500
+MOST_SECTIONS = 500
 NOTHING_DRAWN = ValvePlots(chart=None, overlay=None)
 
 STYLES = (
@@ -134,7 +134,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
 
 def section_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, have a section of their own; the others have their row."""
-    return max(plot_limit(counts), MOST_TOLD)
+    return max(plot_limit(counts), MOST_SECTIONS)
 
 
 def plot_limit(counts: dict[Verdict, int]) -> int:
@@ -228,7 +228,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "gauge": gauge,
         "fit_bars": fit_bars,
         "spread_percent": spread_percent,
-        "left_over_bars": left_over_bars,
+        "residual_bars": residual_bars,
         "gain_rows": gain_rows,
         "rejected_rows": rejected_rows,
         "effect_name": mismatch_words.effect_name,
@@ -236,7 +236,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "record_parameter": mismatch_words.record_parameter,
         "no_limit": mismatch_words.no_limit,
         "effect_names": mismatch_words.effect_names,
-        "left_to_tell": mismatch_words.left_to_tell,
+        "open_question_sentence": mismatch_words.open_question_sentence,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],

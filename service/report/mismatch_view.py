@@ -70,7 +70,7 @@ class Alternative:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeftOver:
+class ResidualBar:
     """One bar of the fit: ``rmse`` in percent of span, ``length`` in percent of the longest."""
 
     kind: str
@@ -135,7 +135,7 @@ def alternatives_of(
     return tuple(others)
 
 
-def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
+def residual_bars(mismatch: Mismatch) -> list[ResidualBar]:
     """Rmse before and after beside what is systematic at all and the noise; known ones only.
 
     "After" is there where it differs. A model that comes nearer than the estimated noise shows that
@@ -165,7 +165,7 @@ def left_over_bars(mismatch: Mismatch) -> list[LeftOver]:
     ]
     longest = max((rmse for _, _, rmse, _ in rows_with_rmse), default=0.0)
     return [
-        LeftOver(
+        ResidualBar(
             kind=kind,
             name=name,
             rmse=rmse,

@@ -21,6 +21,7 @@ from stemwatch.service.presenter.cost_of_sticking import (
 )
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
+from stemwatch.service.presenter.suspicion_words import NextStep, next_steps, worth_a_test
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.presenter.work_decision import (
@@ -29,7 +30,6 @@ from stemwatch.service.presenter.work_decision import (
     count_valves,
     decide,
 )
-from stemwatch.service.presenter.worth_a_test import NextStep, next_steps, worth_a_test
 from stemwatch.service.report.at_a_glance import GlanceLine, at_a_glance
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots

@@ -30,9 +30,9 @@ from stemwatch.service.store.accounts.users import Accounts
 from stemwatch.service.store.alerts.alerts import Alerts
 from stemwatch.service.store.alerts.deliveries import Deliveries
 from stemwatch.service.store.database.engine import (
+    error_text,
     existing_engine,
     make_engine,
-    plainly,
     store_errors,
 )
 from stemwatch.service.store.database.transactions import Transactions, database_now
@@ -265,7 +265,7 @@ class Store:
                 saved, unanswered = saved + 1, 0
             except Exception as error:  # whatever is wrong with one valve must not cost another
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
-                reason = plainly(error, self.address)
+                reason = error_text(error, self.address)
                 failures.append(SaveFailure(valve=screening.valve, reason=reason))
         return SaveReport(saved=saved, failures=tuple(failures))
 

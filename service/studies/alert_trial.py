@@ -195,7 +195,7 @@ def play(
         (schedule,) = plant.schedules
         store.schedules.note(schedule.name, BEGAN, None)
         scheduler, worker = Scheduler(store, "UTC"), QueueWorker(store, plant)
-        record = _Book(lives)
+        record = _AlertHistory(lives)
         for day in range(plan.days):
             _record(plan, lives, day, folder, executor)
             for life in lives:
@@ -226,7 +226,7 @@ def _must_be_done(store: Store, number: int, valves: int) -> None:
 
 
 @dataclass
-class _Book:
+class _AlertHistory:
     """Which alerts were raised and closed on which day."""
 
     lives: Sequence[ValveLife]

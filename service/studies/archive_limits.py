@@ -36,7 +36,7 @@ from stemwatch.models.stickslip.clock_shift import behind_controller, late_evide
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.studies.simulator import PlantLoop, draw_sticky, simulate_loop
 from stemwatch.service.executors import Executor, map_items
-from stemwatch.service.studies.limit_beside_nulls import Asked, Limit, Tested
+from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
@@ -187,16 +187,16 @@ def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     name = "late clock, by the controller: left of that at once"
     yield clocks.limit(name, "late_left", c.LEFT_AT_ONCE, above=False)
     stem = [
-        Asked("mean gain", "late_mean", c.LEAST_MEAN),
-        Asked("t", "late_t", c.LEAST_T),
-        Asked("samples", "late_samples", c.LEAST),
+        JointCondition("mean gain", "late_mean", c.LEAST_MEAN),
+        JointCondition("t", "late_t", c.LEAST_T),
+        JointCondition("samples", "late_samples", c.LEAST),
     ]
     yield from clocks.together("late clock, by the stem", stem)
     name = "slow archive: samples to a turn"
     yield Tested(sticking, slow).limit(name, "samples_per_turn", b.FEW, above=False)
     evident = [
-        Asked("mean", "friction_mean", b.EVIDENT_MEAN),
-        Asked("t", "friction_t", b.EVIDENT_T),
+        JointCondition("mean", "friction_mean", b.EVIDENT_MEAN),
+        JointCondition("t", "friction_t", b.EVIDENT_T),
     ]
     yield from friction.together("friction evident", evident)
     for field, limit, but, above in (

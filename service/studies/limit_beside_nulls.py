@@ -42,7 +42,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Asked:
+class JointCondition:
     """One of the limits that must all be met: a ``field`` of the evidence beyond ``limit``; its
     name in ``words``."""
 
@@ -100,14 +100,17 @@ class Tested(Generic[Evidence]):
         )
 
     def together(
-        self, name: str, limits: Sequence[Asked], asked: Callable[[Evidence], bool] = lambda _: True
+        self,
+        name: str,
+        limits: Sequence[JointCondition],
+        asked: Callable[[Evidence], bool] = lambda _: True,
     ) -> Iterator[Limit]:
         """Each of the ``limits`` that must all be met, of those that meet the others; only where
         ``asked`` is true anything is asked at all."""
         for one in limits:
             others = [other for other in limits if other is not one]
 
-            def meets_the_others(case: Evidence, others: Sequence[Asked] = others) -> bool:
+            def meets_the_others(case: Evidence, others: Sequence[JointCondition] = others) -> bool:
                 return asked(case) and all(other.met(case) for other in others)
 
             full_name = f"{name}: {one.words}"

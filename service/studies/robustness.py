@@ -24,7 +24,7 @@ from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.kept_lines import keep_line, kept_lines
+from stemwatch.service.studies.partial_results import append_line, stored_lines
 
 Change = Callable[[Recording], Recording]
 
@@ -267,7 +267,7 @@ def _levels_shown(loop: PlantLoop, seed: int, J: float) -> tuple[float, float]:
 def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
     """Simulate a valve once, store it in every way, and screen what was stored; what was kept is
     not done again."""
-    kept = map(StudyAnswer.of_json, kept_lines(batch.file))
+    kept = map(StudyAnswer.of_json, stored_lines(batch.file))
     answers = {answer.way: answer for answer in kept}
     recordings: dict[int, Recording] = {}
     for storage in batch.ways:
@@ -277,7 +277,7 @@ def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
         if hours not in recordings:
             recordings[hours] = recorded(batch.valve, hours)
         answers[storage] = answered(batch.valve, recordings[hours], storage)
-        keep_line(batch.file, answers[storage].as_json())
+        append_line(batch.file, answers[storage].as_json())
     return [answers[storage] for storage in batch.ways]
 
 

@@ -30,7 +30,7 @@ from stemwatch.models.studies.simulator.hidden import (
 )
 from stemwatch.models.studies.simulator.hidden.draws import windows_of
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.kept_lines import keep_line, kept_lines
+from stemwatch.service.studies.partial_results import append_line, stored_lines
 
 _BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
 
@@ -98,11 +98,11 @@ def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
 
 
 def _followed(job: WatchedValve) -> FollowedValve:
-    windows = [_read(line) for line in kept_lines(job.file)[: job.windows]]
+    windows = [_read(line) for line in stored_lines(job.file)[: job.windows]]
     for index, case in enumerate(windows_of(job.case, job.windows)):
         if index >= len(windows):
             window, could = _explained(case, index)
-            keep_line(job.file, {**asdict(window), "could": could})
+            append_line(job.file, {**asdict(window), "could": could})
             windows.append((window, could))
     valve = job.case.loop.valve
     return FollowedValve(

@@ -55,7 +55,7 @@ def lowest_and_highest(values: Floats, grid: ThinningGrid) -> Floats:
     return buckets[rows[:, None], ends].ravel()
 
 
-def telling_samples(traces: list[Floats], points: int = POINTS) -> NDArray[np.intp]:
+def extreme_samples(traces: list[Floats], points: int = POINTS) -> NDArray[np.intp]:
     """Sorted indices at which one of ``traces`` is lowest or highest in its bucket.
 
     For plots of one trace against another, where each point must be one instant. At most
@@ -75,7 +75,7 @@ def telling_samples(traces: list[Floats], points: int = POINTS) -> NDArray[np.in
 
 
 def bucket_of(samples: int, traces: int, points: int = POINTS) -> int:
-    """Samples a bucket of ``telling_samples`` holds; 1 where every sample is kept."""
+    """Samples a bucket of ``extreme_samples`` holds; 1 where every sample is kept."""
     if samples <= points:
         return 1
     return -(-samples // max(1, points // (2 * traces)))

@@ -17,8 +17,8 @@ from stemwatch.service.presenter.wording import figure, printable
 from stemwatch.service.report.charts.thinning import (
     ThinningGrid,
     bucket_of,
+    extreme_samples,
     lowest_and_highest,
-    telling_samples,
 )
 from stemwatch.service.report.charts.typical_stretch import TypicalStretch, typical_stretch_of
 
@@ -94,7 +94,7 @@ def frame_of(recording: Recording, simulated: Floats | None, heldout: int | None
     part = [trace[stretch.first : stretch.last] for trace in signal_values]
     if bucket_of(part[0].size, len(part)) >= grid.bucket:
         return ChartFrame(grid=grid, stretch=stretch, detail=None)
-    return ChartFrame(grid=grid, stretch=stretch, detail=stretch.first + telling_samples(part))
+    return ChartFrame(grid=grid, stretch=stretch, detail=stretch.first + extreme_samples(part))
 
 
 def chart_over_time(

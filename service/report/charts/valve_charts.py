@@ -25,7 +25,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.charts.loop_shapes import LoopShapes, loop_shapes
-from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.traces import (
     Chart,
     ChartFrame,
@@ -134,7 +134,7 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
     axis_values = [op, vertical.values]
     if simulated is not None and name == "MV":
         axis_values.append(simulated)
-    kept_samples = telling_samples(axis_values, LOOP_POINTS)
+    kept_samples = extreme_samples(axis_values, LOOP_POINTS)
     comparable = name == "MV" and vertical.unit == recording.op.unit
     shapes = loop_shapes(screening, op, vertical.values) if comparable else LoopShapes()
     labels = (
@@ -159,7 +159,7 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
 def _suspected_loop(recording: Recording, element: ElementTraces) -> Chart:
     """The fitted element's stem against OP: nobody has measured it."""
     op = recording.op.values
-    kept_samples = telling_samples([op, element.stem], LOOP_POINTS)
+    kept_samples = extreme_samples([op, element.stem], LOOP_POINTS)
     stem = packed(element.stem[kept_samples])
     trace = {"role": "stiction", "of": "stiction", "label": SUSPECTED_STEM, "values": stem}
     return {

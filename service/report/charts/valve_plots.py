@@ -63,7 +63,7 @@ def plots_instead_of_samples(screening: Screening) -> tuple[Screening, ValvePlot
     recording = screening.recording
     if recording is None or not may_need_work(screening):
         return screening.without_samples(), evidence
-    return screening.excerpt(*_telling_part(screening, recording)), evidence
+    return screening.excerpt(*_typical_part(screening, recording)), evidence
 
 
 def may_need_work(screening: Screening) -> bool:
@@ -75,7 +75,7 @@ def may_need_work(screening: Screening) -> bool:
     )
 
 
-def _telling_part(screening: Screening, recording: Recording) -> tuple[int, int]:
+def _typical_part(screening: Screening, recording: Recording) -> tuple[int, int]:
     """The samples around the typical stretch, or the last ones that hold a command."""
     stretch = typical_stretch(screening)
     if stretch is None:

@@ -55,13 +55,28 @@ def existing_engine(address: DatabaseUrl) -> Engine:
     """An engine for an existing database. Raises ``StoreError`` where a SQLite file does not
     exist, because connecting would create an empty one."""
     engine = make_engine(address)
-    file = engine.url.database
-    if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
+    file = _file_of(engine)
+    if file is not None and not file.is_file():
         raise StoreError(
-            f"{address}: there is no database at {Path(file).absolute()}; `stemwatch screen` and "
+            f"{address}: there is no database at {file.absolute()}; `stemwatch screen` and "
             "`stemwatch serve` make one"
         )
     return engine
+
+
+def _file_of(engine: Engine) -> Path | None:
+    file = engine.url.database
+    is_file = engine.dialect.name == "sqlite" and file and file != ":memory:"
+    return Path(file) if is_file and file else None
+
+
+def sqlite_files(address: DatabaseUrl) -> tuple[Path, ...]:
+    """The files that a SQLite database has, with those that it has only while it is used; none of
+    a database elsewhere. Raises ``StoreError`` for a malformed URL."""
+    file = _file_of(make_engine(address))
+    if file is None:
+        return ()
+    return (file, *(file.with_name(file.name + end) for end in ("-wal", "-shm", "-journal")))
 
 
 def for_writing(engine: Engine) -> Engine:
@@ -80,7 +95,7 @@ def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     try:
         yield
     except SQLAlchemyError as error:
-        message = f"{doing} failed: {plainly(error, address)}"
+        message = f"{doing} failed: {error_text(error, address)}"
         raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
     except (UnicodeDecodeError, JSONDecodeError) as error:  # what a row holds is not what was saved
         message = f"{doing} failed: {error}"
@@ -121,7 +136,7 @@ def driver_errors(connection: Connection) -> Iterator[None]:
         ) from error
 
 
-def plainly(error: BaseException, address: DatabaseUrl) -> str:
+def error_text(error: BaseException, address: DatabaseUrl) -> str:
     """The database's error message on one line, without the password."""
     cause = getattr(error, "orig", None) or error
     words = masked(" ".join(str(cause).split())) or type(cause).__name__

@@ -42,9 +42,9 @@ _VERDICTS = {
 _SUSPICIONS = {Suspicion.SUSPECTED: Sticks.YES, Suspicion.NO_SIGN: Sticks.NO}
 _HAW_PROGRAM = Path(__file__).with_name("haw_program.py")
 _HAW_SHARE = 0.5  # of the cycles of an oscillation that the package marks, from which it sticks
-_LAST_WORDS = 500
+_LONGEST_MESSAGE = 500
 
-Tell = Callable[[int], None]
+OnProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class Method(Protocol):
     """Answers to ``cases`` by name, ``tell`` hearing how many are done."""
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: Tell
+        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
     ) -> Mapping[str, CaseAnswer]: ...
 
 
@@ -96,7 +96,7 @@ def recording_of(case: PublicCase) -> Recording:
 
 
 def stemwatch(
-    cases: Sequence[PublicCase], executor: Executor, tell: Tell
+    cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
 ) -> Mapping[str, CaseAnswer]:
     """What `stemwatch screen` says, with its default limits and without the network."""
     return dict(map_in_order(executor, _screened, cases, tell))
@@ -157,7 +157,7 @@ class _Formula:
     name: str
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: Tell
+        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
     ) -> Mapping[str, CaseAnswer]:
         return dict(map_in_order(executor, self._answer, cases, tell))
 
@@ -187,7 +187,7 @@ class Haw:
     python: str
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: Tell
+        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
     ) -> Mapping[str, CaseAnswer]:
         answers = {}
         for done, case in enumerate(cases, start=1):
@@ -200,7 +200,7 @@ class Haw:
             if process.returncode:
                 raise ValueError(
                     f"{self.python} did not run HAW's Stiction-Analyser on {case.case}: "
-                    f"{process.stderr.strip()[-_LAST_WORDS:]}. docs/benchmark.md says how to "
+                    f"{process.stderr.strip()[-_LONGEST_MESSAGE:]}. docs/benchmark.md says how to "
                     "install it in an environment of its own"
                 )
             answers[case.case] = _of_cycles(json.loads(process.stdout)[case.case])

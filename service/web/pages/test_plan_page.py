@@ -15,7 +15,7 @@ from stemwatch.service.web.dependencies import Dependencies, Deps
 
 if TYPE_CHECKING:
     from stemwatch.models.field_test.programme import TestLimits
-    from stemwatch.service.field_test.planned import PlanCache
+    from stemwatch.service.field_test.plan_from_screening import PlanCache
     from stemwatch.service.field_test.sheet import TestSheet
 
 FIELDS = ("amplitude", "minutes", "pv_upset", "op_low", "op_high", "op_now")
@@ -85,7 +85,7 @@ def _sheet(deps: Dependencies, valve: str, texts: dict[str, str]) -> TestSheet |
 @cache
 def _plan_cache() -> PlanCache:
     """The plans that were made before, by database and screening."""
-    from stemwatch.service.field_test.planned import PlanCache
+    from stemwatch.service.field_test.plan_from_screening import PlanCache
 
     return PlanCache()
 

@@ -20,7 +20,7 @@ from stemwatch.service.maintenance.work_compared import compare
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.oscillation_words import loop_sentences
-from stemwatch.service.presenter.physics_words import left_to_tell
+from stemwatch.service.presenter.physics_words import open_question_sentence
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
@@ -219,7 +219,7 @@ def _plan_link(request: Request, shown_screening: ShownScreening | None) -> str:
     if shown_screening is None:
         return ""
     mismatch = shown_screening.screening.mismatch
-    effects_left = bool(mismatch is not None and left_to_tell(mismatch))
+    effects_left = bool(mismatch is not None and open_question_sentence(mismatch))
     if not effects_left and shown_screening.screening.verdict is not Verdict.UNDETERMINED:
         return ""
     base = request.scope.get("root_path", "").rstrip("/")

@@ -106,8 +106,8 @@ def test_many_attempts_at_once_are_many_attempts(store: Store, ann: User) -> Non
 def test_the_wait_grows_up_to_a_bound(count: int) -> None:
     """Never negative, never less after more, never beyond the bound."""
     for wait, longest in (
-        (login.of_name, login.LONGEST_OF_NAME),
-        (login.of_address, login.LONGEST_OF_ADDRESS),
+        (login.wait_for_name, login.LONGEST_OF_NAME),
+        (login.wait_for_address, login.LONGEST_OF_ADDRESS),
     ):
         assert timedelta(0) <= wait(count) <= wait(count + 1) <= longest
 

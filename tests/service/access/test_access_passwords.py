@@ -12,8 +12,8 @@ from stemwatch.service.access.passwords import (
     WeakPassword,
     check_password,
     hash_password,
-    is_dated,
     matches,
+    needs_rehash,
 )
 from tests.service.access.conftest import PASSWORD
 
@@ -71,7 +71,7 @@ def test_a_password_matches_its_own_hash_alone(hashed: str) -> None:
 
 def test_the_hash_of_nobody_costs_what_a_real_one_costs(hashed: str) -> None:
     """Same parameters and lengths, so that a name that is unknown cannot be told by the time."""
-    assert not is_dated(UNUSED_HASH)
+    assert not needs_rehash(UNUSED_HASH)
     assert len(UNUSED_HASH) == len(hashed)
     assert not matches(PASSWORD, None)
 

@@ -25,7 +25,7 @@ from stemwatch.service.maintenance.work_orders import (
     orders_xlsx,
 )
 from stemwatch.service.report.write_report import ReportNotWritten
-from tests.service.maintenance.example_book import (
+from tests.service.maintenance.example_work_list import (
     BACKGROUND,
     HOSTILE,
     context,

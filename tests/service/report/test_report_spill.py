@@ -20,7 +20,7 @@ from stemwatch.service.report.charts.valve_plots import (
     plots_instead_of_samples,
     plots_of,
 )
-from stemwatch.service.report.html_page import MOST_PLOTTED, MOST_TOLD
+from stemwatch.service.report.html_page import MOST_PLOTTED, MOST_SECTIONS
 from stemwatch.service.run.spill import ResultSpill
 
 
@@ -107,9 +107,9 @@ def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, t
     files = write_report(spill, make_context([model]), tmp_path, spill.evidence)
     text = files.html.read_text("utf-8")
     assert text.count('<tr role="row" data-anchor=') == 1000
-    assert text.count('<article class="valve') == MOST_TOLD
+    assert text.count('<article class="valve') == MOST_SECTIONS
     assert text.count('<article class="valve with-plots"') == MOST_PLOTTED
-    assert f"The first {MOST_TOLD} valves have a section of their own" in text
+    assert f"The first {MOST_SECTIONS} valves have a section of their own" in text
     assert len(text) < 30e6
     assert len(json.loads(files.json.read_text("utf-8"))) == 1000
     assert len(files.csv.read_text("utf-8-sig").splitlines()) == 1001

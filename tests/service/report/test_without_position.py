@@ -12,7 +12,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
-from stemwatch.service.presenter.worth_a_test import (
+from stemwatch.service.presenter.suspicion_words import (
     MOST_NAMED,
     loops_to_test,
     next_steps,

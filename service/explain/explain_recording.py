@@ -16,7 +16,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 from stemwatch.models.validity_checks import SUMS_OP
-from stemwatch.service.explain.to_explain import ToExplain
+from stemwatch.service.explain.requested_recordings import RecordingToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.work_decision import BAD, FROZEN, obstacle_kind
 from stemwatch.service.run.task import recording_of
@@ -44,7 +44,7 @@ class Explained:
 class Job:
     """One recording to be explained, as it is sent to a worker."""
 
-    to_explain: ToExplain
+    to_explain: RecordingToExplain
     narx: bool = True  # train the network that says how much is systematic at all
     limits: Limits = field(default_factory=Limits)
 
@@ -104,7 +104,7 @@ def explain_recording(
     )
 
 
-def _not_explained(to_explain: ToExplain, reason: str) -> Explained:
+def _not_explained(to_explain: RecordingToExplain, reason: str) -> Explained:
     mismatch = Mismatch.unknown(reason or "there is nothing to explain")
     return Explained(source=to_explain.source, valve=to_explain.valve, mismatch=mismatch)
 

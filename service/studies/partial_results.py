@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 
-def keep_line(file: Path | None, value: Mapping[str, object]) -> None:
+def append_line(file: Path | None, value: Mapping[str, object]) -> None:
     """One line more, where there is a file: times in ISO 8601."""
     if file is None:
         return
@@ -18,7 +18,7 @@ def keep_line(file: Path | None, value: Mapping[str, object]) -> None:
         kept.write(line + "\n")
 
 
-def kept_lines(file: Path | None) -> list[dict[str, Any]]:
+def stored_lines(file: Path | None) -> list[dict[str, Any]]:
     """What was kept; a last line that was cut off is taken away, and is to be written again."""
     if file is None or not file.is_file():
         return []

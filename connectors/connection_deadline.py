@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 
 
 @contextmanager
-def cut_off_after(
+def close_after(
     seconds: float, link: Callable[[], socket.socket | None]
 ) -> Iterator[threading.Event]:
     """End what is said on ``link()`` when the block takes longer, and set the event.

@@ -13,7 +13,7 @@ from stemwatch.service.run.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToExplain:
+class RecordingToExplain:
     """One valve to explain, or a source that gives none. ``source`` is the path as it was given."""
 
     source: str
@@ -23,27 +23,27 @@ class ToExplain:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AllToExplain:
+class RecordingsToExplain:
     """What was asked for, in its order, and what a folder holds that is no recording: why not."""
 
-    valves: tuple[ToExplain, ...]
+    valves: tuple[RecordingToExplain, ...]
     left_out: tuple[tuple[str, str], ...] = ()
 
 
-def what_to_explain(request: Request) -> AllToExplain:
+def recordings_to_explain(request: Request) -> RecordingsToExplain:
     """Everything that ``request`` names; a file that is named twice stands once."""
-    todo: dict[tuple[Path, str, str], ToExplain] = {}
+    todo: dict[tuple[Path, str, str], RecordingToExplain] = {}
     left_out: dict[str, str] = {}
     for source, planned in _planned(request):
         if isinstance(planned, str):
-            named = [ToExplain(source=source, valve=Path(source).stem, reason=planned)]
+            named = [RecordingToExplain(source=source, valve=Path(source).stem, reason=planned)]
         else:
             named = [_named(task, source) for task in planned.tasks]
             left_out.update(planned.not_read)
         for entry in named:
             op = entry.task.tags.tags[Role.OP].tag if entry.task is not None else ""
             todo.setdefault((Path(entry.source), entry.valve, op), entry)
-    return AllToExplain(valves=tuple(todo.values()), left_out=tuple(left_out.items()))
+    return RecordingsToExplain(valves=tuple(todo.values()), left_out=tuple(left_out.items()))
 
 
 def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:
@@ -58,7 +58,7 @@ def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:
             yield source, str(error)
 
 
-def _named(task: Task, source: str) -> ToExplain:
+def _named(task: Task, source: str) -> RecordingToExplain:
     """``./a.csv`` stays ``./a.csv``: whoever asked for it looks for that."""
     path = source if source and Path(source) == Path(task.path) else task.path
-    return ToExplain(source=path, valve=task.tags.valve, task=task, reason=task.reason)
+    return RecordingToExplain(source=path, valve=task.tags.valve, task=task, reason=task.reason)

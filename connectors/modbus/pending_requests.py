@@ -35,7 +35,7 @@ class SentRequest:
         return self.unit_id, self.table, self.count
 
 
-class Unanswered:
+class PendingRequests:
     """The requests of one line that were sent and not answered for certain.
 
     Each is forgotten once its answer has come, or ``limit_s`` seconds after it was sent: no answer
