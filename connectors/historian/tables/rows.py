@@ -67,7 +67,7 @@ def whole_rows(
 def _next_row(
     lines: Sequence[str], index: int, separator: str, first_line: int, notes: ReadingNotes | None
 ) -> tuple[list[str], int]:
-    """The row that begins at ``lines[at]`` and how many lines it takes."""
+    """The row that begins at ``lines[index]`` and how many lines it takes."""
     line = lines[index]
     if '"' not in line:
         return line.split(separator), 1

@@ -54,7 +54,7 @@ def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
     if curve is None:
         return LoopShapes(band=_band(screening, op, mv, op))
     command = curve.command(op)
-    # Where the stem lies between its slides says how far the whole is shifted.
+    # The stem's mean position between its slides gives the offset of the whole band.
     band = _band(screening, command, mv, op, curve)
     low, high = np.percentile(op, [1.0, 99.0])
     knots = np.array(curve.op)
