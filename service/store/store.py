@@ -85,7 +85,7 @@ from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
 NO_COSTS: Mapping[str, float] = MappingProxyType({})
-_GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
+_GIVE_UP_AFTER = 3  # failed saves in a row after which the database counts as unavailable
 
 
 def open_store(url: str | DatabaseUrl, *, synced: bool = False) -> Store:
@@ -263,7 +263,7 @@ class Store:
                     )
                     pictures.write_pictures(session, number, packed)
                 saved, unanswered = saved + 1, 0
-            except Exception as error:  # whatever is wrong with one valve must not cost another
+            except Exception as error:  # an error with one valve must not affect the others
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
                 reason = error_text(error, self.address)
                 failures.append(SaveFailure(valve=screening.valve, reason=reason))
