@@ -45,6 +45,7 @@ from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
     Mismatch,
+    RecordEffect,
     Stiction,
     Untestable,
 )
@@ -61,6 +62,7 @@ from stemwatch.models.mismatch.record_effects import (
     RecordSettled,
     late_effect,
     settle,
+    small_delay_effect,
     with_steps_resolved,
 )
 from stemwatch.models.mismatch.refined_curve import refined
@@ -201,7 +203,11 @@ def _through_flow(recording: Recording) -> Mismatch:
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."
     )
-    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}")
+    runs = mismatch.runs
+    if runs is not None and position.mv is not None:
+        followed = np.where(position.mv.usable, position.mv.values, np.nan)
+        runs = replace(runs, position=followed)
+    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}", runs=runs)
 
 
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
@@ -224,24 +230,27 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
             naive,
         )
     unsure = "" if effects else reason
+    effects, delays = _but_for_small_delay(effects, evaluator.problem.unit_s)
     finding = _finding(effects, hypothesis.open_end or bool(unsure))
-    if not effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
+    if not hypothesis.effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
         comparison, refitted = comparison.of_naive_alone(), friction_alone
     # Both maps use the same cells: place, direction and rests are those of the better model's stem.
     nearest = comparison.runs.extended
     noise = comparison.heldout.noise_floor
     before = residual_map(evaluator, comparison.runs.naive, nearest, noise)
     after = residual_map(evaluator, nearest, nearest, noise)
-    tried_effects, combined_gain = what_was_tried(hypothesis.named, effects)
+    too_small = [DELAY] if delays else []
+    tried_effects, combined_gain = what_was_tried(hypothesis.named, effects, too_small)
+    sentence = sentence_of(
+        finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
+    )
     mismatch = Mismatch(
         finding=finding,
-        sentence=sentence_of(
-            finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
-        ),
+        sentence=" ".join((sentence, *(delay.sentence for delay in delays))),
         naive=friction_alone,
         restated=refitted,
         effects=effects,
-        record_effects=case.settled.effects,
+        record_effects=(*case.settled.effects, *delays),
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=comparison.heldout,
         before=before,
@@ -250,10 +259,28 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
         tried=tried_effects,
         together=combined_gain,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
-        open_question=left_open(evaluator, hypothesis.named, [effect.slug for effect in effects]),
-        scores=scores_of(hypothesis.named, effects),
+        open_question=left_open(
+            evaluator, hypothesis.named, [effect.slug for effect in hypothesis.effects]
+        ),
+        scores=scores_of(hypothesis.named, hypothesis.effects),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
+
+
+def _but_for_small_delay(
+    effects: tuple[Effect, ...], unit_s: float
+) -> tuple[tuple[Effect, ...], tuple[RecordEffect, ...]]:
+    """What is named as physics, and a delay that is not: as long as a sound loop's own, a dead time
+    cannot be told from clocks of the two tags that differ."""
+    small = next(
+        (one for one in effects if one.members == (DELAY,) and one.inherent),
+        None,
+    )
+    if small is None:
+        return effects, ()
+    delay_s = (small.parameters["theta"].value or 0.0) / unit_s
+    named = tuple(one for one in effects if one is not small)
+    return named, (small_delay_effect(delay_s, unit_s),)
 
 
 def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mismatch:

@@ -285,6 +285,19 @@ def late_effect(late_s: float, unit_s: float) -> RecordEffect:
     )
 
 
+def small_delay_effect(delay_s: float, unit_s: float) -> RecordEffect:
+    """A position that follows OP about a sample late, ``delay_s`` units of ``unit_s`` seconds, for
+    people."""
+    return RecordEffect(
+        slug="small_delay",
+        sentence=(
+            f"MV follows OP by {duration(delay_s, unit_s, '.1f')}, each time by the same: clocks "
+            "of the two tags or a dead time, which about one sample cannot tell apart; no work."
+        ),
+        parameters={"delay_s": seconds_of(delay_s, "s", unit_s)},
+    )
+
+
 def scan_sentence(recording: Recording) -> str:
     """A sentence on how often OP and position are refreshed, where each has a scan of its own; else
     empty. An OP that its controller holds between scans is the true command, and no record effect.

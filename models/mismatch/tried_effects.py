@@ -7,7 +7,7 @@ there for a drive too, and small enough to be kept for months.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from stemwatch.models.mismatch.acceptance_limits import convincing, strength
 from stemwatch.models.mismatch.crossfit import gain
@@ -24,10 +24,11 @@ from stemwatch.models.stickslip.fit import Advantage
 
 
 def what_was_tried(
-    named: Named, effects: Iterable[Effect]
+    named: Named, effects: Iterable[Effect], too_small: Collection[str] = ()
 ) -> tuple[tuple[TriedEffect, ...], Gain | None]:
     """Every term tried alone over S and J, the largest gain first, and the gain of all named terms
-    together; empty for a drive, whose motor and load are one model.
+    together; empty for a drive, whose motor and load are one model. ``too_small`` are slugs that
+    stand and are not named, because they need no work.
     """
     slugs = {effect.slug for effect in effects}
     same_class = {slug for effect in effects for slug in effect.members} - slugs
@@ -42,6 +43,8 @@ def what_was_tried(
             if score.slug in slugs
             else TriedOutcome.AS_GOOD
             if score.slug in same_class
+            else TriedOutcome.TOO_SMALL
+            if score.slug in too_small
             else _rejected(named, score, beside_score)
         )
         tried_list.append(

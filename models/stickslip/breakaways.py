@@ -81,9 +81,16 @@ LETS_GO = 0.3
 # 7171) the level of the two with a J of 0.5 and 0.75 % is 0.6 of a sample's move too high, and that
 # of those above 1 % is 0.1 too high in the median.
 SMALL_JUMP = 1.0  # percent
-# The same where the position is recorded in steps that a slip hardly exceeds, so that only slips of
-# at least a step are seen: the rounding error of both levels, as a share of the step.
-FEW_STEPS, OF_A_STEP = 2.0, 12.0**-0.5
+# The same where the position is recorded in steps that a slip hardly exceeds. Only slips of a step
+# and a half beyond the noise are seen, so that the smaller ones of a packing that scatters are
+# missed: a J of 2.1 steps (seed 7171) was read as 2.4. The rounding error of both levels, as a
+# share of the step.
+FEW_STEPS, OF_A_STEP = 3.0, 12.0**-0.5
+# For slips of any size: a resting place is rounded alike each time the stem comes there, at the end
+# of a slip one way and at the start of the next the other way. That moves the two levels apart and
+# leaves S as it is: standard deviation of J, as a share of the step, of a stem with one place at
+# either end of its slips; more places reduce it as independent roundings.
+OF_A_PLACE = 6.0**-0.5
 # Prior standard deviation of the error of an estimated curve: of its slope as a share, of its bends
 # in percent of travel. Three times as much or a third of it changes S by hundredths of a percent.
 UNSURE_SLOPE, UNSURE_BEND = 0.03, 1.5
@@ -115,8 +122,9 @@ class Breakaways:
     """``count`` breakaways: the mean distance of command and stem at the breakaway (``level``) and
     after the slip (``kinetic``), percent of OP, and the ``scatter`` from one breakaway to the next,
     a share of the level. ``rate`` is the command's move in the sample of a slip, percent of OP
-    (median); ``step`` the resolution of the position's recorder where it is coarse. ``tried`` are
-    the levels for each delay of the stem, with ``weights`` that sum to one.
+    (median); ``step`` the resolution of the position's recorder where it is coarse, and ``places``
+    the number of different resting places in it. ``tried`` are the levels for each delay of the
+    stem, with ``weights`` that sum to one.
     """
 
     count: int
@@ -127,6 +135,7 @@ class Breakaways:
     tried: tuple[_Levels, ...]
     weights: Floats
     step: float = 0.0
+    places: int = 1
 
     @property
     def S(self) -> float:
@@ -161,10 +170,11 @@ class Breakaways:
         if self.J < FEW_STEPS * self.step:
             own_error += (OF_A_STEP * self.step) ** 2
             own_kinetic += (OF_A_STEP * self.step) ** 2
+        apart = 0.25 * (OF_A_PLACE * self.step) ** 2 / self.places
         model = np.array(
             [
-                [within + own_error, within, 0.0],
-                [within, within + own_kinetic, 0.0],
+                [within + own_error + apart, within - apart, 0.0],
+                [within - apart, within + own_kinetic + apart, 0.0],
                 [0.0, 0.0, 1e-12],
             ]
         )
@@ -242,7 +252,11 @@ def breakaways(
     level = 0.5 * (S + J)
     if found_breakaways.scatter < ALIKE or abs(found_breakaways.level - level) > FARTHEST * level:
         return None
-    return replace(found_breakaways, step=coarse_step(problem.mv) / abs(gain))
+    step = coarse_step(problem.mv)
+    if not step:
+        return found_breakaways
+    places = np.unique(np.round(found_onsets.place / step)).size
+    return replace(found_breakaways, step=step / abs(gain), places=places)
 
 
 def _unfinished(

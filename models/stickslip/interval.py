@@ -18,6 +18,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.breakaways import LEAST_J
 from stemwatch.models.stickslip.fit import BOTH, STICKING, StickSlipFit
 
 REPLICATES = 300
@@ -93,6 +94,10 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
         width = np.where(width > 0, np.maximum(0.5 * spread, smallest), 0.0)
     S = draws[:, coordinate.S_PERCENT]
     J = S * draws[:, coordinate.RATIO]
+    if fit.J < LEAST_J:
+        # No fit tells a jump so small from a stem that creeps with its command.
+        untold = LEAST_J * np.random.default_rng(9).random(J.size)
+        J = np.maximum(J, np.minimum(untold, S))
     step = _command_step(fit)
     error = max(MODEL_ERROR * 0.5 * (fit.S + fit.J), LEAST_ERROR_PERCENT)
     return StickSlipSample(S=_blur(S, step, error, rng), J=_blur(J, step, error, rng))

@@ -77,7 +77,8 @@ def span_percent(value: float | None) -> str:
 def share(value: float | None) -> str:
     """A share of one as whole percent."""
     number = finite(value)
-    return NOTHING if number is None else f"{100 * number:.0f} %"
+    # A rounded 0.0 has a sign of its own; adding zero takes it away.
+    return NOTHING if number is None else f"{round(100 * number) + 0:d} %".replace("-", "−")
 
 
 def interval(estimate: Estimate) -> str:

@@ -64,7 +64,11 @@ from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoin
 from stemwatch.service.store.screenings.oscillations import KeptOscillation
 from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.previous import read_previous
-from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
+from stemwatch.service.store.screenings.ranking import (
+    LoopWithoutVerdict,
+    RankingFilter,
+    RankingPage,
+)
 from stemwatch.service.store.screenings.records import (
     Baseline,
     DescribedValve,
@@ -339,6 +343,11 @@ class Store:
         for an order by it."""
         with self.transactions.reading() as session:
             return ranking.read_ranking(session, ranking_filter, costs)
+
+    def without_verdict(self) -> list[LoopWithoutVerdict]:
+        """The valves whose latest screening has no verdict, with what OP and PV alone say."""
+        with self.transactions.reading() as session:
+            return ranking.read_without_verdict(session)
 
     def made_by_sticking(self, valves: Sequence[str]) -> dict[str, dict[str, TrendPoint]]:
         """The indicators of what the sticking of each of ``valves`` makes of its loop, by its

@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+from stemwatch.service.store.store import open_store
+
 PAIR = ("--op", "FIC-104.OP", "--mv", "FIC-104.ZT")
 
 
@@ -257,3 +259,31 @@ def test_a_failed_run_leaves_the_last_report_as_it_was(
     assert outcome.said.count("nothing could be screened") == 1
     assert "verdict" not in outcome.out
     assert "Report:" not in outcome.out
+
+
+@pytest.mark.parametrize(("source", "more", "why"), FAILING.values(), ids=FAILING.keys())
+def test_a_failed_first_run_leaves_nothing(
+    screened, one_valve: Path, tmp_path: Path, source: Any, more: tuple[str, ...], why: str
+) -> None:
+    """No folder, no empty database, which would look like a plant without a valve."""
+    broken = one_valve
+    if source != "one_valve":
+        broken = tmp_path / "broken.csv"
+        broken.mkdir() if source is None else broken.write_bytes(source)
+    for where in ((), ("--db", f"sqlite:///{tmp_path / 'other.db'}")):
+        outcome, _ = screened(broken, *more, *where)
+        assert outcome.status == 2
+        assert outcome.said.count(why) == 1
+        assert not (tmp_path / "out").exists()
+        assert list(tmp_path.glob("*.db*")) == []
+
+
+def test_a_failed_run_keeps_the_database_of_the_last_one(
+    screened, one_valve: Path, tmp_path: Path
+) -> None:
+    """What a run before has stored stays."""
+    screened(one_valve, *PAIR)
+    outcome, _ = screened(one_valve, "--op", "NOPE")
+    assert outcome.status == 2
+    with open_store(f"sqlite:///{tmp_path / 'out' / 'stemwatch.db'}") as store:
+        assert len(store.screenings("historian", 5)) == 1

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.mismatch.effect_signature import (
     EffectSignature,
@@ -21,13 +22,15 @@ from stemwatch.models.mismatch.effect_signature import (
     effect_signature,
     later,
 )
-from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch
+from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch, Stiction
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.stroke_curve import in_travel
 from stemwatch.service.presenter.physics_words import effect_name
-from stemwatch.service.presenter.wording import figure
+from stemwatch.service.presenter.wording import figure, finite, span_percent
+from stemwatch.service.report.charts.loop_shapes import BAND, stick_band
 from stemwatch.service.report.charts.small_plot import Note, PlottedLine, SmallPlot
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
+from stemwatch.service.report.charts.valve_charts import FLOW
 
 STROKES = 3
 # The least lag of the stem behind OP, and the least size of a move, as shares of OP's swing.
@@ -66,6 +69,7 @@ class _Seen:
     interval_s: float
     late_s: float
     recording: Recording
+    position: str  # what is drawn as the position
 
     @property
     def command(self) -> Floats:
@@ -81,7 +85,9 @@ def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Pi
         return ()
     if runs.naive.size != len(recording):
         return ()
+    recording, scale = runs.followed(recording), 1.0
     if mismatch.stroke_curve is not None:
+        scale = abs(mismatch.stroke_curve.slope)
         recording = in_travel(recording, mismatch.stroke_curve)
     assert recording.mv is not None
     late = next((effect for effect in mismatch.effects if effect.slug == "dead_time"), None)
@@ -92,11 +98,12 @@ def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Pi
         interval_s=recording.interval_s,
         late_s=0.0 if late is None else _value(late, "theta"),
         recording=recording,
+        position="MV" if runs.position is None else FLOW,
     )
     return (
         *_strokes(seen, mismatch.effects),
         *_shifted(seen),
-        *_loops(seen),
+        *_loops(seen, (mismatch.naive, mismatch.restated), scale),
         *(picture for effect in mismatch.effects for picture in _signature(seen, effect)),
     )
 
@@ -231,7 +238,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
         PlottedLine("op", "OP", time, seen.op[sample_index]),
         PlottedLine("naive", NAIVE, time, seen.runs.naive[sample_index], dashed=True),
         PlottedLine("extended", EXTENDED, time, seen.runs.extended[sample_index]),
-        PlottedLine("mv", "MV, recorded", time, seen.mv[sample_index]),
+        PlottedLine("mv", f"{seen.position}, recorded", time, seen.mv[sample_index]),
     ]
     notes = []
     if seen.late_s:
@@ -285,7 +292,7 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
             PlottedLine(
                 "sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[sample_index]
             ),
-            PlottedLine("mv", "MV, recorded", time, seen.mv[sample_index]),
+            PlottedLine("mv", f"{seen.position}, recorded", time, seen.mv[sample_index]),
         ],
         width=740,
     )
@@ -311,18 +318,22 @@ def _stretch(seen: _Seen) -> tuple[int, int]:
 # The loop before and after
 
 
-def _loops(seen: _Seen) -> Iterator[Picture]:
+def _loops(seen: _Seen, stictions: tuple[Stiction, Stiction], scale: float) -> Iterator[Picture]:
+    """Both loops with the band of the S and J that each goes with; ``scale`` is percent of travel
+    for a percent of OP."""
     first, last = _stretch(seen)
     part = slice(first, last)
     runs = (("naive", NAIVE, seen.runs.naive), ("extended", EXTENDED, seen.runs.extended))
     all_values = np.concatenate([seen.mv[part], *(run[part] for _, _, run in runs)])
     limits = (*_around(seen.op[part]), *_around(all_values))
-    for kind, name, run in runs:
+    for (kind, name, run), stiction in zip(runs, stictions, strict=True):
+        band = _band_of(seen, part, stiction, scale)
         plot = SmallPlot(
             x_label="OP, %",
-            y_label="MV, %",
-            description=f"MV against OP, recorded and {name}.",
+            y_label=f"{seen.position}, %",
+            description=f"{seen.position} against OP, recorded and {name}.",
             lines=[
+                *band,
                 PlottedLine("mv", "recorded", seen.op[part], seen.mv[part]),
                 PlottedLine(kind, name, seen.op[part], run[part]),
             ],
@@ -333,8 +344,37 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
         yield Picture(
             title=f"MV against OP: {name}",
             plot=plot,
-            caption="A typical stretch; one percent is as long along both axes.",
+            caption=(
+                f"A typical stretch; one percent is as long along both axes. {_sizes(stiction)}"
+            ),
         )
+
+
+def _band_of(seen: _Seen, part: slice, stiction: Stiction, scale: float) -> tuple[PlottedLine, ...]:
+    """The loop that S and J alone would draw where OP usually turns, closed; nothing where OP does
+    not move enough to leave it."""
+    both_finite = np.isfinite(seen.op[part]) & np.isfinite(seen.mv[part])
+    if not both_finite.any():
+        return ()
+    op, mv = seen.command[part][both_finite], seen.mv[part][both_finite]
+    S, J = (_scaled(estimate, scale) for estimate in (stiction.S, stiction.J))
+    corners = stick_band(S, J, op, mv, op)
+    if corners is None:
+        return ()
+    closed = np.vstack((corners, corners[:1]))
+    return (PlottedLine("band", BAND, closed[:, 0], closed[:, 1]),)
+
+
+def _scaled(estimate: Estimate, scale: float) -> Estimate:
+    return replace(estimate, value=None if estimate.value is None else scale * estimate.value)
+
+
+def _sizes(stiction: Stiction) -> str:
+    """S and J of the band, as they are said beside it; empty where one is not known."""
+    if finite(stiction.S.value) is None or finite(stiction.J.value) is None:
+        return ""
+    S, J = span_percent(stiction.S.value), span_percent(stiction.J.value)
+    return f"S {S} % is the band's flat part, J {J} % its upright step."
 
 
 def _around(values: Floats) -> tuple[float, float]:

@@ -56,13 +56,28 @@ def existing_engine(address: DatabaseUrl) -> Engine:
     """An engine for an existing database. Raises ``StoreError`` where a SQLite file does not
     exist, because connecting would create an empty one."""
     engine = make_engine(address)
-    file = engine.url.database
-    if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
+    file = _file_of(engine)
+    if file is not None and not file.is_file():
         raise StoreError(
-            f"{address}: there is no database at {Path(file).absolute()}; `stemwatch screen` and "
+            f"{address}: there is no database at {file.absolute()}; `stemwatch screen` and "
             "`stemwatch serve` make one"
         )
     return engine
+
+
+def _file_of(engine: Engine) -> Path | None:
+    file = engine.url.database
+    is_file = engine.dialect.name == "sqlite" and file and file != ":memory:"
+    return Path(file) if is_file and file else None
+
+
+def sqlite_files(address: DatabaseUrl) -> tuple[Path, ...]:
+    """The files that a SQLite database has, with those that it has only while it is used; none of
+    a database elsewhere. Raises ``StoreError`` for a malformed URL."""
+    file = _file_of(make_engine(address))
+    if file is None:
+        return ()
+    return (file, *(file.with_name(file.name + end) for end in ("-wal", "-shm", "-journal")))
 
 
 def for_writing(engine: Engine) -> Engine:

@@ -49,6 +49,7 @@ ROUTE_OPERATIONS: Mapping[str, Operation] = MappingProxyType(
         "GET /api/v1/valve/loop": Operation.READ,
         "GET /api/v1/valve/history": Operation.READ,
         "GET /api/v1/oscillations": Operation.READ,
+        "GET /api/v1/next-steps": Operation.READ,
         "GET /api/v1/alerts": Operation.READ,
         "GET /api/v1/runs": Operation.READ,
         "GET /api/v1/run": Operation.READ,
