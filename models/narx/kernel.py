@@ -205,7 +205,7 @@ def _weight_rows(hidden: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint6
 
 @njit(cache=True, error_model="numpy")
 def _step(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
-    """One sample on in every lane, from level, move and the last two positions."""
+    """Advance every lane by one sample, from level, move and the last two positions."""
     (error_low, error_high, slowest, fastest, low, high), ratio, edge = frame
     for i in range(lanes):
         gap = s[_LEVEL + i] - s[_LAST + i]
