@@ -185,6 +185,7 @@ class Screening:
                 naive=_copy(runs.naive, first, last),
                 extended=_copy(runs.extended, first, last),
                 heldout_from=max(runs.heldout_from - first, 0),
+                position=None if runs.position is None else _copy(runs.position, first, last),
             )
             mismatch = replace(mismatch, runs=part if last > first else None)
         suspicion = self.without_position
