@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 from urllib.parse import urlencode
+from zoneinfo import ZoneInfo
 
 from stemwatch.service.config import Plant
+from stemwatch.service.presenter.alert_history import opened_again
+from stemwatch.service.presenter.wording import instant
 from stemwatch.service.store.alerts.alerts import AlertSeverity, StoredAlert
 from stemwatch.service.store.store import Store
 
@@ -26,33 +29,43 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
         severe_enough = [alert for alert in alerts if _ORDER.index(alert.severity) <= least]
         if severe_enough:
             messages[notifier.name] = message_of(
-                severe_enough, plant.name, run_id, plant.service.address
+                severe_enough,
+                plant.name,
+                run_id,
+                address=plant.service.address,
+                zone=plant.zone or "UTC",
             )
     numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
-    # One that became more urgent is told again, and that is another message.
-    if again := sum(len(alert.evidence.get("formerly", ())) for alert in alerts):
+    # One that became more urgent, or came back, is told again, and that is another message.
+    told_of = ("formerly", "reopened")
+    if again := sum(len(alert.evidence.get(of, ())) for alert in alerts for of in told_of):
         key += f"-{again}"
     return store.deliveries.put(messages, key, numbers)
 
 
 def message_of(
-    alerts: Sequence[StoredAlert], plant: str, run_id: int | None, address: str = ""
+    alerts: Sequence[StoredAlert],
+    plant: str,
+    run_id: int | None,
+    *,
+    address: str = "",
+    zone: str = "UTC",
 ) -> dict[str, Any]:
     """The message about ``alerts``: ``subject``, ``text``, and each alert as JSON.
 
-    ``address`` is where people reach the pages; without it the message holds no links.
+    ``address`` is where people reach the pages; without it the message holds no links. Times are
+    those of ``zone``, which is named.
     """
     plant_prefix = f"{plant}: " if plant else ""
     first = alerts[0].text.split(". ")[0]
-    count_text = f"{len(alerts)} new alerts, the first: " if len(alerts) > 1 else ""
-    lines = [_line(alert, address) for alert in alerts[:SHOWN]]
+    lines = [_line(alert, address, zone) for alert in alerts[:SHOWN]]
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
     if address:
         lines.append(f"Acknowledge, snooze or mark as false: {address.rstrip('/')}/alerts")
     return {
-        "subject": _cut(f"{plant_prefix}{count_text}{first}"),
+        "subject": _cut(f"{plant_prefix}{_how_many(alerts)}{first}"),
         "text": "\n\n".join(lines) + "\n",
         "plant": plant,
         "run": run_id,
@@ -66,6 +79,9 @@ def message_of(
                 "text": alert.text,
                 "link": _link(alert, address),
                 "opened": alert.opened.isoformat(),
+                "opened_again": None
+                if alert.opened_again is None
+                else alert.opened_again.isoformat(),
                 "evidence": dict(alert.evidence),
             }
             for alert in alerts
@@ -73,10 +89,27 @@ def message_of(
     }
 
 
-def _line(alert: StoredAlert, address: str) -> str:
-    """What is said of an alert, with the way to its page where there is one."""
+def _how_many(alerts: Sequence[StoredAlert]) -> str:
+    """How many alerts a message is about, and which of them are old ones; a single new one needs no
+    words."""
+    again = sum(alert.opened_again is not None for alert in alerts)
+    if len(alerts) == 1:
+        return "opened again: " if again else ""
+    old = f", {again} of them opened again" if again else ""
+    return f"{len(alerts)} {'new ' if not again else ''}alerts{old}, the first: "
+
+
+def _line(alert: StoredAlert, address: str, zone: str) -> str:
+    """What is said of an alert, what people did to it, and the way to its page."""
+    parts = [alert.text, opened_again(alert.evidence, ZoneInfo(zone), zone)]
+    if alert.acknowledged is not None:
+        comment = f": {alert.comment}" if alert.comment else ""
+        by = alert.acknowledged_by or "somebody"
+        when = instant(alert.acknowledged, ZoneInfo(zone))
+        parts.append(f"Acknowledged {when} ({zone}) by {by}{comment}.")
     link = _link(alert, address)
-    return f"[{alert.severity.value}] {alert.text}" + (f"\n{link}" if link else "")
+    text = " ".join(part for part in parts if part)
+    return f"[{alert.severity.value}] {text}" + (f"\n{link}" if link else "")
 
 
 def _link(alert: StoredAlert, address: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.fall_of_stiction import history_since_fall
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.wear_forecast import WearForecast, forecast_wear
 
@@ -28,7 +29,8 @@ SMALLEST_SHARE = 0.1  # of the size of an effect, over that time
 class TrendOverWeeks:
     """The rate of S in percent of OP span a month, with its 95 % interval, over ``days``; or of
     another ``number`` in its ``unit``. ``smallest`` change over that time can be seen at all. ``J``
-    is the trend of J beside that of S."""
+    is the trend of J beside that of S. ``unsettled``: S has fallen, and too few days ago to tell
+    whether it stays there, so that nothing is foreseen and nothing denied."""
 
     per_month: float
     low: float
@@ -39,6 +41,7 @@ class TrendOverWeeks:
     smallest: float = SMALLEST_PERCENT
     forecast: WearForecast | None = None
     J: TrendOverWeeks | None = None
+    unsettled: bool = False
 
     @property
     def is_change(self) -> bool:
@@ -54,7 +57,10 @@ class TrendOverWeeks:
 
     def foresees_within(self, weeks: float) -> bool | None:
         """Whether S more likely than not reaches the limit within ``weeks``; ``None`` where that is
-        not plain: within twice as many, or S rises and nobody can say when it is there."""
+        not plain: within twice as many, or S rises and nobody can say when it is there, or it has
+        just fallen."""
+        if self.unsettled:
+            return None
         if self.forecast is None:
             return False
         until = self.forecast.until.value
@@ -79,8 +85,13 @@ def trend_over_weeks(
     days: Sequence[float], values: Sequence[float], limit: float | None = None
 ) -> TrendOverWeeks | None:
     """The slope of ``values`` (n,) of S, a day's mean each, over ``days`` (n,), by least squares
-    with Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing. Where S
-    rises towards ``limit``, percent, when it will reach it. ``replace`` says what else it is of."""
+    with Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing. With a
+    ``limit``, percent, of S: over the days since S fell the last time, and where it rises, when it
+    will reach the limit. ``replace`` says what else it is of."""
+    unsettled = False
+    if limit is not None:
+        present = history_since_fall(days, values)
+        days, values, unsettled = present.days, present.S, present.unsettled
     t, y = np.asarray(days, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.size < FEWEST_DAYS or np.ptp(t) < SHORTEST_DAYS:
         return None
@@ -96,8 +107,9 @@ def trend_over_weeks(
         low=DAYS_A_MONTH * (slope - reach),
         high=DAYS_A_MONTH * (slope + reach),
         days=float(np.ptp(t)),
+        unsettled=unsettled,
     )
-    if limit is None or not trend.is_change or slope <= 0.0:
+    if limit is None or unsettled or not trend.is_change or slope <= 0.0:
         return trend
     return replace(trend, forecast=forecast_wear(days, values, limit))
 
