@@ -1,4 +1,6 @@
-"""The force on the stem: what delay and actuator make of the command, kept while it is of use."""
+"""The force on the stem, which is the command after delay and actuator, in a cache of the latest
+ones.
+"""
 
 from __future__ import annotations
 
@@ -27,10 +29,10 @@ class Shaping(NamedTuple):
 
 @dataclass(frozen=True)
 class Forces:
-    """The forces (rows, n), percent, that were made last of the command ``op`` (n,).
+    """The forces (rows, n), percent, that were computed last from the command ``op`` (n,).
 
-    Many candidates that run side by side differ in nothing that the force is made of: one of them
-    is enough. A run begins anew where ``start`` (n,) is marked.
+    Many candidates that run side by side have the same force, which is then computed once. A run
+    begins anew where ``start`` (n,) is marked.
     """
 
     op: Floats
@@ -42,13 +44,14 @@ class Forces:
 
     @classmethod
     def none_yet(cls, op: Floats, start: Marks, interval_s: float, rows: int) -> Forces:
-        """Room for ``rows`` forces."""
+        """An empty cache with room for ``rows`` forces."""
         return cls(op, start, interval_s, np.empty((rows, op.size)), np.empty(op.size))
 
     def of(self, shapings: Iterable[tuple[Shaping, Floats]]) -> Samples:
-        """(m,) the row of each candidate's force: ``shapings`` are candidates that are shaped
-        alike, each kind with its coordinates (candidates, k). No more in all than there are
-        rows."""
+        """(m,) the row of each candidate's force. ``shapings`` holds, for each set of terms, the
+        coordinates (candidates, k) of the candidates that have it; at most as many candidates as
+        there are rows.
+        """
         keys: list[_Key] = []
         making: dict[_Key, tuple[Shaping, Floats]] = {}
         made = self._made
@@ -61,13 +64,13 @@ class Forces:
                 if row is None:
                     making[key] = shaping, values[i]
                 else:
-                    made[key] = row  # the last to make room, now that it is in use again
+                    made[key] = row  # used again, so it is now the last to be replaced
         for key, (shaping, own) in making.items():
             made[key] = self._make(self._room(), shaping.terms, own)
         return np.array([made[key] for key in keys])
 
     def _room(self) -> int:
-        """A row that is free, or that of the force that was not asked for the longest."""
+        """A free row, or the one that has been unused the longest."""
         if len(self._made) < self.rows.shape[0]:
             return len(self._made)
         return self._made.pop(next(iter(self._made)))

@@ -12,7 +12,7 @@ doi:10.1016/j.conengprac.2004.05.005): levels ``fs = (S + J)/2`` and ``fd = (S -
   (``breakaway``, added to ``fs``), on direction (``ASYMMETRY``: J (1 + a) rising, J (1 - a)
   falling) and on time (``GROWTH``: both levels times 1 + g t/T),
 - a force may depend on place (``force``), a resting stem may creep, stops may hold it,
-- a stem with inertia (``RUN_UP_S`` > 0, where a drive is recorded so often that it shows) is moved
+- a stem with inertia (``RUN_UP_S`` > 0, where a drive is sampled fast enough to show it) is moved
   by its force balance, ``DRAG_S (RUN_UP_S dv/dt + v) = d F - fd``, ``0 <= v <= TOP_SPEED``; it
   rests where its speed has come to 0 and the force is within ``fs``,
 - between stem and reading there may be play, and the reading may drift:
@@ -56,7 +56,7 @@ PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 _NEUTRAL = np.zeros(N_NUMBERS)
 _NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH, TOP_SPEED]] = 1.0, -np.inf, np.inf, np.inf
 _FLAGS = slice(BY_PLACE, BY_TIME + 1)  # that switch the tables on
-EVENT = 3.0  # samples that a breakaway counts for
+EVENT = 3.0  # weight of a breakaway, in samples
 
 
 class Tables(NamedTuple):
@@ -114,7 +114,7 @@ class Stems:
         return cls(numbers, tables, tuple(stem_of_each))
 
     def clear(self, count: int) -> None:
-        """The first ``count`` canonical again: the tables only where they were used."""
+        """Reset the first ``count`` stems to neutral; tables only where they were used."""
         q, tables = self.numbers[:count], self.tables
         if not q[:, _FLAGS].any():
             q[:] = _NEUTRAL

@@ -1,5 +1,5 @@
-"""After work on a valve: what S was before, what it is now, and whether that is a difference; and
-the question whether there was work, where S fell and none is recorded."""
+"""After work on a valve: S before the work and now, and whether the two differ; and the question
+whether there was work, where S fell and none is recorded."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:
 
 
 def _verdict(before_work: Estimate, now: Estimate) -> str:
-    """Whether the work helped, as far as both intervals can tell."""
+    """Whether the work helped, judged by both intervals."""
     ends = (before_work.low, before_work.high, now.low, now.high)
     if any(end is None for end in ends):
         return "Whether it helped cannot be told in numbers."

@@ -19,7 +19,7 @@ _LONGEST_SUBJECT = 200
 
 
 def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
-    """Queue messages about the open alerts that nobody was told of; whether there were any."""
+    """Queue messages about the open alerts that are in no message yet; whether there were any."""
     alerts = sorted(store.deliveries.untold(), key=lambda alert: _ORDER.index(alert.severity))
     if not alerts:
         return False
@@ -37,7 +37,7 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
             )
     numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
-    # One that became more urgent, or came back, is told again, and that is another message.
+    # An alert that became more urgent, or came back, is sent again, in another message.
     told_of = ("formerly", "reopened")
     if again := sum(len(alert.evidence.get(of, ())) for alert in alerts for of in told_of):
         key += f"-{again}"
@@ -100,7 +100,7 @@ def _how_many(alerts: Sequence[StoredAlert]) -> str:
 
 
 def _line(alert: StoredAlert, address: str, zone: str) -> str:
-    """What is said of an alert, what people did to it, and the way to its page."""
+    """The text of an alert, who acknowledged it, and the link to its page where there is one."""
     parts = [alert.text, opened_again(alert.evidence, ZoneInfo(zone), zone)]
     if alert.acknowledged is not None:
         comment = f": {alert.comment}" if alert.comment else ""

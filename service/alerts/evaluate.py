@@ -1,4 +1,5 @@
-"""After a run: the rules on each of its valves, and what has one cause joined into one alert."""
+"""After a run: the rules are applied to each of its valves, and findings with a common cause joined
+into one alert."""
 
 from __future__ import annotations
 
@@ -116,8 +117,8 @@ class _Group:
 def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     """Raise and close alerts by what ``run_id`` found; the numbers of the new ones.
 
-    It looks at what is stored alone, so that doing it twice changes nothing. The valves are read
-    some hundreds at a time. Raises ``StoreError``.
+    It uses stored results only, so that repeating it changes nothing. Valves are read some hundreds
+    at a time. Raises ``StoreError``.
     """
     valves_done = store.queue.valves_done(run_id)
     open_before = store.alerts.open_causes()
@@ -154,7 +155,7 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
             store.alerts.clear(over[first : first + _AT_ONCE], why)
     for first in range(0, len(joined_now), _AT_ONCE):
         store.alerts.clear(joined_now[first : first + _AT_ONCE], JOINED)
-    # What was raised alone before and is part of a common cause now is told once, by that.
+    # An alert that is now part of a common cause is reported once, by the common alert.
     new = [alert for alert in raised if alert.cause not in in_common]
     return store.alerts.raise_all([*common, *new])
 
@@ -175,8 +176,8 @@ def _groups(raised: Iterable[RaisedAlert], plant: Plant) -> dict[_Group, list[Ra
         for group, alerts_of_group in groups.items()
         if len(alerts_of_group) >= rules.common_valves
         and len(alerts_of_group) >= rules.common_share * sizes[group.what, group.name]
-        # Friction is each valve's own. That many name the same thing, or leave their baselines,
-        # points to what they share: air, signal, archive.
+        # Friction is individual to a valve. Many valves that name the same effect, or leave their
+        # baselines together, point to what they share: air supply, signal, archive.
         and group.kind in (AlertKind.BASELINE, AlertKind.MISMATCH)
     }
     return _largest_first(large)

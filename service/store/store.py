@@ -31,9 +31,9 @@ from stemwatch.service.store.accounts.users import Accounts
 from stemwatch.service.store.alerts.alerts import Alerts
 from stemwatch.service.store.alerts.deliveries import Deliveries
 from stemwatch.service.store.database.engine import (
+    error_text,
     existing_engine,
     make_engine,
-    plainly,
     store_errors,
 )
 from stemwatch.service.store.database.transactions import Transactions, database_now
@@ -65,7 +65,11 @@ from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoin
 from stemwatch.service.store.screenings.oscillations import KeptOscillation
 from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.previous import read_previous
-from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
+from stemwatch.service.store.screenings.ranking import (
+    LoopWithoutVerdict,
+    RankingFilter,
+    RankingPage,
+)
 from stemwatch.service.store.screenings.records import (
     Baseline,
     DescribedValve,
@@ -86,7 +90,7 @@ from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
 NO_COSTS: Mapping[str, float] = MappingProxyType({})
-_GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
+_GIVE_UP_AFTER = 3  # failed saves in a row after which the database counts as unavailable
 
 
 def open_store(url: str | DatabaseUrl, *, synced: bool = False) -> Store:
@@ -264,9 +268,9 @@ class Store:
                     )
                     pictures.write_pictures(session, number, packed)
                 saved, unanswered = saved + 1, 0
-            except Exception as error:  # whatever is wrong with one valve must not cost another
+            except Exception as error:  # an error with one valve must not affect the others
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
-                reason = plainly(error, self.address)
+                reason = error_text(error, self.address)
                 failures.append(SaveFailure(valve=screening.valve, reason=reason))
         return SaveReport(saved=saved, failures=tuple(failures))
 
@@ -340,6 +344,11 @@ class Store:
         for an order by it."""
         with self.transactions.reading() as session:
             return ranking.read_ranking(session, ranking_filter, costs)
+
+    def without_verdict(self) -> list[LoopWithoutVerdict]:
+        """The valves whose latest screening has no verdict, with what OP and PV alone say."""
+        with self.transactions.reading() as session:
+            return ranking.read_without_verdict(session)
 
     def made_by_sticking(self, valves: Sequence[str]) -> dict[str, dict[str, TrendPoint]]:
         """The indicators of what the sticking of each of ``valves`` makes of its loop, by its

@@ -9,9 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stemwatch.models.recording import Role, Signal
+from stemwatch.models.stickslip import parameters
 from stemwatch.models.stickslip.breakaways import (
     FEWEST,
     LEAST_J,
+    OF_A_PLACE,
     Breakaways,
     _mean_of_sides,
     breakaways,
@@ -94,7 +96,7 @@ def test_a_stem_of_bristles_that_hardly_jumps_keeps_its_J_in_the_interval():
 
 def test_the_levels_are_less_sure_where_a_slip_is_small_or_hardly_a_step():
     """Of one reading: a jump of 0.5 % more than one of 1.5 %, and one that hardly exceeds a step of
-    the recorder; steps much smaller than it change nothing."""
+    the recorder; steps much smaller than it change nothing where the stem rests at many places."""
     _, recording = sticking(1)
     seen = fit_stickslip(recording).breakaways
 
@@ -106,8 +108,35 @@ def test_the_levels_are_less_sure_where_a_slip_is_small_or_hardly_a_step():
     small = replace(seen, level=level, kinetic=kinetic, tried=tried)
     large = replace(small, kinetic=level - 1.5)
     assert spread(small) > spread(large)
-    assert spread(replace(seen, step=0.1)) == spread(seen)
+    assert spread(replace(seen, step=0.1, places=200)) == pytest.approx(spread(seen), rel=1e-3)
     assert spread(replace(seen, step=seen.J)) > 1.2 * spread(seen)
+    assert spread(replace(seen, step=0.4 * seen.J)) > 1.2 * spread(seen)
+
+
+def test_few_places_of_rest_leave_the_rounding_of_a_jump_but_not_of_S():
+    """A place is rounded alike whichever way the stem comes to it: what J gains by it, S keeps."""
+    _, recording = sticking(1)
+    seen = fit_stickslip(recording).breakaways
+    step = 0.2 * seen.J
+
+    def spreads(seen: Breakaways) -> list[float]:
+        return [float(np.std(drawn)) for drawn in seen.draws(3000, np.random.default_rng(1))]
+
+    fine, coarse = spreads(seen), spreads(replace(seen, step=step, places=1))
+    assert coarse[0] == pytest.approx(fine[0], rel=0.05)
+    assert coarse[1] == pytest.approx(np.hypot(fine[1], OF_A_PLACE * step), rel=0.05)
+    assert spreads(replace(seen, step=step, places=100))[1] < coarse[1]
+
+
+def test_a_jump_that_no_fit_could_tell_may_be_there():
+    """A dead band without a jump: J may be what cannot be told from creeping, and not more."""
+    _, recording = sticking(0)
+    fit = fit_stickslip(recording)
+    candidate = fit.candidate.copy()
+    candidate[parameters.RATIO] = 0.0
+    low, high = interval(bootstrap(replace(fit, candidate=candidate, breakaways=None)).J, 0.0)
+    assert low == 0.0
+    assert high >= 0.9 * LEAST_J
 
 
 def test_a_healthy_valve_has_none():

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 
+from stemwatch.models.closed_loop import process_model
 from stemwatch.models.closed_loop.process_response import ProcessResponse, process_response
 from stemwatch.models.recording import Recording, Role, Signal
 
@@ -82,3 +85,19 @@ def test_record_with_few_common_samples_has_no_gain():
     mv = _moves()
     pv = np.where(np.arange(mv.size) < 60, mv, np.nan)
     assert "too short" in process_response(_recording(mv, pv)).gain.reason
+
+
+@pytest.mark.parametrize("integrates", [False, True])
+def test_a_delay_of_whole_samples_only_moves_the_answer(integrates):
+    """The process that the grid takes is the cheapest of all its processes, each computed anew."""
+    x, rng = _moves(), np.random.default_rng(7)
+    pv = _lagged(x, 1.5, 12.0, 5) + np.cumsum(rng.normal(0.0, 0.2, x.size))
+    problem = process_model._Whitened(x, pv, np.array([0.6, 0.2]), integrates)
+    lags = (0.0,) if integrates else process_model.LAGS
+    each = [
+        process_model._coordinates(lag, second, delay)
+        for lag, second, delay in product(lags, process_model.SECOND_LAGS, process_model.DELAYS)
+        if integrates or second <= lag
+    ]
+    cheapest = min(each, key=problem.cost)
+    assert cheapest == pytest.approx(problem.best_of_grid(lags), abs=0.0)

@@ -118,6 +118,22 @@ def test_what_is_hidden_is_named_with_its_size(slug, seed, name, size, within):
     assert result.evidence.t > 1.0
 
 
+@pytest.mark.parametrize(("delay_s", "named"), [(1.0, False), (2.5, True)])
+def test_a_delay_of_about_a_sample_is_said_and_not_named(delay_s, named):
+    """Clocks or a dead time, which nothing in the recording tells apart: no physics is left out."""
+    answer = explain(simulated_by_chain(dead_time=[delay_s]))
+    said = [one for one in answer.record_effects if one.slug == "small_delay"]
+    assert ["dead_time"] * named == [effect.slug for effect in answer.effects]
+    assert len(said) == (not named)
+    for delay in said:
+        assert delay.parameters["delay_s"] == pytest.approx(delay_s, abs=0.2)
+        assert delay.sentence in answer.sentence
+        assert answer.finding is Finding.NONE
+        assert answer.p_value is None
+        (tried,) = (one for one in answer.tried if one.slug == "dead_time")
+        assert tried.outcome is TriedOutcome.TOO_SMALL
+
+
 @hidden
 def test_s_and_j_are_restated_closer_to_the_valve(slug, seed, name, size, within):
     """With the physics accounted for, S and J are near the truth, nearer than S and J alone."""
