@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 from urllib.parse import urlencode
 from zoneinfo import ZoneInfo
 
 from stemwatch.service.config import Plant
-from stemwatch.service.presenter.alert_history import opened_again
-from stemwatch.service.presenter.wording import instant
+from stemwatch.service.presenter.alert_history import kind_words, opened_again
+from stemwatch.service.presenter.wording import instant, window
 from stemwatch.service.store.alerts.alerts import AlertSeverity, StoredAlert
 from stemwatch.service.store.store import Store
 
@@ -58,14 +59,13 @@ def message_of(
     those of ``zone``, which is named.
     """
     plant_prefix = f"{plant}: " if plant else ""
-    first = alerts[0].text.split(". ")[0]
     lines = [_line(alert, address, zone) for alert in alerts[:SHOWN]]
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
     if address:
         lines.append(f"Acknowledge, snooze or mark as false: {address.rstrip('/')}/alerts")
     return {
-        "subject": _cut(f"{plant_prefix}{_how_many(alerts)}{first}"),
+        "subject": _cut(f"{plant_prefix}{_in_short(alerts)}"),
         "text": "\n\n".join(lines) + "\n",
         "plant": plant,
         "run": run_id,
@@ -89,26 +89,35 @@ def message_of(
     }
 
 
-def _how_many(alerts: Sequence[StoredAlert]) -> str:
-    """How many alerts a message is about, and which of them are old ones; a single new one needs no
-    words."""
+def _in_short(alerts: Sequence[StoredAlert]) -> str:
+    """What a message is about: what one alert says first; of several the valves, the most urgent
+    first, and how many are old ones."""
     again = sum(alert.opened_again is not None for alert in alerts)
     if len(alerts) == 1:
-        return "opened again: " if again else ""
-    old = f", {again} of them opened again" if again else ""
-    return f"{len(alerts)} {'new ' if not again else ''}alerts{old}, the first: "
+        first = alerts[0].text.split(". ")[0]
+        return f"opened again: {first}" if again else first
+    about = [alert.valve or alert.source or kind_words(alert.kind.value) for alert in alerts]
+    names = ", ".join(dict.fromkeys(about))
+    new = len(alerts) - again
+    parts = [f"{count} {what}" for count, what in ((new, "new"), (again, "opened again")) if count]
+    return f"{' and '.join(parts)} alerts: {names}"
 
 
 def _line(alert: StoredAlert, address: str, zone: str) -> str:
     """The text of an alert, who acknowledged it, and the link to its page where there is one."""
-    parts = [alert.text, opened_again(alert.evidence, ZoneInfo(zone), zone)]
+    start, end = (
+        None if moment is None else datetime.fromisoformat(moment)
+        for moment in alert.evidence.get("window") or (None, None)
+    )
+    found = f"Found in the window {window(start, end, ZoneInfo(zone), zone)}." if end else ""
+    parts = [alert.text, found, opened_again(alert.evidence, ZoneInfo(zone), zone)]
     if alert.acknowledged is not None:
         comment = f": {alert.comment}" if alert.comment else ""
         by = alert.acknowledged_by or "somebody"
         when = instant(alert.acknowledged, ZoneInfo(zone))
         parts.append(f"Acknowledged {when} ({zone}) by {by}{comment}.")
     link = _link(alert, address)
-    text = " ".join(part for part in parts if part)
+    text = "\n".join(part for part in parts if part)
     return f"[{alert.severity.value}] {text}" + (f"\n{link}" if link else "")
 
 

@@ -1,4 +1,4 @@
-"""What people are told of an alert that closed and was opened again."""
+"""What people are told of an alert beside its text: its kind, and that it was opened again."""
 
 from __future__ import annotations
 
@@ -7,6 +7,21 @@ from datetime import datetime, tzinfo
 from typing import Any
 
 from stemwatch.service.presenter.wording import instant
+
+_KIND_WORDS = {
+    "sticky": "the stem sticks",
+    "foreseen": "the stem will stick",
+    "grown": "friction has grown",
+    "baseline": "moves differently from its baseline",
+    "mismatch": "an effect beside friction",
+    "no_data": "no data",
+    "common": "several valves at once",
+}
+
+
+def kind_words(kind: str) -> str:
+    """The kind of an alert for a reader; one that another version made as it is stored."""
+    return _KIND_WORDS.get(kind, kind.replace("_", " "))
 
 
 def last_opened_again(evidence: Mapping[str, Any]) -> datetime | None:
