@@ -70,7 +70,7 @@ def history_since_fall(days: Sequence[float], S: Sequence[float]) -> SinceFall:
 def _scatter(y: Floats) -> float:
     if y.size < 2:
         return LEAST_SCATTER_PERCENT
-    between = float(np.median(np.abs(np.diff(y)))) / 0.6745 / np.sqrt(2.0)
+    between = float(np.median(np.abs(np.diff(y)))) / 0.6745 / math.sqrt(2.0)
     return max(between, LEAST_SCATTER_PERCENT)
 
 

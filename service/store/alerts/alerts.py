@@ -294,7 +294,9 @@ def _say_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
 
 def _say_now(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
     """The row tells what ``alert`` does, and keeps what it told before."""
-    kept = {key: row.evidence[key] for key in ("formerly", "reopened") if key in row.evidence}
+    kept: dict[str, Any] = {
+        key: row.evidence[key] for key in ("formerly", "reopened") if key in row.evidence
+    }
     if row.kind != alert.kind.value or row.cause != alert.cause:
         before = {"kind": row.kind, "text": row.text, "until": now.isoformat()}
         kept["formerly"] = [*kept.get("formerly", ()), before]
