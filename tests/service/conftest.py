@@ -23,6 +23,7 @@ from stemwatch.models.studies.simulator import demo_plant, simulate_loop
 from stemwatch.service.access import passwords
 from stemwatch.service.cli import main, views
 from stemwatch.service.studies.simulated_export import write_export
+from tests.shared_setup import made_once
 
 if TYPE_CHECKING:
     from tests.service.clusters import Cluster
@@ -150,8 +151,7 @@ def small_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def short_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """plant.toml of the same three valves, a quarter of an hour."""
-    folder = tmp_path_factory.mktemp("short")
-    return write_small_plant(folder, (HEALTHY, STICKY, BLIND), minutes=15)
+    return _made_plant(tmp_path_factory, "quarter_hour", (HEALTHY, STICKY, BLIND), minutes=15)
 
 
 @pytest.fixture(scope="session")
@@ -173,9 +173,19 @@ def plant(small_plant: Path, tmp_path: Path) -> Path:
 @pytest.fixture(scope="session")
 def one_valve(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The export of the sticking valve alone, a quarter of an hour."""
-    folder = tmp_path_factory.mktemp("one")
-    plant = write_small_plant(folder, (STICKY,), minutes=15)
+    plant = _made_plant(tmp_path_factory, "one_valve", (STICKY,), minutes=15)
     return plant.parent / "export" / "historian.csv"
+
+
+def _made_plant(
+    tmp_path_factory: pytest.TempPathFactory, name: str, tags: Sequence[str], minutes: float
+) -> Path:
+    """The small plant's file, made once for all processes of the run, which leave it as it is."""
+
+    def make(folder: Path) -> None:
+        write_small_plant(folder, tags, minutes)
+
+    return made_once(tmp_path_factory, name, make) / "plant.toml"
 
 
 @pytest.fixture(scope="session")

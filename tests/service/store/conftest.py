@@ -26,6 +26,7 @@ from stemwatch.models.recording import Provenance, Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.store import Store, open_store
+from tests.shared_setup import made_once
 
 START = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
 MakeScreening = Callable[..., Screening]
@@ -60,10 +61,12 @@ def store_url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
 @pytest.fixture(scope="session")
 def sqlite_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A store without content, to be copied: making its tables takes longer than most tests."""
-    path = tmp_path_factory.mktemp("template") / "store.db"
-    with open_store(f"sqlite:///{path}"):
-        pass
-    return path
+
+    def make(folder: Path) -> None:
+        with open_store(f"sqlite:///{folder / 'store.db'}"):
+            pass
+
+    return made_once(tmp_path_factory, "empty_store", make) / "store.db"
 
 
 @pytest.fixture(scope="session")
