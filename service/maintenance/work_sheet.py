@@ -130,6 +130,13 @@ class WorkSheet:
         return self.valve.screening
 
     @property
+    def recording(self) -> str:
+        """Which of the valve's recordings it is about; empty where there is only one."""
+        if not self.valve.recording:
+            return ""
+        return f"The most urgent of {self.valve.recordings} recordings: {self.valve.recording}"
+
+    @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of finding, the one to act on first at the front."""
         return self.finding.decision.kinds
