@@ -143,6 +143,8 @@ class Ranking(Sequence[RankedValve]):
         self.next_steps = next_steps(notes)
         used_anchors: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
+        # Texts only, so that they may stay in memory: every file of a report asks for each valve.
+        self._findings: dict[int, PresentedFinding] = {}
 
     def __len__(self) -> int:
         return len(self._order)
@@ -169,13 +171,15 @@ class Ranking(Sequence[RankedValve]):
         facts = self._context.facts(screening.valve)
         stands, confirmed = self.discovered.standing[rank], self.discovered.confirmed[rank]
         remark = self.discovered.remark(facts.by_window) if stands is False else ""
-        finding = present(
-            screening,
-            stands=stands,
-            confirmed=confirmed,
-            held_back=remark,
-            groups=self._context.groups,
-        )
+        finding = self._findings.get(rank)
+        if finding is None:
+            finding = self._findings[rank] = present(
+                screening,
+                stands=stands,
+                confirmed=confirmed,
+                held_back=remark,
+                groups=self._context.groups,
+            )
         return RankedValve(
             rank=rank + 1,
             anchor=self._anchors[rank],
