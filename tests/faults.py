@@ -2,11 +2,12 @@
 
     python -m tests.faults --rounds 4
 
-First the rounds of one service: a simulated device that notes each of its answers, PostgreSQL and the
-service as a process. After each fault it is waited for until the service is itself again: a good
-sample from after the fault's end is in the store, and where the fault was one of runs or pages, a
-run that began after it is done, or a page answers. At the end the store is compared with what the
-device answered. Then the faults that need a plant of their own, each by the tests that make it.
+First the rounds of one service: a simulated device that notes each of its answers, PostgreSQL and
+the service as a process. After each fault it is waited for until the service is itself again: a
+good sample from after the fault's end is in the store, and where the fault was one of runs or
+pages, a run that began after it is done, or a page answers. At the end the store is compared with
+what the device answered. Then the faults that need a plant of their own, each by the tests that
+make it.
 """
 
 from __future__ import annotations
