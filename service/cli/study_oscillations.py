@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -61,7 +61,9 @@ def study_oscillations(
     if fit is not None:
         items += [(each, number) for each in seeds for number in range(plants, plants + quiet)]
     with views.progress("plants", len(items), transient=True) as advance:
-        work = _score_one_plant if fit is None else partial(_look_at_one_plant, plants)
+        work: Callable[[tuple[int, int]], Any] = _score_one_plant
+        if fit is not None:
+            work = partial(_look_at_one_plant, plants)
         for index, result in map_items(choose_executor(workers), work, items):
             done[index] = result
             advance(len(done))

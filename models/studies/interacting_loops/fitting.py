@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -114,7 +115,7 @@ def limit_of(strongest: Floats) -> float:
     if may_pass < 0:
         raise ValueError(f"{strongest.size} quiet plants are too few for a limit: draw more")
     highest_that_may_not = float(np.sort(strongest)[::-1][may_pass])
-    return (np.floor(100.0 * highest_that_may_not) + 1.0) / 100.0
+    return (math.floor(100.0 * highest_that_may_not) + 1) / 100.0
 
 
 def fit_sources(plants: Sequence[PlantEvidence]) -> SourceWeights:
