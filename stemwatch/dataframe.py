@@ -1,4 +1,5 @@
-"""``DataFrameSource``: a pandas DataFrame as a source, read by the rules of every connector."""
+"""``DataFrameSource``: a pandas DataFrame as a source, read by the same rules as other
+connectors."""
 
 from __future__ import annotations
 
@@ -132,7 +133,7 @@ class DataFrameSource:
             return self._row_instants(index, interval_s)
         if not isinstance(index, pd.DatetimeIndex | pd.TimedeltaIndex):
             raise UnreadableSource(
-                NO_TIMES.format(where=self.where, found=_described(index), cure=self._cure())
+                NO_TIMES.format(where=self.where, found=_described(index), cure=self._advice())
             )
         ok = np.asarray(index.notna(), dtype=np.bool_)
         ns = np.where(ok, index.as_unit("ns").asi8, 0)
@@ -155,7 +156,7 @@ class DataFrameSource:
         ns = np.round(np.arange(len(index)) * interval_s * 1e9).astype(np.int64)
         return Instants(ns=ns, ok=np.ones(len(index), dtype=np.bool_), in_utc=False, zone="")
 
-    def _cure(self) -> str:
+    def _advice(self) -> str:
         """What to do about an index without times."""
         kinds = self._frame.dtypes
         for tag, column_index in self._places.items():

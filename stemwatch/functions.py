@@ -31,7 +31,7 @@ from stemwatch.results import (
 )
 
 if TYPE_CHECKING:
-    from stemwatch.service.explain.explained import Explained
+    from stemwatch.service.explain.explain_recording import Explained
 
 Ranges = Mapping[str, tuple[float, float]]
 ManyValves = FilePath | Sequence[OneValve | FilePath] | Mapping[str, OneValve | FilePath]
@@ -66,7 +66,7 @@ class ScreenAs(ExplainAs, total=False):
     limits: Mapping[str, float] | None
 
 
-# Where the simulated loop is recorded: any Monday morning will do.
+# The start of simulated recordings: an arbitrary Monday morning.
 _START = datetime(2026, 3, 2, 6, tzinfo=UTC)
 
 
@@ -338,7 +338,7 @@ def simulate(
 
 def _explained(recording: Recording | Screening, narx: bool) -> Explained:
     from stemwatch.models.mismatch.findings import Mismatch
-    from stemwatch.service.explain.explained import Explained, explain_recording
+    from stemwatch.service.explain.explain_recording import Explained, explain_recording
 
     source = recording.provenance.source
     if isinstance(recording, Recording):

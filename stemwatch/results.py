@@ -16,7 +16,7 @@ from stemwatch.models.recording import Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.explain.explain_json import to_object
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.physics_words import FINDING_TITLE
@@ -47,7 +47,7 @@ class ScreenedValve:
     """Whether its named effects stand among all valves of the call; ``None`` where none was
     named."""
     remark: str = ""
-    """Why they do not, in a sentence."""
+    """Why they do not stand, in a sentence; empty where they do."""
 
     @cached_property
     def _finding(self) -> PresentedFinding:

@@ -13,6 +13,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.modbus.device import Link, LinkKind
+from stemwatch.connectors.modbus.pending_requests import REFUSAL, PendingRequests, SentRequest
 from stemwatch.connectors.modbus.read_fault import (
     FaultKind,
     ReadFault,
@@ -23,7 +24,6 @@ from stemwatch.connectors.modbus.read_fault import (
     silent,
 )
 from stemwatch.connectors.modbus.register_address import FUNCTION, Table
-from stemwatch.connectors.modbus.unanswered import REFUSAL, SentRequest, Unanswered
 
 if TYPE_CHECKING:
     from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
@@ -39,7 +39,7 @@ _LOST = "the connection was closed by the other side"
 
 
 class OnlyReading(Exception):
-    """An attempt to send a function other than 3 and 4; nothing was sent."""
+    """Something tried to send a function other than 3 and 4; nothing was sent."""
 
 
 def only_reading(frame: bytes, *, rtu: bool) -> bytes:
@@ -69,11 +69,11 @@ class Connection:
     def __init__(self, link: Link) -> None:
         self.link = link
         self._client: Client | None = None
-        self._why = ""  # why the last opening failed
+        self._why = ""  # why the last attempt to connect failed
         self._heard = 0  # bytes received since the last request
         self._silences = 0  # time-outs in a row
         self._request: SentRequest | None = None  # the open one
-        self._unanswered = Unanswered(link.answers_until_s)
+        self._unanswered = PendingRequests(link.answers_until_s)
         self._closed_in_doubt = False
 
     @property
@@ -85,7 +85,7 @@ class Connection:
         """Connect. Raises ``ReadFault`` with the reason where that fails."""
         if self._client is None:
             self._client = _new_client(self.link, self)
-            _listen_in(self._client, self)
+            _hook_into_pymodbus(self._client, self)
         self._why = f"no answer within {self.link.timeout_s:g} s"
         self._silences = 0
         self._closed_in_doubt = False
@@ -96,7 +96,7 @@ class Connection:
 
     async def reopen(self) -> bool:
         """Connect again at once where the connection was closed because an answer may come late, so
-        that the other units are read. Returns whether there is a connection now."""
+        that the other units can be read. Returns whether there is a connection now."""
         if self._closed_in_doubt and not self.connected:
             with contextlib.suppress(ReadFault):
                 await self.open()
@@ -107,7 +107,7 @@ class Connection:
         if self._client is not None:
             self._client.close()
 
-    def doubtful(self, unit_id: int, table: Table) -> frozenset[int]:
+    def lengths_to_avoid(self, unit_id: int, table: Table) -> frozenset[int]:
         """The lengths in words that must not be requested of this unit and table now: late answers
         of these lengths may still come and could not be told apart."""
         return self._unanswered.counts(unit_id, table) if self.link.is_rtu else frozenset()
@@ -119,7 +119,7 @@ class Connection:
         ``ReadFault`` with the reason where there are no words.
         """
         request = SentRequest(unit_id, table, first, count)
-        # An answer to an earlier request of the same words is as good as to this one.
+        # An answer to an earlier request for the same words is as good as one to this request.
         looks_alike = any(request.looks_alike(other) for other in self._unanswered)
         if looks_alike and self.link.is_rtu:
             raise not_asked(self.link.timeout_s)
@@ -128,11 +128,11 @@ class Connection:
                 words = await self._send(request, looks_alike)
             except ReadFault as fault:
                 if fault.answer_may_come and self.link.kind is LinkKind.RTU_OVER_TCP:
-                    self._hang_up(fault)
+                    self._close_with_fault(fault)
                     self._closed_in_doubt = True
                 last = attempt == self.link.retries or not fault.answer_may_come
                 if last or not await self.reopen():
-                    self._hang_up_after(fault)
+                    self._close_if_unusable(fault)
                     raise
             else:
                 return words
@@ -188,18 +188,19 @@ class Connection:
         self._silences += 1
         return silent(self.link.timeout_s)
 
-    def _hang_up_after(self, fault: ReadFault) -> None:
-        """Close a TCP connection that is out of step or has timed out several times.
+    def _close_if_unusable(self, fault: ReadFault) -> None:
+        """Close a TCP connection whose frame boundaries are lost or that has timed out several
+        times.
 
-        After an invalid answer the frame boundaries of a TCP stream are unknown. A serial line is
-        in step again after the next silence, and other units answer on it.
+        After an invalid answer the frame boundaries of a TCP stream are unknown. A serial line
+        recovers with the next silence, and other units answer on it.
         """
         out_of_step = fault.kind is FaultKind.NONSENSE and self.link.kind is LinkKind.TCP
         deaf = self._silences >= _SILENCES_BEFORE_CLOSING and self.link.kind is LinkKind.TCP
         if out_of_step or deaf:
-            self._hang_up(fault)
+            self._close_with_fault(fault)
 
-    def _hang_up(self, fault: ReadFault) -> None:
+    def _close_with_fault(self, fault: ReadFault) -> None:
         self._why = fault.reason
         self.close()
 
@@ -291,7 +292,7 @@ def _new_client(link: Link, line: Connection) -> Client:
     return client
 
 
-def _listen_in(client: Client, line: Connection) -> None:
+def _hook_into_pymodbus(client: Client, line: Connection) -> None:
     """Hook into pymodbus to learn why an opening failed, which answers came late, and which bytes
     were invalid; its interface does not tell."""
     from pymodbus.exceptions import ModbusException

@@ -26,7 +26,7 @@ from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault, no_conn
 from stemwatch.connectors.modbus.sample_batch import SampleBatch, one_instant
 from stemwatch.models.recording import Quality
 
-# A poll that begins later than this after its instant would bear a wrong time.
+# A poll that begins later than this after its instant would carry a wrong time.
 LATEST_S = 0.25
 _MICRO = 1_000_000
 
@@ -73,11 +73,11 @@ class PollSchedule:
         """Wait for the next slot that can be kept, and return at its beginning."""
         slot = self.plan(self.now_us())
         while (left_us := slot.at_us - self.now_us()) > 0 or -left_us > self._latest_us:
-            if left_us > 2 * self.every_us + _MICRO:  # the clock was set back while we slept
+            if left_us > 2 * self.every_us + _MICRO:  # the clock was set back during the wait
                 slot = self.plan(self.now_us())
             elif left_us > 0:
                 await asyncio.sleep(left_us / _MICRO)
-            else:  # the program or its machine stood still: what is read now is of another instant
+            else:  # the program or its machine was suspended: it is too late for this instant
                 slot = self._instead_of(slot)
         return slot
 
@@ -171,8 +171,8 @@ class DevicePoller:
             await self.start()
             while True:
                 slot = await self._schedule.next()
-                self._account_for(slot)
-                self._deliver(await self._guarded(slot.at_us))
+                self._deliver_missed(slot)
+                self._deliver(await self._poll_without_raising(slot.at_us))
                 _stop_if_cancelled()
         finally:
             await self.stop()
@@ -201,8 +201,8 @@ class DevicePoller:
         self._note(at_us, batch, poll.fault)
         return batch
 
-    async def _guarded(self, at_us: int) -> SampleBatch:
-        """A poll that raises nothing: an unforeseen error costs only its samples."""
+    async def _poll_without_raising(self, at_us: int) -> SampleBatch:
+        """A poll that never raises: an unforeseen error affects only this poll's samples."""
         began_us = self._schedule.now_us()
         try:
             batch = await self.poll(at_us)
@@ -222,13 +222,13 @@ class DevicePoller:
     async def _read(self, block: Block, poll: _Poll, *, piece: bool = False) -> None:
         """Ask for ``block``; ``piece`` where it is divided for this poll only."""
         reader = self._reader(block)
-        if fault := self._not_now(block):
+        if fault := self._not_asked_because(block):
             poll.mark(reader, fault)
             return
         if fault := self._block_plan.resting(block):
             poll.mark(reader, fault, fault_is_known=True)
             return
-        pieces = block.avoiding(self._line.doubtful(block.unit_id, block.table))
+        pieces = block.avoiding(self._line.lengths_to_avoid(block.unit_id, block.table))
         if len(pieces) > 1:
             for each in pieces:
                 await self._read(each, poll, piece=True)
@@ -263,12 +263,12 @@ class DevicePoller:
                 "device %s: %s: %s", self.device.name, block, fault.reason, extra=log_fields
             )
         elif fault.unit_is_silent:
-            self._leave_alone(block.unit_id, fault)
+            self._pause_unit(block.unit_id, fault)
         if not await self._line.reopen():
             self._why = fault
         poll.mark(self._reader(block), fault)
 
-    def _not_now(self, block: Block) -> ReadFault | None:
+    def _not_asked_because(self, block: Block) -> ReadFault | None:
         if not self._line.connected:
             return self._why or no_connection("")
         unit = self._units.get(block.unit_id)
@@ -276,7 +276,7 @@ class DevicePoller:
             return unit.fault
         return None
 
-    def _leave_alone(self, unit_id: int, fault: ReadFault) -> None:
+    def _pause_unit(self, unit_id: int, fault: ReadFault) -> None:
         unit = self._units.get(unit_id)
         if unit is None:
             unit = _Unit(Backoff(_FIRST_UNIT_WAIT_S, LONGEST_WAIT_S, self._rng))
@@ -311,7 +311,7 @@ class DevicePoller:
                 return
             await asyncio.sleep(self._backoff.failed())
 
-    def _account_for(self, slot: Slot) -> None:
+    def _deliver_missed(self, slot: Slot) -> None:
         """Deliver marked samples for the instants missed before ``slot``."""
         if slot.clock_went_back:
             log.warning(

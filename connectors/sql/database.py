@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stemwatch.connectors.connection_deadline import close_after
 from stemwatch.connectors.connector import ConnectorError, UnreadableSource
-from stemwatch.connectors.cut_off import cut_off_after
 from stemwatch.connectors.secret import Secret, masked
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ class Database:
     """A database that is only read.
 
     Each reading has a connection and a transaction of its own, read only where the engine can,
-    which ends in a rollback. PostgreSQL that says nothing for ``timeout_s`` is given up; other
-    engines have the time-outs that their drivers take from the URL.
+    which ends in a rollback. A query to PostgreSQL without an answer for ``timeout_s`` is given up;
+    other engines have the time-outs that their drivers take from the URL.
     """
 
     def __init__(self, url: Secret, name: str, timeout_s: float) -> None:
@@ -133,7 +133,7 @@ def _parts(
 
 @contextmanager
 def _not_silent(connection: Connection) -> Iterator[None]:
-    """Cut the connection where the block takes longer than the time for an answer."""
+    """Close the connection where the block takes longer than the time-out."""
     from sqlalchemy.exc import SQLAlchemyError
 
     timeout_s = connection.info[_TIMEOUT_S]
@@ -143,7 +143,7 @@ def _not_silent(connection: Connection) -> Iterator[None]:
     handle: Any = connection.connection.driver_connection
     with (
         socket.socket(fileno=os.dup(handle.fileno())) as link,
-        cut_off_after(timeout_s, lambda: link) as was_cut,
+        close_after(timeout_s, lambda: link) as was_cut,
     ):
         try:
             yield

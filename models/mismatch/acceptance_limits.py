@@ -1,9 +1,9 @@
 """How much a term must gain before it is named, and how much may be left unexplained.
 
-None was chosen on the seed that the proof reports. What recordings with nothing hidden can tell,
-`stemwatch calibrate-mismatch` derives by one rule and writes beside the limits in use, and a test
-holds these to it: the strength of what is named, of a pair, and what may be left. The rest was
-chosen by hand on development sets with hidden effects, which such recordings say nothing of.
+No limit was chosen on the seed that the proof reports. Three of them follow from recordings with
+nothing hidden: the strength of a named term, that of a pair, and the loss that may be left.
+`stemwatch calibrate-mismatch` derives these by one rule and writes them beside the limits in use,
+and a test compares the two. The others were chosen by hand on development sets with hidden effects.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ HARDER = {"lost_motion": 1.6, "dwell_dependent_breakaway": 1.9}
 # A record of few blocks, or of few samples, shows a large t by chance more often: limits grow by
 # 1 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples.
 FEW_BLOCKS, FEW_SAMPLES = 5.0, 100.0
-# Later terms stand on what the first has cleared away, and the search is narrower.
+# Later terms start from a smaller residual, and the search is narrower.
 LATER = 0.8
 # What the weaker of two terms that are looked for together must reach beside the other: the search
 # chooses among hundreds of pairs.
 LEAST_OF_A_PAIR = 1.25
-# Of the limits at which a term is named: what comes as near is worth another look, or a test.
+# Share of the limits at which a term is named. A term that comes this near deserves another search
+# or a field test.
 NEAR = 0.4
 NULL_RATE = 0.025
 # What is left in the worst tenth of the blocks, in noise variances, from which a recording is not
@@ -36,9 +37,10 @@ NULL_RATE = 0.025
 MUCH_LEFT = 9.6
 # Less than that is systematic too, where nothing was named at all.
 NOT_LITTLE_LEFT = 8.4
-# Where much is left, a term must explain a good part of it to be more than its accomplice.
+# Where much is left, a term must explain a good part of it; else it only stands in for a missing
+# effect.
 MEAN_WHERE_MUCH_IS_LEFT = 0.35
-# A straight line through the reading is what many other things look like for a while.
+# Over a short time many effects look like a straight line through the reading.
 MEAN_OF_A_LINE = 1.0
 
 
@@ -63,23 +65,25 @@ def strength(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) ->
 
 
 def chance(strongest: float) -> float:
-    """The probability that a valve with nothing hidden shows a term as strong, 0 to 1.
+    """The probability that a valve with nothing hidden shows a term of this strength, 0 to 1.
 
-    ``NULL_RATE`` of them pass the limits at all; of the strengths of those that come near, the tail
-    falls about as one over the strength: three of 120, counted on nulls of seed 4010.
+    The share ``NULL_RATE`` of them passes the limits at all. Beyond the limits the tail of the
+    strength falls about as one over the strength (three of 120 recordings with nothing hidden, seed
+    4010).
     """
     return min(1.0, NULL_RATE / max(strongest, 1e-9))
 
 
 def convincing(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) -> bool:
-    """True where the advantage of a term is beyond what recordings with nothing hidden show."""
+    """True where the advantage of a term is larger than recordings with nothing hidden show."""
     return strength(advantage, counts, slug, stage) >= 1.0
 
 
 def remaining_loss(evaluator: Evaluator, fitted: Fitted) -> float:
-    """What a hypothesis leaves in the worst tenth of the blocks of time: the held-out robust loss
-    over the variance of the noise and of what is not known of OP, its 90th percentile; about 2
-    where only noise and scatter are left."""
+    """What a hypothesis leaves in the worst tenth of the blocks of time. It is the 90th percentile,
+    over the blocks, of the held-out robust loss divided by the variance of the noise and of the
+    uncertainty of OP; about 2 where only noise and scatter are left.
+    """
     counts = evaluator.counts
     filled = counts > 0
     worst = np.percentile(fitted.heldout[filled] / counts[filled], 90.0)
@@ -96,7 +100,7 @@ def much_left(evaluator: Evaluator, fitted: Fitted) -> bool:
 
 
 def not_little_left(evaluator: Evaluator, fitted: Fitted) -> bool:
-    """True where too much is left to say that nothing else is needed."""
+    """True where too much is left to call the recording explained by S and J alone."""
     return (
         remaining_loss(evaluator, fitted)
         > NOT_LITTLE_LEFT * short_record_factor(evaluator.measured_counts) ** 2

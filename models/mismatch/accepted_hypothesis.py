@@ -1,5 +1,7 @@
-"""Which effects stand: what was named is fitted to the whole record, must matter, and must predict
-samples that were not fitted at least as well as S and J alone do; else it goes, weakest first."""
+"""Which of the named effects are accepted. They are fitted together to the whole record. Each must
+remove a material share of the residual, and together they must predict samples that were not fitted
+at least as well as S and J alone do; else the weakest is dropped, until they do.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +18,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
     much_left,
     not_little_left,
 )
+from stemwatch.models.mismatch.air_or_drag import or_air
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
@@ -52,21 +55,22 @@ from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.recording import Floats, Recording
 
 WORSE = 1.15
-# Percent of fit on unseen data: what follows it less describes something else. Of 33 simulated
-# valves on which something was named (`prove`, seed 9393) none is followed by less than 69; a force
-# that was recorded as command is by 62.
+# Percent of fit on unseen data, below which a model does not describe the motion. Of 33 simulated
+# valves on which something was named (`prove`, seed 9393) none is fitted by less than 69; one whose
+# force was recorded as its command is fitted by 62.
 LEAST_FIT_OF_NAMED, NEAR_NOISE = 65.0, 2.0
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
-BEND = "bend"  # is not in the catalogue; its limits are those of a term
+BEND = "bend"  # a bent reading is not in the catalogue; its limits are those of a term
 MUCH_NEARER = 0.7  # of the error of S and J alone
 
 
 @dataclass(frozen=True)
 class AcceptedHypothesis:
-    """A hypothesis fitted to the whole record: everything in it was accepted.
+    """A hypothesis fitted to the whole record, with the effects that were accepted.
 
-    ``worse`` says that something else was not, because unseen samples were predicted worse with it.
+    ``drawn`` returns the candidates (m, size) of its bootstrap. ``worse`` says, where it is not
+    empty, that another effect was dropped because it made the prediction of unseen samples worse.
     """
 
     evaluator: Evaluator
@@ -88,7 +92,7 @@ def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
     if drive is not None:
         return drive
     sought = of_the_valve(terms)
-    return with_pair(name_terms(case.base, sought), sought)
+    return or_air(with_pair(name_terms(case.base, sought), sought), sought)
 
 
 def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:

@@ -1,6 +1,6 @@
-"""The base of every comparison: S, J and the reading's zero and gain, fitted with every chance.
+"""The base of every comparison: S, J and the reading's zero and gain, searched from many starts.
 
-``naive`` is what others report: S and J alone, gain 1 and zero 0, no delay.
+``naive`` is the usual fit of the literature: S and J alone, gain 1 and zero 0, no delay.
 """
 
 from __future__ import annotations
@@ -31,7 +31,9 @@ GAIN_REACH = (-0.25, 0.3)
 RESTICK_REACH = 4.0  # percent per second; from there on a stem sticks at every sample
 CLEARLY = 0.97  # share of the canonical reading's loss that another one must reach
 LEAST_DELTA = 0.05  # percent
-FIRST_OF_DRAWN = 0.5  # percent; what an archive left open gives a wider one nothing to tell
+FIRST_OF_DRAWN = (
+    0.5  # percent; an archive that drew lines leaves too little to estimate a wider scale
+)
 LEAST_SCATTER = 0.03  # percent
 SCATTER_REACH = (0.03, 0.09)  # of the level
 FEWEST_BREAKAWAYS = 8
@@ -70,7 +72,8 @@ def base_bounds(
 
 def grid(summary: RecordingSummary, zero: float, resticks: tuple[float, ...] = (0.0,)) -> Floats:
     """(m, 6) S, J/S and the reading's zero, with and without the one that the loop suggests, and
-    speeds below which the stem sticks again."""
+    speeds below which the stem sticks again.
+    """
     widths = max(1.2 * summary.swing, 2.0) * np.linspace(0.02, 1.0, WIDTHS) ** 1.8
     zeros = np.unique([0.0, zero])
     parts = np.array(np.meshgrid(widths, RATIOS, zeros, resticks, indexing="ij"))
@@ -112,7 +115,9 @@ def scale(evaluator: Evaluator, simulated: Floats) -> float:
 
 
 def first_scatter(summary: RecordingSummary) -> float:
-    """Before anything is known of the stem: a share of a band that a third of OP's swing makes."""
+    """Scatter of the breakaway level before the stem has been fitted, percent: a share of the stick
+    band, which is taken as a third of OP's swing.
+    """
     return base_coordinate.FIRST_SCATTER * max(summary.swing / 6.0, 0.5)
 
 
@@ -133,7 +138,9 @@ def fit_base(
     *,
     own_reading: bool = True,
 ) -> BaseFit:
-    """The base on both folds, its reading of when a stem sticks again, and the loss's scale."""
+    """The base fitted on both folds, with the speed at which a moving stem sticks again and the
+    scale of the loss.
+    """
     spread = float(np.std(problem.mv[problem.scored]))
     first = max(3.0 * problem.sigma, 0.1 * spread, LEAST_DELTA)
     if slack is not None and slack.any():
@@ -178,7 +185,9 @@ def fit_base(
 
 
 def naive_evaluator(evaluator: Evaluator) -> Evaluator:
-    """The evaluator as others fit: free runs, put right at each block of time only."""
+    """The evaluator for S and J fitted as usual: free runs, resynchronised at each block of time
+    only.
+    """
     return replace(evaluator, window=0.0, restick=CANONICAL, _layouts={})
 
 

@@ -1,8 +1,8 @@
-"""Searches that go on in step, so that the runs they ask for fill the kernel's lanes.
+"""Searches that advance together, so that the runs they request fill the kernel's lanes.
 
-One search asks for a few runs at a time and cannot go on before it knows what they cost. Written
-as a generator it hands out what it asks for and waits; several of them are then answered at once.
-What each finds does not depend on its company.
+One search requests a few runs at a time and cannot go on before it knows their losses. It is
+written as a generator, which yields its requests and waits; the requests of several searches are
+then run as one batch. The result of each search does not depend on the others.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ Search: TypeAlias = Generator[list[RunRequest], None, T]
 
 
 def run_together(searches: Iterable[Search[T]]) -> Search[list[T]]:
-    """What some searches find, in their order; each round asks for what all of them ask for."""
+    """The results of several searches, in their order; each round merges the requests of all of
+    them.
+    """
     going = dict(enumerate(searches))
     answers: dict[int, T] = {}
     while going:
@@ -34,7 +36,7 @@ def run_together(searches: Iterable[Search[T]]) -> Search[list[T]]:
 
 
 def conclude(evaluator: Evaluator, search: Search[T]) -> T:
-    """Answer what a search asks for until it is done."""
+    """Run the requests of a search until it returns."""
     while True:
         try:
             asks = next(search)

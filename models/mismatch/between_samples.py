@@ -4,19 +4,20 @@ A controller acts every second or faster, an archive keeps a sample every 5 to 6
 them, or a value that has moved by its deviation. The stem lets go at a peak of OP; where that peak
 lies between two samples, a fit sees a lower one, and reads S and J too small.
 
-How far the stem is seen away from its command does not depend on how often one looks: a tenth of
-the samples has the same percentiles as all of them. A fit that lost the peaks lets go too early,
-and its free run then stays nearer to the command than the recorded stem does. With ``W`` the range
-from the 2nd to the 98th percentile of ``MV - OP``, recorded and simulated on the same samples,
+The distribution of ``MV - OP`` does not depend on the sampling: a tenth of the samples has the same
+percentiles as all of them. A model fitted without the peaks breaks away too early, and its free run
+then stays nearer to the command than the recorded stem does. With ``W`` the range from the 2nd to
+the 98th percentile of ``MV - OP``, recorded and simulated on the same samples,
 
     missed = (W of the recording - W of the free run) / 2
 
-is what the breakaway level ``(S + J)/2`` lacks. The sliding level ``(S - J)/2`` is known from
-where the stem stops, so S and J both lack that much. Averages over a sample clip a triangle that
-turns every ``n`` samples to ``1 - 1/(2 n)`` of its height, by which ``W`` is divided.
+is how far the fitted breakaway level ``(S + J)/2`` is too small. The sliding level ``(S - J)/2`` is
+known from where the stem stops, so S and J are both too small by that much. Averages over a sample
+clip a triangle that turns every ``n`` samples to ``1 - 1/(2 n)`` of its height, by which ``W`` is
+divided.
 
-Reports by exception leave OP and position open by up to the deviation: S and J may be too small by
-it (the peak was not reported) or too large (the valve follows, and its reports come late).
+Exception reporting leaves OP and position uncertain by up to the deviation. S and J may be too
+small by it (the peak was not reported) or too large (the valve follows, and its reports come late).
 """
 
 from __future__ import annotations
@@ -41,55 +42,61 @@ BAND = (2.0, 98.0)  # percentiles of MV - OP
 # A turn of OP counts from this share of the band on: noise and hunting within it lose no peak.
 TURN = 0.2
 FEWEST_TURNS = 5
-# A stem that is seen nearer to its command than this cannot stick as much as anybody would mind.
+# A stem that stays nearer to its command than this sticks too little to matter.
 LEAST_BAND = 1.5  # percent
-# Samples from one turn of OP to the next, from which its peaks are kept well enough. Where this and
-# the other limits of what is a slow archive must lie, `stemwatch calibrate-archives` derives from
-# recordings that keep every second.
+# Samples from one turn of OP to the next, from which its peaks are kept well enough. `stemwatch
+# calibrate-archives` derives this and the other limits of a slow archive from recordings that keep
+# a sample every second.
 FEW = 8.0
-# Below this OP may have turned twice between two samples, and nothing tells how often it did.
+# Below this OP may have turned twice between two samples, and the recording does not show how often
+# it did.
 TOO_FEW = 2.0
 ENOUGH = 6.0
-TWICE_AS_OFTEN = 0.5  # of the interval, which is too long: what would do is no more
+TWICE_AS_OFTEN = (
+    0.5  # of the present interval, which is too long: the interval advised is at most this
+)
 LATE_BY_SAMPLING = 1.2  # samples
 # Share of the S of friction alone below which a lag, and not the sampling, stands for the rest.
 LEFT_BY_A_LAG = 0.5
 # Advantage of friction over an actuator without it (``stickslip.fit.Advantage``) from which it is
 # evident that there is any.
 EVIDENT_MEAN, EVIDENT_T = 0.5, 2.0
-# Slips for each turn of OP from which they stand for all: a stem that is back at its next slip
+# Slips per turn of OP, from which those that were seen represent all. A stem that slips again
 # before it was seen at rest shows its unusual slips only.
 OF_TURNS = 0.15
-# Where OP turns less often, its peaks are lost all the same if it answers a slip before the sample
-# after the next: its speed there, as a share of that before the slip. The fit is then believed
-# where the slips agree with it, in S by this share of it and in J by that share of the breakaway
-# level, or cannot say: their jumps are not so many standard deviations of the noise, or their
-# bounds are as wide as the level. Nor do such bounds tell any S: of eight valves kept every 30 and
-# 60 s for eight hours (`draw_valves`, seed 8383) those three had an S of up to twice the true one.
+# Where OP turns less often, its peaks are lost all the same if the loop answers a slip before the
+# second sample after it. ANSWERED: OP's speed there, as a share of its speed before the slip. The
+# fit is then believed where the slips agree with it (S_APART: in S, by this share of S; J_APART: in
+# J, by this share of the breakaway level), or where they cannot decide: their jumps are less than
+# CLEAR standard deviations of the noise, or their bounds are at least WIDEST times the level.
+# Bounds that wide give no S either: of eight valves kept every 30 and 60 s for eight hours
+# (`draw_valves`, seed 8383) three had them, and an S of up to twice the true one.
 ANSWERED, S_APART, J_APART, CLEAR, WIDEST = 0.8, 0.1, 0.15, 7.0, 1.0
-# A loop that turns in more samples than this keeps its peaks, whatever its slips say: a stem that
-# answers a sample late looks as if it had slipped later. Of 48 valves kept every second
+# A loop that turns in more samples than this keeps its peaks, whatever its slips seem to show: a
+# stem that answers a sample late looks as if it had slipped later. Of 48 valves kept every second
 # (`draw_sticky`, seeds 5 and 7171) the slips of eleven contradict a fit that is right; eight of
-# them turn in more, and of seven that are right against it (kept every 5 and 10 s) one does.
+# these take more samples to turn. Of seven valves kept every 5 and 10 s whose slips rightly
+# contradict the fit, one does.
 RESOLVED = 30.0
-SURE = 4.0  # standard errors of the breakaway level, and two of J: slips that show friction
+SURE = 4.0  # standard errors of the breakaway level, and two of J, from which slips prove friction
 SLUG = "between_samples"
-# One sigma of what is missed, as a share of it, and of the level (S + J)/2: 24 simulated sticking
-# valves (seeds 5151, 6161, 7171) kept every 5, 10 and 20 s against the same kept every second.
+# Standard error of what is missed, as a share of it, and its least value, in percent: 24 simulated
+# sticking valves (seeds 5151, 6161, 7171) kept every 5, 10 and 20 s against the same kept every
+# second.
 ERROR_OF_MISSED, LEAST_ERROR = 0.25, 0.1  # ; percent
-BETWEEN = (0.1, 0.9)  # of its way: an average over a slip, which a snapshot hardly ever meets
+BETWEEN = (0.1, 0.9)  # of the way of a slip: an average lies between, a snapshot hardly ever
 MOSTLY = 0.5
 QUARTILE = 0.4506  # lower quartile of the size of white noise's steps, of its standard deviation
 JUMP = 6.0  # standard deviations of the noise
 LEAST_JUMP = 0.3  # percent
-# One sigma of S and J, in deviations of an exception report, and what S and J of sticking valves
-# lack of it: between half a deviation (OP's last report lies that far below its peak, on average)
-# and a whole one (the stem's last report lags as much). Reports of 0.5 and 1 % of 16 simulated
-# sticking valves lacked 1.1 and 0.8 deviations of S (median), 1.0 and 0.7 of J.
+# Standard error of S and J, in deviations of an exception report, and by how many deviations S and
+# J of sticking valves are too small: between half a deviation (OP's last report lies that far below
+# its peak, on average) and a whole one (the stem's last report lags as much). Reports of 0.5 and 1
+# % of 16 simulated sticking valves lacked 1.1 and 0.8 deviations of S (median), 1.0 and 0.7 of J.
 REPORT_ERROR, REPORT_LACKS = 0.5, 0.75
-HIDES = 2.0  # deviations up to which S may as well be nothing
-# Deviations up to which S may be that of the reports alone, OP's and the stem's: the low end of its
-# interval is then that of what was fitted.
+HIDES = 2.0  # deviations, up to which S may be zero
+# Deviations, up to which S may come from the reports of OP and stem alone. The low end of its
+# interval is then that of the fitted S.
 MAY_BE_REPORTS = 3.0
 
 
@@ -104,15 +111,16 @@ class ArchiveKind(StrEnum):
 
 @dataclass(frozen=True)
 class Archive:
-    """What stands between this recording and its controller.
+    """How the archive of a recording samples: what it kept of what the controller and the stem did.
 
-    ``per_turn`` is how many samples lie between one turn of OP and the next (median);
-    ``deviation`` what reports by exception or drawn lines leave open, percent; ``interval_s``
-    seconds from one sample to the next, ``apart`` samples from one that was stored to the next.
-    ``levels`` are what the slips tell, the command taken as known in bounds only, where they do;
-    ``unseen`` where neither they nor a free run show the friction that keeps the stem from its
-    command. ``doubted`` where the slips contradict the fit of a loop that turns in more samples: OP
-    may have peaks between samples, or the stem may answer a sample late, and which cannot be told.
+    ``per_turn`` is how many samples lie between one turn of OP and the next (median); ``deviation``
+    what reports by exception or drawn lines leave open, percent; ``interval_s`` seconds from one
+    sample to the next, ``apart`` samples from one that was stored to the next. ``levels`` are the
+    friction levels read from the slips, with the command known in bounds only; ``None`` where too
+    few slips are seen. ``unseen``: neither the slips nor a free run show the friction that keeps
+    the stem from its command. ``doubted``: the slips contradict the fit although the loop turns in
+    enough samples; OP may have peaks between samples, or the stem may answer a sample late, and the
+    recording cannot show which.
     """
 
     kind: ArchiveKind
@@ -133,7 +141,9 @@ class Archive:
 
     @property
     def would_do_s(self) -> float:
-        """Seconds between samples from which S and J could be told; two digits at most."""
+        """The longest sampling interval at which S and J could be identified, in seconds, to two
+        digits.
+        """
         exact = self.interval_s * min(max(self.per_turn, 1.0) / ENOUGH, TWICE_AS_OFTEN)
         digit = 10.0 ** np.floor(np.log10(exact))
         return float(digit * np.floor(exact / digit + 1e-9))
@@ -182,13 +192,14 @@ class Archive:
         return bound, Estimate.unknown(self.reason, unit=PERCENT)
 
     def with_slips(self, problem: FitProblem, gain: float, zero: float) -> Archive:
-        """With what the slips of even samples tell, where enough of them are seen; ``gain`` and
-        ``zero`` are those of the reading."""
+        """This archive with the friction levels that the slips of evenly spaced samples show, where
+        enough slips are seen; ``gain`` and ``zero`` are those of the reading.
+        """
         slips = self.slips(problem, gain, zero)
         return self if slips is None else replace(self, levels=slip_levels(slips))
 
     def slips(self, problem: FitProblem, gain: float, zero: float) -> Slips | None:
-        """The slips between even samples, where enough of them are seen."""
+        """The slips between evenly spaced samples; ``None`` where too few are seen."""
         if self.deviation > 0.0:
             return None
         slips = seen_slips(problem, gain, zero, averaged=self.kind is ArchiveKind.AVERAGES)
@@ -196,7 +207,9 @@ class Archive:
         return None if too_few else slips
 
     def _lacks(self, S: float) -> float:
-        """What S and J lack between two reports, percent; nothing that is known of a small S."""
+        """By how much S and J are too small between two reports, percent; 0 for a small S, of which
+        it is not known.
+        """
         hidden = self.kind is not ArchiveKind.REPORTS or S <= HIDES * self.deviation
         return 0.0 if hidden else REPORT_LACKS * self.deviation
 
@@ -217,7 +230,7 @@ class Archive:
         return "the average of every" if averages else "a sample every"
 
     def as_effect(self, missed: float) -> RecordEffect:
-        """The same among what recorder and archive did; ``missed`` in percent of travel."""
+        """This archive as a record effect; ``missed`` in percent of travel."""
         if self.deviation > 0.0:
             parameters = {"deviation_percent": self.deviation}
         else:
@@ -225,7 +238,7 @@ class Archive:
         return RecordEffect(slug=SLUG, sentence=self.sentence(missed), parameters=parameters)
 
     def sentence(self, missed: float) -> str:
-        """What an engineer should know of it; ``missed`` percent of OP."""
+        """What an engineer reads about this archive; ``missed`` in percent of OP."""
         if self.deviation > 0.0:
             return (
                 f"The archive stored {self.kind} to {self.deviation:.2g} %: S and J are known no "
@@ -256,13 +269,13 @@ class Archive:
 
 
 def as_sampled(fit: StickSlipFit, recording: Recording) -> tuple[StickSlipFit, Archive | None]:
-    """The fit that the archive of a ``recording`` in percent of travel calls for, and the archive
-    where S and J can be restored.
+    """The fit with S and J corrected for the archive of a ``recording`` in percent of travel, and
+    that archive where S and J can be corrected.
 
-    A slip is seen up to a sample after the peak that it came from, which reads as a dead time and a
-    lag of about a sample each, with a smaller S: then S and J are those of friction alone. What a
-    slower actuator keeps between command and stem was not lost between samples. The breakaways lie
-    between samples too, and are not read one by one, but in bounds.
+    A slip is seen up to a sample after the peak that caused it, which looks like a dead time and a
+    lag of about a sample each, with a smaller S: then S and J are taken from the fit of friction
+    alone. A distance between command and stem that a slower actuator causes was not lost between
+    samples. The breakaways lie between samples too, so they are not read one by one, but in bounds.
     """
     archive, friction = find_archive(recording), fit.of_sticking
     if archive is None or archive.deviation == 0.0:
@@ -287,8 +300,10 @@ def as_sampled(fit: StickSlipFit, recording: Recording) -> tuple[StickSlipFit, A
 def _even(
     fit: StickSlipFit, recording: Recording, archive: Archive | None, *, evident: bool
 ) -> Archive | None:
-    """The ``archive`` of even samples with what the slips tell; one that keeps more samples is only
-    believed to be slow where they contradict the fit. ``evident``: whether there is friction."""
+    """The ``archive`` of evenly spaced samples with the levels read from the slips. An archive that
+    keeps more samples counts as slow only where the slips contradict the fit. ``evident``: whether
+    there is clearly friction.
+    """
     seen = archive or (even_archive(recording) if evident else None)
     if seen is None:
         return None
@@ -311,9 +326,11 @@ def _even(
 
 @dataclass(frozen=True)
 class SlipsAgainstFit:
-    """How the slips' S and J differ from a fit's, shares of S and of the breakaway level; OP's
-    speed after a slip, ``answered``; the jump in standard deviations of the noise; how far apart
-    the ``bounds`` of a slip are, a share of the level."""
+    """How the slips' S and J differ from those of a fit, as shares of S and of the breakaway level.
+    ``answered``: OP's speed after a slip, as a share of that before; ``jump``: the size of a slip
+    in standard deviations of the noise; ``bounds``: how far apart the bounds of a slip are, as a
+    share of the level.
+    """
 
     S: float
     J: float
@@ -323,7 +340,7 @@ class SlipsAgainstFit:
 
     @property
     def could(self) -> bool:
-        """Whether these slips may say anything against a fit."""
+        """Whether these slips are clear enough to contradict a fit."""
         return self.answered < ANSWERED and self.jump >= CLEAR and self.bounds <= WIDEST
 
     @property
@@ -349,14 +366,15 @@ def _show_friction(levels: SlipLevels) -> bool:
 
 
 def stands_for_friction(S: Estimate, friction_alone: Estimate) -> bool:
-    """Whether something slow explains most of the S that friction alone would have."""
+    """Whether a lag explains most of the S that a fit of friction alone would have."""
     both_known = S.value is not None and friction_alone.value is not None
     return both_known and (S.value or 0.0) < LEFT_BY_A_LAG * (friction_alone.value or 0.0)
 
 
 def find_archive(recording: Recording) -> Archive | None:
-    """What the archive of a recording in percent of travel did not keep; ``None`` where it kept
-    enough, nothing can be told, or the stem is never seen far from its command."""
+    """The slow archive of a recording in percent of travel. ``None`` where it kept enough samples,
+    where this cannot be decided, or where the stem is never seen far from its command.
+    """
     if recording.mv is None or recording.mv.unit != recording.op.unit:
         return None
     thinned = _thinned(recording)
@@ -367,7 +385,9 @@ def find_archive(recording: Recording) -> Archive | None:
 
 
 def even_archive(recording: Recording) -> Archive | None:
-    """An archive that keeps even samples, however many; ``None`` where nothing can be told."""
+    """The archive of evenly spaced samples, however many; ``None`` where OP turns too seldom to
+    decide, or the stem is never seen far from its command.
+    """
     assert recording.mv is not None
     if np.count_nonzero(recording.usable) < FEWEST_TURNS:
         return None
@@ -417,7 +437,7 @@ def _band(spacings: Floats) -> float:
 def _averaged(mv: Floats) -> bool:
     """Whether most slips have a value between where the stem was and where it came to rest."""
     steps = np.diff(mv)
-    # The stem slips at every other sample or so: the noise is that of the quieter steps.
+    # The stem may slip at every other sample, so the noise is estimated from the quieter steps.
     sigma = float(np.percentile(np.abs(steps), 25.0)) / QUARTILE
     jump_size = max(JUMP * sigma, LEAST_JUMP)
     directions = mv[3:-1] - mv[1:-3]
@@ -428,7 +448,9 @@ def _averaged(mv: Floats) -> bool:
 
 
 def _of_slips(estimate: Estimate, value: float, error: float) -> Estimate:
-    """``estimate`` with the ``value`` that the slips tell, and its standard ``error``."""
+    """``estimate`` replaced by the ``value`` that was read from the slips, with its standard
+    ``error``.
+    """
     low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
     return replace(estimate, value=value, low=low, high=high)
 

@@ -13,16 +13,19 @@ from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.runs_of_samples import long_runs, runs_of
 
 LEAST_SAMPLES = 60
-# Swinging doors drop most of a signal; a measured one has next to no three points on one line.
+# Swinging-door compression drops most of a signal; in a measured signal hardly any three points lie
+# on one line.
 LEAST_DRAWN = 0.25
 LEAST_LINES = 12
 COARSEST_DIGIT = 0.02  # percent
 SHARP = 4.0  # times the bend that printing makes
-ONE_SPEED = 0.5  # share of the drawn samples that one slope each way may have: a speed limit
+ONE_SPEED = (
+    0.5  # share of the interpolated samples that one slope each way may have; more is a speed limit
+)
 LEAST_REPORTS, HELD_SHARE = 30, 0.3
 LEAST_DEVIATION, FINE_DEVIATION = 0.05, 0.3  # percent
 JUST_ABOVE = 0.3  # share of the reports within 30 % of the smallest
-IMPOSSIBLE = 0.03  # share of the reports that no stem could make
+IMPOSSIBLE = 0.03  # share of the reports that no stem could have caused
 NARROWEST_DOOR, WIDEST_DOOR = 0.05, 0.5  # percent
 _RELATIVE_ZERO = 1e-9
 
@@ -58,15 +61,15 @@ def _resolution(values: Floats) -> float:
 def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
     """Stored points of a signal (n,) whose other samples lie on straight lines; else ``None``.
 
-    Lines that ``other`` (n,) draws too, at the same slope, are a stem that follows a ramp, and a
-    signal with one slope each way is a stem at its top speed: neither is the archive's work.
+    Lines with the same slope as ``other`` (n,) are a stem that follows a ramp, and a signal with
+    one slope each way is a stem at its top speed: the archive made neither.
     """
     finite = np.isfinite(values)
     if np.count_nonzero(finite) < LEAST_SAMPLES:
         return None
     digit = _resolution(values[finite])
     if digit > COARSEST_DIGIT:
-        return None  # on so coarse a lattice points lie on lines by chance
+        return None  # with steps this coarse, points lie on lines by chance
     zero = _RELATIVE_ZERO * max(float(np.max(np.abs(values[finite]))), 1e-12)
     bend, slope = _bends(values)
     # Each of the three values may be off by half a digit, so a bend by two.
@@ -82,10 +85,11 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
     if len(runs_of(drawn_here)) < LEAST_LINES or _one_speed(slope[drawn_here]):
         return None
     kinks = np.abs(bend[np.isfinite(bend) & ~straight])
-    # A smooth signal printed with few digits bends by little everywhere, a drawn one at its knots.
+    # A smooth signal printed with few digits bends a little everywhere; an interpolated one bends
+    # at its knots only.
     if digit > 0.0 and kinks.size and float(np.median(kinks)) < SHARP * 2.0 * digit:
         return None
-    # The archive draws short lines as well, and flat ones.
+    # Short and flat lines are the archive's as well.
     stored = finite & ~straight
     kept_share = float(stored.sum() / finite.sum())
     return StoredPoints(
@@ -99,8 +103,8 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
 def swinging_door_deviation(values: Floats, stored: Bools) -> float:
     """The deviation of the archive that drew the lines, percent, or a little more.
 
-    A point that was stored between two neighbours that were stored too was no nearer to the line
-    between them than that, else it would have been dropped.
+    A stored point between two stored neighbours lay farther from the line between them than the
+    deviation, else the archive would have dropped it.
     """
     stored_index = np.flatnonzero(stored)
     if stored_index.size < 3:
@@ -114,7 +118,7 @@ def swinging_door_deviation(values: Floats, stored: Bools) -> float:
 
 
 def _one_speed(slopes: Floats) -> bool:
-    """True where one slope each way makes up most of the drawn samples."""
+    """True where one slope each way makes up most of the interpolated samples."""
     at_usual_speed = 0
     for side in (slopes[slopes > 0.0], -slopes[slopes < 0.0]):
         if side.size:
@@ -128,10 +132,11 @@ def _one_speed(slopes: Floats) -> bool:
 def held_reports(values: Floats, other: Floats) -> StoredPoints | None:
     """Reports of a signal (n,) that is held until it has moved by a deviation; else ``None``.
 
-    Long repeats, and steps of no lattice of which not even the smallest is small: a measured
-    stem's are, while it slides or slips. One that only rests and jumps would look the same without
-    noise, so a deviation from 0.3 % up is believed only where many steps lie just above it, or
-    turn back though ``other`` (n,), the command, has not moved as far.
+    They show as long repeats, and as steps that are never small and not multiples of one
+    resolution; a measured stem has small steps while it slides or slips. A stem that only rests and
+    jumps would look the same without noise, so a deviation of 0.3 % or more is believed only where
+    many steps lie just above it, or turn back although ``other`` (n,), the command, has not moved
+    as far.
     """
     finite = np.isfinite(values)
     steps = np.diff(values)

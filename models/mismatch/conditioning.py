@@ -1,7 +1,7 @@
 """The ways to cut a record into cells: phase, direction, rest before, travel, speed, time.
 
-All cuts but the direction and the slips follow the simulated stem and the command, which know
-nothing of the noise in MV: a cut that followed MV itself would sort its noise into cells.
+All cuts but the direction and the slips follow the simulated stem and the command, which are free
+of the noise in MV: a cut that followed MV itself would sort its noise into cells.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ NEAR_A_TURN = 0.25  # and at most this share of the time between two turns
 RECENT_S = 10.0  # a quick move of OP is felt this long
 BANDS, LEAST_BAND = 7, 0.5  # of travel; percent
 PARTS = 8  # of the record
-_STANDS = 0.002  # percent per second; a slower simulated stem stands
+_STANDS = 0.002  # percent per second; a simulated stem slower than this is at rest
 _SIMULATED_NOISE = 0.01  # percent; a simulated step beyond seven times this is a slip
 _HELD = 0.005  # percent per second; a slower command is held
 
@@ -71,7 +71,7 @@ def phase(
     turn = reversals(op, max(0.1 * swing(op), 0.2))
     half = max(round(TURN_S / interval_s), 1)
     if turn.size > 1:
-        # A command that turns every few samples would be nothing but turns.
+        # If the command turns every few samples, every sample would be near a turn.
         half = min(half, int(NEAR_A_TURN * float(np.median(np.diff(turn)))))
     # Within half a window of a turn, on either side.
     near_turn = _after(np.maximum(turn - half, 0), n) <= 2 * half
@@ -88,8 +88,8 @@ def direction(
     """Rising, falling or at rest: where the recorded stem goes, else where the simulated one does,
     which has no noise and moves from ``least_simulated`` percent on (0: as the recorded one).
 
-    The difference is taken over about 3 s, the sample itself in its middle: noise that is the same
-    forwards and backwards does not prefer a sign there.
+    The difference is taken over about 3 s with the sample itself in its middle, so that noise does
+    not favour a direction.
     """
     half = max(round(1.5 / interval_s), 1)
     index = np.arange(mv.size)
@@ -154,8 +154,9 @@ def travel_band(simulated: Floats, edges: Floats) -> Facet:
 
 
 def command_speed(op: Floats, scored: Bools, interval_s: float, unit_s: float = 1.0) -> Facet:
-    """The quickest that OP moved within the last 10 s: held, or bands up to the 50th, 90th, 98th
-    percentile of the moving samples, and above."""
+    """The highest speed of OP within the last 10 s: held, or bands up to the 50th, 90th and 98th
+    percentile of the moving samples, and above.
+    """
     steps = np.abs(np.diff(op, prepend=op[:1])) / interval_s
     window = max(round(RECENT_S / interval_s), 1)
     padded = np.concatenate((np.zeros(window - 1), steps))

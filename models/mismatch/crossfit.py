@@ -2,7 +2,7 @@
 
 Blocks of time alternate between two folds. A search sees one fold only; the score of a block comes
 from the fit to the other one, as Chernozhukov and co-workers do (2018, doi:10.1111/ectj.12097).
-Both folds, and all places that a search begins from, go in step.
+Both folds, and all starting points of a search, advance together.
 """
 
 from __future__ import annotations
@@ -30,9 +30,10 @@ BestOfFolds = tuple[list[SearchResult], list[SearchResult]]  # on the even and o
 class FitEffort:
     """How long a search goes on: starts kept, rounds of descent, then a population about the best.
 
-    ``first``: so many rounds, one after the other, after each of which so many starts go on, and
-    none of a fold where its loss is more than so many times that without the term. After these,
-    nothing goes on where both folds' losses are more than ``no_better`` times that.
+    Each entry of ``first`` is (rounds, starts kept after them, largest loss over that without the
+    term at which a start of one fold still goes on); the entries follow one another. After them the
+    search ends where both folds' losses are more than ``no_better`` times those without the term.
+    ``population`` candidates are drawn about the best, with ``width`` as a share of each range.
     """
 
     keep: int
@@ -117,7 +118,8 @@ def _cheapest(
 
 class _FirstRounds(NamedTuple):
     """The starts that go on after the first rounds, the best first, and the rounds that are
-    ``left``: none where there is no hope."""
+    ``left``: 0 where the loss shows that the search would find nothing.
+    """
 
     reached: list[SearchResult]
     left: int
@@ -153,7 +155,8 @@ def _to_the_end(
     if rounds == 0:
         return starts[0]
     ends = yield from _descended(evaluator, layout, blocks, starts, rounds)
-    # Always: what makes the command late stands only with another speed of sticking again.
+    # Done for every hypothesis: an effect that delays the command fits only with another speed of
+    # sticking again.
     best = yield from _resticking(evaluator, layout, blocks, ends[0])
     if effort.population:
         best = yield from _around(evaluator, layout, blocks, best, effort)
@@ -167,7 +170,7 @@ def _descended(
     starts: list[SearchResult],
     rounds: int,
 ) -> Search[list[SearchResult]]:
-    """Where ``starts`` lead to, the best first."""
+    """The results of a descent from each of ``starts``, the best first."""
     descended = yield from run_together(
         descend(evaluator, layout, blocks, start.candidate, rounds) for start in starts
     )
@@ -177,7 +180,7 @@ def _descended(
 def _resticking(
     evaluator: Evaluator, layout: CoordinateLayout, blocks: Bools, best: SearchResult
 ) -> Search[SearchResult]:
-    """Try other speeds below which the stem sticks again, and go on from a better one."""
+    """Try other speeds below which the stem sticks again, and descend from the best."""
     if layout.bounds.high[base_coordinate.RESTICK] <= 0.0:
         return best
     now = float(best.candidate[base_coordinate.RESTICK])
@@ -236,7 +239,7 @@ def from_best(
         _first_rounds(evaluator, layout, fold, best[: effort.keep], effort, least)
         for fold, best, least in zip(folds(evaluator), begun, simple, strict=True)
     )
-    # A fold alone may be behind by a few breakaways that its fit does not meet.
+    # One fold alone may be worse because its fit misses a few breakaways.
     go_on = any(
         first.reached[0].loss <= effort.no_better * least
         for first, least in zip(firsts, simple, strict=True)
@@ -272,7 +275,7 @@ def own_losses(evaluator: Evaluator, fitted: Fitted) -> tuple[float, float]:
 
 
 def refit(evaluator: Evaluator, fitted: Fitted, effort: FitEffort, *more: Floats) -> Search[Fitted]:
-    """Go on from where ``fitted`` stands on each fold, and from more candidates for each (2, m)."""
+    """Search on from ``fitted`` on each fold, and from more candidates for each (2, m)."""
     starts = np.stack((fitted.candidates, *more), axis=1)
     both_folds = yield from run_together(
         search(evaluator, fitted.layout, fold, of_fold, effort)
@@ -308,14 +311,14 @@ def gain(evaluator: Evaluator, simple: Fitted, rich: Fitted) -> Advantage:
 class Beginning:
     """S and J, percent, from which a search for one more term begins.
 
-    ``plain``: with gain 1 and zero 0, because a base that lacks the term has bent its reading to
+    ``plain``: with gain 1 and zero 0, because a base that lacks the term has a biased reading to
     make up for it; else with the reading of the simple hypothesis.
     """
 
     S: float
     J: float
     plain: bool = False
-    S_less: float = 0.0  # times the term's first coordinate: what of S was the term's
+    S_less: float = 0.0  # times the term's first coordinate: the part of S that belongs to the term
     J_less: float = 0.0
     restick: float | None = None  # speed of sticking again, %/s; else that of the simple hypothesis
 
@@ -328,8 +331,8 @@ def widened(
     centre = simple.candidates.mean(axis=0)
     slow, fast = np.sort(simple.candidates[:, base_coordinate.RESTICK])
     if fast - slow > DISAGREE:
-        # The canonical end of it: a lag stands beside no other, and a higher speed is tried after
-        # the descent.
+        # The canonical value: no lag fits beside any other, and higher speeds are tried after the
+        # descent.
         centre[base_coordinate.RESTICK] = slow
     rows = []
     for start in beginnings:
@@ -361,10 +364,9 @@ def widened(
 def curvature(evaluator: Evaluator, fitted: Fitted) -> Advantage:
     """How much better unseen blocks are predicted by a reading that is bent over the stroke.
 
-    A bowed linkage or an uneven scale looks like a straight line over a part of the stroke. What
-    the line leaves tells them from a zero or span error, which leaves nothing that follows the
-    travel. A cubic of the travel is fitted to the residual of each fold's fit and added on the
-    other fold.
+    A bowed linkage or an uneven scale looks like a straight line over a part of the stroke. The
+    residual separates them from a zero or span error, which leaves nothing that follows the travel.
+    A cubic of the travel is fitted to the residual of each fold's fit and added on the other fold.
     """
     block = evaluator.problem.block
     before, after = np.zeros(evaluator.problem.n_blocks), np.zeros(evaluator.problem.n_blocks)

@@ -13,7 +13,9 @@ _CHUNK = 64
 
 @njit(cache=True)
 def _next_start(marks: Marks, k: int) -> int:
-    """The first START from ``k`` on, or the end: looked for in chunks, which vectors do."""
+    """The first START from ``k`` on, or the end; searched in chunks, so that the compiler uses
+    vector instructions.
+    """
     n = marks.size
     while k + _CHUNK <= n:
         starts = 0
@@ -31,7 +33,7 @@ def _next_start(marks: Marks, k: int) -> int:
 def delayed(command: Floats, marks: Marks, samples: float, out: Floats) -> None:
     """``command`` (n,) later by a delay in samples into ``out`` (n,), another array, percent.
 
-    Linear between samples. What was before a START is not known: the command is held there.
+    Linear between samples. The command before a START is not known and is taken as constant.
     """
     whole_samples, n = int(samples), command.size
     late = samples - whole_samples

@@ -1,4 +1,6 @@
-"""Accepted terms in words: sentence, where it shows, what to check, which test would tell."""
+"""Accepted terms in words: the sentence, where it shows, what to check, and which test would
+separate it from its rivals.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,7 @@ from stemwatch.models.stickslip.fit import Advantage
 FLOW_UNITS = ("/h", "/s", "/min", "gpm", "scfm", "lpm")
 MODEL_ERROR = 0.03  # one sigma, share of a parameter
 WITHIN_SAMPLE = 0.1  # one sigma, samples
-GOES_WITH = 0.5  # correlation of flow and position from which it tells the direction
+GOES_WITH = 0.5  # correlation of flow and position, from which the flow shows which direction opens
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,8 @@ def estimates(
 ) -> dict[str, Estimate]:
     """The term's parameters from its best coordinates (k,) and draws (m, k), on the own clock.
 
-    Widened by what no bootstrap sees: the term is not exactly the valve, and OP and MV are read
-    somewhere within the sampling interval.
+    Widened by two errors that no bootstrap sees: the term is only a model of the valve, and OP and
+    MV are read somewhere within the sampling interval.
     """
     best = term.parameters(values)
     spread = [term.parameters(candidate) for candidate in candidate_draws]
@@ -85,7 +87,9 @@ def effect(
     without_term: tuple[CoordinateLayout, Floats],
     found_directions: Directions,
 ) -> Effect:
-    """One accepted term, told. ``without_term`` is the best model that lacks it."""
+    """One accepted term as an ``Effect`` in words. ``without_term`` is the best model that lacks
+    it.
+    """
     unit_s = evaluator.problem.unit_s
     own_estimates = estimates(term, values, candidate_draws, evaluator.problem.interval_s)
     spoken_estimates = {
@@ -114,7 +118,9 @@ def effect(
 def by_events(
     found_effect: Effect, seen: Dwelling, term: Term, found_directions: Directions
 ) -> Effect:
-    """``told`` with the evidence and the interval of its events in place of the residual's."""
+    """``found_effect`` with the evidence and the interval from its breakaways in place of those
+    from the residual.
+    """
     note = (
         f"The {seen.events} breakaways together tell it ({seen.z:.1f} standard errors); in the "
         "residual it is small, for each of them scatters as well."
@@ -138,9 +144,9 @@ def residual_map(
 ) -> ResidualMap:
     """Where ``simulated`` (n,), percent, differs from the reading of the evaluator's record.
 
-    ``stem`` (n,), percent, is the run that says where the stem is and what it does, as near to the
-    recording as any but without its noise; ``simulated`` itself where it is not given. ``sigma`` is
-    the noise of MV in percent, where it is better known than the problem knows it.
+    ``stem`` (n,), percent, is the run that gives the place and the motion of the stem: near to the
+    recording, but without its noise. ``simulated`` takes its place where it is not given. ``sigma``
+    is the noise of MV in percent, where it is better known than the problem knows it.
     """
     problem = evaluator.problem
     return locate(
@@ -157,7 +163,7 @@ def residual_map(
 
 
 def _places_in_record(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> str:
-    """The hottest place of the residual that is left without the effect."""
+    """The place of the largest residual that is left without the effect."""
     simulated, _ = evaluator.assimilated(layout, candidate)
     places = residual_map(evaluator, simulated)
     return places.hot[0].sentence if places.hot else "Spread over the record, no single place."
@@ -183,9 +189,11 @@ def sentence_of(
     doubt: str,
     missed: str,
 ) -> str:
-    """What is said of the recording. ``refused`` are terms that could not be tested, ``before``
-    is the map of S and J alone, ``doubt`` why it cannot be told whether something is left out,
-    ``missed`` what S and J leave all the same where they explain it, with a blank before it."""
+    """The sentence about the recording. ``refused`` are terms that could not be tested; ``before``
+    is the map of S and J alone; ``doubt`` says why it is not known whether something is left out;
+    ``missed`` says, after a leading blank, what S and J leave unexplained where nothing else is
+    needed.
+    """
     if finding is Finding.NONE:
         tail = f" {len(refused)} effects could not be tested here." if refused else ""
         return f"S and J explain this recording; nothing else is needed.{missed}{tail}"

@@ -1,8 +1,9 @@
 """A motor drive: its lag, inertia and load are looked for together, from the force balance.
 
-One by one they are not found: without the load a fit takes its pull for friction, without the lag
-it takes the lag for a dead band as wide as the swing. The force balance says where they lie
-together; the evaluator of all hypotheses says on unseen blocks of time whether they are needed.
+One by one they are not found: without the load a fit explains its pull as friction, and without the
+lag it explains the lag as a dead band as wide as the swing. The force balance gives starting values
+for all of them together; the common evaluator then decides on unseen blocks of time whether they
+are needed.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
     for slug in TERMS:
         hypothesis = hypothesis.plus(terms[slug])
     evaluator, fitted = _fitted(base, balance, hypothesis)
-    # That there is inertia was told by the balance; the blocks must tell that the drive as a whole
-    # is needed. Without its motor the fit makes up for much by a wide dead band.
+    # The force balance has shown inertia; the unseen blocks must show that the drive as a whole is
+    # needed. Without the motor the fit makes up for much of it by a wide dead band.
     drive_alone = conclude(evaluator, _fit_drive_alone(evaluator, base))
     explains_all = convincing(
         gain(evaluator, drive_alone, fitted), evaluator.measured_counts, DRIVE
@@ -90,7 +91,7 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
 
 def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[Evaluator, Fitted]:
     """The drive fitted to both folds, by a loss on the scale of what it leaves."""
-    # Runs are free: where motion is resolved, breakaways are not the samples that tell most.
+    # Runs are free: where the motion is resolved, breakaways are not the most informative samples.
     evaluator = replace(base.evaluator, window=0.0, _layouts={})
     layout = _near_friction(evaluator.layout(hypothesis), balance.S)
     starts = _starts(evaluator, layout, balance)
@@ -113,8 +114,9 @@ def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[
 
 
 def _near_friction(layout: CoordinateLayout, S: float) -> CoordinateLayout:
-    """``layout`` with S near that of the force balance: there friction is told by every sample that
-    moves, in a free run by those few in which the stem turns round."""
+    """``layout`` with S held near that of the force balance, to which every moving sample
+    contributes; in a free run only the few samples near a turn of the stem do.
+    """
     low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
     low[base_coordinate.S_PERCENT] = max((1.0 - NEAR) * S - LEAST_NEAR, 0.0)
     high[base_coordinate.S_PERCENT] = (1.0 + NEAR) * S + LEAST_NEAR
@@ -123,7 +125,9 @@ def _near_friction(layout: CoordinateLayout, S: float) -> CoordinateLayout:
 
 
 def _starts(evaluator: Evaluator, layout: CoordinateLayout, balance: ForceBalance) -> Floats:
-    """(m, size) where the force balance lies, with and without jump, delay and top speed."""
+    """(m, size) starts at the numbers of the force balance, with and without jump, delay and top
+    speed.
+    """
     dt = evaluator.problem.interval_s
     rows = []
     for ratio, delay, top in product(RATIOS, DELAYS, TOP_SPEEDS):
@@ -138,8 +142,9 @@ def _starts(evaluator: Evaluator, layout: CoordinateLayout, balance: ForceBalanc
 
 
 def starts_of_first_part(evaluator: Evaluator, layout: CoordinateLayout) -> Floats | None:
-    """(m, size) where a drive's fit to the first part begins, from no number that has seen the
-    rest; ``None`` for a hypothesis without a drive, or where that part shows none."""
+    """(m, size) starts of a drive's fit to the first part, computed from that part alone; ``None``
+    for a hypothesis without a drive, or where that part shows none.
+    """
     if DRIVE not in layout.places:
         return None
     problem = evaluator.problem

@@ -1,8 +1,8 @@
 """What shows an effect directly: one quantity against the one that drives it, sample by sample.
 
-For a speed limit that is the speed of the stem against how far it is from its command, for a dead
-time the likeness of the moves of both against how much later OP is taken. The same is worked out of
-the recording and of the free runs of both models, so that a reader sees which of them does it too.
+For a speed limit that is the speed of the stem against its distance from the command; for a dead
+time, the correlation of the moves of both against the delay applied to OP. The same plot is made of
+the recording and of the free runs of both models, so that a reader sees which model reproduces it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import jumps_from_rest, swing
 from stemwatch.models.recording import Bools, Floats
 
-MOST_SHIFT = 4.0  # times the dead time that likeness is tried for
+MOST_SHIFT = 4.0  # times the dead time, up to which the correlation is tried
 SHIFTS = 61
 STEP_OF_LAG, STEP_OF_SWING = 0.3, 0.1  # the time over which a speed is taken
 FEWEST = 12  # points that show something
@@ -82,7 +82,9 @@ def later(values: Floats, delay_s: float, interval_s: float) -> Floats:
 
 
 def effect_signature(slug: str, moves: Moves) -> EffectSignature | None:
-    """What shows the effect ``slug`` in these moves; ``None`` where too few samples tell."""
+    """The plot that shows the effect ``slug`` in these moves; ``None`` where too few samples show
+    it.
+    """
     make_signature = _SHOWN.get(slug)
     signature = None if make_signature is None else make_signature(moves)
     if signature is None:

@@ -35,18 +35,22 @@ N_BASE = 6
 # A command is sampled somewhere between two scans; more than this is a dead time.
 WITHIN_SAMPLE = 0.6
 DEAD_TIME = "dead_time"
-DRIVE, LOAD = "motor_drive", "load_by_position"  # that bear on the base's own coordinates
-LATE_DRIVE = 8.0  # samples that a bus and a controller may keep a command back
+DRIVE, LOAD = "motor_drive", "load_by_position"  # these limit the base's own coordinates
+LATE_DRIVE = 8.0  # samples by which a bus and a controller may delay a command
 # How far from its level a breakaway may come, a share: three times a normal scatter and more.
 WINDOW = 0.35
-EVENT_OF_DRAWN = 0.7  # samples that a breakaway counts for where most samples are drawn
+EVENT_OF_DRAWN = (
+    0.7  # weight of a breakaway, in samples, where the archive interpolated most samples
+)
 FIRST_SCATTER = 0.08  # of the level (S + J)/2
 _NOTHING = np.empty((0, 0))
 
 
 def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
-    """Candidates, ``counts`` of them in each lot, in as few batches as run side by side, of nearly
-    equal numbers of whole vectors; of each batch the lots, by number, and which part of each."""
+    """Distribute requests of ``counts`` candidates each over as few batches as possible, of nearly
+    equal numbers of whole vectors. Yields for each batch the numbers of its requests and the slice
+    of candidates taken from each.
+    """
     total, ends = sum(counts), list(accumulate(counts, initial=0))
     parts, vectors = -(-total // LANES), -(-total // WIDTH)
     cuts = [min(vectors * part // parts * WIDTH, total) for part in range(parts + 1)]
@@ -60,7 +64,7 @@ def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
 
 @njit(cache=True)
 def _means(losses: Floats, blocks: Bools, counts: Floats) -> Floats:
-    """(m,) the sums of ``losses`` (m, n_blocks) over some blocks, a sample."""
+    """(m,) the mean loss a sample over some blocks, from the sums ``losses`` (m, n_blocks)."""
     samples, means = 0.0, np.zeros(losses.shape[0])
     for block in range(counts.size):
         if blocks[block]:
@@ -135,7 +139,8 @@ class CoordinateLayout:
     @cached_property
     def kind(self) -> tuple[bool, bool, bool]:
         """Whether levels vary along the record, whether readings wander, and whether the stem has
-        inertia: what runs alike."""
+        inertia: candidates of one kind can run in one batch.
+        """
         stem = Stem.neutral(2, 1.0)
         for term, coordinate_slice in self.filling:
             term.fill(stem, self.bounds.high[coordinate_slice])
@@ -158,10 +163,10 @@ class RunResults(NamedTuple):
 
 
 class RunRequest:
-    """What a search waits for: assimilated runs of ``candidates`` (m, size) of a layout.
+    """A request of a search: assimilated runs of ``candidates`` (m, size) of a layout.
 
-    Answered with ``losses`` (m, n_blocks), the sums of the robust loss, all blocks of time among
-    them. One that ``reads`` is shown the runs as well.
+    The answer is ``losses`` (m, n_blocks), the sums of the robust loss over every block of time. A
+    request that ``reads`` is given the runs sample by sample as well.
     """
 
     reads = False
@@ -171,7 +176,7 @@ class RunRequest:
         self.losses = _NOTHING
 
     def take(self, part: slice, runs: RunResults) -> None:
-        """The answer of some of the candidates; the next one writes over the runs."""
+        """Receive the runs of some of the candidates; the next batch overwrites them."""
         self.losses[part] = runs.losses
 
 
@@ -193,8 +198,10 @@ class Evaluator:
     onsets: Onsets
     scatter: float  # of the breakaway level, percent of span
     window: float  # how far from its level a breakaway may come, a share; 0: free runs
-    event: float  # samples that a breakaway counts for
-    slack: Floats  # (n,) how far the true value may lie from a drawn one, percent; 0: measured
+    event: float  # weight of a breakaway, in samples
+    slack: (
+        Floats  # (n,) how far the true value may lie from an interpolated one, percent; 0: measured
+    )
     _upcoming: tuple[Samples, Samples]
     _stems: Stems
     _forces: Forces
@@ -218,7 +225,7 @@ class Evaluator:
                 high.append(coordinate.high)
             places[term.slug] = slice(begin, len(low))
         if DEAD_TIME in places:
-            high[DELAY] = 0.0  # one delay is enough
+            high[DELAY] = 0.0  # a dead time takes the place of this delay
         elif DRIVE in places:
             high[DELAY] = LATE_DRIVE * self.problem.interval_s
         if LOAD in places:
@@ -245,19 +252,20 @@ class Evaluator:
         return request.losses
 
     def answer(self, asks: Iterable[RunRequest]) -> None:
-        """Run what is asked for: candidates that run alike side by side, whoever asks for them."""
+        """Run the requests, candidates of one kind side by side, whichever search made them."""
         requests_of_layout = defaultdict(list)
         for request in asks:
             request.losses = np.empty((request.candidates.shape[0], self.problem.n_blocks))
             requests_of_layout[request.layout.kind].append(request)
         for group in requests_of_layout.values():
-            # Those that read first, so that few batches are kept sample by sample.
+            # Requests that need the runs themselves come first, so that few batches are kept sample
+            # by sample.
             group.sort(key=lambda request: not request.reads)
             for batch in batches([request.candidates.shape[0] for request in group]):
                 self._serve([(group[i], part) for i, part in batch])
 
     def _serve(self, parts: list[tuple[RunRequest, slice]]) -> None:
-        """Run up to LANES candidates, and hand each part of an ask what is its own."""
+        """Run up to LANES candidates, and hand each request its part of the results."""
         ends = list(accumulate(part.stop - part.start for _, part in parts))
         runs = self._first(ends[-1])
         if not any(request.reads for request, _ in parts):
@@ -288,7 +296,9 @@ class Evaluator:
         return np.bincount(block[block >= 0], minlength=self.problem.n_blocks).astype(np.float64)
 
     def residual(self, simulated: Floats) -> Floats:
-        """(n,) how far a run lies from what was recorded, less what the archive leaves open."""
+        """(n,) the residual of a run, reduced by the uncertainty ``slack`` of each recorded value,
+        percent.
+        """
         difference = self.problem.mv - simulated
         return np.asarray(difference - np.clip(difference, -self.slack, self.slack))
 
@@ -357,7 +367,7 @@ class Evaluator:
 def _at_measured(marks: Marks, slack: Floats) -> Marks:
     """``marks`` with each resynchronisation at the first sample after a measured one.
 
-    A value that the archive drew is no place to put a resting stem.
+    An interpolated value is not where the stem rested.
     """
     if not slack.any():
         return marks

@@ -45,6 +45,7 @@ from stemwatch.models.mismatch.findings import (
     Effect,
     Finding,
     Mismatch,
+    RecordEffect,
     Stiction,
     Untestable,
 )
@@ -61,6 +62,7 @@ from stemwatch.models.mismatch.record_effects import (
     RecordSettled,
     late_effect,
     settle,
+    small_delay_effect,
     with_steps_resolved,
 )
 from stemwatch.models.mismatch.refined_curve import refined
@@ -72,6 +74,7 @@ from stemwatch.models.mismatch.term_selection import TermScore, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
+from stemwatch.models.mismatch.vibration import find_vibration, vibration_effect, without_vibration
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
@@ -81,7 +84,8 @@ from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
-# What makes the stem late by an amount that grows with the speed of its command, as friction does.
+# Effects that delay the stem by an amount that grows with the speed of its command, as friction
+# does.
 LAGS = ("actuator_lag", "asymmetric_lag", "viscous_drag", "underdamped_positioner")
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
 
@@ -97,7 +101,7 @@ def explain(
     restore: bool = True,
     archive: Archive | None = None,
 ) -> Mismatch:
-    """All that is known of the mismatch of one recording; never raises for what it holds.
+    """The mismatch of one recording; never raises for what the recording holds.
 
     ``ceiling`` (n,) is a network's free run of MV, NaN where it has none: the share of the
     residual that is systematic at all. ``curve`` is the curve from OP to stroke where it is known;
@@ -110,6 +114,7 @@ def explain(
     started, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
     settled = replace(settle(recording), restore=restore, archive=archive)
+    recording, settled = _stilled(recording, settled)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
@@ -128,6 +133,17 @@ def explain(
         mismatch = _explained(recording, settled, ceiling)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
     return replace(mismatch, open_question=question, seconds=time.perf_counter() - started)
+
+
+def _stilled(recording: Recording, settled: RecordSettled) -> tuple[Recording, RecordSettled]:
+    """Without a vibration of the position's reading, which is told with the record's effects."""
+    if settled.slack.any() or settled.spacing_s > recording.interval_s:
+        return recording, settled
+    vibration = find_vibration(recording, settled.real)
+    if vibration is None:
+        return recording, settled
+    effects = (*settled.effects, vibration_effect(vibration, recording))
+    return without_vibration(recording, vibration), replace(settled, effects=effects)
 
 
 def _explained(
@@ -187,7 +203,11 @@ def _through_flow(recording: Recording) -> Mismatch:
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."
     )
-    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}")
+    runs = mismatch.runs
+    if runs is not None and position.mv is not None:
+        followed = np.where(position.mv.usable, position.mv.values, np.nan)
+        runs = replace(runs, position=followed)
+    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}", runs=runs)
 
 
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
@@ -210,25 +230,27 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
             naive,
         )
     unsure = "" if effects else reason
+    effects, delays = _but_for_small_delay(effects, evaluator.problem.unit_s)
     finding = _finding(effects, hypothesis.open_end or bool(unsure))
-    if not effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
+    if not hypothesis.effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
         comparison, refitted = comparison.of_naive_alone(), friction_alone
-    # The same samples make the same cell of both maps: where the better of the models says that the
-    # stem is, which way it goes and when it rests.
+    # Both maps use the same cells: place, direction and rests are those of the better model's stem.
     nearest = comparison.runs.extended
     noise = comparison.heldout.noise_floor
     before = residual_map(evaluator, comparison.runs.naive, nearest, noise)
     after = residual_map(evaluator, nearest, nearest, noise)
-    tried_effects, combined_gain = what_was_tried(hypothesis.named, effects)
+    too_small = [DELAY] if delays else []
+    tried_effects, combined_gain = what_was_tried(hypothesis.named, effects, too_small)
+    sentence = sentence_of(
+        finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
+    )
     mismatch = Mismatch(
         finding=finding,
-        sentence=sentence_of(
-            finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
-        ),
+        sentence=" ".join((sentence, *(delay.sentence for delay in delays))),
         naive=friction_alone,
         restated=refitted,
         effects=effects,
-        record_effects=case.settled.effects,
+        record_effects=(*case.settled.effects, *delays),
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=comparison.heldout,
         before=before,
@@ -237,18 +259,36 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
         tried=tried_effects,
         together=combined_gain,
         p_value=chance(max(effect.evidence.strength for effect in effects)) if effects else None,
-        open_question=left_open(evaluator, hypothesis.named, [effect.slug for effect in effects]),
-        scores=scores_of(hypothesis.named, effects),
+        open_question=left_open(
+            evaluator, hypothesis.named, [effect.slug for effect in hypothesis.effects]
+        ),
+        scores=scores_of(hypothesis.named, hypothesis.effects),
     )
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
 
+def _but_for_small_delay(
+    effects: tuple[Effect, ...], unit_s: float
+) -> tuple[tuple[Effect, ...], tuple[RecordEffect, ...]]:
+    """What is named as physics, and a delay that is not: as long as a sound loop's own, a dead time
+    cannot be told from clocks of the two tags that differ."""
+    small = next(
+        (one for one in effects if one.members == (DELAY,) and one.inherent),
+        None,
+    )
+    if small is None:
+        return effects, ()
+    delay_s = (small.parameters["theta"].value or 0.0) / unit_s
+    named = tuple(one for one in effects if one is not small)
+    return named, (small_delay_effect(delay_s, unit_s),)
+
+
 def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mismatch:
-    """With what a slow archive lost of OP's peaks given back to S and J."""
+    """The mismatch with S and J raised by what a slow archive lost of OP's peaks."""
     restated = mismatch.restated
     if mismatch.finding is Finding.UNKNOWN or stands_for_friction(restated.S, mismatch.naive.S):
         return mismatch
-    # What a slow actuator keeps between command and stem was not lost between two samples.
+    # A distance between command and stem that a slow actuator causes was not lost between samples.
     slow = any(catalogue()[effect.slug].acts_on is ActsOn.COMMAND for effect in mismatch.effects)
     if mismatch.runs is None or (slow and archive.deviation <= 0.0):
         return mismatch
@@ -290,8 +330,8 @@ def _stictions(
 ) -> tuple[Stiction, Stiction]:
     """S and J of friction ``naive`` alone and of the hypothesis, each with its intervals."""
     evaluator, effects = hypothesis.evaluator, hypothesis.effects
-    # With nothing left out that moves the levels, and every sample kept, the breakaways tell S and
-    # J best: a line through the reading moves the two directions apart and not their mean.
+    # Where no named effect moves the levels, and every sample was kept, the breakaways give the
+    # best S and J: a drift of the reading shifts both directions and not their mean.
     can_be_restated = not hypothesis.open_end and not hypothesis.worse and archive is None
     can_be_restated = can_be_restated and all(
         effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects
@@ -315,13 +355,13 @@ def _stictions(
     if effects and not elements:
         refitted = holding_no_jump(evaluator, hypothesis.fitted, refitted)
     for S, J in of_rivals(hypothesis):
-        # Which of them it is cannot be told, so neither can whose S and J these are.
+        # The rivals cannot be separated, so the intervals must hold the S and J of each of them.
         refitted = Stiction(S=refitted.S.holding(S), J=refitted.J.holding(J))
     return friction_alone, refitted
 
 
 def of_rivals(hypothesis: AcceptedHypothesis) -> Iterator[tuple[Estimate, Estimate]]:
-    """S and J of the models that cannot be told from the effect that was found last."""
+    """S and J of the models that the recording cannot separate from the last effect found."""
     if not hypothesis.named.needed or not hypothesis.effects:
         return
     for rival in hypothesis.named.needed[-1].stage.accepted[1:]:
@@ -361,8 +401,9 @@ class NullScores:
 
 
 def scores(recording: Recording) -> NullScores:
-    """What limits are calibrated on, with recordings in which nothing is hidden; no terms where
-    nothing can be fitted."""
+    """The scores of one recording in which nothing is hidden, from which limits are calibrated; no
+    terms where nothing can be fitted.
+    """
     recording = on_own_clock(recording)
     settled = settle(recording)
     if why_not(recording, settled) is not None:

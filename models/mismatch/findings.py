@@ -1,4 +1,4 @@
-"""The nouns of a mismatch: what was found where simulation and recording differ."""
+"""The result types of a mismatch analysis: what was found where simulation and recording differ."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.fit_window import on_whole_clock
 from stemwatch.models.mismatch.open_question import OpenQuestion
-from stemwatch.models.recording import Floats
+from stemwatch.models.recording import PERCENT, Floats, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 
@@ -38,7 +38,7 @@ class EffectEvidence:
     t: float
     share: float
     strength: float = 1.0  # how far beyond the limits, 1 at the limits
-    events_z: float = 0.0  # normal score of the events that told it; 0 where the residual did
+    events_z: float = 0.0  # normal score of the breakaways that showed it; 0 where the residual did
     note: str = ""
 
 
@@ -60,11 +60,11 @@ class TriedOutcome(StrEnum):
     """What became of an effect that was tried."""
 
     NAMED = "named"
-    AS_GOOD = "as good"  # explains it as well as what is named: this recording cannot tell them
-    ADDS_NOTHING = "adds nothing"  # alone it helps, beside what is named no more
-    TOO_SMALL = "too small"  # there, but of a size that needs no work
+    AS_GOOD = "as good"  # explains it as well as what is named: this recording cannot separate them
+    ADDS_NOTHING = "adds nothing"  # it helps alone, but not beside what is named
+    TOO_SMALL = "too small"  # present, but too small to need work
     CHANCE = "no more than chance"  # gains no more than on recordings with nothing hidden
-    NOT_HELD = "does not hold"  # accepted at first; the part not fitted is not better with it
+    NOT_HELD = "does not hold"  # accepted, but unseen samples are predicted no better
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,11 +83,11 @@ class Effect:
     """One effect that was left out, accepted and refitted together with S and J."""
 
     slug: str
-    members: tuple[str, ...]  # slugs that this recording cannot tell from it, its own first
+    members: tuple[str, ...]  # slugs that this recording cannot separate from it, its own first
     sentence: str  # for a maintenance engineer
     where: str  # where in the record it shows
     check: str  # what to look at in the field
-    decide: str  # the test that would tell the members apart; empty where there is one
+    decide: str  # the test that would separate the members; empty where there is only one
     parameters: Mapping[str, Estimate]
     evidence: EffectEvidence
     inherent: bool = False  # how such a machine is made or may be: see ``Term.inherent``
@@ -109,7 +109,7 @@ class EffectScore:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordEffect:
-    """What recorder and archive did to the numbers; settled before any physics is named."""
+    """What recorder and archive did to the numbers; found before any physics is named."""
 
     slug: str
     sentence: str
@@ -157,7 +157,7 @@ class HotPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualMap:
-    """Where a residual lives: cells by facet, and travel (rows) against phase (columns)."""
+    """Where the residual is large: cells by facet, and travel (rows) against phase (columns)."""
 
     cells: tuple[Cell, ...] = ()
     hot: tuple[HotPlace, ...] = ()
@@ -170,14 +170,16 @@ class ResidualMap:
 class HeldOutFit:
     """The fit before and after on data that the fit did not see.
 
-    Errors in percent of span, fits ``100 (1 - rmse / std(MV))``; ``None`` where it cannot be said.
-    ``gain_low`` and ``gain_high`` are the 95 % interval of ``fit_extended - fit_naive``, by a
-    block bootstrap.
+    Errors in percent of span, fits ``100 (1 - rmse / std(MV))``; ``None`` where too few samples are
+    left to compute one. ``gain_low`` and ``gain_high`` are the 95 % interval of ``fit_extended -
+    fit_naive``, by a block bootstrap.
     """
 
     rmse_naive: float | None = None
     rmse_extended: float | None = None
-    rmse_ceiling: float | None = None  # of the NARX network: how much is systematic at all
+    rmse_ceiling: float | None = (
+        None  # of the NARX network: how much of the residual is systematic at all
+    )
     noise_floor: float | None = None
     fit_naive: float | None = None
     fit_extended: float | None = None
@@ -186,14 +188,15 @@ class HeldOutFit:
 
     @property
     def improves(self) -> bool:
-        """Whether the extended model is at least as near on unseen data; true where no samples tell
-        it."""
+        """Whether the extended model is at least as good on unseen data; true where there are too
+        few samples to decide.
+        """
         if self.rmse_naive is None or self.rmse_extended is None:
             return True
         return self.rmse_extended <= self.rmse_naive
 
     def of_naive_alone(self) -> HeldOutFit:
-        """The same where S and J alone are published: nothing is gained, nothing is lost."""
+        """The same where S and J alone are published: no gain and no loss."""
         gain = None if self.fit_naive is None else 0.0
         return replace(
             self,
@@ -216,12 +219,22 @@ class Stiction:
 class FreeRuns:
     """(n,) free runs of MV in percent: S and J alone, and with what was named.
 
-    ``heldout_from`` is the first sample that neither was fitted to.
+    ``heldout_from`` is the first sample that neither was fitted to. ``position`` (n,) is what they
+    follow where MV is no position but a flow that was read as one, NaN where the flow tells
+    nothing; ``None`` where it is MV itself.
     """
 
     naive: Floats
     extended: Floats
     heldout_from: int
+    position: Floats | None = None
+
+    def followed(self, recording: Recording) -> Recording:
+        """The recording with the position that the runs follow, percent, as its MV."""
+        if self.position is None or recording.mv is None:
+            return recording
+        signal = replace(recording.mv, values=self.position, unit=PERCENT)
+        return replace(recording, signals={**recording.signals, Role.MV: signal})
 
     def within(self, first: int, samples: int) -> FreeRuns:
         """The runs on the clock of a recording of ``samples`` samples, of which they begin at
@@ -230,6 +243,9 @@ class FreeRuns:
             naive=on_whole_clock(self.naive, first, samples),
             extended=on_whole_clock(self.extended, first, samples),
             heldout_from=first + self.heldout_from,
+            position=None
+            if self.position is None
+            else on_whole_clock(self.position, first, samples),
         )
 
 
@@ -255,13 +271,16 @@ class Mismatch:
     p_value: float | None = None
     scores: tuple[EffectScore, ...] = ()  # of the effects that this recording could have shown
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
-    open_question: OpenQuestion | None = None  # what a planned test would have to tell
+    open_question: OpenQuestion | None = (
+        None  # the models that a planned test would have to separate
+    )
     seconds: float = 0.0
 
     @staticmethod
     def unknown(sentence: str, reason: str = "", **known: Any) -> Mismatch:
-        """Of a recording of which nothing can be said: why in a ``sentence``, and as the ``reason``
-        of S and J; beside what is ``known``."""
+        """The mismatch of a recording that cannot be analysed: why in a ``sentence``, and as the
+        ``reason`` of S and J; ``known`` are the fields that are known all the same.
+        """
         reason = reason or sentence
         none = Stiction(S=Estimate.unknown(reason, "%"), J=Estimate.unknown(reason, "%"))
         return Mismatch(

@@ -1,11 +1,11 @@
 """A flow that stands for the position, put back into percent of OP.
 
-Where no position is measured, a flow through the valve shows what the stem does, seen through the
-valve's characteristic: a rising curve of unknown shape, flat where the valve is shut. For a stem
-``x`` that follows OP through a delay, a lag and a dead band, the characteristic is the isotonic
-regression of the flow on ``x``; the delay, lag and band that leave the least are taken, and the
-flow is read backwards through their curve. Where the curve is flat the flow says nothing of the
-stem, and the samples are left out.
+Where no position is measured, the flow shows the motion of the stem through the valve's
+characteristic: a rising curve of unknown shape, flat where the valve is shut. For a stem ``x`` that
+follows OP through a delay, a lag and a dead band, the characteristic is the isotonic regression of
+the flow on ``x``. The delay, lag and band with the least squared error are taken, and the inverse
+of their curve gives the position. Where the curve is flat the flow does not show the stem, and the
+samples are left out.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BANDS = (0.0, 1.5, 3.0, 4.5, 6.0, 7.5, 9.0, 11.0, 14.0)  # percent
 DELAYS = (0.0, 1.0, 2.0, 3.5, 6.0)  # samples or seconds, whichever is longer
 LAGS = (0.0, 1.0, 2.5, 5.0, 8.0, 12.0)
 KNOTS = 41  # of the characteristic over the range of OP
-FLAT = 0.12  # of the median slope, below which the flow does not tell the stem
+FLAT = 0.12  # of the median slope, below which the flow does not show the stem
 GOES_WITH = 0.97  # of the flow's variance that the curve must explain
 FEWEST = 200
 
@@ -94,11 +94,13 @@ def _curve(stem: Floats, flow: Floats) -> tuple[float, Characteristic]:
 
 
 def _backwards(curve: Characteristic, flow: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """(n,) the place on the curve at which each flow lies, and where that tells anything."""
+    """(n,) the place on the curve at which each flow lies, and where the curve is steep enough to
+    show it.
+    """
     slope = np.gradient(curve.flow, curve.place)
     usual_slope = float(np.median(slope[slope > 0.0])) if np.any(slope > 0.0) else 0.0
     steep = slope > FLAT * usual_slope
-    # A curve that rises a little everywhere can be read backwards.
+    # A curve that rises a little everywhere has an inverse.
     rising = curve.flow + 1e-9 * np.arange(curve.flow.size) * max(float(np.ptp(curve.flow)), 1e-9)
     position = np.interp(flow, rising, curve.place)
     is_steep = np.interp(position, curve.place, steep.astype(np.float64)) > 0.5

@@ -7,9 +7,9 @@ from it, and the balance of a drive of finite gain is linear in what is sought:
 
 This is how the dynamics of robots are identified (Gautier 1997, doi:10.1109/ROBOT.1997.606824:
 inverse model, low-pass differentiation, least squares). Here the least squares are robust, and the
-low pass is a parabola over twice the run-up ``tau_r``, which is found with it. It tells where
-the fits of ``explain`` begin for a drive, and whether there is one: of a valve that slips between
-two samples no such balance holds.
+low pass is a parabola over twice the run-up ``tau_r``, which is found with it. The balance decides
+whether the recording shows a drive, and where the fits of ``explain`` then begin: for a valve that
+slips between two samples no such balance holds.
 """
 
 from __future__ import annotations
@@ -25,30 +25,30 @@ from stemwatch.models.stickslip.kernel import START
 from stemwatch.models.stickslip.problem import FitProblem
 
 FIRST_WINDOW, SHORTEST, LONGEST = 15, 7, 241  # samples of the low pass
-# Run-ups in a window: a long one tells best whether there is inertia, a short one blurs friction
-# less where the stem turns round: by two, S of simulated drives is within 3 % of theirs.
+# Run-ups in a window: a long one shows best whether there is inertia; a short one blurs friction
+# less where the stem reverses. With two, S of simulated drives is within 3 % of the truth.
 RUN_UPS_TO_SEE, RUN_UPS = 3.0, 2.0
 ROUNDS = 4  # of window and run-up
 REWEIGHTS = 12
 SPIKES = 5  # samples of the running median that takes single wrong readings out
-# What tells a drive whose motion is resolved: lag and run-up in samples, what the balance leaves of
-# the spread of OP - MV, and what it leaves of what it would without inertia. Servo drives recorded
-# at 100 Hz: 6 and more, 3.5, at most 0.13 and 0.75. Of 142 simulated valves at 1 s none. A motor
-# that is hardly damped has a short lag and a long run-up; then its swing must be resolved, whose
-# period is 2 pi times the root of their product.
+# Signs of a drive whose motion is resolved: lag and run-up in samples, what the balance leaves as a
+# share of the spread of OP - MV, and as a share of what a balance without inertia leaves. Servo
+# drives recorded at 100 Hz: 6 and more, 3.5, at most 0.13 and 0.75. Of 142 simulated valves at 1 s
+# none. A motor that is hardly damped has a short lag and a long run-up; then its swing must be
+# resolved, whose period is 2 pi times the root of their product.
 LEAST_LAG, LEAST_RUN_UP, MOST_LEFT, MOST_OF_MASSLESS = 3.0, 1.5, 0.22, 0.85
 FEWEST = 300  # samples
 FRICTION, SPEED, INERTIA = 4, 5, 6  # among the coefficients
 REPLICATES = 240
-SLOW = 0.1  # of the median speed, within which the sign of motion is not sure
+SLOW = 0.1  # of the median speed, below which the sign of motion is uncertain
 
 
 @dataclass(frozen=True)
 class ForceBalance:
-    """What the balance found: percent and units of the recording's clock.
+    """The fitted force balance, in percent and units of the recording's clock.
 
     ``load`` (3,) are a, b and c; ``left`` is the robust spread of what remains, percent.
-    ``S_drawn`` (REPLICATES,) is what S could have been, by the blocks of time.
+    ``S_drawn`` (REPLICATES,) are the values of S from the block bootstrap.
     """
 
     S: float
@@ -155,7 +155,7 @@ class _Regression:
         )
 
     def drawn(self) -> Floats:
-        """(REPLICATES, 7) what the coefficients could have been, by the blocks of time. Seeded."""
+        """(REPLICATES, 7) the coefficients from a block bootstrap. Seeded."""
         numbers, block_index = np.unique(self.block, return_inverse=True)
         counts = np.bincount(block_index).astype(np.float64)
         squares, sums = np.empty((numbers.size, 7, 7)), np.empty((numbers.size, 7))

@@ -1,4 +1,4 @@
-"""The fit before and after, on a part of the record that neither fit has seen."""
+"""The fit without and with the named effects, on a part of the record that neither fit has seen."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Bools, Floats
 
 REPLICATES = 400
-FEWEST = 30  # samples that make an error
+FEWEST = 30  # samples, from which an error is given
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,15 @@ class HeldOutComparison:
     followed: float | None = None
 
     def of_naive_alone(self) -> HeldOutComparison:
-        """The same where nothing but S and J alone is published."""
+        """The same where S and J alone are published."""
         runs = replace(self.runs, extended=self.runs.naive)
         return replace(self, heldout=self.heldout.of_naive_alone(), runs=runs)
 
 
 class FirstPart:
-    """S and J fitted to the first part of a record, with which every hypothesis begins there: once,
-    however many hypotheses are shown."""
+    """S and J fitted to the first part of a record, from which the fit of every hypothesis starts
+    there. They are computed once for all hypotheses.
+    """
 
     def __init__(self, evaluator: Evaluator) -> None:
         self.evaluator = evaluator
@@ -83,7 +84,7 @@ def compare_held_out(
 
     ``ceiling`` (n,) is the free run of a network that was fitted to the same first part. With
     ``starts`` (m, size), which know the first part alone, the final hypothesis begins there.
-    ``first_part`` is what other hypotheses of this record were shown with.
+    ``first_part`` holds the fits that all hypotheses of this record share.
     """
     problem = evaluator.problem
     if first_part is None or first_part.evaluator is not evaluator:
@@ -107,7 +108,7 @@ def compare_held_out(
 
 
 def _fit(mv: Floats, run: Floats) -> float | None:
-    """``100 (1 - rmse / std)`` of some samples, or ``None`` where they tell nothing."""
+    """``100 (1 - rmse / std)`` of some samples, or ``None`` where MV does not vary."""
     spread = float(np.std(mv)) if mv.size else 0.0
     if mv.size < FEWEST or spread == 0.0:
         return None
@@ -117,8 +118,9 @@ def _fit(mv: Floats, run: Floats) -> float | None:
 def _trained(
     first_part: FirstPart, layout: CoordinateLayout, terms: Sequence[Term]
 ) -> Search[Floats]:
-    """The extended model fitted to the first part: from a grid of S and J on, term after term, as
-    it was found, but from no number that has seen the rest."""
+    """The extended model fitted to the first part alone: from a grid of S and J, then term by term
+    in the order in which they were found.
+    """
     evaluator, train, fitted = first_part.evaluator, first_part.blocks, first_part.base
     for term in terms:
         rich = evaluator.layout(fitted.layout.hypothesis.plus(term))
@@ -140,11 +142,12 @@ def _running_free(
     trained: Floats,
     simple: Floats,
 ) -> Floats:
-    """``trained`` by the loss that the naive model is fitted to: free runs.
+    """``trained`` refitted by free runs, the loss of the naive model.
 
-    A run whose breakaways are put where they were seen does not ask for what a free run does best
-    with; judged by its free run it would be behind a simpler model that was fitted to nothing else.
-    S and J of the naive fit, ``simple`` (6,), are starts as well, less what of them was a term's.
+    An assimilated run and a free run have different optima; judged by its free run, the extended
+    model would be at a disadvantage against a simpler model that was fitted by free runs. S and J
+    of the naive fit, ``simple`` (6,), are starts as well, less the part of them that belongs to a
+    term.
     """
     rows = [trained]
     if not terms:
@@ -197,7 +200,7 @@ def _heldout(
         rmse_naive=rmse_naive,
         rmse_extended=rmse_extended,
         rmse_ceiling=_ceiling(ceiling, problem.mv, late),
-        # A model that comes nearer than the estimated noise shows that the noise is less.
+        # A model with a smaller residual than the estimated noise shows that the noise is smaller.
         noise_floor=min(problem.sigma, rmse_naive, rmse_extended),
         fit_naive=100.0 * (1.0 - rmse_naive / spread),
         fit_extended=100.0 * (1.0 - rmse_extended / spread),

@@ -3,8 +3,8 @@
 First what the recording exercised is counted (moves, slips, turns, rests, travel); then each effect
 is asked whether so much could have shown it.
 
-An effect that the recording never exercised is not absent: it is not testable. The limits refuse
-only where nothing could be seen; what is seen weakly is left to the evidence.
+An effect that the recording never exercised is not absent: it is not testable. The limits refuse an
+effect only where it could not be seen at all; where it would show weakly, the evidence decides.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from stemwatch.models.words import only_times, share, times
 
 QUICK_S, OPENING_S, SLOW_S = 5.0, 10.0, 20.0  # windows of a quick move, an opening, a slow ramp
 QUICK_PERCENT_PER_S = 0.2  # of a net move over 5 s
-SLOW_PERCENT_PER_S = (0.003, 0.25)  # of a ramp on which a stem could stick again and again
+SLOW_PERCENT_PER_S = (0.003, 0.25)  # of a ramp on which a stem could stick repeatedly
 OPENING_PERCENT = 2.0
 SLIP_NOISE = 0.01  # percent, of a simulated stem
 BANDS = 12  # of travel, whose passes are counted
@@ -32,16 +32,17 @@ BANDS = 12  # of travel, whose passes are counted
 
 @dataclass(frozen=True, kw_only=True)
 class Exercised:
-    """Counts are of the recording or of the simulated stem, whichever saw more.
+    """What the recording exercised; counts of the recording or of the simulated stem, whichever is
+    larger.
 
     ``travel`` is the range of MV in percent, 1st to 99th percentile; ``moves`` (rising, falling)
-    counts the stem's moves between its turns, ``slips`` its jumps; ``quick`` OP's moves by at
-    least 0.2 %/s over 5 s each way, ``openings`` its rises by 2 % or more within 10 s; ``restarts``
-    starts in the direction of the motion before; ``slow_s`` the time of ramps slower than
-    0.25 %/s; ``rests`` (m,) lengths in seconds; ``passes`` the most through any band of travel.
-    ``bends`` is the share of the samples at which OP bends by more than a tenth of its swing, and
-    ``noisy`` whether its noise does;
-    ``at_low`` and ``at_high`` tell whether MV stands at that end while OP goes further.
+    counts the stem's moves between its turns, ``slips`` its jumps; ``quick`` OP's moves by at least
+    0.2 %/s over 5 s each way, ``openings`` its rises by 2 % or more within 10 s; ``restarts``
+    starts in the direction of the motion before; ``slow_s`` the time of ramps slower than 0.25 %/s;
+    ``rests`` (m,) lengths in seconds; ``passes`` the most through any band of travel. ``bends`` is
+    the share of the samples at which OP bends by more than a tenth of its swing, and ``noisy``
+    whether its noise explains these bends; ``at_low`` and ``at_high`` tell whether MV stands at
+    that end while OP goes further.
     """
 
     duration_s: float
@@ -152,7 +153,7 @@ def _quick(op: Floats, interval_s: float) -> int:
 
 
 def _slow(op: Floats, interval_s: float) -> float:
-    """Seconds in which OP creeps one way: its net speed over 20 s is small and not nothing."""
+    """Seconds in which OP creeps one way: its net speed over 20 s is small but not zero."""
     speed = np.abs(_rise(op, SLOW_S, interval_s)) / max(SLOW_S, interval_s)
     low, high = SLOW_PERCENT_PER_S
     return float(np.count_nonzero((speed > low) & (speed < high))) * interval_s
@@ -215,10 +216,10 @@ _QUICK_EFFECTS = (
     "underdamped_positioner",
 )
 
-_RESTING = ("low_speed_restick", "slip_overshoot")  # that show where a moving stem sticks again
+_RESTING = ("low_speed_restick", "slip_overshoot")  # these show where a moving stem sticks again
 
-SLOWEST_SAMPLING_S = 5.0  # at which an effect of a few seconds leaves a trace
-# What a stem does within samples: how it sticks again, how long it rested before it let go.
+SLOWEST_SAMPLING_S = 5.0  # at which an effect of a few seconds still shows
+# Effects between samples: how the stem sticks again, how long it rested before it let go.
 _BETWEEN_SAMPLES = ("low_speed_restick", "slip_overshoot", "dwell_dependent_breakaway")
 # Share of the samples at which OP bends by more than a tenth of its swing: then its turns fall
 # between samples. At most 0.010 in 92 simulated loops at 1 s, at least 0.020 in 32 of them at 5 s

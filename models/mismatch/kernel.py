@@ -7,11 +7,11 @@ window of ``fs``, the stem lets go there, and what is charged is how far the for
 ``fs``, not the time. All hypotheses are compared this way; what is shown to people is a free run.
 
 Each sample waits for the one before, so that one stem alone leaves most of a processor idle.
-Candidates therefore run side by side, one in each *lane*: what is known of the lanes stands in
-one array, row by row (``s[X + i]`` is the place of the stem in lane ``i``), and the loop over the
-lanes decides by choosing values, not by branching, so that the compiler makes vectors of it. It
-does so only for unsigned indices, for one array beside the forces, and where all is read before
-anything is chosen. What is rare (marks, onsets, tables, logarithms) is done lane by lane.
+Candidates therefore run side by side, one in each *lane*. The state of all lanes is one array, row
+by row (``s[X + i]`` is the place of the stem in lane ``i``), and the loop over the lanes selects
+values instead of branching, so that the compiler vectorises it. It does so only with unsigned
+indices, with one array beside the forces, and where all values are read before any is selected.
+What is rare (marks, onsets, tables, logarithms) is done lane by lane.
 
 The equations stand in ``stem``.
 """
@@ -69,13 +69,13 @@ _ROUNDING = 1e-9  # percent; a smaller step of the force is a held command
 # A stem that drags towards its end of travel never quite arrives; below this speed it stands.
 _STANDS_BELOW = 0.01  # percent per second
 _PATIENCE_S = 120.0  # how long an assimilated run waits for a breakaway that the recording shows
-_FULL = 1e200  # of a product of losses, before its logarithm is taken
-_AHEAD = 64  # samples of the forces that are laid out by lane at once
-WIDTH = 8  # lanes of a vector; an odd lane would be done alone
+_FULL = 1e200  # a product of losses this large is replaced by its logarithm
+_AHEAD = 64  # samples of the forces that are transposed to lanes at once
+WIDTH = 8  # lanes of a vector; a remainder of lanes would run without vectors
 _U = np.uint64
-# Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
+# numba types a plain 0 as the literal 0, so all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
-# Rows of the lanes' array: the stem; what holds for a run; the levels; the reading and its loss.
+# Rows of the lanes' array: state of the stem; constants of a run; levels; reading and loss.
 _ROWS = 33
 (_X, _Z, _SIDE, _MOVING, _BEFORE, _LEAVES, _RESTED) = [_U(i * LANES) for i in range(7)]
 (_SHARE, _LEAST, _STEP, _LOW, _HIGH, _HALF) = [_U(i * LANES) for i in range(7, 13)]
@@ -102,8 +102,9 @@ def _table_value(tables: Floats, lane: int, x: float) -> float:
 
 @njit(cache=True)
 def _share_and_least(dt: float, q: Floats) -> tuple[float, float]:
-    """The share of its way that a dragging stem makes in a sample, and the speed below which it
-    sticks, as a gap; a negative one lets only a turn stop it."""
+    """The share of its way that a stem with drag covers in a sample, and the gap below which it
+    sticks; with a negative one only a turn stops it.
+    """
     share = 1.0 - np.exp(-dt / q[stem_number.DRAG_S]) if q[stem_number.DRAG_S] > 1e-3 else 1.0
     if q[stem_number.RESTICK] < 0.0:
         return share, -_ROUNDING
@@ -113,7 +114,7 @@ def _share_and_least(dt: float, q: Floats) -> tuple[float, float]:
 
 @njit(cache=True)
 def _reading(z: float, gain: float, offset: float, drift: float, wander: float, t: float) -> float:
-    """What is read of the place ``z``, percent of MV, ``t`` samples from the middle."""
+    """The reading of the place ``z``, percent of MV, ``t`` samples from the record's middle."""
     return gain * (z - 50.0) + (offset + drift * t + wander)
 
 
@@ -127,7 +128,7 @@ def _cost(residual: float, slack: float, scale: float) -> float:
 
 @njit(cache=True)
 def _set_levels(s: Floats, lanes: np.uint64, k: int) -> None:
-    """Breakaway and sliding of every lane at sample ``k``, percent."""
+    """Set the breakaway and sliding levels of every lane at sample ``k``, percent."""
     for i in range(lanes):
         s_half, j_half = s[_S_HALF + i], s[_J_HALF + i]
         uneven, growth = s[_UNEVEN + i], s[_GROWN + i]
@@ -143,7 +144,7 @@ def _set_levels(s: Floats, lanes: np.uint64, k: int) -> None:
 def _begin(
     s: Floats, numbers: Floats, lanes: int, force: Floats, rows: NDArray[np.int64], dt: float
 ) -> None:
-    """Every lane at rest at its first force."""
+    """Set every lane to rest at its first force."""
     n = force.shape[1]
     for lane in range(lanes):
         row, i = min(lane, rows.size - 1), _U(lane)
@@ -194,12 +195,12 @@ def _move(
     begin: int,
     end: int,
 ) -> tuple[int, int]:
-    """Some samples of every lane: stick, let go, slide, be read and charged.
+    """Advance every lane by some samples: stick, break away, slide, read, and add the loss.
 
-    ``forces`` (_AHEAD lanes,) are laid out by lane, and each is written over by what is read; a
-    stuck stem lets go beyond ``near_onset`` times ``fs``, rising and falling. With a ``scale`` of 0
-    nothing is charged. Returns where it stopped, at ``end`` or before because products are full,
-    and how many are.
+    ``forces`` (_AHEAD lanes,) are transposed to lanes, and each is overwritten by the reading. A
+    stuck stem breaks away beyond ``near_onset`` times ``fs``, rising and falling. With a ``scale``
+    of 0 no loss is added. Returns the sample at which it stopped (``end``, or earlier where
+    products of losses are full) and how many products are full.
     """
     near_up, near_down = near_onset
     k, full, half_way = begin, 0, 0.5 * mv.size
@@ -218,7 +219,8 @@ def _move(
             f = forces[o + i] - x - s[_PUSHED + i]
             rises, falls = f > near_up * fs_up, -f > near_down * fs_down
             fd, fd_on = fd_up if rises else fd_down, fd_up if d > 0.0 else fd_down
-            # A moving stem goes on where it is fast enough; one that rests, or sticks, may let go.
+            # A moving stem goes on where it is fast enough; one that is at rest, or sticks, may
+            # break away.
             gap_on, gap = d * f - fd_on, abs(f) - fd
             moving = moving if gap_on > least else 0.0
             goes = 1.0 if rises | falls else 0.0
@@ -252,12 +254,13 @@ def _move(
 def _move_heavy(
     s: Floats, numbers: Floats, forces: Floats, near_onset: tuple[float, float], dt: float
 ) -> None:
-    """One sample of the lanes whose stem has inertia, before ``_move`` reads and charges it.
+    """Advance the lanes whose stem has inertia by one sample, before ``_move`` takes its reading
+    and loss.
 
     The force balance in ``_PARTS`` implicit steps ``h``, stable for every drag and inertia: in the
     direction of motion, ``w = max((a w/h + gap) / (a/h + DRAG_S + h), 0)``, ``a = DRAG_S
-    RUN_UP_S``. ``forces`` (lanes,) then hold the stem where it has come to, so that ``_move`` reads
-    it there; what ``_move`` cannot know is put right after it by ``_after_heavy``.
+    RUN_UP_S``. ``forces`` (lanes,) then hold the stem at its new place, so that ``_move`` reads it
+    there; ``_after_heavy`` corrects afterwards what ``_move`` cannot know.
     """
     h = dt / _PARTS
     for lane in range(numbers.shape[0]):
@@ -288,8 +291,9 @@ def _move_heavy(
 
 @njit(cache=True)
 def _after_heavy(s: Floats, numbers: Floats) -> None:
-    """What ``_move_heavy`` knows of the lanes that it moved: whether they move still, the force
-    with which they let go, and that on them."""
+    """Restore the state of the lanes that ``_move_heavy`` moved: whether they are still moving, the
+    force at their breakaway, and the present force.
+    """
     for lane in range(numbers.shape[0]):
         i = _U(lane)
         if numbers[lane, stem_number.RUN_UP_S] > 0.0:
@@ -361,7 +365,7 @@ def _look_up(s: Floats, placed: NDArray[np.int64], friction: Floats, force: Floa
 
 @njit(cache=True)
 def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
-    """What the rest before adds to the breakaway of some lanes."""
+    """Look up what the rest before adds to the breakaway of some lanes."""
     for lane in resting:
         i = _U(lane)
         # A stem that sticks at this very sample has not rested yet.
@@ -372,7 +376,7 @@ def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
 
 @njit(cache=True)
 def _wander(s: Floats, waving: NDArray[np.int64], wander: Floats, k: int) -> None:
-    """How far the readings of some lanes wander at sample ``k``."""
+    """Look up how far the readings of some lanes wander at sample ``k``."""
     for lane in waving:
         s[_WANDER + _U(lane)] = wander[lane, k]
 
@@ -381,9 +385,11 @@ def _wander(s: Floats, waving: NDArray[np.int64], wander: Floats, k: int) -> Non
 def _start(
     s: Floats, lanes: int, t: float, seen: tuple[float, float, float], laid_force: Floats
 ) -> int:
-    """Read and charge all lanes at a START, where nothing moves; how many products are full.
+    """Take reading and loss of all lanes at a START, where nothing moves; returns how many products
+    are full.
 
-    ``seen`` are MV, its slack and the scale of the loss; what is read goes to ``laid_force``.
+    ``seen`` are MV, its slack and the scale of the loss; the readings are written to
+    ``laid_force``.
     """
     full, (measured, free, scale) = 0, seen
     for i in range(_U(lanes)):
@@ -405,7 +411,9 @@ def _end_of_alike(
     down: int,
     patience: int,
 ) -> int:
-    """The end of the samples from ``k`` on that are alike: of one block, no mark, no onset."""
+    """The end of the stretch from ``k`` on in which nothing rare happens: one block, no mark, no
+    onset.
+    """
     end = min(last_sample, up if up <= k + patience else up - patience)
     end = min(end, down if down <= k + patience else down - patience)
     end, last, b = max(end, k + 1), k + 1, block[k]
@@ -418,9 +426,9 @@ def _end_of_alike(
 
 @njit(cache=True)
 def _settle(s: Floats, lanes: int, b: int, least: float, scale: float, losses: Floats) -> None:
-    """Add the logarithms of the products beyond ``least`` to block ``b``, and begin them anew.
+    """Add the logarithms of the products beyond ``least`` to block ``b``, and reset them to 1.
 
-    Those of spare lanes too: a product that stays full would stop every stretch.
+    Spare lanes are reset too: a product that stays full would end every stretch.
     """
     for lane in range(lanes):
         i = _U(lane)
@@ -434,7 +442,7 @@ def _settle(s: Floats, lanes: int, b: int, least: float, scale: float, losses: F
 def _lay_out(
     force: Floats, rows: NDArray[np.int64], begin: int, lanes: int, target: Floats
 ) -> None:
-    """The next forces lane by lane, those of spare lanes as of the last candidate."""
+    """Transpose the next forces to lanes; spare lanes repeat the last candidate."""
     end = min(begin + _AHEAD, force.shape[1])
     for lane in range(lanes):
         row, target_place = _U(rows[min(lane, rows.size - 1)]), _U(lane)
@@ -445,14 +453,16 @@ def _lay_out(
 
 @njit(cache=True)
 def _keep(laid_out: Floats, end: int, lanes: int, out: Floats) -> None:
-    """The readings laid out before ``end`` into ``out`` (n, m)."""
+    """Copy the readings before ``end`` from lanes into ``out`` (n, m)."""
     begin = max(end - 1, 0) // _AHEAD * _AHEAD
     for k in range(begin, min(end, out.shape[0])):
         for lane in range(out.shape[1]):
             out[k, lane] = laid_out[(k - begin) * lanes + lane]
 
 
-@njit(cache=True, error_model="numpy")  # one that may raise counts its arrays at each call
+@njit(
+    cache=True, error_model="numpy"
+)  # a function that may raise counts array references at each call
 def _wander_and_rest(
     s: Floats,
     numbers: Floats,
@@ -462,8 +472,10 @@ def _wander_and_rest(
     t: float,
     laid_out: Floats,
 ) -> None:
-    """Before sample ``k``: how far readings wander, and at a mark where stems rest, which is where
-    they were ``seen`` (MV, MV one sample ago, and the mark), but within the band of their force."""
+    """Before sample ``k``: set how far readings wander, and at a mark set resting stems to where
+    they were ``seen`` (MV, MV one sample ago, and the mark), within the band that their force
+    allows.
+    """
     (now, ago, mark), (friction, force, _, wander) = seen, tables
     start = mark == _START
     for lane in range(numbers.shape[0]):
@@ -495,10 +507,10 @@ def _charge_onsets(
     losses: Floats,
     early_late: Floats,
 ) -> None:
-    """After sample ``k``, at which the stem was seen to let go: what each lane is charged for it.
+    """After sample ``k``, at which the recorded stem broke away: add the loss of each lane for it.
 
-    ``sides``: whether it was seen to rise, to fall. ``costs``: the scatter, what an event counts
-    for, and 1/delta^2.
+    ``sides``: whether it was seen to rise, to fall. ``costs``: the scatter, the weight of a
+    breakaway in samples, and 1/delta^2.
     """
     up, down = sides
     scatter, event, scale = costs
@@ -513,8 +525,9 @@ def _charge_onsets(
 
 @njit(cache=True)
 def _note(s: Floats, m: int, before: Floats) -> None:
-    """What stands at ``_BEFORE`` of ``m`` lanes, into ``before``; one by one, since copying a slice
-    has the words of an error about shapes compiled."""
+    """Copy row ``_BEFORE`` of ``m`` lanes into ``before``; one by one, since copying a slice would
+    compile numba's error about shapes too.
+    """
     for lane in range(m):
         before[lane] = s[_BEFORE + _U(lane)]
 
@@ -539,7 +552,7 @@ def follow(
     below (negative) or beyond ``fs``, percent, or 0 where the run did not let go with it, as in one
     without a window. Of the last two, empty ones are left alone.
     """
-    # Taken apart first: an array that is looked up by name is counted at every sample.
+    # Unpacked first: an array that is read from the tuple is reference-counted at every sample.
     mv, marks, next_up, next_down, dt, window = record
     block, slack, delta, scatter, event = scoring
     friction, pushing, breakaway, wander = tables
@@ -579,7 +592,7 @@ def follow(
         _note(s, m, before)
         started_at, charged_more = k, _I(0)
         while k < end and charged_more == 0:
-            if varied:  # not one function: to hand over all tables takes as long as their use
+            if varied:  # not one function: passing all tables takes as long as using them
                 _look_up(s, placed, friction, pushing)
                 _rise(s, rested, breakaway)
                 _set_levels(s, _U(lanes), k)

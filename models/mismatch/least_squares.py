@@ -2,8 +2,8 @@
 
 Levenberg (1944), doi:10.1090/qam/10666; Marquardt (1963), doi:10.1137/0111030.
 
-With the breakaways assimilated, the residual of a run is nearly smooth in its parameters (what
-jumps are single samples), so that a few dozen runs reach an optimum for which a population needs
+With the breakaways assimilated, the residual of a run is nearly smooth in its parameters (only
+single samples jump), so that a few dozen runs reach an optimum for which a population search needs
 hundreds. The loss is Cauchy's, by reweighting; a breakaway's distance from its level is a residual
 like any other.
 """
@@ -25,7 +25,7 @@ from stemwatch.models.stickslip.search import SearchResult
 DAMPING = (0.003, 0.1, 3.0)  # tried side by side in every round
 _DAMPING = np.array(DAMPING)
 SMALLEST_GAIN = 2e-3  # a round that lowers the loss by a smaller share is the last
-# Differences wide enough that a sample which jumps does not rule them.
+# Differences wide enough that a single jumping sample does not dominate them.
 _STEP_SHARE, _STEP_RANGE = 0.03, 0.004
 _BASE_STEPS = np.array([0.02, 0.015, 0.04, 0.004, 0.04, 0.05])
 
@@ -42,7 +42,7 @@ def descend(
     best = SearchResult(start.copy(), np.inf)
     low, high = layout.bounds.low, layout.bounds.high
     free = high > low
-    # A stem sticks or does not: there is nothing to differentiate.
+    # The speed of sticking again acts by a yes or no, so it has no useful derivative.
     free[base_coordinate.RESTICK] = False
     index = np.flatnonzero(free)
     for _ in range(rounds):
@@ -129,7 +129,7 @@ def _residuals(
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale
 
 
-@njit(cache=True, error_model="numpy")  # a division that may raise is done one by one
+@njit(cache=True, error_model="numpy")  # a division that may raise is not vectorised
 def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -> None:
     """Rows (1 + k, m + e) of residuals, the first one's and after each step, to differences.
 
@@ -150,8 +150,8 @@ def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -
 class _Slopes(RunRequest):
     """The runs of a candidate, and with a step along each free coordinate.
 
-    Answered with the ``normal`` matrix (k, k) and the right-hand side ``slope`` (k,) over the free
-    coordinates; residuals are let go as soon as they are used.
+    The answer is the ``normal`` matrix (k, k) and the right-hand side ``slope`` (k,) over the free
+    coordinates; residuals are not kept.
     """
 
     reads = True

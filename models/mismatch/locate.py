@@ -1,4 +1,4 @@
-"""Where a residual lives, and the few sentences that say so to a maintenance engineer."""
+"""Where the residual is large, and the few sentences that say so to a maintenance engineer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MOST_HOT = 5
 NEW_SHARE = 0.5  # of its squared residual that a further hot place must not have in common
 ONE_SIDED = 0.5  # |mean| / rms from which a sentence gives the side
 MOSTLY = 0.8  # and from which it need not say "on average"
-LEAST_MOVE = 0.2  # percent in about 3 s from which a stem known without noise is no longer at rest
+LEAST_MOVE = 0.2  # percent in about 3 s, from which a noise-free simulated stem counts as moving
 WHOLE = "whole"
 
 
@@ -52,11 +52,10 @@ def locate(
 
     ``scored`` (n,) marks the samples that count, ``block`` (n,) their blocks of time (negative:
     none), ``sigma`` is the noise of MV in percent; times in units of ``unit_s`` seconds. The
-    residual is cut at its 99.5th percentile. ``stem`` (n,), percent, is the run that says what the
-    stem does and where it is, where that is not ``simulated``: maps of several models by one
-    ``stem`` have the same samples in each cell.
-    Share, weight and the two z of each cell: see ``residual_map.scores``. An empty map where fewer
-    than 100 samples are scored.
+    residual is clipped at its 99.5th percentile. ``stem`` (n,), percent, is the run that gives
+    place and motion of the stem, where that is not ``simulated``: maps of several models made with
+    one ``stem`` have the same samples in each cell. Share, weight and the two z of each cell: see
+    ``residual_map.scores``. An empty map where fewer than 100 samples are scored.
     """
     scored = scored & (block >= 0) & np.isfinite(mv) & np.isfinite(simulated)
     if np.count_nonzero(scored) < 100:
@@ -102,9 +101,9 @@ def _hot_places(
     scored: Bools,
     sigma: float,
 ) -> tuple[HotPlace, ...]:
-    """The hot cells, strongest first; one that repeats what stronger ones say is left out.
+    """The hot cells, strongest first, without those that repeat what stronger ones say.
 
-    A constant offset would make every cell hot: it is said once, and taken off before the rest.
+    A constant offset would make every cell hot, so it is said once and subtracted first.
     """
     places = []
     if _biased(overall, sigma):
@@ -144,12 +143,14 @@ def _hot(cell: Cell, sigma: float) -> bool:
     loaded = (
         cell.z > HOT_Z and cell.share > HOT_RATIO * cell.weight and cell.rms > ABOVE_NOISE * sigma
     )
-    # A mean that is off where little of the residual lives is no place to look at.
+    # A mean that is off in a cell with little of the residual is not worth a look.
     return loaded or (_biased(cell, sigma) and cell.share > BIAS_RATIO * cell.weight)
 
 
 def _strength(cell: Cell) -> float:
-    """What puts one hot place before another: the squared residual beyond its size."""
+    """The order of hot places: the squared residual beyond the share that the cell's size would
+    give.
+    """
     return cell.share * (1.0 - min(cell.weight / max(cell.share, 1e-12), 1.0)) + 1e-3 * cell.share
 
 

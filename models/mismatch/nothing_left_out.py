@@ -1,7 +1,7 @@
 """Whether it can be said that S and J explain a recording, where nothing is named.
 
-S and J alone and those that were fitted with the reading's zero and gain must agree, or the latter
-do as well by what the former were fitted to; and a model must follow the part of the recording that
+Two conditions: S and J fitted alone and those fitted with the reading's zero and gain must agree,
+or the latter must fit the free runs as well; and a model must follow the part of the recording that
 was not fitted.
 """
 
@@ -21,13 +21,14 @@ from stemwatch.models.mismatch.term_selection import AS_GOOD
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import advantage
 
-# A worse fit on unseen data is no explanation of the recording, percent.
+# Percent of fit on unseen data; a model with less does not explain the recording.
 LEAST_FIT = 50.0
-# Points of fit that a free run loses by breakaways that it misses, from which it is said.
+# Points of fit that a free run loses by missed breakaways, from which a sentence mentions it.
 MISSES = 10.0
 # Two fits of one S that differ by less do not contradict each other.
 ALIKE_PERCENT = 0.5
-# What the worst tenth of the blocks leaves, in noise variances, that is hardly more than noise.
+# Loss in the worst tenth of the blocks, in noise variances, up to which it is hardly more than
+# noise.
 HARDLY_LEFT = 6.5
 
 
@@ -39,7 +40,7 @@ def doubt(
     both_stictions: tuple[Stiction, Stiction],
     naive: Floats,
 ) -> str:
-    """Why it cannot be said that nothing was left out, a clause; empty where it can.
+    """Why S and J cannot be said to explain the recording, a clause; empty where they can.
 
     ``fitted`` and ``best`` (size,) are the hypothesis without a finding, on both folds and on the
     whole record; ``both_stictions`` S and J alone and with it, ``naive`` (6,) the fit of the
@@ -66,8 +67,9 @@ def doubt(
 
 
 def missed_breakaways(comparison: HeldOutComparison) -> str:
-    """What a free run leaves of the part that was not fitted because it misses breakaways, which
-    scatter: a sentence with a blank before it; empty where it is little."""
+    """A sentence, with a leading blank, on what a free run leaves of the unfitted part because it
+    misses breakaways, which scatter; empty where that is little.
+    """
     free, followed = comparison.heldout.fit_extended, comparison.followed
     if free is None or followed is None or followed - free < MISSES:
         return ""
@@ -89,8 +91,10 @@ def _agree(first: Estimate, other: Estimate, open_percent: float) -> bool:
 def _as_good_by_free_runs(
     evaluator: Evaluator, fitted: Fitted, best: Floats, naive: Floats
 ) -> bool:
-    """Whether the refit leaves hardly more than noise and does as well by free runs, which S and J
-    alone were fitted to: they differ then because a run that misses a slip tells them less well."""
+    """Whether the refit leaves hardly more than noise and fits free runs as well as S and J alone,
+    which were fitted by them. The two then differ only because a run that misses a slip determines
+    S and J less well.
+    """
     if remaining_loss(evaluator, fitted) > HARDLY_LEFT:
         return False
     free = naive_evaluator(evaluator)

@@ -1,5 +1,6 @@
-"""What is settled of a recording before an effect is looked for in it: what the archive did, the
-fit of S, J and reading alone, and which effects the recording could not have shown."""
+"""What is known of a recording before an effect is looked for in it: what the archive did, the fit
+of S, J and reading alone, and which effects the recording could not have shown.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 FEWEST_SAMPLES = 60
-MOST_S = 10.0  # percent; a base that is led astray must not decide what was exercised
+MOST_S = 10.0  # percent; limits a wrong base fit, so that it does not decide what was exercised
 READING = ("zero_shift", "span_error", "sensor_drift")
 LEAST_SIGMA = 1e-3  # percent
 DOOR_NOISE = 0.17  # of the archive's deviation
@@ -34,7 +35,7 @@ FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 
 @dataclass(frozen=True)
 class PreparedRecording:
-    """One recording, and what the steps of ``explain`` have settled of it so far."""
+    """One recording with the results of the first steps of ``explain``."""
 
     recording: Recording
     settled: RecordSettled
@@ -60,7 +61,7 @@ def why_not(recording: Recording, settled: RecordSettled) -> str | None:
 
 
 def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
-    """The fitting problem, scored on samples that were measured, or drawn near what was."""
+    """The fitting problem, scored on measured samples and on interpolated ones near them."""
     problem = make_problem(recording)
     n = problem.op.size
     n_blocks = max(problem.n_blocks, min(FEWEST_BLOCKS, n // LEAST_BLOCK_SAMPLES))
@@ -72,7 +73,9 @@ def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
 
 
 def _noise(recording: Recording, settled: RecordSettled) -> float:
-    """Noise of MV, percent; stored knots are where the signal bends and tell nothing of it."""
+    """Noise of MV, percent. Stored knots do not show it: an archive stores them where the signal
+    bends.
+    """
     if settled.slack.any():
         return DOOR_NOISE * float(settled.slack.max())
     return quiet_sigma(_measured(recording, settled))
@@ -85,7 +88,7 @@ def _measured(recording: Recording, settled: RecordSettled) -> Floats:
 
 
 def summary_of(problem: FitProblem) -> RecordingSummary:
-    """What terms may know of the recording."""
+    """The summary of the recording that terms choose their ranges by."""
     op, mv = problem.op, problem.mv[problem.scored]
     op_low, op_high = np.percentile(op, (1.0, 99.0))
     mv_low, mv_high = np.percentile(mv, (1.0, 99.0))
@@ -144,5 +147,5 @@ def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
 
 
 def is_compressed(settled: RecordSettled) -> bool:
-    """True where the archive did not store every sample that it read."""
+    """True where the archive did not store every sample that it received."""
     return any(effect.slug == "historian_compression" for effect in settled.effects)

@@ -1,4 +1,5 @@
-"""The reading's own numbers, which every hypothesis has: findings only where materially off.
+"""Errors of the position reading (zero, span, drift), which every hypothesis has; a finding only
+where they are material.
 
 A zero error, a span error and a stem that sticks again at speed are fitted along with everything.
 Each is a finding where the hypothesis is clearly worse on unseen blocks of time without it. A stem
@@ -24,7 +25,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
 
-# Coordinate of each, and the largest value that is nothing to speak of.
+# Coordinate of each, and the largest value that is not material.
 COORDINATES = {
     "span_error": (base_coordinate.GAIN, 0.0),
     "zero_shift": (base_coordinate.ZERO, 0.0),
@@ -37,8 +38,9 @@ LEAST_ZERO = 0.4  # percent, all through a drift
 
 @dataclass(frozen=True)
 class ReadingError:
-    """A number of the reading that is materially off; ``beside`` are slugs of what the record does
-    not tell from it."""
+    """A material error of the reading; ``beside`` are the slugs that the record cannot separate
+    from it.
+    """
 
     term: Term
     advantage: Advantage
@@ -68,7 +70,7 @@ def values_of(slug: str, candidate: Floats) -> Floats:
 def findings(
     evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term]
 ) -> tuple[list[ReadingError], Fitted]:
-    """What is off, and ``fitted`` with the gain held at 1 where that is not a finding.
+    """The material errors, and ``fitted`` with the gain held at 1 where that is not a finding.
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
@@ -107,8 +109,9 @@ def without_error(evaluator: Evaluator, fitted: Fitted, coordinate: int, largest
 def _at_every_speed(
     evaluator: Evaluator, fitted: Fitted, found: ReadingError, terms: dict[str, Term]
 ) -> ReadingError:
-    """``found``; of a stem that sticks at low speed, but for all the record shows at every speed,
-    that its slips overshoot."""
+    """``found``, or a slip overshoot in its place where the record fits a stem that sticks at every
+    speed as well as one that sticks at low speed only.
+    """
     overshoot = terms.get(OVERSHOOT)
     if found.term.slug != RESTICK or overshoot is None:
         return found

@@ -1,7 +1,8 @@
-"""What recorder and archive did to the numbers, settled before any physics is named.
+"""What recorder and archive did to the numbers, found before any physics is named.
 
-A frozen reading looks like a sticking stem and drawn lines look like a dead time; here they are
-recognised by the bits alone, and the samples that were never measured are left out.
+A frozen reading looks like a sticking stem, and interpolated lines look like a dead time. They are
+recognised here from exact repeats and exact straight lines, and the samples that were never
+measured are left out.
 """
 
 from __future__ import annotations
@@ -44,8 +45,9 @@ def refresh_period(values: Floats) -> tuple[int, int]:
 
 
 def _at_any_sample(changes: NDArray[np.int64]) -> bool:
-    """Whether too many changes follow one another at once for any period: one of two such changes
-    is off the refresh, and one that is off has two neighbours at most."""
+    """Whether too many changes follow one another at once for any period: of two neighbouring
+    changes one is off the refresh, and a change that is off has two neighbours at most.
+    """
     neighbours = np.count_nonzero(np.diff(changes) == 1)
     return bool(neighbours > 2.0 * (1.0 - ON_TIME) * changes.size + 1.0)
 
@@ -69,10 +71,10 @@ class RecordSettled:
     steps leave, percent: ``step / sqrt(12)``, or ``deviation / sqrt(3)`` of held reports.
     ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
     averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
-    drew may lie from the one it dropped, percent, and 0 at all others. ``op_open`` is the standard
-    deviation by which OP is not known, percent: ``step / sqrt(12)`` of its recorder's steps,
-    ``deviation / sqrt(3)`` of its held reports. ``restore``: S and J may be
-    raised by what a slow archive lost of OP's peaks; ``archive`` that one, where it is known.
+    interpolated may lie from the one it dropped, percent, and 0 at all others. ``op_open`` is the
+    standard deviation by which OP is not known, percent: ``step / sqrt(12)`` of its recorder's
+    steps, ``deviation / sqrt(3)`` of its held reports. ``restore``: S and J may be raised by what a
+    slow archive lost of OP's peaks; ``archive`` that one, where it is known.
     """
 
     effects: tuple[RecordEffect, ...]
@@ -94,7 +96,8 @@ def settle(recording: Recording) -> RecordSettled:
     op = recording.op.values
     mv = recording.mv.values if recording.mv is not None else np.full(op.size, np.nan)
     real = np.isfinite(mv)
-    # What an archive drew or held says nothing about freezing or steps, so it comes first.
+    # Samples that an archive interpolated or held show neither freezing nor steps, so compression
+    # comes first.
     of_mv = _thinned(mv, op)
     of_op = drawn_lines(op, mv) if of_mv is not None or _automatic(recording) else None
     stored = of_mv.stored if of_mv is not None else real
@@ -124,13 +127,17 @@ def settle(recording: Recording) -> RecordSettled:
 
 
 def _thinned(values: Floats, other: Floats) -> StoredPoints | None:
-    """What the archive kept of a signal, or ``None`` where nothing says that it dropped any."""
+    """What the archive kept of a signal, or ``None`` where there is no sign that it dropped
+    samples.
+    """
     lines = drawn_lines(values, other)
     return lines if lines is not None else held_reports(values, other)
 
 
 def _automatic(recording: Recording) -> bool:
-    """True where the loop is known to have been in automatic: a hand draws straight lines too."""
+    """True where the loop is known to have been in automatic: an operator's ramps are straight
+    lines too.
+    """
     mode = recording.get(Role.MODE)
     finite = mode.values[np.isfinite(mode.values)] if mode is not None else np.zeros(0)
     return bool(finite.size and np.all(finite > 0.0))
@@ -158,7 +165,7 @@ def _quantisation(step: float, op_step: float) -> RecordEffect | None:
 
 
 def with_steps_resolved(settled: RecordSettled, resolved: OpWithinSteps) -> RecordSettled:
-    """With what PV and set point tell of OP within its recorder's steps."""
+    """The record effects with OP as PV and set point resolve it within its recorder's steps."""
     steps = next((one for one in settled.effects if one.slug == "quantisation"), None)
     steps = steps or _quantisation(0.0, resolved.step)
     assert steps is not None
@@ -267,7 +274,7 @@ def _freezing(frozen: Bools, interval_s: float, unit_s: float) -> RecordEffect |
 
 
 def late_effect(late_s: float, unit_s: float) -> RecordEffect:
-    """An OP stored ``late_s`` units of ``unit_s`` seconds late, for people."""
+    """The record effect of an OP stored late by ``late_s`` units of ``unit_s`` seconds."""
     return RecordEffect(
         slug="late_command",
         sentence=(
@@ -278,9 +285,23 @@ def late_effect(late_s: float, unit_s: float) -> RecordEffect:
     )
 
 
+def small_delay_effect(delay_s: float, unit_s: float) -> RecordEffect:
+    """A position that follows OP about a sample late, ``delay_s`` units of ``unit_s`` seconds, for
+    people."""
+    return RecordEffect(
+        slug="small_delay",
+        sentence=(
+            f"MV follows OP by {duration(delay_s, unit_s, '.1f')}, each time by the same: clocks "
+            "of the two tags or a dead time, which about one sample cannot tell apart; no work."
+        ),
+        parameters={"delay_s": seconds_of(delay_s, "s", unit_s)},
+    )
+
+
 def scan_sentence(recording: Recording) -> str:
-    """How often OP and position are stored anew, for people, where each has a scan of its own; else
-    nothing. An OP that its controller holds between scans is the true command, and no effect."""
+    """A sentence on how often OP and position are refreshed, where each has a scan of its own; else
+    empty. An OP that its controller holds between scans is the true command, and no record effect.
+    """
     if recording.mv is None:
         return ""
     op, position = (refresh_period(signal.values)[0] for signal in (recording.op, recording.mv))

@@ -1,11 +1,12 @@
-"""The curve from OP to stroke, put right by the fit in which every breakaway is where it was seen.
+"""The curve from OP to stroke, corrected by an assimilated fit, in which every breakaway is where
+it was seen.
 
-A curve is found by free runs (``find_stroke_curve``), and a breakaway that comes early or late
-leaves a jump's length in them, which bends the curve where the stem lets go. In an assimilated run
-the stem lets go where the recording shows it, so that what is left while it moves is small: what of
-it is the same up and down, and follows OP, is the curve's. It is a polynomial of OP, the mean of
-those of both folds, and taken where S, J and reading alone, fitted anew, then predict the unseen
-blocks better.
+A curve is found by free runs (``find_stroke_curve``). A breakaway that comes early or late leaves
+an error of a whole jump in them, which bends the curve there. In an assimilated run the stem lets
+go where the recording shows it, so that the residual while it moves is small. The part of that
+residual that follows OP and is the same in both directions belongs to the curve. It is fitted by a
+polynomial of OP, the mean of those of both folds, and is accepted where S, J and reading alone,
+fitted anew, then predict the unseen blocks better.
 """
 
 from __future__ import annotations
@@ -36,8 +37,10 @@ MOVES = 1e-9  # percent in a sample
 
 
 def refined(recording: Recording, curve: StrokeCurve | None) -> StrokeCurve | None:
-    """The ``curve`` that was found, corrected where that predicts unseen blocks better; itself
-    where it was given, where its slope is not known, or where OP moved too little to tell it."""
+    """The ``curve`` that was found, corrected where that predicts unseen blocks better. It is
+    returned unchanged where it was given, where its slope is not known, or where OP moved too
+    little.
+    """
     if curve is None or not curve.unsure_degree or curve.remark == EARLIER_USED:
         return curve
     base = _base_of(recording, curve)
@@ -49,7 +52,7 @@ def refined(recording: Recording, curve: StrokeCurve | None) -> StrokeCurve | No
     if corrected is None:
         return curve
     again = _base_of(recording, corrected)
-    # Losses of one scale; the coordinates are alike.
+    # Both losses need one scale; the coordinates are the same.
     judge = replace(again.evaluator, delta=base.evaluator.delta, _layouts={})
     fitted = conclude(
         judge, scored(judge.layout(base.fitted.layout.hypothesis), again.fitted.candidates)
@@ -68,8 +71,9 @@ def _base_of(recording: Recording, curve: StrokeCurve) -> BaseFit:
 
 
 def _correction(recording: Recording, base: BaseFit) -> Floats | None:
-    """(n,) what the assimilated runs of both folds leave of the curve, percent of travel; ``None``
-    where too little of either moves."""
+    """(n,) the correction of the curve by the assimilated runs of both folds, percent of travel;
+    ``None`` where either moves too little.
+    """
     evaluator, problem = base.evaluator, base.evaluator.problem
     op = recording.op.values
     shapes = np.nan_to_num(shapes_of(op, op[np.isfinite(op)], DEGREES[-1]))

@@ -1,4 +1,4 @@
-"""Cells of a residual: how much of it lives where, with a significance that blocks of time decide.
+"""Cells of a residual: how much of it each holds, with a significance from blocks of time.
 
 Neighbouring residuals depend on one another, so the unit of chance is the block of time, not the
 sample. Every statistic of a cell is a ratio of sums over blocks; its scatter comes from resampling
@@ -21,8 +21,8 @@ from stemwatch.models.recording import Bools, Floats
 REPLICATES = 400
 _SEED = 40_021
 CLIP_PERCENTILE = 99.5  # of |residual|: one missed slip must not be the whole map
-MOST_Z = 8.0  # beyond this a significance is a matter of belief, not of counting
-LEAST_BLOCKS = 4.0  # filled blocks from which a cell's scatter can be told
+MOST_Z = 8.0  # beyond this a bootstrap of a few hundred draws cannot distinguish significances
+LEAST_BLOCKS = 4.0  # filled blocks, from which a cell's scatter can be estimated
 MOST_MEMORY = 0.6
 _NO_SCATTER = 1e-12
 
@@ -55,7 +55,7 @@ class BlockSums:
 
 @lru_cache(maxsize=8)
 def _draws(blocks: int) -> Floats:
-    """(400, b) how often each block is drawn in each replicate."""
+    """(REPLICATES, b) how often each block is drawn in each replicate."""
     rng = np.random.default_rng([_SEED, blocks])
     return block_weights(np.ones(blocks), REPLICATES, rng)
 
@@ -103,18 +103,19 @@ def _filled(samples: Floats) -> Floats:
     return np.asarray(samples.sum(axis=0) ** 2 / np.maximum((samples**2).sum(axis=0), 1.0))
 
 
-def _scatter(replicates: Floats, usual_scatter: Floats) -> Floats:
+def _scatter(replicates: Floats, usual: Floats) -> Floats:
     """(c,) standard deviation about ``usual`` over the replicates in which the cell was drawn."""
     finite = np.isfinite(replicates)
-    square = np.where(finite, (replicates - usual_scatter) ** 2, 0.0).sum(axis=0)
+    square = np.where(finite, (replicates - usual) ** 2, 0.0).sum(axis=0)
     return np.asarray(np.sqrt(square / np.maximum(finite.sum(axis=0), 1)))
 
 
 def _memory(sums: BlockSums) -> float:
-    """How much wider neighbouring blocks that go together make a mean's scatter, at least 1.
+    """By what factor the correlation of neighbouring blocks widens the scatter of a mean, at least
+    1.
 
     ``sqrt((1 + rho)/(1 - rho))`` with the correlation ``rho`` of the means of neighbouring blocks,
-    cut at 0.6: a residual that wanders for minutes is a find of its own.
+    limited to 0.6: a residual that wanders for minutes is a finding of its own.
     """
     filled = sums.all_samples > 0
     means = sums.all_residual[filled] / sums.all_samples[filled]
@@ -145,7 +146,7 @@ def scores(sums: BlockSums) -> tuple[Floats, Floats]:
         means = (draws @ sums.residual) / samples
     enough_blocks = filled >= LEAST_BLOCKS
     freedom = np.maximum(filled - 1.0, 1.0)
-    # The bootstrap of few blocks, and of blocks that go together, is too narrow by this.
+    # The bootstrap of few blocks, and of correlated blocks, is too narrow by this factor.
     widen = np.sqrt(filled / freedom) * _memory(sums)
 
     def score(value: Floats, replicates: Floats) -> Floats:

@@ -1,4 +1,6 @@
-"""Which models a recording leaves open: those that were named together, or came near to it."""
+"""Which models a recording cannot separate: those that were named together, or came near to being
+named.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +23,11 @@ MOST_RIVALS = 4
 
 
 def left_open(evaluator: Evaluator, named: Named, effects_named: Sequence[str]) -> OpenQuestion:
-    """The models that were left after ``named``, of which the effects ``standing`` are published.
+    """The rival models left after ``named``; ``effects_named`` are the effects that are published.
 
-    Where an effect was named together with others that it cannot be told from, these; where
-    nothing was named, S and J alone and what came nearest to being named.
+    Where an effect was named together with others that the recording cannot separate from it, the
+    rivals are these. Where nothing was named, they are S and J alone and what came nearest to being
+    named.
     """
     problem = evaluator.problem
     return OpenQuestion(
@@ -74,7 +77,7 @@ def _rows(values: Floats) -> tuple[tuple[float, ...], ...]:
 def on_site(
     question: OpenQuestion | None, recording: Recording, curve: StrokeCurve | None
 ) -> OpenQuestion:
-    """``question`` with what the recording tells of the place of the test: OP, PV, interval.
+    """``question`` with the operating point for a test, from the recording: OP, PV, interval.
 
     ``recording`` on its own clock; without ``question`` nothing could be fitted to it.
     """

@@ -1,7 +1,7 @@
 """Where the search for one more term begins: what S and J become once it is there.
 
-A base that lacks a term has bent S and J to make up for it; the search must begin where they are
-once it is there, or it never leaves the base's own optimum.
+In a base without the term, S and J are biased to make up for it. The search must begin near their
+values with the term, or it never leaves the base's own optimum.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
     if term.slug in _LED_ASTRAY:
         return [own_reading, *(Beginning(s, FRESH_RATIO * s, plain=True) for s in FRESH)]
     if term.acts_on is ActsOn.COMMAND or term.slug == "viscous_drag":
-        # It smears the slips, which has driven J to nothing; and a command that only comes near its
-        # end never turns, so that a stem which sticks at a turn alone would creep on with it.
+        # The term smears the slips, which has driven J to zero; and a lagged command that only
+        # approaches its end never turns, so that a stem which sticks only at a turn would creep on
+        # with it.
         return [
             own_reading,
             Beginning(S, J, restick=COMES_TO_REST),
@@ -32,7 +33,7 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
             Beginning(0.5 * S, 0.1 * S, plain=True),
         ]
     if term.slug == "lost_motion":
-        # The play has been read as part of S, and taken from J.
+        # The base has fitted the play as part of S and subtracted it from J.
         return [
             own_reading,
             Beginning(S, J, S_less=1.0),
@@ -40,9 +41,9 @@ def beginnings(term: Term, S: float, J: float) -> list[Beginning]:
             Beginning(S, J, S_less=0.0, J_less=-1.0),
         ]
     if term.slug == "dwell_dependent_breakaway":
-        # It raises the breakaway only, by b ln(1 + rest/t0): S and J alike.
+        # The term raises the breakaway only, by b ln(1 + rest/t0), so S and J both become smaller.
         return [own_reading, *(Beginning(S, J, S_less=k, J_less=k) for k in (1.0, 2.0, 3.0))]
-    # A base that lacks it may have bent its reading, or lost J.
+    # A base without the term may have a biased reading, or a J of zero.
     return [
         own_reading,
         Beginning(S, J, plain=True),

@@ -12,7 +12,7 @@ doi:10.1016/j.conengprac.2004.05.005): levels ``fs = (S + J)/2`` and ``fd = (S -
   (``breakaway``, added to ``fs``), on direction (``ASYMMETRY``: J (1 + a) rising, J (1 - a)
   falling) and on time (``GROWTH``: both levels times 1 + g t/T),
 - a force may depend on place (``force``), a resting stem may creep, stops may hold it,
-- a stem with inertia (``RUN_UP_S`` > 0, where a drive is recorded so often that it shows) is moved
+- a stem with inertia (``RUN_UP_S`` > 0, where a drive is sampled fast enough to show it) is moved
   by its force balance, ``DRAG_S (RUN_UP_S dv/dt + v) = d F - fd``, ``0 <= v <= TOP_SPEED``; it
   rests where its speed has come to 0 and the force is within ``fs``,
 - between stem and reading there may be play, and the reading may drift:
@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from stemwatch.models.recording import Floats
 
@@ -55,8 +56,7 @@ PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 
 _NEUTRAL = np.zeros(N_NUMBERS)
 _NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH, TOP_SPEED]] = 1.0, -np.inf, np.inf, np.inf
-_FLAGS = slice(BY_PLACE, BY_TIME + 1)  # that switch the tables on
-EVENT = 3.0  # samples that a breakaway counts for
+EVENT = 3.0  # weight of a breakaway, in samples
 
 
 class Tables(NamedTuple):
@@ -95,6 +95,21 @@ class Stem:
         return Stems.neutral(1, samples, interval_s).each[0]
 
 
+@njit(cache=True)
+def _clear(
+    numbers: Floats, friction: Floats, force: Floats, breakaway: Floats, wander: Floats
+) -> None:
+    """Reset the stems of ``numbers`` (m, 18) to neutral, and the tables that their flags name."""
+    for row in range(numbers.shape[0]):
+        if numbers[row, BY_PLACE] != 0.0:
+            friction[row], force[row] = 0.0, 0.0
+        if numbers[row, BY_REST] != 0.0:
+            breakaway[row] = 0.0
+        if numbers[row, BY_TIME] != 0.0:
+            wander[row] = 0.0
+        numbers[row] = _NEUTRAL
+
+
 @dataclass(frozen=True)
 class Stems:
     """Stems that run side by side: each is a view of a row of ``numbers`` (m, 18) and tables."""
@@ -114,16 +129,8 @@ class Stems:
         return cls(numbers, tables, tuple(stem_of_each))
 
     def clear(self, count: int) -> None:
-        """The first ``count`` canonical again: the tables only where they were used."""
-        q, tables = self.numbers[:count], self.tables
-        if not q[:, _FLAGS].any():
-            q[:] = _NEUTRAL
-            return
-        switched = (tables.friction, tables.force), (tables.breakaway,), (tables.wander,)
-        for row, flag in np.argwhere(q[:, _FLAGS]):
-            for table in switched[flag]:
-                table[row] = 0.0
-        q[:] = _NEUTRAL
+        """Reset the first ``count`` stems to neutral; tables only where they were used."""
+        _clear(self.numbers[:count], *self.tables)
 
     def first(self, count: int) -> tuple[Floats, Tables]:
         """Numbers and tables of the first ``count``."""

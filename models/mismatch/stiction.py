@@ -1,9 +1,9 @@
-"""S and J of a hypothesis, with their intervals: by its fit, by the breakaways, or by the force
-balance of a drive.
+"""S and J of a hypothesis with their intervals: from its fit, from the breakaways, or from the
+force balance of a drive.
 
-A run with one level reads S and J too small where breakaways scatter
-(``stickslip.breakaways``), so the breakaways are taken where they are those of the element that was
-fitted. A fit's own interval is that of the draws and of the element: no stem is exactly it.
+A run with one level reads S and J too small where breakaways scatter (``stickslip.breakaways``), so
+the breakaways are used where they agree with the element that was fitted. A fit's own interval
+comes from the bootstrap and from a model error, because no stem is exactly the element.
 """
 
 from __future__ import annotations
@@ -27,15 +27,17 @@ from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
 from stemwatch.models.stickslip.interval import REPLICATES
 from stemwatch.models.stickslip.problem import FitProblem
 
-# One sigma: no stem is exactly the element, and a little lag and a little dead band are alike.
+# Standard error: no stem is exactly the element, and a little lag looks like a little dead band.
 MODEL_ERROR, LEAST_ERROR = 0.08, 0.1  # of the level (S + J)/2; percent
-# The same beside a lag or a drag that was named, which can stand for more of it: of six valves
+# The same beside a named lag or drag, which can take the place of more dead band: of six valves
 # without a jump on which one was named (draw_sticky, seeds 7171, 8181, 8383) five had S and J off
 # by 0.25 to 0.7 %, and three intervals failed.
 ERROR_WITH_LAG, LEAST_WITH_LAG = 0.12, 0.2
 # The t-like value of a jump on unseen blocks (``crossfit.gain``), below which there may be none.
 JUMP_ASKED = 2.0
-SAME_LEVELS = 0.1  # of the level, from which breakaways and fit speak of two elements
+SAME_LEVELS = (
+    0.1  # of the level; breakaways and fit that differ by more belong to different elements
+)
 
 
 def stiction(
@@ -47,9 +49,10 @@ def stiction(
     *,
     with_lag: bool = False,
 ) -> Stiction:
-    """S and J of the fit ``best``; by the breakaways instead, where they are those of one of the
-    ``elements`` that were fitted. ``delay_s``: by which the command reaches the stem late;
-    ``with_lag``: whether a lag or a drag was named beside friction."""
+    """S and J of the fit ``best``, or from the breakaways where these agree with one of the
+    ``elements`` that were fitted. ``delay_s``: the dead time of the command; ``with_lag``: whether
+    a lag or a drag was named beside friction.
+    """
     S = float(best[base_coordinate.S_PERCENT])
     J = S * float(best[base_coordinate.RATIO])
     gain, zero = 1.0 + float(best[base_coordinate.GAIN]), float(best[base_coordinate.ZERO])
@@ -70,7 +73,7 @@ def stiction(
 
 
 def _later(problem: FitProblem, delay_s: float) -> FitProblem:
-    """The problem with its command later by so much."""
+    """The problem with its command delayed by ``delay_s``."""
     if delay_s == 0.0:
         return problem
     command = np.empty_like(problem.op)
@@ -79,8 +82,9 @@ def _later(problem: FitProblem, delay_s: float) -> FitProblem:
 
 
 def _same_element(seen: Breakaways, element: Floats) -> bool:
-    """Whether both levels of the breakaways are near those of an ``element`` that was fitted: what
-    an operator's steps and ramps move the command by in the sample of a slip can mislead them."""
+    """Whether both levels of the breakaways are near those of a fitted ``element``. An operator's
+    step or ramp in the sample of a slip can mislead the breakaways.
+    """
     S, ratio = float(element[base_coordinate.S_PERCENT]), float(element[base_coordinate.RATIO])
     level, kinetic = 0.5 * S * (1.0 + ratio), 0.5 * S * (1.0 - ratio)
     difference = max(abs(seen.level - level), abs(seen.kinetic - kinetic))
@@ -96,11 +100,11 @@ def of_candidate(candidate: Floats) -> tuple[Estimate, Estimate]:
 
 
 def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Stiction:
-    """What is ``told`` of a fit with effects beside friction, its intervals holding a stem that
-    does not jump where unseen blocks do not ask for a jump.
+    """``told``, the S and J of a fit with effects beside friction, with intervals that include a
+    stem without a jump where unseen blocks do not need a jump.
 
-    Every step of a staircase lets the stem go, whatever its breakaway level is, so that the level
-    is only bounded; and what a lag or a drag leaves of its shape, a jump takes up.
+    Every step of a staircase moves the stem, whatever its breakaway level is, so that the level is
+    only bounded; and a jump can take up the error in the shape of a lag or drag.
     """
     if not (told.J.low or 0.0) > 0.0:
         return told
@@ -112,7 +116,7 @@ def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Sti
 
 
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
-    """S by the force balance, which every moving sample tells; J as it was ``fitted``."""
+    """S from the force balance, which uses every moving sample; J as it was ``fitted``."""
     error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
     return replace(fitted, S=_positive(estimate(balance.S_drawn, balance.S, PERCENT, float(error))))
 

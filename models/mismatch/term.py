@@ -1,10 +1,11 @@
-"""The seam of the catalogue: one effect that the stiction model leaves out, one file in ``terms/``.
+"""The interface of the catalogue: one effect that the stiction model leaves out, one file in
+``terms/``.
 
 A term is neutral where all its coordinates are 0, so that every hypothesis contains S and J alone.
 It acts on one of three things (``ActsOn``):
 
-- ``ActsOn.COMMAND``: it shapes the command on its way to the force on the stem (``shape``),
-- ``ActsOn.STEM``: it fills what the stem's kernel knows of friction, force, stops and play
+- ``ActsOn.COMMAND``: it shapes the command on its way to the force on the stem (``shape``), -
+``ActsOn.STEM``: it sets the kernel's numbers and tables of friction, force, stops and play
   (``fill``),
 - ``ActsOn.READING``: it is one of the reading's own numbers (zero, gain), free in every hypothesis
   and a finding only where it is materially off.
@@ -43,7 +44,9 @@ class Coordinate:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingSummary:
-    """What a term may know of a recording to choose its ranges and to judge what matters."""
+    """The numbers of a recording by which a term chooses its ranges and decides whether its size is
+    material.
+    """
 
     interval_s: float
     duration_s: float
@@ -63,12 +66,14 @@ class RecordingSummary:
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """What a maintenance engineer reads of a term; no jargon, no slug. They stand nowhere else."""
+    """What a maintenance engineer reads about a term, without jargon and slugs. This is their only
+    place.
+    """
 
     plain: str  # "The actuator or the I/P converter takes time to fill or vent"
-    decide: str  # the test that tells it from its neighbours
+    decide: str  # the test that separates it from similar terms
     advice: FieldAdvice  # what to check in which order, with which parts; codes for work orders
-    # Why a size that is ``inherent`` asks for no work, after "is"; empty: the machine is made so.
+    # Why an ``inherent`` size needs no work, a clause after "is"; empty: the machine is made so.
     no_work: str = ""
 
     @property
@@ -82,7 +87,7 @@ class Term(Protocol):
 
     slug: str
     acts_on: ActsOn
-    order: int  # among the terms of its way: the order in the chain
+    order: int  # the order in the chain among the terms that act on the same thing
     contains: tuple[str, ...]  # slugs of simpler terms that are special cases of this one
     words: Words
 
@@ -109,9 +114,9 @@ class Term(Protocol):
         ...
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
-        """True where an effect of this size is how such a machine is made, or as far off as one is
-        allowed to be, and no defect: it is named, and S and J are restated with it, but it asks for
-        no work."""
+        """True where an effect of this size is no defect: the machine is made so, or it lies within
+        tolerance. It is named, and S and J are restated with it, but it needs no work.
+        """
         ...
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:

@@ -1,10 +1,10 @@
-"""Two terms at once, where neither is seen alone or one has stood in for both.
+"""Two terms at once, where neither shows alone or one has stood in for both.
 
     the best of the first looks -> every other term on top of each
         -> the best pairs searched with care -> is each of the two needed beside the other?
 
-Terms that are taken one by one are judged on a base that the other one has bent: of a pair that
-predicts unseen blocks far better, each alone may gain nothing.
+Terms that are tried one by one are scored against a base that the missing other term has biased: a
+pair may predict unseen blocks far better while each alone gains nothing.
 """
 
 from __future__ import annotations
@@ -48,8 +48,9 @@ from stemwatch.models.mismatch.term_selection import (
 
 BEGUN = 6  # terms that every other one is tried beside
 SEARCHED = 5  # pairs that are searched with care
-# What S and J leave (``remaining_loss``) from which a pair is looked for where nothing is named: of
-# 104 recordings of the blind trial (seeds 5151 and 6161), pairs were found there from 3.5 on.
+# What S and J leave (``remaining_loss``), from which a pair is looked for although no term is
+# named: in 104 recordings of the blind trial (seeds 5151 and 6161) such pairs were found from 3.5
+# on.
 LEAST_LEFT = 2.6
 
 
@@ -72,12 +73,13 @@ class TermPair:
         return min(strength(score.advantage, told, score.slug, 1) for score in self.scores)
 
     def needs_both(self, evaluator: Evaluator) -> bool:
-        """True where either predicts unseen blocks better beside the other, by more than pairs do
-        where nothing is hidden, and is of a size that matters."""
+        """True where each term beside the other improves the prediction of unseen blocks by more
+        than pairs do where nothing is hidden, and is of a material size.
+        """
         return self.least_strength(evaluator) >= LEAST_OF_A_PAIR and self.of_some_size(evaluator)
 
     def of_some_size(self, evaluator: Evaluator) -> bool:
-        """True where both are of a size that matters."""
+        """True where both are of a material size."""
         return all(
             (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
             and score.term.material(score.values, evaluator.summary)
@@ -215,7 +217,7 @@ def _searched(
 
 
 def _alone(evaluator: Evaluator, fitted: Fitted, known: Fitted) -> Search[Fitted]:
-    """The better of what is ``known`` of one term alone and what is found from the pair."""
+    """The better of the ``known`` fit of one term alone and the fit that starts from the pair."""
     (gone,) = set(fitted.slugs) - set(known.slugs)
     start = yield from _less(evaluator, fitted, gone)
     again = yield from refit(evaluator, start, CAREFUL)

@@ -1,9 +1,10 @@
-"""Which terms explain what the base leaves: screened, refined, guarded, and no more than needed.
+"""Which terms explain what the base leaves: a first screening, a refined search, checks against
+false discoveries, and no more terms than needed.
 
-A term enters a hypothesis where it predicts blocks of time that it was not fitted to better than
-the hypothesis without it, by more than recordings with nothing hidden ever show (``limits``), and
-where it is large enough to matter. The simpler of two that are as good is taken. Then the next one
-is looked for on top of it, three at most.
+A term enters a hypothesis where it improves the prediction of blocks of time that it was not fitted
+to by more than recordings with nothing hidden show (``acceptance_limits``), and where its size is
+material. The simpler of two equally good terms is taken. Then the next one is looked for on top of
+it, three at most.
 """
 
 from __future__ import annotations
@@ -45,9 +46,11 @@ PLAY = "lost_motion"
 LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3
 REFINED = 3  # candidates of a stage that are searched with care
 PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
-AS_GOOD = 1.5  # paired t below which two explanations cannot be told apart
-CONTRADICTED = 1.0  # t of the trajectories against what the breakaways together tell
+AS_GOOD = 1.5  # paired t below which two explanations cannot be separated
+CONTRADICTED = 1.0  # t of the trajectories against what the breakaways together show
 ATTEMPTS = 2
+# Terms that are looked at again where the base has moved, the best of the look before.
+LOOKED_AT_AGAIN = 7
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
 NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
 
@@ -93,7 +96,7 @@ class Needed:
     stage: SelectionStage
     without: Fitted
     advantage: Advantage
-    events: dwell.Dwelling | None = None  # that told it, where the trajectories did not
+    events: dwell.Dwelling | None = None  # that showed it, where the trajectories did not
     of_pair: bool = False  # was found together with another, without which it gains little
 
     @property
@@ -199,11 +202,13 @@ def refined(
     """All ``terms`` on top of ``simple``, the best of them searched with care, and ``simple``
     restarted from each of these.
 
-    A local minimum of the simple hypothesis is the commonest false discovery: where a restart
-    finds a better one, everything is done once more from there.
+    A local minimum of the simple hypothesis is the commonest cause of a false discovery: where a
+    restart finds a better one, the whole stage is repeated from there.
     """
+    again, scores = list(terms), list[TermScore]()
     for _ in range(ATTEMPTS):
-        looked = yield from screened(evaluator, simple, terms, effort)
+        looked = yield from screened(evaluator, simple, again, effort)
+        looked += scores[LOOKED_AT_AGAIN:]
         promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
         careful = yield from run_together(_careful(evaluator, score) for score in promising)
         scores = [*careful, *looked[len(promising) :]]
@@ -212,19 +217,21 @@ def refined(
         simple = restarted
         if moved < MOVED:
             break
+        again = [score.term for score in scores[:LOOKED_AT_AGAIN]]
     nested = yield from run_together(_nested(evaluator, simple, score) for score in scores)
     return simple, _ordered(nested)
 
 
 def _careful(evaluator: Evaluator, score: TermScore) -> Search[TermScore]:
-    """A score searched with care: from where the first look ended, and from the starts that it did
-    not begin from."""
+    """A score refined by a longer search: from the result of the first look, and from the starts
+    that it did not use.
+    """
     fitted = yield from refit(evaluator, score.fitted, CAREFUL, *score.further)
     return TermScore(score.term, fitted, score.advantage)
 
 
 def _restarted(evaluator: Evaluator, simple: Fitted, scores: Sequence[TermScore]) -> Search[Fitted]:
-    """``simple`` searched again from where richer hypotheses have led."""
+    """``simple`` searched again from the results of richer hypotheses."""
     if not scores:
         return simple
     restarts = [reduced(evaluator, score.fitted, simple.layout.hypothesis) for score in scores]
@@ -234,14 +241,16 @@ def _restarted(evaluator: Evaluator, simple: Fitted, scores: Sequence[TermScore]
 
 
 def _nested(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[TermScore]:
-    """A score against what ``simple`` has become; a richer hypothesis contains it."""
+    """A score against the refined ``simple``, which the richer hypothesis contains."""
     neutral_fit = yield from neutral(evaluator, simple, score.fitted.layout.hypothesis)
     fitted = better(evaluator, neutral_fit, score.fitted)
     return TermScore(score.term, fitted, gain(evaluator, simple, fitted))
 
 
 def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
-    """True where the gain is beyond what nothing hidden shows, and the size matters."""
+    """True where the gain is larger than recordings with nothing hidden show, and the size is
+    material.
+    """
     is_convincing = convincing(score.advantage, evaluator.measured_counts, score.slug, stage)
     return (
         is_convincing
@@ -251,8 +260,9 @@ def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
 
 
 def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
-    """False for a stem that does not jump: play behind it and friction make one dead band, and
-    which part of it is friction cannot be told."""
+    """False for a stem that does not jump: then play and friction make one dead band, and cannot be
+    separated.
+    """
     middle = fitted.candidates.mean(axis=0)
     S, J = (
         middle[base_coordinate.S_PERCENT],
@@ -262,7 +272,7 @@ def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
 
 
 def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:
-    """The terms that explain the recording, the one to take first; those after it as good."""
+    """The terms that explain the recording: first the one to take, then those that are as good."""
     passing = [score for score in scores if passes(score, evaluator, stage)]
     if not passing:
         return []
@@ -308,8 +318,8 @@ def name_terms(base: BaseFit, terms: Sequence[Term]) -> Named:
             first = simple
         accepted_scores = accepted(evaluator, scores, stage)
         if not accepted_scores and stage == 0 and not_little_left(evaluator, simple):
-            # Two that explain it together may be nothing one by one; whether both are needed is
-            # asked at the end.
+            # Two terms that explain it together may gain nothing one by one; whether both are
+            # needed is tested at the end.
             accepted_scores = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
         stages.append(SelectionStage(simple, tuple(scores), tuple(accepted_scores)))
         if not accepted_scores:
@@ -318,7 +328,7 @@ def name_terms(base: BaseFit, terms: Sequence[Term]) -> Named:
         terms_left = [term for term in terms_left if term.slug != accepted_scores[0].slug]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
     if any(one.term.slug == PLAY for one in needed) and not jump_is_visible(fitted, evaluator):
-        # A later term has taken the jump that told play from friction.
+        # A later term has taken away the jump that separated play from friction.
         return name_terms(base, [term for term in terms if term.slug != PLAY])
     if not needed:
         fitted, needed = told_by_events(evaluator, fitted, terms)
@@ -330,7 +340,7 @@ def name_terms(base: BaseFit, terms: Sequence[Term]) -> Named:
 def told_by_events(
     evaluator: Evaluator, simple: Fitted, terms: Sequence[Term]
 ) -> tuple[Fitted, list[Needed]]:
-    """Dwell, where no trajectory needs a term but the breakaways together show it."""
+    """Dwell, where the breakaways together show it although no trajectory needs a term."""
     term = next((term for term in terms if term.slug == dwell.SLUG), None)
     seen = dwell.dwelling(evaluator, simple) if term is not None else None
     if term is None or seen is None or not seen.convincing:
@@ -341,7 +351,7 @@ def told_by_events(
     fitted = dwell.refit_with_rise(evaluator, neutral_fit, seen)
     score = TermScore(term, fitted, gain(evaluator, simple, fitted))
     if score.advantage.t < -CONTRADICTED:
-        return simple, []  # what makes breakaways late is something else
+        return simple, []  # something else makes breakaways late
     return fitted, [
         Needed(SelectionStage(simple, (score,), (score,)), simple, score.advantage, seen)
     ]
@@ -372,7 +382,8 @@ def lacking(named: Named, slugs: Collection[str]) -> Named:
 def pruned(
     evaluator: Evaluator, fitted: Fitted, stages: list[SelectionStage]
 ) -> tuple[Fitted, list[Needed]]:
-    """Drop each term, first come first, that is no longer needed now that the later ones are there.
+    """Drop each term, in the order in which they were found, that is not needed any more beside the
+    later ones.
 
     The first term of two has often stood in for both.
     """

@@ -1,4 +1,4 @@
-"""What the rounds of the search say of each effect that was tried.
+"""The scores of every effect that was tried in the rounds of the search.
 
 For the page: its gain alone and beside what is named, and why it is not named (``TriedEffect``).
 For other windows of the valve: its gain where it was looked at last (``EffectScore``), which is
@@ -7,7 +7,7 @@ there for a drive too, and small enough to be kept for months.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from stemwatch.models.mismatch.acceptance_limits import convincing, strength
 from stemwatch.models.mismatch.crossfit import gain
@@ -24,10 +24,12 @@ from stemwatch.models.stickslip.fit import Advantage
 
 
 def what_was_tried(
-    named: Named, effects: Iterable[Effect]
+    named: Named, effects: Iterable[Effect], too_small: Collection[str] = ()
 ) -> tuple[tuple[TriedEffect, ...], Gain | None]:
-    """All that was tried term by term over S and J alone, the largest gain first, and the gain of
-    all that is named together; nothing of a drive, whose motor and load are one model."""
+    """Every term tried alone over S and J, the largest gain first, and the gain of all named terms
+    together; empty for a drive, whose motor and load are one model. ``too_small`` are slugs that
+    stand and are not named, because they need no work.
+    """
     slugs = {effect.slug for effect in effects}
     same_class = {slug for effect in effects for slug in effect.members} - slugs
     if not named.stages or slugs & set(OF_A_DRIVE):
@@ -41,6 +43,8 @@ def what_was_tried(
             if score.slug in slugs
             else TriedOutcome.AS_GOOD
             if score.slug in same_class
+            else TriedOutcome.TOO_SMALL
+            if score.slug in too_small
             else _rejected(named, score, beside_score)
         )
         tried_list.append(
@@ -63,7 +67,7 @@ def _gain(advantage: Advantage) -> Gain:
 
 
 def _on_top(named: Named) -> dict[str, TermScore]:
-    """The scores of the round that began with just what is named; empty where there was none."""
+    """The scores of the round that began with exactly the named terms, if there was one."""
     final = set(named.fitted.layout.hypothesis.slugs)
 
     def begins_there(stage: SelectionStage) -> bool:

@@ -1,7 +1,7 @@
 """Intervals of all parameters by the block bootstrap (``models.block_bootstrap``).
 
-As for S and J alone (``stickslip.interval``), but the blocks are drawn once and the clouds of all
-rounds are kept: here a run costs more.
+As for S and J alone (``stickslip.interval``), but the blocks are drawn once and the candidates of
+all rounds are kept, because a run costs more here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SMALLEST = 1e-4
 
 
 def draws(evaluator: Evaluator, layout: CoordinateLayout, best: Floats) -> Floats:
-    """(REPLICATES, size) what the coordinates could have been, by the blocks of time. Seeded."""
+    """(REPLICATES, size) the coordinates from a block bootstrap. Seeded."""
     rng = np.random.default_rng(11)
     weights = block_weights(evaluator.counts, REPLICATES, rng)
     width = evaluator.spread(layout, FIRST_WIDTH)

@@ -1,9 +1,10 @@
-"""Which recorded signal is the command of which, and when: judged by what sticking explains.
+"""Which recorded signal is the command of a position, and at which delay: judged by how much of the
+position a sticking stem explains.
 
-The cheapest of a few stick-slip elements is run over a command, put right at the start of each
-block of time as in a fit, and its loss is divided by that of a stem that never moves. A valve's own
-command leaves 0.03 to 0.3 of it, whatever sticks; another valve's, or its own of another hour,
-leaves nearly all.
+A few stick-slip elements are run over a command, resynchronised at the start of each block of time
+as in a fit, and the least loss is divided by that of a stem that never moves. With the valve's own
+command the ratio is 0.03 to 0.3, however much it sticks; with the command of another valve or
+another hour it is near 1.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from stemwatch.models.stickslip.fit import FirstLook, StickSlipEvaluator, actuat
 from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.rests import Rests
 
-# Samples by which a command may be brought forward: never by more than nothing, for then the stem
-# would move first; and a little more, where only clocks differ.
+# Samples by which a command is shifted, positive towards earlier times. BEFORE keeps the stem
+# behind its command; AFTER lets it move first by a little, as where only clocks differ.
 BEFORE = (0.0, -1.0, -3.0, -5.0)
 AFTER = (1.0, 3.0)
 FAR = (20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0)
@@ -54,8 +55,9 @@ class Pairing:
 
     @classmethod
     def of(cls, recording: Recording, first_look: FirstLook | None = None) -> Pairing | None:
-        """``None`` where one of the two hardly moves, or nothing can be scored. ``first_look`` is a
-        first look at the recording where there was one."""
+        """The pairing of a recording's OP and MV; ``None`` where one of the two hardly moves, or
+        nothing can be scored. ``first_look`` saves time where it has been made already.
+        """
         first_look = first_look or FirstLook.at(recording)
         if first_look is None or float(np.ptp(first_look.evaluator.problem.mv)) <= 0.0:
             return None
@@ -68,15 +70,16 @@ class Pairing:
 
     @property
     def slips_to_its_command(self) -> bool:
-        """Whether the slips alone show that the stem is this command's, now and not minutes ago:
-        it rests while the command goes on, and jumps towards it."""
+        """Whether the slips alone show that the stem follows this command, and without a delay of
+        minutes: it rests while the command goes on, and jumps towards it.
+        """
         problem = self.evaluator.problem
         if not Rests.of(problem).of_position:
             return False
         return events_of(problem, self.candidates[0]).of_this_command
 
     def explained(self, samples: Sequence[float]) -> BestShift:
-        """The best over commands brought forward by each of ``samples``."""
+        """The best over commands shifted earlier by each of ``samples``."""
         problem = self.evaluator.problem
         shifts = [self._best_of_elements(_shifted(problem, shift), shift) for shift in samples]
         return min(shifts, key=lambda shift: shift.left)
@@ -88,8 +91,9 @@ class Pairing:
         return BestShift(float(losses[best]) / self.still, samples, S)
 
     def by_a_slow_actuator(self) -> float:
-        """What is left where a dead time, a lag and a limited speed stand for the sticking, or two
-        long lags stand before it."""
+        """The share of the loss that is left by a dead time, a lag and a speed limit in place of
+        friction, or by friction behind two equal long lags in series.
+        """
         problem = self.evaluator.problem
         actuator_loss = _loss(
             self.evaluator, problem, actuator_grid(self.evaluator, self.candidates[0])
@@ -149,7 +153,7 @@ def _loss(evaluator: StickSlipEvaluator, problem: FitProblem, candidates: Floats
 
 
 def _shifted(problem: FitProblem, samples: float) -> FitProblem:
-    """The problem with its command brought forward; the edge is held."""
+    """The problem with its command shifted earlier; beyond the edge the last value is held."""
     if samples == 0.0:
         return problem
     shifted_index = np.clip(np.arange(problem.op.size) + round(samples), 0, problem.op.size - 1)

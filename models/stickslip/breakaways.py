@@ -1,22 +1,23 @@
-"""S and J read from the breakaways themselves: how far the command is ahead when the stem lets go.
+"""S and J read from the breakaways themselves: the distance of command and stem when the stem
+breaks away.
 
-No two breakaways of a packing are equal. A free run with one level slips now too early and now too
-late, and the S and J whose run is cheapest are then not those of the mean breakaway: with 12 %
-scatter they come out 8 % too small. The breakaways tell it without a run: the distance of command
-and stem when the stem lets go is the breakaway level, and where it has let go it stays behind its
-command by the kinetic level. Choudhury's parameters follow from the two
+No two breakaways of a packing are equal. A free run with one level slips sometimes too early and
+sometimes too late, and the S and J of the best free run are then not those of the mean breakaway:
+with 12 % scatter they come out 8 % too small. The breakaways give both levels without a run: the
+distance of command and stem at the breakaway is the breakaway level, and after the slip the stem
+stays behind its command by the kinetic level. Choudhury's parameters follow from the two
 (doi:10.1016/j.conengprac.2004.05.005):
 
     (S + J)/2 = breakaway level,   (S - J)/2 = kinetic level.
 
-A stem answers its command a little late, which a slow command does not show and a quick one does.
-So both levels are found for each of several delays, and the delays are weighted by how well they
-make the breakaways agree.
+A stem answers its command a little late, which matters where the command is fast. So both levels
+are computed for each of several delays, and the delays are weighted by how well the breakaways then
+agree with one another.
 
 Where OP was read through a curve to stroke that is itself estimated, an error ``e(OP)`` of the
-curve shifts both distances, each by ``e`` where it was read. It shifts the two directions
-oppositely, so that slips at many places tell it from the levels: the levels and a polynomial ``e``
-are found together by least squares. (To the run with which the curve was found, a wrong curve and
+curve shifts both distances, each by ``e`` at its place. It shifts the two directions oppositely, so
+that slips at many places separate it from the levels: the levels and a polynomial ``e`` are found
+together by least squares. (In the free run with which the curve was found, a wrong curve and
 another S look much alike.)
 """
 
@@ -34,67 +35,76 @@ from stemwatch.models.stickslip.problem import FitProblem
 from stemwatch.models.stickslip.stroke_curve import USED, shapes_of
 
 FEWEST = 8
-FEWEST_OF_A_SIDE = 4  # else the two directions are not told apart
-LEAST_J = 0.4  # percent; below it a slip cannot be told from a stem that creeps with its command
-LEAST_JUMP = 0.4  # of J, beyond what the command moved: an onset of motion that is a slip
-SLIPPING_SAMPLES = 2  # after its first sample of motion a slip is over
-# Share of a slip that is made after its first sample of motion, beyond what the command moves then:
-# from it on that sample does not show where the stem stopped. 41 valves of `draw_valves` and
+FEWEST_OF_A_SIDE = 4  # else the two directions cannot be separated
+LEAST_J = 0.4  # percent; a smaller slip looks like a stem that creeps with its command
+LEAST_JUMP = 0.4  # of J, beyond the command's own move: an onset of motion this large is a slip
+SLIPPING_SAMPLES = 2  # from its first sample of motion until a slip is over
+# Share of a slip made after its first sample of motion, beyond the command's own move. From this
+# share on, that sample does not show where the stem stopped. 41 valves of `draw_valves` and
 # `draw_sticky` (seeds 5151, 6161, 7171, 8181) have 0.06 at most at 1 s; at 10 Hz three of four have
-# 0.18 to 0.31, and J that was read so was too small by a quarter, S too large by as much.
+# 0.18 to 0.31, and J read from that sample was too small by a quarter, S too large by as much.
 UNFINISHED = 0.1
 FARTHEST = 0.35  # share of the fitted level; beyond it the onsets are not this element's slips
-ALIKE = 0.02  # scatter below which a run with one level tells S and J as well
+ALIKE = 0.02  # scatter below which a run with one level gives S and J as well
 TRIM = 3.5  # robust standard deviations
-# Samples by which a stem is late, mean and standard deviation over valves; the delay that a fit
-# found is as uncertain and a quarter of itself more. Twice the deviation lets chance choose: S of
+# Delay of a stem in samples: mean and standard deviation over valves. A fitted delay has the same
+# standard deviation plus a quarter of its own value. Twice the deviation lets chance choose: S of
 # 92 sticking valves of `stemwatch robustness` (seeds 5151 to 9393) was then off by 0.11 % and not
 # by 0.08 (medians), and half of it costs valves of draw_sticky, whose lags are longer, 0.02.
 LATE, LATE_SHARE = (0.2, 0.2), 0.25
-# And such a share of valves is late by anything: where the command moves at one speed, no slip
-# tells by how much. The estimate is by the usual delays, the interval holds the others too: with
-# that of friction alone (``interval``) those of S of 39 valves of draw_sticky (seeds 5151, 7171,
-# 8383) hold in 36, and of 24 of `stemwatch robustness` (5151, 6161, 8383) in 23, as before.
+# And this share of valves has any delay at all: where the command moves at one speed, the slips do
+# not show how much. The estimate uses the usual delays, and the interval includes the others too:
+# with that of friction alone (``interval``) those of S of 39 valves of draw_sticky (seeds 5151,
+# 7171, 8383) hold in 36, and of 24 of `stemwatch robustness` (5151, 6161, 8383) in 23, as before.
 UNUSUALLY_LATE = 0.06
-SLOW_SAMPLES = 1.0  # from which the fitted dead time and lag stand between command and stem
-TRIED, FARTHEST_TRIED = 17, 1.6  # delays, from none to so many samples
-# Share of a sample's command that lies between a slip and the sample after it, in the same way: 0
-# for a stem that slides on with its command, a half for one that sticks at once.
+SLOW_SAMPLES = 1.0  # from which the fitted dead time and lag are taken as real
+TRIED, FARTHEST_TRIED = 17, 1.6  # delays, from 0 to this many samples
+# Share of the command's move in a sample that lies between a slip and the next sample, mean and
+# standard deviation: 0 for a stem that slides on with its command, a half for one that sticks at
+# once.
 SINCE = (0.4, 0.4)
 TILT = 0.15  # share of the level by which the two directions differ, one standard deviation
 LEAST_SCATTER = 0.01  # of the level
-# One standard deviation of what no count of breakaways lessens, of the breakaway and of the kinetic
-# level, as a share of the first: a stem is not exactly a two-level element. These three are
-# calibrated on the 92 valves above and 28 of draw_sticky, seed 6161; `stemwatch trial` and
-# `stemwatch robustness` print on others how many intervals hold.
+# Standard deviation of the model error, which more breakaways do not reduce, of the breakaway and
+# of the kinetic level, as a share of the first: a stem is not exactly a two-level element. These
+# three are calibrated on the 92 valves above and 28 of draw_sticky, seed 6161; `stemwatch trial`
+# and `stemwatch robustness` print on others how many intervals hold.
 MODEL_ERROR, KINETIC_ERROR = 0.015, 0.008
-# And of both levels together, as a share of what the command moves in a sample: when in its sample
-# the stem let go, and what OP did in the rest of it, is not in the record.
+# The same for both levels together, as a share of the command's move in a sample: the record does
+# not hold when in its sample the stem broke away, nor what OP did in the rest of it.
 WITHIN_SAMPLE = 0.2
-# And of the breakaway level alone: bristles give before they let go. A LuGre packing reads 0.2 of a
-# sample higher than the levels that it has without noise.
+# The same for the breakaway level alone: bristles bend before they let go. The level read from a
+# LuGre packing is 0.2 of a sample's move higher than its true one without noise.
 LETS_GO = 0.3
-# The more the smaller the slip: a stem of bristles that hardly jumps creeps with its command first,
-# so that its motion is seen late. Of 12 such valves (`draw_valves`, seeds 5151, 6161, 7171) the two
-# with a J of 0.5 and 0.75 % read 0.6 of a sample too high, those above 1 % 0.1 in the median.
+# This error grows as the slip gets smaller: a stem of bristles that hardly jumps first creeps with
+# its command, so that its motion is seen late. Of 12 such valves (`draw_valves`, seeds 5151, 6161,
+# 7171) the level of the two with a J of 0.5 and 0.75 % is 0.6 of a sample's move too high, and that
+# of those above 1 % is 0.1 too high in the median.
 SMALL_JUMP = 1.0  # percent
-# And where the position is recorded in steps that a slip hardly exceeds: only slips that come to a
-# step are seen. One standard deviation of both levels, as a share of the step: its rounding.
-FEW_STEPS, OF_A_STEP = 2.0, 12.0**-0.5
-# What is not known of an estimated curve, one standard deviation before the slips are looked at:
-# of its slope as a share, of its bends in percent of travel. Three times as much or a third of it
-# changes S by hundredths of a percent.
+# The same where the position is recorded in steps that a slip hardly exceeds. Only slips of a step
+# and a half beyond the noise are seen, so that the smaller ones of a packing that scatters are
+# missed: a J of 2.1 steps (seed 7171) was read as 2.4. The rounding error of both levels, as a
+# share of the step.
+FEW_STEPS, OF_A_STEP = 3.0, 12.0**-0.5
+# For slips of any size: a resting place is rounded alike each time the stem comes there, at the end
+# of a slip one way and at the start of the next the other way. That moves the two levels apart and
+# leaves S as it is: standard deviation of J, as a share of the step, of a stem with one place at
+# either end of its slips; more places reduce it as independent roundings.
+OF_A_PLACE = 6.0**-0.5
+# Prior standard deviation of the error of an estimated curve: of its slope as a share, of its bends
+# in percent of travel. Three times as much or a third of it changes S by hundredths of a percent.
 UNSURE_SLOPE, UNSURE_BEND = 0.03, 1.5
 LEAST_CHORD = 0.5  # of the slope that was found
-CURVE_ROUNDS = 3  # of least squares, after each of which strays are left out
+CURVE_ROUNDS = 3  # of least squares, after each of which outliers are left out
 
 
 @dataclass(frozen=True)
 class _Levels:
-    """What the breakaways say for one delay; ``weight`` is its log-likelihood with the prior, by
-    which the delay is ``unusual`` standard deviations off,
-    ``chord`` what the mean slope of the curve from OP to stroke is off by, a factor, and
-    ``covariance`` (3, 3) that of level, kinetic level and chord."""
+    """The levels for one delay. ``weight`` is the log-likelihood of the delay with its prior,
+    ``unusual`` its distance from the prior mean in standard deviations. ``chord`` is the factor by
+    which the mean slope of the curve from OP to stroke is off, and ``covariance`` (3, 3) that of
+    level, kinetic level and chord.
+    """
 
     weight: float
     level: float
@@ -109,12 +119,13 @@ class _Levels:
 
 @dataclass(frozen=True)
 class Breakaways:
-    """``count`` breakaways: the mean distance of command and stem at which the stem lets go
-    (``level``) and at which it stays behind (``kinetic``), percent of OP, and the ``scatter`` from
-    one breakaway to the next, a share of the level. ``rate`` is what the command moves in the
-    sample of a slip, percent of OP (median), ``step`` that of the position's recorder where it is a
-    coarse one. ``tried`` is the same for each delay of the stem, with ``weights`` that sum to
-    one."""
+    """``count`` breakaways: the mean distance of command and stem at the breakaway (``level``) and
+    after the slip (``kinetic``), percent of OP, and the ``scatter`` from one breakaway to the next,
+    a share of the level. ``rate`` is the command's move in the sample of a slip, percent of OP
+    (median); ``step`` the resolution of the position's recorder where it is coarse, and ``places``
+    the number of different resting places in it. ``tried`` are the levels for each delay of the
+    stem, with ``weights`` that sum to one.
+    """
 
     count: int
     level: float
@@ -124,6 +135,7 @@ class Breakaways:
     tried: tuple[_Levels, ...]
     weights: Floats
     step: float = 0.0
+    places: int = 1
 
     @property
     def S(self) -> float:
@@ -143,9 +155,9 @@ class Breakaways:
         return np.asarray(weights / weights.sum())
 
     def draws(self, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-        """S and J, (count,) each, as the breakaways allow them to be, percent of OP.
+        """Draw S and J, (count,) each, from their distribution by the breakaways, percent of OP.
 
-        A delay that is not known moves both levels the same way, so S more than J.
+        An unknown delay shifts both levels the same way, and so S more than J.
         """
         delays = rng.choice(len(self.tried), size=count, p=self.weights)
         late_count = round(UNUSUALLY_LATE * count)
@@ -158,10 +170,11 @@ class Breakaways:
         if self.J < FEW_STEPS * self.step:
             own_error += (OF_A_STEP * self.step) ** 2
             own_kinetic += (OF_A_STEP * self.step) ** 2
+        apart = 0.25 * (OF_A_PLACE * self.step) ** 2 / self.places
         model = np.array(
             [
-                [within + own_error, within, 0.0],
-                [within, within + own_kinetic, 0.0],
+                [within + own_error + apart, within - apart, 0.0],
+                [within - apart, within + own_kinetic + apart, 0.0],
                 [0.0, 0.0, 1e-12],
             ]
         )
@@ -184,15 +197,15 @@ def breakaways(
     late_s: float = 0.0,
     unhindered: Floats | None = None,
 ) -> Breakaways | None:
-    """The breakaways of a recorded position, or ``None`` where too few tell of them.
+    """The breakaways of a recorded position, or ``None`` where there are too few clear ones.
 
     ``gain`` is MV's percent for one of OP and ``zero`` its offset, percent of MV. ``S`` and ``J``,
     percent of OP, are those of the fitted element: an onset of motion without a jump is no
-    breakaway, and a level far from the fitted one is not the element's; breakaways that are all
-    alike tell no more than the fit, and slips that take longer than a sample do not show at their
-    first where the stem stopped. ``late_s`` is the dead time and lag that were fitted, and
-    ``unhindered`` (n,) where the stem would be behind them without friction, percent of MV: from a
-    sample of lag on, a delay of OP does not stand for it.
+    breakaway, and a level far from the fitted one is not the element's. Breakaways that are all
+    alike add nothing to the fit, and slips that take longer than a sample do not show at their
+    first sample where the stem stopped. ``late_s`` is the dead time and lag that were fitted, and
+    ``unhindered`` (n,) where the stem would be behind them without friction, percent of MV: a lag
+    of a sample or more cannot be replaced by a delay of OP.
     """
     if J < LEAST_J:
         return None
@@ -239,14 +252,19 @@ def breakaways(
     level = 0.5 * (S + J)
     if found_breakaways.scatter < ALIKE or abs(found_breakaways.level - level) > FARTHEST * level:
         return None
-    return replace(found_breakaways, step=coarse_step(problem.mv) / abs(gain))
+    step = coarse_step(problem.mv)
+    if not step:
+        return found_breakaways
+    places = np.unique(np.round(found_onsets.place / step)).size
+    return replace(found_breakaways, step=step / abs(gain), places=places)
 
 
 def _unfinished(
     command: Floats, stem: Floats, onset: Samples, side: Floats, place: Floats, least: float
 ) -> bool:
-    """Whether most slips, of at least so many percent, go on after their first sample of motion:
-    the recording is faster than they are."""
+    """Whether most slips, of at least ``least`` percent, go on after their first sample of motion,
+    because the recording resolves them.
+    """
     inside = onset < stem.size - SLIPPING_SAMPLES
     onset, side, place = onset[inside], side[inside], place[inside]
     whole = side * (stem[onset + SLIPPING_SAMPLES] - place)
@@ -263,16 +281,17 @@ def _unfinished(
 def distances(
     stem: Floats, command: Floats, at: Samples, side: Floats, rested: Samples, onset_place: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """(m,) each, of the onsets: the distance of command and stem that the stem has borne and the
-    one at its first sample of motion, the distance then, the command's way in that sample, and how
-    far the stem jumped beyond the command's way."""
+    """(m,) each, of the onsets: the largest distance of command and stem before the breakaway, that
+    at the first sample of motion, the distance after the slip, the command's move in that sample,
+    and how far the stem jumped beyond the command's move.
+    """
     m, n = at.size, stem.size
     last_before, first_after, after = np.zeros(m), np.zeros(m), np.zeros(m)
     rate, jump = np.zeros(m), np.zeros(m)
     for i in range(m):
         k, direction = at[i], side[i]
         for j in range(max(k - rested[i] + 1, 0), k):
-            # What the packing bore on the other side it would have borne on this one.
+            # A distance that the packing held on the other side it would have held on this one too.
             last_before[i] = max(last_before[i], abs(command[j] - onset_place[i]))
         first_after[i] = max(direction * (command[k] - onset_place[i]), last_before[i])
         after[i] = direction * (command[k] - stem[k])
@@ -311,8 +330,9 @@ def _variances(slips: _Slips, spread: float, within: float, level: float) -> tup
 
 
 def _weight(count: int, variance: float, unusual: float) -> float:
-    """Half the log-likelihood of independent slips, those of one oscillation are alike; the delay
-    is ``unusual`` standard deviations from what is usual."""
+    """Half the log-likelihood of independent slips, because slips of one oscillation are
+    correlated. The delay is ``unusual`` standard deviations from its prior mean.
+    """
     return float(-0.25 * count * np.log(variance) - 0.5 * unusual**2)
 
 
@@ -338,9 +358,9 @@ def _with_curve(
 ) -> _Levels:
     """Both levels for one delay, and by how much the curve is off, by least squares.
 
-    ``borne`` and ``stopped`` (m, k + 1) are the shapes of what the curve may be off by, at the
-    command at which each stem let go and at which it was read afterwards; the first, a constant, is
-    the zero of the reading. ``half_range`` is half the part of the command that was used, percent.
+    ``borne`` and ``stopped`` (m, k + 1) are the shapes of the curve's error, at the command of each
+    breakaway and at that of the reading after it; the first, a constant, is the zero of the
+    reading. ``half_range`` is half the part of the command that was used, percent.
     """
     side, values = slips.side, slips.near + slips.half
     too_few = min(np.count_nonzero(side < 0.0), np.count_nonzero(side > 0.0)) < FEWEST_OF_A_SIDE
@@ -348,7 +368,7 @@ def _with_curve(
     _, after_spread, _, after_kept = _mean_of_sides(slips.after - SINCE[0] * slips.rate, side)
     bends = borne.shape[1] - 1
     zeros = np.zeros(side.size)
-    # Unknown: level, kinetic level, zero, tilt and what was dragged on as in ``_kinetic``, curve.
+    # Unknowns: level, kinetic level, zero, tilt and ``since`` as in ``_kinetic``, and the curve.
     side_columns = -side[:, None]
     let_go = np.column_stack(
         (zeros + 1, zeros, -side_columns, zeros, zeros, side_columns * borne[:, 1:])
@@ -376,7 +396,8 @@ def _with_curve(
         level = float(best[0])
         spread, is_used = _residual_spread(values - let_go @ best, 2.0 + 0.5 * bends)
         after_spread, after_kept = _residual_spread(slips.after - halted @ best, 2.0 + 0.5 * bends)
-    # The mean slope is that between the ends, where odd shapes are 1 and -1, and even ones alike.
+    # The mean slope is that between the ends, where odd shapes are 1 and -1, and even ones are
+    # equal.
     chord = np.zeros(best.size)
     chord[5::2] = 1.0 / half_range
     combinations = np.stack((np.eye(best.size)[0], np.eye(best.size)[1], chord))
@@ -394,8 +415,9 @@ def _with_curve(
 
 
 def _residual_spread(residuals: Floats, unknown: float) -> tuple[float, Bools]:
-    """Spread of what is left (m,) by so many ``unknown``, and which of it is kept; what is not
-    counts with the reach."""
+    """Spread of ``residuals`` (m,) of a fit with ``unknown`` parameters, and which of them are
+    kept; the others count with the limit.
+    """
     reach = TRIM * max(1.4826 * float(np.median(np.abs(residuals))), 1e-3)
     is_used = np.abs(residuals) <= reach
     squares = float(np.minimum(residuals**2, reach**2).sum())
@@ -405,7 +427,7 @@ def _residual_spread(residuals: Floats, unknown: float) -> tuple[float, Bools]:
 def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, Bools]:
     """Mean, spread and standard error of values (m,), and which of them are kept.
 
-    A wrong zero of the reading moves the two directions apart and the mean of both not at all.
+    A wrong zero of the reading shifts the two directions apart and leaves their mean.
     """
     groups = [side < 0.0, side > 0.0]
     if min(np.count_nonzero(group) for group in groups) < FEWEST_OF_A_SIDE:
@@ -416,11 +438,12 @@ def _mean_of_sides(values: Floats, side: Floats) -> tuple[float, float, float, B
     reach = TRIM * max(1.4826 * float(np.median(np.abs(deviation))), 1e-3)
     is_used = np.abs(deviation) <= reach
     for group in groups:
-        # Two bunches of one direction about a median between them: no one of them is a stray.
+        # Where one direction has two groups with the median between them, none of them is an
+        # outlier.
         if not (group & is_used).any():
             is_used |= group
     parts = [values[group & is_used] for group in groups]
-    # Those left out count with the reach, or leaving out would look like agreement.
+    # Outliers count with the limit, or leaving them out would look like agreement.
     squares = sum(float(((part - part.mean()) ** 2).sum()) for part in parts)
     squares += reach**2 * float(np.count_nonzero(~is_used))
     variance = squares / max(values.size - len(parts), 1)

@@ -1,21 +1,22 @@
 """OP and position by one clock: how late the archive stored OP.
 
 Two tags of one loop may come through two collectors, and OP may carry a time stamp that is seconds
-late. Then the position moves before its command, which no valve can do; friction read against the
-late command comes out too small, by twice what OP moves in that time. A position that is stored
-late looks as a dead time does, and is named so.
+late. Then the position moves before its command, which no valve can do, and S comes out too small
+by twice OP's move in that time. A position that is stored late looks like a dead time, and is
+reported as one.
 
-Two witnesses tell of it.
+It shows in two independent ways.
 
-**The controller.** OP follows set point and PV at once, by the controller's own law,
-``OP[k] - OP[k - w] = Kp (e[k - n] - e[k - n - w]) + Ki sum of e`` with ``e = SP - PV``: by least
-squares for each delay ``n``, one delay explains OP far better than any other. PV shares its clock
-with the position or with OP; the stem must not contradict that it is OP which is late.
+**The controller.** OP follows set point and PV at once, by the controller's own law, ``OP[k] - OP[k
+- w] = Kp (e[k - n] - e[k - n - w]) + Ki sum of e`` with ``e = SP - PV``: by least squares for each
+delay ``n``, one delay explains OP far better than any other. PV shares its clock with the position
+or with OP; the stem must not contradict that OP is the late one.
 
-**The stem.** The command is brought forward by whole samples and the cheapest stick-slip element is
-looked for at each, then by parts of a sample. It is believed where the blocks of the record agree
-that it is cheaper: a stem that only answers late is made dearer by it. A lateness and a smaller S
-look much alike to it, so that it tells by how much only where the controller does not.
+**The stem.** The command is shifted earlier by whole samples, then by parts of a sample, and the
+best stick-slip element is fitted at each shift. The shift is believed where the blocks of the
+record agree that it lowers the loss; for a stem that only answers late it raises the loss. In this
+fit a late OP and a smaller S look much alike, so that it decides the size of the shift only where
+the controller does not.
 """
 
 from __future__ import annotations
@@ -36,38 +37,42 @@ from stemwatch.models.stickslip.fit import (
     sticking_grid,
 )
 
-# Samples by which OP is brought forward: where neither of the first makes it cheaper, none does.
+# Samples by which OP is shifted earlier: where neither of the first two lowers the loss, none does.
 LOOKED_AT, TRIED = (1, 3), (2, 5, 8, 12)
 WITHIN = np.arange(-2.0, 2.01, 0.25)  # samples about the best of them
-# Of the block-wise advantage (``stickslip.fit.advantage``). Where these and ``LEFT_AT_ONCE`` must
-# lie, `stemwatch calibrate-archives` derives from valves whose clocks agree.
+# Limits of the block-wise advantage (``stickslip.fit.advantage``). `stemwatch calibrate-archives`
+# derives these and ``LEFT_AT_ONCE`` from valves whose clocks agree.
 LEAST_MEAN, LEAST_T = 0.1, 1.5
-STEPPED = 0.05  # share of repeats of OP from which it is moved by whole samples
-LEAST = 0.5  # samples; less is within what sampling does
-# By the controller's law: OP's moves over so many samples, and the delays that are tried. A delay
-# is believed where it leaves at most such a share of OP's moves, and of what no delay and that of
-# one scan leave. 80 recordings whose clocks agree (`draw_valves`, seeds 5151, 6161, 8383;
-# `draw_sticky`, `draw_healthy`, 5151, 7171) leave 0.00 to 0.21 at none or one sample; stored 5 s
-# late 0.00 to 0.21 at 5 or 6 samples, at most 0.48 times what they leave at none or one.
+STEPPED = 0.05  # share of repeats of OP, from which it is shifted by whole samples only
+LEAST = 0.5  # samples; sampling alone causes less
+# For the controller's law: OP's moves are taken over MOVES_OVER samples, and delays from EARLIEST
+# to LATEST are tried. A delay is believed where it leaves at most MOST_LEFT of OP's moves, and at
+# most LEFT_AT_ONCE of what a delay of no or one sample leaves. 80 recordings whose clocks agree
+# (`draw_valves`, seeds 5151, 6161, 8383; `draw_sticky`, `draw_healthy`, 5151, 7171) leave 0.00 to
+# 0.21 at none or one sample; stored 5 s late 0.00 to 0.21 at 5 or 6 samples, at most 0.48 times
+# what they leave at none or one.
 MOVES_OVER, FEWEST_MOVES = 5, 200
-EARLIEST, LATEST = -1, 14  # samples; the first and the last are only neighbours of what is tried
+EARLIEST, LATEST = -1, 14  # samples; the first and the last are only neighbours of the delays tried
 MOST_LEFT, LEFT_AT_ONCE = 0.35, 0.5
 # Where OP and PV have one clock, only the position's can be ahead. Of 72 valves of `draw_sticky`
-# (seeds 5151, 7171, 8181, 8383) that are not, the stem of three says so, by up to 2.5 samples.
+# (seeds 5151, 7171, 8181, 8383) with equal clocks, three look so by the stem alone, by up to 2.5
+# samples.
 LEAST_AGAINST = 3.0
-WHOLE = 0.4  # samples: clocks that differ by whole samples are found this near to them
+WHOLE = 0.4  # samples: a shift this near to a whole number is taken as that number
 
 
 def find_op_late(recording: Recording, first_look: FirstLook | None = None) -> float:
     """How late OP was stored against the position, seconds of the recording's clock; 0 where it was
-    not, or where nothing tells. ``first_look`` is a first look at it where there was one."""
+    not, or where this cannot be decided. ``first_look`` saves time where it has been made already.
+    """
     return late_evidence(recording, first_look).late_s(recording.interval_s)
 
 
 def brought_forward(recording: Recording, late_s: float) -> Recording:
-    """``recording`` with OP brought forward by ``late_s``; its last samples are then left out.
+    """``recording`` with OP shifted earlier by ``late_s``; its last samples are then left out.
 
-    An OP that keeps its values for a while moves by whole samples, so that it still does.
+    An OP that keeps its values for several samples is shifted by whole samples, so that it keeps
+    them.
     """
     samples = late_s / recording.interval_s
     if samples == 0.0:
@@ -90,8 +95,9 @@ def brought_forward(recording: Recording, late_s: float) -> Recording:
 
 @dataclass(frozen=True)
 class LateEvidence:
-    """By how many ``samples`` OP is best brought forward, and what that gains; 0 samples and no
-    gain where nothing tells."""
+    """By how many ``samples`` OP is best shifted earlier, and the gain; 0 samples and no gain where
+    this cannot be decided.
+    """
 
     samples: float
     gain: Advantage
@@ -100,8 +106,9 @@ class LateEvidence:
 
     @property
     def is_believed(self) -> bool:
-        """Whether OP is believed to be late. Where the controller's law says so, the stem must only
-        not be against it: PV may be what has another clock."""
+        """Whether OP is believed to be late. Where the controller's law shows it, the stem must
+        only not contradict it: PV may be the signal with another clock.
+        """
         if self.by_controller:
             return self.gain.mean >= 0.0
         least = LEAST_AGAINST if self.against_controller else LEAST
@@ -116,7 +123,7 @@ _NOTHING = LateEvidence(0.0, Advantage(0.0, 0.0))
 
 
 def late_evidence(recording: Recording, first_look: FirstLook | None = None) -> LateEvidence:
-    """What speaks for an OP that was stored late."""
+    """The evidence for an OP that was stored late."""
     first_look = first_look or FirstLook.at(recording)
     if first_look is None:
         return _NOTHING
@@ -150,10 +157,11 @@ def late_evidence(recording: Recording, first_look: FirstLook | None = None) -> 
 
 @dataclass(frozen=True)
 class BehindController:
-    """By how many ``samples`` OP is stored after the PV and set point that it answers, 0 where it
-    is not or where the law does not tell; the share of OP's moves that the best delay of two
-    samples and more ``left``, and of what is left without one (``of_at_once``). NaN where nothing
-    can be told."""
+    """By how many ``samples`` OP is stored after the PV and set point that it answers; 0 where it
+    is not, or where the law does not fit. ``left`` is the share of OP's moves that the best delay
+    of two or more samples leaves, ``of_at_once`` its ratio to the share left without a delay; NaN
+    where too few samples are known.
+    """
 
     samples: float = 0.0
     left: float = np.nan
@@ -170,15 +178,18 @@ class BehindController:
         return self.at_once <= MOST_LEFT and self.of_at_once >= 1.0 / LEFT_AT_ONCE
 
     def rather_than(self, other: BehindController, times: float) -> bool:
-        """Whether this pair is a controller's, ``times`` as plainly as another pair of signals."""
+        """Whether the controller's law fits this pair of signals better than the ``other`` pair, by
+        the factor ``times``.
+        """
         return self.agrees and self.at_once * times <= other.at_once
 
 
 def behind_controller(
     recording: Recording, output: Role = Role.OP, answering: Role = Role.PV
 ) -> BehindController:
-    """How late the ``output`` is against the signal ``answering`` it, by the controller's law: OP
-    and PV, or two others that may be exchanged for them."""
+    """How late the ``output`` is against the signal ``answering`` it, by the controller's law. The
+    two are OP and PV, or two signals that may have been exchanged for them.
+    """
     output_signal, pv, sp = recording.get(output), recording.get(answering), recording.get(Role.SP)
     if output_signal is None or pv is None:
         return BehindController()
@@ -265,8 +276,7 @@ def _unexplained(
 
 @dataclass(frozen=True)
 class _Shifted:
-    """The cheapest ``candidate`` (9,) with OP brought forward by ``samples``, and its losses by
-    block."""
+    """The best ``candidate`` (9,) with OP shifted earlier by ``samples``; its losses by block."""
 
     samples: float
     candidate: Floats
@@ -279,7 +289,7 @@ def _total(shifted: _Shifted) -> float:
 
 
 def _grid_about(candidate: Floats) -> Floats:
-    """(m, 9) elements about a candidate: the delay and S stand for one another."""
+    """(m, 9) elements about a candidate, in which S makes up for a change of the delay."""
     widths = np.linspace(0.6, 1.5, 19)
     ratios = np.linspace(-0.3, 0.3, 7)
     width, ratio = (axis.ravel() for axis in np.meshgrid(widths, ratios, indexing="ij"))

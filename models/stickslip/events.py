@@ -1,7 +1,7 @@
 """Stick-slip in the recording without a model: the stem rests, and jumps towards its command.
 
-Breakaways scatter, so a fitted model may slip a few samples off everywhere although the friction is
-beyond doubt. Jumps from rest are seen without a model.
+Breakaways scatter, so the slips of a fitted model may all be a few samples off although the
+friction is evident. Jumps from rest are seen without a model.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ from stemwatch.models.stickslip.problem import FitProblem
 # fitted model misses had 0.38 and more.
 EVIDENT_SLIPS, EVIDENT_SHARE, EVIDENT_TOWARDS = 5, 0.35, 0.9
 # Of the jumps of a stem whose command this is, at this time, 0.98 and more go towards it. So do
-# those of 11 of 93 recordings that are mixed up (`stemwatch miswiring`, seeds 5151, 7171, 9393),
-# but in none of them the stem rests while its command goes on (``rests``).
+# those of 11 of 93 recordings with mixed-up tags (`stemwatch miswiring`, seeds 5151, 7171, 9393),
+# but in none of them does the stem rest while its command goes on (``rests``).
 OWN_TOWARDS = 0.95
 
 
 @dataclass(frozen=True)
 class SlipEvents:
     """``share`` of the stem's way made in jumps from rest, 0 to 1, and the share of the jumps that
-    go ``towards`` the command, as friction makes them and another valve's position does not;
-    ``size`` of the jumps, percent of MV (median)."""
+    go ``towards`` the command, which is near 1 for friction and not for another valve's position;
+    ``size`` of the jumps, percent of MV (median).
+    """
 
     count: int
     share: float
@@ -46,7 +47,7 @@ class SlipEvents:
 
     @property
     def of_this_command(self) -> bool:
-        """True where the jumps are a sticking stem's, and as good as all go towards the command."""
+        """True where the jumps are those of a sticking stem, nearly all towards the command."""
         return self.evident and self.towards >= OWN_TOWARDS
 
 

@@ -1,15 +1,15 @@
 """Find the curve from OP to stroke: which part of OP strokes the valve, which way, and how bent.
 
-The curve is estimated from the recording alone and together with the sticking, since each hides the
-other: the hysteresis is as wide above the curve as below it, so the residual of the fitted element
-*while it moves* belongs to the curve where it is the same up and down, and not where it differs
-with direction. A curve is only looked for where command and position differ by more than zero and
-span of a transmitter can explain. It is only used where it explains held-out samples better than
-the plain reading (OP percent for percent of travel), and only as bent as those samples need.
+The curve is estimated from the recording alone, together with the friction, because each biases the
+other. The hysteresis is as wide above the curve as below it. So the part of the residual *while the
+stem moves* that is the same in both directions belongs to the curve, and the part that differs with
+direction does not. A curve is only looked for where command and position differ by more than zero
+and span of a transmitter can explain. It is only used where it explains held-out samples better
+than the plain reading (OP percent for percent of travel), and only as bent as those samples need.
 
-In a limit cycle between two positions the slope of the curve cannot be told from J; S in percent of
-OP can (it is what OP covers between two breakaways), and the plain reading is kept if it explains
-the record.
+In a limit cycle between two positions the slope of the curve and J cannot be separated. S in
+percent of OP can be found (it is the change of OP between two breakaways), and the plain reading is
+kept if it explains the record.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from stemwatch.models.stickslip.stroke_curve import (
     with_command,
 )
 
-# Healthy and sticking valves of two simulators keep the middle between their branches within 1 %
+# For healthy and sticking valves of two simulators, the middle between the branches is within 1 %
 # of OP; a zero shift of 2 % and a span error of 10 % of travel together move it by 6 %.
 OFF_THE_COMMAND_PERCENT = 8.0
 # The same valves, sampled at 1 to 10 s, give 0.88 to 1.05 for the slope of the position's means
@@ -53,17 +53,18 @@ LITTLE_SPREAD_PERCENT = 1.5
 # Wide sticking and a bent curve lower the correlation: 0.93 and more on valves that moved over a
 # quarter of their stroke. In a limit cycle between two positions the means do not move at all.
 TOGETHER_ENOUGH = 0.92
-# A position that falls while OP rises: 256 simulated valves that stick gave 0.1 and above.
+# Correlation of a position that falls while OP rises: 256 simulated sticking valves gave 0.1 and
+# above.
 AGAINST = -0.3
 # Bends of ``100 (exp(b OP/100) - 1) / (exp(b) - 1)``: 0 is linear, 4 steeper than an equal
 # percentage of 1:50, -4 a quick opening.
 BENDS = np.arange(-4.0, 4.5, 1.0)
 BENT_OVER = (-25.0, 125.0)  # percent of OP
 KEPT_BENDS = 3
-DEGREES = (3, 5)  # of the polynomial that puts the curve right, the simpler first
+DEGREES = (3, 5)  # of the polynomial that corrects the curve, the simpler first
 ROUNDS = 3
 # A bent curve must beat a straight one on held-out blocks. These are few, and one missed slip
-# weighs much in them; otherwise all blocks of the record must agree.
+# weighs much in them; where they do not decide, all blocks of the record must agree.
 LEAST_BEND_GAIN, LEAST_BEND_T, LEAST_T_EVERYWHERE = 0.05, 1.0, 2.5
 MOVING_SAMPLES = 40  # fewer moving samples do not determine a curve
 CHANGED_PERCENT = 3.0  # of travel; two windows of one valve agree within 1
@@ -86,13 +87,13 @@ NOT_AS_GIVEN = (
     "stroke_curve there, or ask whether the positioner was set otherwise."
 )
 KNOTS = 33
-# A reading leaves much where half of what it leaves lies farther off than this, percent of travel.
-# Sticking valves behind a curve that was found (`draw_valves`, seed 6161) have 0.05 to 0.2, a
-# healthy one near the foot of a square root, which was called sticky with 4 %, 0.7. The branches
-# are the outer tenths of the position over each of so many parts of OP.
+# Median absolute residual of a reading, percent of travel, from which another curve is tried.
+# Sticking valves behind a curve that was found (`draw_valves`, seed 6161) have 0.05 to 0.2; a
+# healthy one near the foot of a square root, which was called sticky with 4 %, has 0.7. The
+# branches are the outer tenths of the position over each of BRANCH_BINS parts of OP.
 LEAVES_MUCH, BRANCH_BINS, BRANCHES = 0.4, 48, (10.0, 90.0)
-# A stop, or a tight shut-off: the share of samples at the lowest or highest position, how many
-# standard deviations of noise about it, and how far OP goes on there, percent.
+# Signs of a stop or a tight shut-off: the share of samples at the lowest or highest position, the
+# width of that place in standard deviations of noise, and how far OP goes on there, percent.
 STOP_SHARE, STOP_NOISES, GOES_ON = 0.02, 4.0, 12.0
 
 
@@ -110,7 +111,7 @@ def curve_suspected(recording: Recording) -> bool:
     slope = slope_of_means(recording)
     if slope is not None:
         return not PLAIN_SLOPE[0] <= slope <= PLAIN_SLOPE[1]
-    # About the middle of its range a valve that half of OP strokes is nowhere far from its command.
+    # Near mid-range, a valve that is stroked by half of OP is nowhere far from its command.
     slope = slope_of_means(recording, TOGETHER_ENOUGH, LITTLE_SPREAD_PERCENT)
     return slope is not None and slope > PLAIN_SLOPE[1]
 
@@ -122,9 +123,9 @@ def slope_of_means(
 ) -> float | None:
     """Percent of travel for a percent of OP, from the means of both over a 24th of the record.
 
-    Sticking moves a mean by less than S, and lags hardly at all. ``None`` where OP did not stay
-    in several places for long (its means deviate by less than ``spread_percent``), or the means
-    correlate by less than ``least_together``; the slope is then too low, if anything.
+    Friction shifts a mean by less than S, and a lag hardly shifts it. ``None`` where OP did not
+    stay in several places for long (its means deviate by less than ``spread_percent``), or the
+    means correlate by less than ``least_together``; the slope is then too low, if anything.
     """
     mv = recording.mv
     if mv is None:
@@ -158,8 +159,8 @@ def stroke_curve_of(
 ) -> tuple[StrokeCurve | None, str]:
     """The curve to read a recording through, and how it changed, one sentence or nothing.
 
-    A curve that a person gave is used as it is. One that was found in an earlier window is where
-    the search starts, and stands in where OP moves too little to tell its own.
+    A curve that a person gave is used unchanged. A curve from an earlier window is the start of the
+    search, and is used where OP moves too little to find one.
     """
     if known_curve is None or recording.mv is None or recording.mv.unit != recording.op.unit:
         return find_stroke_curve(recording), ""
@@ -248,7 +249,7 @@ def find_stroke_curve(
         None if earlier is None else _over_range(recording, earlier).command(recording.op.values)
     )
     chosen = _straight_or_bent(recording, slope_known, start)
-    # A valve whose command and position lie this far apart has some curve: the straight one, unless
+    # A valve whose command and position are this far apart has some curve: a straight one, unless
     # the plain reading explains the record better.
     if chosen is None or _better(straight, chosen):
         return None
@@ -263,7 +264,7 @@ def _straight_or_bent(
     """The reading that is only as bent as the held-out part needs, or as bent as the ``start``
     (n,), percent of travel."""
     if not slope_known:
-        # What is left of the fit must not be put into the slope.
+        # The residual of the fit must not change the slope.
         return _best(_refined(recording, bends=np.zeros(1), degree=0))
     chosen = _best(_refined(recording, bends=np.zeros(1), degree=1))
     if chosen is None:
@@ -279,7 +280,7 @@ def _straight_or_bent(
         richer = _best(_rounds(recording, chosen.command, degree))
     if richer is not None and _better(richer, chosen):
         chosen = richer
-    # Near where a square root begins no polynomial of OP is steep enough.
+    # Near the foot of a square root no polynomial of OP is steep enough.
     if chosen.degree == DEGREES[-1] or not chosen.leaves_much:
         return chosen
     free = _best(_rounds(recording, _between_branches(recording), DEGREES[-1]))
@@ -305,7 +306,7 @@ def _between_branches(recording: Recording) -> Floats:
 
 
 def _moves(recording: Recording) -> bool:
-    """Whether both move on the samples that a fit is scored on; else nothing tells a slope."""
+    """Whether both move on the samples that a fit is scored on; else the slope cannot be found."""
     problem = make_problem(recording)
     return problem.scored.sum() >= MOVING_SAMPLES and all(
         np.ptp(np.percentile(values[problem.scored], (2.0, 98.0))) > LEAST_TRAVEL_PERCENT
@@ -335,7 +336,7 @@ class _Reading:
         unit = "travel" if free_gain else None
         problem = make_problem(with_command(recording, command, unit))
         evaluator, base = first_look(problem)
-        # By OP as it was recorded: readings are compared on the same blocks.
+        # Blocks come from OP as it was recorded, so that readings are compared on the same ones.
         train = make_problem(recording).training_blocks()
         loss = evaluator.loss(train)
         starts = best_of(loss, sticking_grid(evaluator, base), keep=2)
@@ -362,7 +363,7 @@ class _Reading:
 
     @property
     def leaves_much(self) -> bool:
-        """Whether half of what it leaves, put right at each block of time, is far off."""
+        """Whether the median residual is large, with runs resynchronised at each block of time."""
         problem = self.evaluator.problem
         simulated = self.evaluator.simulate(self.best.candidate, resynced=True)
         left = (problem.mv - simulated)[problem.scored]

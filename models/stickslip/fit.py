@@ -6,8 +6,8 @@ Three hypotheses share one kernel and nest in one another:
 - ``actuator``: dead time, lag and speed limit without any friction,
 - ``both``.
 
-A dead time or an actuator lag alone makes the fitted J vanish and S too wide; so S and J are always
-taken from the simplest hypothesis that the recording cannot reject in favour of ``both``.
+An unmodelled dead time or actuator lag makes the fitted J vanish and S too wide. So S and J are
+always taken from the simplest hypothesis that the recording does not reject in favour of ``both``.
 """
 
 from __future__ import annotations
@@ -32,14 +32,15 @@ from stemwatch.models.stickslip.search import Loss, SearchResult, best_of, refin
 
 SEED = 20051
 # A richer hypothesis must lower the held-out loss, block by block. The limits are looser than those
-# for naming an effect: ``both`` without need costs a little precision of S and J, ``sticking`` in
-# spite of a lag makes them wrong.
+# for naming an effect: an unneeded ``both`` costs a little precision of S and J, while ``sticking``
+# on a valve with a lag makes them wrong.
 MIN_GAIN = 0.03
 MIN_T = 0.5
 
 # When a moving stem sticks again, %/s of the actuator.
 CANONICAL, ALWAYS, ONLY_WHEN_TURNING = 0.0, np.inf, -1e-9
-COARSE_COMMAND = 0.05  # share of repeated commands from which a held command may be a coarse one
+# share of repeated commands, from which a command that seems held may only be coarsely recorded
+COARSE_COMMAND = 0.05
 CLEARLY = 0.97  # share of the canonical reading's loss that another reading must reach
 
 
@@ -83,7 +84,7 @@ class StickSlipEvaluator:
     def simulate(self, candidate: Floats, *, resynced: bool = False) -> Floats:
         """(n,) MV in percent of a ``candidate`` (9,) by a free run.
 
-        ``resynced``: put right at the start of each block of time, as in the fit.
+        ``resynced``: reset to the measurement at the start of each block of time, as in the fit.
         """
         q = to_kernel(candidate, self.restick)[0]
         return self.problem.simulate(q, resynced=resynced)
@@ -101,8 +102,8 @@ def _reading(problem: FitProblem) -> tuple[float, float]:
     """First guess of (gain - 1, zero) from the axes of the OP-MV loop."""
     op, mv = problem.op[problem.scored], problem.mv[problem.scored]
     if problem.mv_is_percent:
-        # Friction holds the stem within a band around the command that is as wide above as below.
-        # The medians would be led astray by a stem that rests long on one side of it.
+        # Friction holds the stem within a band that is as wide above the command as below. Medians
+        # would be biased by a stem that rests long on one side of it.
         low, high = np.percentile(mv - op, (2.0, 98.0))
         return 0.0, float(low + high) / 2.0
     span = float(np.ptp(np.percentile(op, (2.0, 98.0))))
@@ -114,12 +115,12 @@ def _reading(problem: FitProblem) -> tuple[float, float]:
 
 def sticking_grid(evaluator: StickSlipEvaluator, base: Floats) -> Floats:
     """(m, 9) candidates over S, J/S and the reading's zero, around ``base``."""
-    # Widths below the swing matter most, and a valve of a wide swing may still have a small S.
+    # Widths below the swing matter most, and a valve with a wide swing may have a small S.
     widths = evaluator.bounds.high[coordinate.S_PERCENT] * np.linspace(0.0, 1.0, 23) ** 1.6
     ratios = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0, 1.3])
     zeros = evaluator.problem.swing * np.array([-0.06, 0.0, 0.06, 0.0])
     if evaluator.problem.mv_is_percent:
-        zeros[3] = -base[coordinate.ZERO]  # a reading without an offset is worth a try of its own
+        zeros[3] = -base[coordinate.ZERO]  # a reading without an offset is tried as well
     grid = np.array(np.meshgrid(widths, ratios, zeros, indexing="ij")).reshape(3, -1).T
     candidates = np.tile(base, (grid.shape[0], 1))
     candidates[:, coordinate.S_PERCENT] = grid[:, 0]
@@ -165,7 +166,7 @@ def search(
 
 
 def _joint_grid(evaluator: StickSlipEvaluator, sticking: Floats) -> Floats:
-    """(m, 9) candidates that trade the sticking alone against a lag and a dead time."""
+    """(m, 9) candidates that replace part of the sticking by a lag and a dead time."""
     unit = max(evaluator.problem.interval_s, 1.0)
     widths = sticking[coordinate.S_PERCENT] * np.array([0.5, 0.75, 1.0])
     ratios = np.array([0.0, 0.2, 0.5, 1.0])
@@ -184,7 +185,7 @@ def _both_starts(
     sticking: SearchResult, actuator: SearchResult, loss: Loss, evaluator: StickSlipEvaluator
 ) -> list[SearchResult]:
     """Starts for the joint search: each part alone, and each with a grid over the other."""
-    over_actuator = sticking_grid(evaluator, actuator.candidate)[1::4]  # its own zero only
+    over_actuator = sticking_grid(evaluator, actuator.candidate)[1::4]  # with its own zero only
     over_sticking = _joint_grid(evaluator, sticking.candidate)
     return [
         sticking,
@@ -230,8 +231,8 @@ def advantage(
     """Compare two models block by block on what neither was fitted to.
 
     ``l = clip(log((simple + fl) / (rich + fl)), -2, 2)`` per block with ``fl = 1e-3 delta^2 +
-    op_open^2``; one missed slip cannot dominate, nor what OP's recorder leaves open (``op_open``,
-    percent). Fewer than three filled blocks tell nothing: (0, 0).
+    op_open^2``; neither one missed slip nor the uncertainty of OP from its recorder (``op_open``,
+    percent) can dominate. With fewer than three filled blocks the result is (0, 0).
     """
     filled = counts > 0
     floor = 1e-3 * delta * delta + op_open * op_open
@@ -254,7 +255,7 @@ class StickSlipFit:
     """The chosen model of a valve and the evidence for it.
 
     ``candidate`` (9,) is fitted to the whole record, ``trained`` (9,) to the first part only;
-    ``of_actuator`` and ``of_sticking`` say how much the held-out part asks for either half of
+    ``of_actuator`` and ``of_sticking`` are the gains on the held-out part from either half of
     ``both``.
     """
 
@@ -267,12 +268,14 @@ class StickSlipFit:
     naive: Floats  # (9,) S and J alone, on the whole record
     first_heldout: int  # first sample of the held-out part
     breakaways: Breakaways | None = None
-    alone: Breakaways | None = None  # of friction alone, where a lag may stand for part of it
+    # of friction alone, where a lag may have taken the place of part of it
+    alone: Breakaways | None = None
 
     @property
     def S(self) -> float:
-        """Dead band plus stick band, percent of OP span: of the mean breakaway where slips tell it,
-        else the candidate's."""
+        """Dead band plus stick band, percent of OP span: that of the mean breakaway where there are
+        enough slips, else the candidate's.
+        """
         return self.breakaways.S if self.breakaways else S_and_J(self.candidate)[0]
 
     @property
@@ -288,7 +291,7 @@ class StickSlipFit:
     def heldout(self, *, resynced: bool = False) -> Floats:
         """(n,) free run of MV with the parameters of the training part.
 
-        ``resynced``: put right at the start of each block of time, as in the fit.
+        ``resynced``: reset to the measurement at the start of each block of time, as in the fit.
         """
         return self.evaluator.simulate(self.trained, resynced=resynced)
 
@@ -330,8 +333,9 @@ def first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
 
 @dataclass(frozen=True)
 class FirstLook:
-    """What the fits of one recording in percent of travel begin with: an evaluator of its problem,
-    and the base candidate (9,)."""
+    """The common start of all fits of one recording in percent of travel: an evaluator of its
+    problem, and the base candidate (9,).
+    """
 
     evaluator: StickSlipEvaluator
     base: Floats
@@ -424,7 +428,7 @@ def fit_stickslip(
 
 
 def _is_late(evaluator: StickSlipEvaluator, fitted: SearchResult) -> bool:
-    """Whether dead time and lag that were fitted come to a sample and more."""
+    """Whether the fitted dead time and lag add up to a sample or more."""
     return _late_s(fitted.candidate) >= SLOW_SAMPLES * evaluator.problem.interval_s
 
 
@@ -445,8 +449,10 @@ def _breakaways(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways 
 
 
 def _breakaways_of_jumps(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways | None:
-    """The breakaways where the stem is seen to rest and jump though no fit has a jump: where it
-    slips every few minutes a run that misses some slips is cheapest without any."""
+    """The breakaways where the stem is seen to rest and jump although the best fit has no jump:
+    where it slips every few minutes only, a run that misses some slips has the least loss without
+    any.
+    """
     events = events_of(evaluator.problem, candidate)
     gain, zero = 1.0 + float(candidate[coordinate.GAIN]), float(candidate[coordinate.ZERO])
     if not events.evident or gain == 0.0:
@@ -458,7 +464,7 @@ def _breakaways_of_jumps(evaluator: StickSlipEvaluator, candidate: Floats) -> Br
 def _polish(
     evaluator: StickSlipEvaluator, blocks: Bools, start: Floats, hypothesis: str
 ) -> SearchResult:
-    """Refit a chosen hypothesis to more blocks, starting where it stands."""
+    """Refit a chosen hypothesis to more blocks, starting from ``start``."""
     free = BOTH.free if hypothesis == "both" else coordinate.STICKING
     loss = evaluator.loss(blocks)
     searches = [

@@ -1,4 +1,4 @@
-"""Intervals of S and J: from the breakaways where they tell, else by the block bootstrap
+"""Intervals of S and J: from the breakaways where there are enough, else by the block bootstrap
 (``models.block_bootstrap``), which never refits.
 
 The cloud of candidates around the optimum is drawn anew a few times, each time where the draws
@@ -18,21 +18,23 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.breakaways import LEAST_J
 from stemwatch.models.stickslip.fit import BOTH, STICKING, StickSlipFit
 
 REPLICATES = 300
 CLOUD = 400
 ROUNDS = 4
-# Real stems are not two-level elements: breakaways scatter, slips overshoot, air lags. Standard
-# deviation of the error that this leaves in S and in J, as a share of the breakaway level
+# Real stems are not two-level elements: breakaways scatter, slips overshoot, air lags. MODEL_ERROR
+# is the standard deviation of the resulting error of S and of J, as a share of the breakaway level
 # (S + J)/2. Calibrated on 120 simulated sticking valves of the force-balance plant (draw_sticky,
 # seed 11); `stemwatch trial` prints how often the intervals hold on other seeds.
 MODEL_ERROR = 0.08
-# Where a lag was fitted, of a sample and more, that leaves friction nearly all that it has alone,
-# the lag may be none: S of five of 47 valves of draw_sticky (seeds 5151, 7171, 8383) with such a
-# lag was 0.3 to 0.8 % too small.
+# Where a lag of a sample or more was fitted, and S is nearly that of friction alone, there may be
+# no lag: S of five of 47 valves of draw_sticky (seeds 5151, 7171, 8383) with such a lag was 0.3 to
+# 0.8 % too small.
 SHARE_ALONE, ALIKE = 0.1, 1.35
-LEAST_ERROR_PERCENT = 0.1  # a lag and a narrow dead band can stand for each other about this far
+# percent; a lag and a narrow dead band can replace each other by about this much
+LEAST_ERROR_PERCENT = 0.1
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,9 @@ def spread_of(estimate: Estimate) -> Floats:
 
 
 def bootstrap(fit: StickSlipFit) -> StickSlipSample:
-    """Draw S and J as the breakaways, or else the recording's blocks of time, allow them to be.
-    Seeded."""
+    """Draw S and J from the distribution that the breakaways, or else the recording's blocks of
+    time, give. Seeded.
+    """
     rng = np.random.default_rng(7)
     if fit.breakaways is not None:
         return _with_friction_alone(StickSlipSample(*fit.breakaways.draws(REPLICATES, rng)), fit)
@@ -86,19 +89,24 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
         cloud = evaluator.bounds.clip(np.vstack((fit.candidate, draws, cloud)))
         losses, counts = evaluator.block_losses(cloud)
         draws = cheapest(cloud, losses, block_weights(counts, REPLICATES, rng), rng)
-        # Kernel smoothing of the draws: the next cloud fills the space between them.
+        # Kernel smoothing of the draws, so that the next cloud fills the space between them.
         spread = np.asarray(draws.std(axis=0))
         width = np.where(width > 0, np.maximum(0.5 * spread, smallest), 0.0)
     S = draws[:, coordinate.S_PERCENT]
     J = S * draws[:, coordinate.RATIO]
+    if fit.J < LEAST_J:
+        # No fit tells a jump so small from a stem that creeps with its command.
+        untold = LEAST_J * np.random.default_rng(9).random(J.size)
+        J = np.maximum(J, np.minimum(untold, S))
     step = _command_step(fit)
     error = max(MODEL_ERROR * 0.5 * (fit.S + fit.J), LEAST_ERROR_PERCENT)
     return StickSlipSample(S=_blur(S, step, error, rng), J=_blur(J, step, error, rng))
 
 
 def _with_friction_alone(sample: StickSlipSample, fit: StickSlipFit) -> StickSlipSample:
-    """A tenth of the draws by friction alone, where that has not much more S: the lag that was
-    fitted beside it may be none."""
+    """Replace a tenth of the draws by those of friction alone, where its S is not much larger:
+    there may be no lag beside it.
+    """
     friction_alone = fit.alone
     if friction_alone is None or not fit.S <= friction_alone.S <= ALIKE * fit.S:
         return sample
@@ -120,10 +128,10 @@ def _command_step(fit: StickSlipFit) -> float:
 
 
 def _blur(draws: Floats, step: float, model_error: float, rng: np.random.Generator) -> Floats:
-    """Add what a bootstrap over blocks cannot see because it is the same in every block.
+    """Add the errors that are the same in every block, which a bootstrap over blocks cannot see.
 
-    A slip is only seen at the next sample, so nothing is known better than the command's ``step``;
-    and no real stem is exactly the element that is fitted to it (``model_error``).
+    A slip is only seen at the next sample, so its level is known to the command's ``step`` at best;
+    and no real stem is exactly the fitted element (``model_error``).
     """
     blurred = draws + step * (rng.random(draws.size) - 0.5)
     return np.maximum(blurred + model_error * rng.standard_normal(draws.size), 0.0)

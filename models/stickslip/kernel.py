@@ -16,9 +16,9 @@ coarsely recorded commands that seem to hold where the true one does not::
 
     OP --dead time--> uc --lag, rate limit--> p --stick-slip--> x --gain, zero--> MV
 
-A search runs many candidates over one recording. They go side by side, one lane each, sample by
-sample: one recursion alone waits for its own last result, ``LANES`` of them use the processor's
-vector units. The loops over lanes therefore have no branches.
+A search runs many candidates over one recording, side by side, one lane each, sample by sample: one
+recursion alone waits for its own last result, while ``LANES`` of them use the processor's vector
+units. The loops over lanes therefore have no branches.
 
 Compiled kernels and all that they call stay in this file: numba's disk cache does not notice a
 change elsewhere.
@@ -43,9 +43,9 @@ START, RESYNC = 1, 2
 Marks = NDArray[np.uint8]
 
 LANES = 16
-_VECTOR = 4  # numbers in a vector: fewer lanes than a multiple of it are filled up
+_VECTOR = 4  # numbers in a vector; lanes are filled up to a multiple of it
 # Rows of the lanes' state. Unsigned, as are all indices of lanes: the compiler then sees that rows
-# never meet, and works on whole vectors.
+# do not overlap, and vectorises.
 (
     _P,
     _X,
@@ -63,9 +63,10 @@ _VECTOR = 4  # numbers in a vector: fewer lanes than a multiple of it are filled
     _PRODUCT,
 ) = [np.uint64(row * LANES) for row in range(14)]
 _STATE = 14 * LANES
-# Samples between two looks at the lanes' products, and what keeps these finite until then.
+# Samples between two checks of the lanes' products, and the limits that keep these finite until
+# then.
 _TOGETHER, _LARGE, _LARGEST = 16, 1e100, 1e12
-# Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
+# numba types a plain 0 as the literal 0, so all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
 
 
@@ -104,8 +105,8 @@ def _advance(
     step = -most_dn if step < -most_dn else step
     step = most_up if step > most_up else step
     p += step
-    # The step is compared, not the difference of p: without a lag they differ by rounding, and a
-    # command that is held must stop the stem.
+    # The step is compared, not the difference of p: without a lag the two differ by rounding, and a
+    # held command must stop the stem.
     slides = moving if d * step > restick else 0.0
     force = p - x
     breaks = 1.0 if abs(force) > fs else 0.0
@@ -188,7 +189,7 @@ def block_losses(
 
 @njit(cache=True)
 def _lay_out(begin: float, candidates: Floats, dt: float, state: Floats) -> None:
-    """Candidates (at most LANES, 10) into their lanes; those left over run as the last one."""
+    """Copy candidates (at most LANES, 10) into their lanes; spare lanes repeat the last one."""
     for lane in range(LANES):
         q = candidates[min(lane, candidates.shape[0] - 1)]
         fs, fd, a_up, a_dn, most_up, most_dn, _, _ = _constants(q, dt)
@@ -212,7 +213,7 @@ def _score(
     commands: Floats,
     losses: Floats,
 ) -> None:
-    """One group of lanes over the samples of ``block``, a few at a time."""
+    """Run one group of lanes over the samples of ``block``, a few at a time."""
     scale, until = 1.0 / (delta * delta), block.size
     lanes = -(-candidates.shape[0] // _VECTOR) * _VECTOR
     late = _any_above(candidates[:, DEAD_TIME_S], 0.0)
@@ -264,7 +265,7 @@ def _settle(state: Floats, losses: Floats, block: int, scale: float) -> None:
 
 @njit(cache=True)
 def _restart(op: float, mv: float, weight: float, lanes: int, s: Floats) -> None:
-    """A START: the whole state from the measurement."""
+    """At a START: set the whole state from the measurement."""
     for i in range(np.uint64(lanes)):
         zero, gain = s[_ZERO + i], s[_GAIN + i]
         x = _resting_stem(op, mv, s[_FS + i], zero, gain)
@@ -274,7 +275,7 @@ def _restart(op: float, mv: float, weight: float, lanes: int, s: Floats) -> None
 
 @njit(cache=True)
 def _resync(mv: float, lanes: int, s: Floats) -> None:
-    """A RESYNC: where a resting stem rests, from the measurement before."""
+    """At a RESYNC: set the place of a resting stem from the measurement before."""
     for i in range(np.uint64(lanes)):
         if s[_MOVING + i] == 0.0:
             s[_X + i] = _resting_stem(s[_P + i], mv, s[_FS + i], s[_ZERO + i], s[_GAIN + i])
@@ -308,7 +309,7 @@ def _charge(residual: float, weight: float) -> float:
 
 @njit(cache=True)
 def _advance_lanes(mv: Floats, commands: Floats, weight: float, lanes: int, s: Floats) -> None:
-    """All lanes through some samples without a mark, side by side."""
+    """Advance all lanes through some samples without a mark."""
     for k in range(mv.size):
         measured, command = mv[k], commands[k]
         for i in range(np.uint64(lanes)):

@@ -1,4 +1,4 @@
-"""Onsets of motion: when the recorded stem lets go, from the position alone, without a model."""
+"""Onsets of motion: when the recorded stem breaks away, from the position alone."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ def _scan(
     rested: Samples,
     places: Floats,
 ) -> int:
-    """Follow the position: rest until it departs from its mean, motion until it is still."""
+    """Follow the position: at rest until it departs from its mean, in motion until it stops
+    changing.
+    """
     count = 0
     resting = False
     total, samples, lasted = 0.0, 0, 0

@@ -1,17 +1,17 @@
-"""What OP was within the coarse steps that the recorder stored, by the controller's own law.
+"""OP within the coarse steps that the recorder stored, reconstructed by the controller's own law.
 
-A recorder that rounds OP to steps of half a percent leaves it open by a quarter: the slips seem to
-scatter, S comes out too small, and the steps of a smooth command look like a lag of the stem. But
-OP answers PV and set point by the controller's law (``clock_shift``), and these are stored finely.
-With ``c`` the sum of the moves that the law makes of them, what is looked for is the path ``x``
-that stays within its steps and moves as the law says,
+A recorder that rounds OP to steps of half a percent leaves it uncertain by a quarter: the slips
+seem to scatter, S comes out too small, and the steps of a smooth command look like a lag of the
+stem. But OP answers PV and set point by the controller's law (``clock_shift``), and these are
+stored finely. With ``c`` the sum of the moves that the law computes from them, the reconstructed
+path ``x`` stays within its steps and moves as the law does,
 
     minimise  sum (x - stored)^2 / (step^2 / 12)  +  sum ((x - c)[k] - (x - c)[k-1])^2 w[k] / s^2
 
-with ``s`` what the law leaves in a sample, and weights ``w`` of Student's distribution, for a set
-point between two scans, a limit or a hand moves OP as no law does. It is one banded system for each
-of a few rounds. Where the controller's own output has these steps, the stem follows them, and they
-are kept.
+with ``s`` the residual of the law in a sample. The weights ``w`` are those of Student's
+distribution, because a set-point change between two scans, a limit or an operator moves OP outside
+of the law. Each of a few rounds solves one banded system. Where the controller's own output has
+these steps, the stem follows them, and they are kept.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from stemwatch.models.stickslip.fit import FirstLook, advantage, sticking_grid
 MOVES_OVER = 10  # samples: the law is fitted to moves, which are large against a step
 FEWEST_MOVES = 200
 LAW_ROUNDS, PATH_ROUNDS = 6, 5
-FREEDOM = 2.0  # of Student's distribution of what the law leaves
-# What the law leaves in a sample is at least such a share of a step.
+FREEDOM = 2.0  # of Student's distribution of the law's residual
+# Least residual of the law in a sample, as a share of a step.
 LEAST_LEFT = 0.02
 UNKNOWN_MOVE = 3.0  # steps that OP may move in a sample of which PV or set point are not known
-# Share of the samples that the law would have outside of their step, from which it is not OP's:
-# at most 0.03 on 40 valves of `draw_valves` (seeds 5151, 6161) in steps of 0.5 %.
+# Share of the samples that the law puts outside of their step, from which it is not OP's law: at
+# most 0.03 on 40 valves of `draw_valves` (seeds 5151, 6161) in steps of 0.5 %.
 MOST_OUTSIDE = 0.1
-STEPS_GAIN = 0.05  # of the steps over the path, from which they are the controller's own
+STEPS_GAIN = 0.05  # gain of the steps over the path, from which they are the controller's own
 
 WITHIN_STEPS = (
     "OP is recorded in coarse steps; where it was within them is told by PV and set point, which "
@@ -44,8 +44,9 @@ WITHIN_STEPS = (
 
 @dataclass(frozen=True)
 class OpWithinSteps:
-    """The ``recording`` with OP where PV and set point say that it was within its coarse ``step``,
-    and the standard deviation by which that still leaves it ``open``, both percent of OP."""
+    """The ``recording`` with OP reconstructed within its coarse ``step`` from PV and set point;
+    ``open`` is the standard deviation that remains. Both in percent of OP.
+    """
 
     recording: Recording
     step: float
@@ -53,9 +54,10 @@ class OpWithinSteps:
 
 
 def op_within_steps(recording: Recording) -> OpWithinSteps | None:
-    """OP within its coarse steps; ``None`` where it has none, where PV and set point do not tell,
-    or where the stem follows the steps."""
-    # However seldom they change: steps that a hand set, the stem follows.
+    """OP within its coarse steps; ``None`` where it has none, where PV and set point do not
+    determine it, or where the stem follows the steps.
+    """
+    # Whatever the rate of change: the stem follows steps that an operator made.
     step = quantum(recording.op.values[recording.op.usable])
     moves = _moves_by_law(recording, step) if step >= COARSE_PERCENT else None
     if moves is None:
@@ -71,8 +73,8 @@ def op_within_steps(recording: Recording) -> OpWithinSteps | None:
     finer = replace(recording, signals=signals)
     if _follows_steps(recording, finer):
         return None
-    # A random walk of so much a sample, seen through an error, is known to the root of half their
-    # product where samples go on either side.
+    # A random walk with this step, observed with this error, has the root of half their product as
+    # its standard deviation where there are samples on both sides.
     rounding = step / np.sqrt(12.0)
     return OpWithinSteps(finer, step, float(min(np.sqrt(0.5 * left * rounding), rounding)))
 
@@ -93,7 +95,7 @@ def _path(
         outside = float(np.mean(off[usable] > 1.0))
         moved = np.diff(path - by_law) / left
         weight = np.where(both, (1.0 + FREEDOM) / (FREEDOM + moved**2), weight)
-        # What has left its step is pulled back.
+        # Samples that have left their step are pulled back.
         certain = np.where(off > 1.0, certain * np.minimum(off**2, 16.0), certain)
     half = 0.5 * step
     return np.where(usable, np.clip(path, stored - half, stored + half), np.nan), outside
@@ -135,8 +137,9 @@ def _moves_by_law(recording: Recording, step: float) -> Floats | None:
 
 
 def _left_in_a_sample(left: Floats, usable: Bools) -> float:
-    """Standard deviation of what the law leaves in a sample: rounding is the same over many samples
-    as over a few, so it is what grows between."""
+    """Standard deviation of the law's residual in a sample. Rounding is the same over many samples
+    as over a few, so the part that grows between the two is the law's.
+    """
     few, many = (
         np.median(np.abs(left[by:] - left[:-by])[usable[by:] & usable[:-by]]) * 1.4826
         for by in (MOVES_OVER, 4 * MOVES_OVER)

@@ -1,12 +1,12 @@
-"""How many samples a unit of a recording's own time has: one, unless the valve takes dozens of them
-to answer.
+"""How many samples make one unit of a recording's own clock: one, unless the valve takes dozens of
+samples to answer.
 
 The grids and limits of the fits reach lags of some fifteen samples. A drive recorded at 1 kHz may
-take a hundred: then the unit is so many samples that they reach as far. The samples alone decide
-it. A coarse grid of stems that answer within the usual reach is compared with one of slower stems;
-the unit grows only where the best of the slower ones leaves clearly less of the stem's moves, so
-that friction, play or a top speed is not taken for a lag. A plain record of a process has a sample
-for a unit.
+take a hundred; then the unit is made of several samples, so that the grids reach as far. The
+samples alone decide it. A coarse grid of stems that answer within the usual reach is compared with
+one of slower stems; the unit grows only where the best of the slower ones leaves clearly less of
+the stem's moves, so that friction, play or a top speed is not taken for a lag. A plain record of a
+process has a sample for a unit.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from stemwatch.models.stickslip.problem import FitProblem, make_problem
 
 UNITS = (4, 16, 64)  # samples
 FEWEST_UNITS = 300  # of a recording, whatever its unit
-# Of the residual that a slower stem must leave at most: 298 plain recordings had 0.96 and more.
+# Share of the residual that a slower stem may leave at most: 298 plain recordings had 0.96 and
+# more.
 SLOWER = 0.85
 # Reach of the fits in units: the longest lag and delay, and the slowest stem in percent a unit.
 LAG, DELAY, SPEED = 15.0, 8.0, 0.2
 WIDTHS = (0.0, 0.04, 0.1, 0.2, 0.35, 0.6, 0.9)  # S in swings of OP
 JUMP = 0.3  # J/S
 MOST_SAMPLES = 7200  # of the recording that are looked at
-OVER = 60  # samples over which moves are compared: a wrong S is off by an offset
+OVER = 60  # samples over which moves are compared, because a wrong S causes an offset
 # (delay, lag) in samples, and speeds in percent a sample.
 USUAL = tuple(product((0.0, 3.0, 8.0), (0.0, 5.0, 15.0)))
 SLOW = tuple(
@@ -42,9 +43,9 @@ USUAL_SPEEDS, SLOW_SPEEDS = (0.2, 0.4, 1.0), (0.08, 0.03, 0.01)
 
 
 def samples_in_unit(recording: Recording) -> int:
-    """1, or one of ``UNITS`` where a stem that answers so slowly explains the position much better.
+    """1, or one of ``UNITS`` where a stem as slow as that explains the position much better.
 
-    Each stem is laid on the position by a straight line, so that span, sense and unit of the
+    Each stem is fitted to the position by a straight line, so that span, direction and unit of the
     position do not matter. 1 without a position, and where it does not move.
     """
     allowed = [unit for unit in UNITS if len(recording) >= unit * FEWEST_UNITS]

@@ -30,13 +30,13 @@ LONGEST_BRIDGE_SAMPLES = 3  # a longer hole restarts the free run
 class FitProblem:
     """OP and MV of one valve with all that a free run needs.
 
-    ``op`` and ``mv`` (n,) have short holes bridged by the last value; ``start`` (n,) marks
-    restarts after gaps; ``block`` (n,) is the block of time of each sample or -1 where it is not
-    scored. For fitting, a resting stem is set to its reading at the start of each block: no two
-    breakaways are equal, and after one that a free run misses, minutes would tell nothing about S
-    and J. ``unsure_degree`` is the degree of the polynomial by which the curve from OP to ``op``
-    may be off; 0 where OP is percent for percent of travel. ``op_open`` is the standard deviation
-    by which the recorder leaves OP open, percent.
+    ``op`` and ``mv`` (n,) have short holes bridged by the last value; ``start`` (n,) marks restarts
+    after gaps; ``block`` (n,) is the block of time of each sample or -1 where it is not scored. For
+    fitting, a resting stem is set to its reading at the start of each block: no two breakaways are
+    equal, and after one that a free run misses, minutes would hold no information about S and J.
+    ``unsure_degree`` is the degree of the polynomial by which the curve from OP to ``op`` may be
+    off; 0 where OP is percent for percent of travel. ``op_open`` is the standard deviation by which
+    OP is uncertain because of its recorder, percent.
     """
 
     op: Floats
@@ -99,8 +99,8 @@ class FitProblem:
     def training_blocks(self) -> Bools:
         """(n_blocks,) True for the first 60 % of the record, which is fitted; the rest is held out.
 
-        Where OP makes less than 30 or more than 90 % of its way there, the split is where it has
-        made 60 %: a stretch without movement is of no use on either side.
+        Where less than 30 or more than 90 % of OP's path lies in that part, the split is where OP
+        has made 60 % of its path: a stretch without movement is of no use on either side.
         """
         path = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(self.op)))))
         path_share = path[round(TRAIN_SHARE * (self.op.size - 1))] / max(path[-1], 1e-12)
@@ -148,7 +148,7 @@ def make_problem(recording: Recording) -> FitProblem:
     start = _restarts(usable)
     scored = scored_samples(recording)
     block = np.where(scored, np.arange(n) * n_blocks // n, -1).astype(np.int64)
-    # A hole in MV alone says nothing against the command.
+    # A hole in MV alone does not invalidate the command.
     op = held(recording.op.values, recording.op.usable)
     mv = held(recording.mv.values, usable)
     low, high = np.percentile(op, (1.0, 99.0))

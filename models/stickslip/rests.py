@@ -1,9 +1,10 @@
-"""Which of two signals rests while the other goes on: a stem does, a controller's output does not.
+"""Which of two signals rests while the other goes on: a sticking stem does, a controller's output
+does not.
 
-A stem that sticks stays where it is while its command moves on, slips, and rests again. OP and
-position that were exchanged show the same with the names the other way round. A clock that is late
-moves the one against the other and leaves the rests as they are, so that they tell a late OP from
-an exchanged one, which no free run does for sure.
+A stem that sticks stays where it is while its command moves on, slips, and rests again. If OP and
+position are exchanged, the other name rests. A late clock shifts one signal against the other and
+leaves the rests unchanged. So rests separate a late OP from an exchanged one, which a free run
+cannot do reliably.
 
 A rest is a run of samples that stay within a tenth of the band between the two signals (its 2nd to
 98th percentile) and their noise. It counts where the other signal meanwhile goes on by more than a
@@ -26,7 +27,7 @@ from stemwatch.models.stickslip.problem import FitProblem
 BAND = (2.0, 98.0)  # percentiles of MV - OP
 STAYS, GOES_ON = 0.1, 0.3  # shares of the band
 NOISE = 4.0  # standard deviations, of the one that rests and of the one that goes on
-SHORTEST = 6  # samples; its first and last are not looked at, where the other may slip
+SHORTEST = 6  # samples; the first and last are left out, where the other may slip
 # Of 372 simulated valves wired up rightly and as many with OP and MV exchanged (`draw_valves`,
 # seeds 6161, 8383, 9393; `draw_healthy`, `draw_sticky`, seeds 5151, 7171, 9393) none has its rests
 # on the wrong side; 129 of the 156 sticking ones have them on the right one, the others too few.
@@ -71,7 +72,9 @@ def _rests(resting: Floats, moving: Floats, usable: Bools, band: float) -> int:
 
 
 def _long(ends: NDArray[np.int64]) -> Iterator[tuple[int, int]]:
-    """The insides of runs that are long enough, by the ``ends`` (m,) of all."""
+    """Begin and end of the inner part of each run that is long enough; ``ends`` (m,) are those of
+    all runs.
+    """
     begins = np.concatenate(([0], ends[:-1]))
     for index in np.flatnonzero(ends - begins >= SHORTEST):
         yield int(begins[index]) + 1, int(ends[index]) - 1

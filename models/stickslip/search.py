@@ -49,7 +49,7 @@ def refine(
 ) -> SearchResult:
     """Cross-entropy descent from ``start`` (9,); coordinates with zero ``spread`` stay fixed.
 
-    See ``CrossEntropy``, which learns from ``loss`` here.
+    Runs ``CrossEntropy`` with the losses given by ``loss``.
     """
     search = CrossEntropy(best_of(loss, start[None, :])[0], spread, bounds, rng)
     for _ in range(rounds):

@@ -1,21 +1,20 @@
 """Breakaway and kinetic level of a stem whose command is known at the samples only.
 
-Where a loop answers a slip before the next sample is kept, the command at which the stem let go is
-on no sample. It is between two bounds: the farthest command that the resting stem was seen to bear,
-and where the command would have come by the next sample had it gone on as before. With the level
-``L`` of a packing that scatters by ``s`` from one breakaway to the next, a zero ``z`` of the
-reading, and bounds ``a, b`` of each slip to the side ``w`` (1 rising, -1 falling), the likelihood
-is
+Where a loop answers a slip before the next sample is kept, no sample holds the command at which the
+stem let go. It lies between two bounds: the farthest command at which the stem was seen at rest,
+and the command extrapolated to the next sample. With the level ``L`` of a packing that scatters by
+``s`` from one breakaway to the next, a zero ``z`` of the reading, and bounds ``a, b`` of each slip
+to the side ``w`` (1 rising, -1 falling), the likelihood is
 
     product of ((1 - e) (F((b - L - z w)/s) - F((a - L - z w)/s))/(b - a) + e/range)
 
-with the normal distribution ``F`` and a share ``e`` of onsets that are none: likelihood of
+with the normal distribution ``F`` and a share ``e`` of onsets that are no slips: the likelihood of
 interval-censored observations (Turnbull 1976, doi:10.1111/j.2517-6161.1976.tb01597.x). Where the
-stem stops, it is the kinetic level behind the farthest command since, which has the same bounds. So
-a set-point step in the sample of a slip only makes its bounds wide, and counts for little.
+stem stops, it is the kinetic level behind the farthest command since, which has the same bounds. A
+set-point step in the sample of a slip only widens its bounds, so that the slip has little weight.
 
-Nothing here depends on a fit beyond the reading's gain and zero: a free run with one level that
-lost the peaks of its command is wrong by as much as its command is.
+Only the reading's gain and zero come from a fit: a free run whose command lost its peaks is wrong
+by as much as the command.
 """
 
 from __future__ import annotations
@@ -34,22 +33,22 @@ FEWEST = 8
 FEWEST_OF_A_SIDE = 4
 LEAST_JUMP, LEAST_JUMP_PERCENT = 0.35, 0.15  # of the usual jump: an onset that is a slip; percent
 NARROW, WIDE = 2.0, 3.0  # of the usual distance of the bounds
-STRAY = 0.08  # share of onsets that are no slip of this packing
+STRAY = 0.08  # share of onsets that are not slips
 LEVELS, REACH = 81, 1.3  # grid; of the farthest bound
 SCATTERS = (0.01, 0.03, 0.06, 0.1, 0.15, 0.25)  # of the usual level
 ZEROS, ZERO_REACH = 9, 0.25  # of the usual level
 # Shares of the distance of the bounds. A command slows down before it turns, so a stem lets go
-# nearer to the first of them than to the second; one that has let go is dragged on before the
-# command turns. Means of 30 sticking valves of `stemwatch robustness` (seeds 5151, 6161, 9393) kept
-# every 5 and 10 s. What of it is not the same for all of these loops, one standard deviation of
-# either level; and what makes one level larger and the other smaller, and so leaves S as it is.
+# nearer to the first bound than to the second (SLOWED); after a slip it is dragged on before the
+# command turns (DRAGGED). Means of 30 sticking valves of `stemwatch robustness` (seeds 5151, 6161,
+# 9393) kept every 5 and 10 s. OVER_LOOPS is their standard deviation over loops, common to both
+# levels; BETWEEN_LEVELS that of opposite errors of the two levels, which leave S unchanged.
 SLOWED, DRAGGED = 0.2, 0.28
 OVER_LOOPS, BETWEEN_LEVELS = 0.1, 0.1
-# The bounds of an average are as narrow as its share of a slip tells them; how OP bends within it
-# is not known any better. With seed 8383 as well.
+# The same for averages, whose bounds are narrower but whose OP within a sample is as unknown. From
+# seed 8383 as well.
 OVER_AVERAGES = 0.25
-MODEL_ERROR = 0.02  # of the level, of either level: as of breakaways that are read at a sample
-WITHIN = 0.3  # of what the command moves in a sample: when in its average a stem slipped
+MODEL_ERROR = 0.02  # of the level, for either level, as for breakaways that are read at a sample
+WITHIN = 0.3  # of the command's move in a sample: the time of a slip within its average
 
 
 @dataclass(frozen=True)
@@ -87,10 +86,11 @@ class SlipLevels:
 
 @dataclass(frozen=True)
 class Slips:
-    """Slips (m,) that were seen: side, bounds of the command when the stem let go and the farthest
-    it can have come until the stem's new place was read, how far the stem jumped, percent of OP;
-    OP's speed after the sample of a slip as a share of that before it. ``sigma`` is the noise of
-    the position, percent of OP."""
+    """Slips (m,): their direction, the bounds of the command at the breakaway, the farthest command
+    possible until the stem's new place was read, and the size of the jump, percent of OP; OP's
+    speed after the sample of a slip as a share of that before it. ``sigma`` is the noise of the
+    position, percent of OP.
+    """
 
     side: Floats
     low: Floats
@@ -179,7 +179,7 @@ def seen_slips(
     speed = np.stack((before, 0.5 * (ahead[2] - ahead[0])))
     if averaged:
         low, high = _of_averages(direction, places, stem, starts, ahead, speed, last_before)
-        # The average in which a stem slipped is on its way.
+        # The average over the sample of a slip lies between the old and the new place.
         jump, farthest = direction * (stem[starts + 1] - places), np.maximum(high, ahead[4])
     else:
         low, high = last_before, np.maximum(ahead[2] + np.maximum(speed.max(axis=0), 0.0), ahead[3])
@@ -202,8 +202,9 @@ def _of_averages(
     speed: Floats,
     last_before: Floats,
 ) -> tuple[Floats, Floats]:
-    """Bounds of the command at a slip that an average caught on its way: how far the average is on
-    its way tells when in its interval the stem slipped."""
+    """Bounds of the command at a slip within an average: the value of the average between the old
+    and the new place gives the time of the slip in its interval.
+    """
     whole_move, part = direction * (stem[starts + 1] - places), direction * (stem[starts] - places)
     share = np.clip(part / np.where(whole_move > 0.0, whole_move, np.inf), 0.0, 1.0)
     share = np.where(whole_move > 0.0, share, 1.0)
@@ -216,7 +217,9 @@ def _of_averages(
 
 
 def _chosen(slips: Slips) -> Slips | None:
-    """Those that jump: a stem that creeps on is none, nor is one that follows its command."""
+    """The onsets that are slips, and not a stem that creeps or follows its command; ``None`` where
+    too few are left.
+    """
     width, moved = slips.high - slips.low, slips.jump > LEAST_JUMP_PERCENT
     if np.count_nonzero(moved) < FEWEST:
         return None
@@ -230,7 +233,7 @@ def _chosen(slips: Slips) -> Slips | None:
 def _censored(
     low: Floats, high: Floats, side: Floats, noise: float, farthest: float | None = None
 ) -> tuple[float, float]:
-    """Mean and standard error of the level of which each slip (m,) gives bounds, percent."""
+    """Mean and standard error of the level from the bounds of each slip (m,), percent."""
     top = REACH * (float(np.percentile(high, 98.0)) if farthest is None else farthest) + 0.5
     usual_middle = max(float(np.median(0.5 * (low + high))), 0.3)
     zeros = np.linspace(-ZERO_REACH, ZERO_REACH, ZEROS) * max(usual_middle, 0.5)
@@ -246,6 +249,6 @@ def _censored(
     weights = np.exp(log - log.max())
     weights = weights.sum(axis=(1, 2)) / weights.sum()
     mean = float(weights @ levels)
-    # The grid's own step is part of what is not known.
+    # The step of the grid is part of the error.
     step = top / (LEVELS - 1)
     return mean, float(np.sqrt(weights @ (levels - mean) ** 2 + step**2 / 12.0))

@@ -1,8 +1,8 @@
 """The range in which OP or the position was stored, where it is not percent.
 
-An export often keeps what came over the wire: 4 to 20 mA, 0 to 10 V, a fraction, counts. Read as
-percent, such a position hardly moves, and a good valve seems to stick fast. Which range it is shows
-against the other signal: only one of those in use lays the position on the command.
+An export often keeps the values as they were transmitted: 4 to 20 mA, 0 to 10 V, a fraction,
+counts. Read as percent, such a position hardly moves, and a good valve seems to stick. The other
+signal shows which range it is: only one of the usual ranges makes position and command agree.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ from stemwatch.models.stickslip.find_stroke_curve import (
 )
 
 BEYOND = 0.05  # of a range, by which a signal may leave it
-# Of a range that a signal reaches: percents, read as counts to 1000 or more, reach a tenth.
+# Share of a range that a signal must reach: percent values, read as counts up to 1000 or more,
+# reach a tenth.
 LEAST_REACHED = 0.12
-# Percent by which the middle of the converted position may lie off OP; and by how much the next
-# range must do worse, in the same measure, so that only one can be meant.
+# Percent by which the middle of the converted position may lie off OP; and by how much more the
+# next best range must be off, so that the choice is clear.
 OFF_PERCENT, WORSE_PERCENT = 6.0, 4.0
-SLOPE_PERCENT = 50.0  # what a slope that is wrong by its whole counts for
+SLOPE_PERCENT = 50.0  # penalty of a slope that is wrong by 100 %
 MOST_SWING = 1.3  # of the swing of OP, where no slope is known
 GOES_WITH = 0.5  # correlation
 
@@ -59,7 +60,7 @@ class StoredRange:
         return replace(signal, values=percent, unit=PERCENT)
 
     def sentence(self, signal: Signal, name: str) -> str:
-        """What was decided, and how to decide it for good."""
+        """What was assumed, and how to state the range in the plant file or the export."""
         unit_text = f" {self.unit}" if self.unit else ""
         return (
             f"{name} ({signal.tag}) is read as {self.low:g} to {self.high:g}{unit_text} for 0 "
@@ -92,7 +93,7 @@ NAMES = {Role.MV: "The position", Role.OP: "OP"}
 def in_percent(recording: Recording) -> Recording:
     """``recording`` with OP and position in percent, each conversion among its decisions.
 
-    Itself where both are in percent as they stand, or no single range explains why they are not.
+    Unchanged where both are in percent already, or no single range makes them agree.
     """
     candidates = fitting_ranges(recording)
     if not candidates or (
@@ -109,13 +110,14 @@ def in_percent(recording: Recording) -> Recording:
 
 
 def fitting_ranges(recording: Recording) -> list[tuple[float, Role, StoredRange]]:
-    """The ranges that lay one of OP and position on the other, best first, with how far off they
-    leave it, percent; none where both are in percent as they stand."""
+    """The ranges that make OP and position agree, best first, each with the remaining distance,
+    percent; none where both are in percent already.
+    """
     mv = recording.mv
     if mv is None or not _moves(recording):
         return []
     in_percent_already = not_percent(recording.op) is None and not_percent(mv) is None
-    # A single value that no percent can be would outweigh all the others.
+    # A single value outside of any percent range would outweigh all the others.
     if in_percent_already and not curve_suspected(without_impossible_values(recording)):
         return []
     candidates = [

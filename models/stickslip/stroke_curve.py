@@ -6,8 +6,7 @@
 
 S and J are read from the distance between command and position, so both must be in the same
 percent. On many valves they are not: a split range strokes the whole valve with half of OP, an
-air-to-close valve counts the other way, a positioner's characteristic or a cam bends the way in
-between.
+air-to-close valve moves the other way, a positioner's characteristic or a cam bends the curve.
 """
 
 from __future__ import annotations
@@ -29,9 +28,10 @@ NEARLY_LINEAR_PERCENT = 1.5  # of travel, off the chord
 LEAST_TRAVEL_PERCENT = 0.5  # less is no curve
 USED = (0.5, 99.5)  # percentiles between which OP counts as used
 STRAIGHT_PERCENT = 0.01  # of travel, off the chord: a curve that was fitted as a straight line
-BENT_DEGREE = 3  # of a polynomial that holds what is not known of a bent curve
+BENT_DEGREE = 3  # of the polynomial that describes the error of a bent curve
 POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
-# Ranges are set to round numbers, in percent of OP, and begin within so much of what is estimated.
+# Ranges are set to round numbers, in multiples of ROUND_PERCENT of OP, which lie within
+# NOT_TOLD_PERCENT of the estimate.
 ROUND_PERCENT, NOT_TOLD_PERCENT = 5.0, 1.0
 
 
@@ -39,11 +39,11 @@ ROUND_PERCENT, NOT_TOLD_PERCENT = 5.0, 1.0
 class StrokeCurve:
     """``travel`` (k,) percent of travel at ``op`` (k,) percent of OP, rising in ``op``.
 
-    Between the knots straight lines, beyond them their ends. ``used`` are the ends of the part of
-    OP that a recording used, over which the slope is meant; all of the curve where it is ``None``.
+    Linear between the knots, constant beyond them. ``used`` are the ends of the part of OP that a
+    recording used, over which the slope is meant; all of the curve where it is ``None``.
     ``slope_known`` is False where the valve went to and fro between two places only: S in percent
-    of OP is then known, but not how it is shared between the jump and the slope. ``given``: the
-    plant file gives the curve. ``remark`` says that it changed, or that it is an earlier one.
+    of OP is then known, but not the J and the slope separately. ``given``: the plant file gives the
+    curve. ``remark`` says that it changed, or that it is an earlier one.
     """
 
     op: tuple[float, ...]
@@ -74,7 +74,7 @@ class StrokeCurve:
         )
 
     def reaching(self, low: float, high: float) -> StrokeCurve:
-        """The curve carried straight on to OP ``low`` and ``high`` where it ends before."""
+        """The curve extended in a straight line to OP ``low`` and ``high`` where it ends before."""
         op, travel = np.array(self.op), np.array(self.travel)
         new_ends = np.array([end for end in (low, high) if not op[0] <= end <= op[-1]])
         if not new_ends.size:
@@ -120,8 +120,9 @@ class StrokeCurve:
 
     @property
     def unsure_degree(self) -> int:
-        """Degree of the polynomial by which the curve may be off: none where a person gave it, or
-        where its slope is said not to be known."""
+        """Degree of the polynomial by which the curve may be off: 0 where a person gave the curve,
+        or where its slope is not known.
+        """
         if self.given or not self.slope_known:
             return 0
         return 1 if self.bend_percent < STRAIGHT_PERCENT else BENT_DEGREE
@@ -158,7 +159,7 @@ class StrokeCurve:
 
 @dataclass(frozen=True)
 class KnownCurve:
-    """What is known of OP and stroke before a recording is looked at.
+    """The curve from OP to stroke that is known before a recording is analysed.
 
     ``curve`` is ``None`` where OP is percent for percent of travel. ``given`` by a person; else it
     was found in an earlier window of the valve.
@@ -179,8 +180,8 @@ WITHIN_PERCENT = (-20.0, 120.0)
 def curve_of_points(text: str) -> StrokeCurve | None:
     """The curve through points such as ``50:0 75:42 100:100``, OP and travel in percent.
 
-    ``None`` where they say that OP is percent for percent of travel. Raises ``ValueError`` with
-    what is wrong, in words.
+    ``None`` where OP is percent for percent of travel by these points. Raises ``ValueError`` with a
+    sentence on what is wrong.
     """
     points: list[tuple[float, float]] = []
     for word in text.split():
@@ -207,7 +208,7 @@ def curve_of_points(text: str) -> StrokeCurve | None:
 def points_of(curve: StrokeCurve) -> str:
     """The curve as a person writes it, ``50:0 75:42 100:100``, within ``POINTS_OFF_PERCENT``.
 
-    Beyond what was seen straight on, to where OP or travel ends.
+    Beyond the part that was used it is extended in a straight line to the end of OP or travel.
     """
     if curve.used is not None:
         curve = curve.reaching(_travel_at_end(curve, 0), _travel_at_end(curve, -1))
@@ -267,7 +268,9 @@ def with_command(recording: Recording, command: Floats, mv_unit: str | None = No
 
 
 def in_travel(recording: Recording, curve: StrokeCurve | None) -> Recording:
-    """``recording`` with the command that its OP stands for; itself where there is no curve."""
+    """``recording`` with OP replaced by the command in percent of travel; unchanged where there is
+    no curve.
+    """
     if curve is None:
         return recording
     return with_command(recording, curve.command(recording.op.values))

@@ -14,13 +14,13 @@ from datetime import datetime, timedelta
 from stemwatch.service.access.random_secrets import digest_of, new_secret
 
 KNOWN_FOR = timedelta(days=90)
-MOST_USERS = 8  # of one browser, in a control room
+MOST_USERS = 8  # users of one browser, such as that of a control room
 _BETWEEN = "."
 _USE = b"stemwatch known browser"
 
 
 def remember_browser(cookie: str, password_hash: str, now: datetime) -> str:
-    """The new value of the cookie: a mark for this user, and those of other users kept."""
+    """The new value of the cookie: a mark for this user is added, marks of other users are kept."""
     secret, until = new_secret(), int((now + KNOWN_FOR).timestamp())
     mark = f"{secret}~{until}~{_code(secret, until, password_hash)}"
     others = [mark for mark in cookie.split(_BETWEEN) if mark and not _fits(mark, password_hash)]

@@ -20,8 +20,8 @@ LIFETIMES = {
 LONGEST_NAME = 80
 
 
-class LinkIsOver(Exception):
-    """The one-time link is used, withdrawn, expired or unknown."""
+class InvalidLink(Exception):
+    """The one-time link was used or withdrawn, has expired, or is unknown."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -75,18 +75,18 @@ def first_link(store: Store, base_url: str) -> str | None:
 
 
 def find_link(store: Store, secret: str, now: datetime) -> OneTimeLink:
-    """The record of a valid link. Raises ``LinkIsOver``."""
+    """The record of a valid link. Raises ``InvalidLink``."""
     link = store.access_links.find(digest_of(secret)) if secret else None
     first = link is not None and link.kind is OneTimeLinkKind.FIRST
     if link is None or not link.is_open(now) or (first and not store.accounts.is_empty()):
-        raise LinkIsOver
+        raise InvalidLink
     return link
 
 
 def use_link(store: Store, secret: str, name: str, password: str, now: datetime) -> User:
     """Use a link: add a new user, or set a new password of the user it was made for.
 
-    Raises ``LinkIsOver``, ``BadName``, ``WeakPassword``, ``NameTaken``; after the last three the
+    Raises ``InvalidLink``, ``BadName``, ``WeakPassword``, ``NameTaken``; after the last three the
     link remains valid.
     """
     link = find_link(store, secret, now)
@@ -100,7 +100,7 @@ def use_link(store: Store, secret: str, name: str, password: str, now: datetime)
         check_password(password, name)
         user = store.accounts.add_by_link(digest, name, hash_password(password), now)
     if user is None:
-        raise LinkIsOver
+        raise InvalidLink
     return user
 
 

@@ -1,5 +1,8 @@
-"""Signing in with name and password: answer and time do not tell whether the user exists; attempts
-are throttled by name and address, and recorded in the audit log."""
+"""Signing in with name and password.
+
+Neither the answer nor the time it takes tells whether the user exists. Attempts are throttled by
+name and address, and recorded in the audit log.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from collections.abc import Mapping
 from datetime import datetime, timedelta
 
 from stemwatch.service.access.known_browser import key_of_browser
-from stemwatch.service.access.passwords import LONGEST, hash_password, is_dated, matches
+from stemwatch.service.access.passwords import LONGEST, hash_password, matches, needs_rehash
 from stemwatch.service.access.random_secrets import digest_of
 from stemwatch.service.access.sessions import IDLE, begin_session
 from stemwatch.service.store.accounts.login_attempts import Wait
@@ -52,7 +55,7 @@ def sign_in(
     browser_key = (
         None if stored_password is None else key_of_browser(browser, stored_password[1], now)
     )
-    waits = waits_of(name, address) if browser_key is None else {browser_key: of_name}
+    waits = waits_of(name, address) if browser_key is None else {browser_key: wait_for_name}
     _begin(store, name, waits, now, address)
     user = check(store, name, password, now)
     if user is None:
@@ -65,17 +68,17 @@ def sign_in(
     cookie = begin_session(store, user.id, now=now, address=address, agent=agent)
     _note(store, name, now, address, AuditOutcome.DONE)
     store.web_sessions.remove_ended(now=now, idle=IDLE)
-    store.attempts.remove_old(now - 2 * FORGET)
+    store.attempts.remove_old(now - 2 * FORGET_AFTER)
     return user, cookie
 
 
 def _begin(store: Store, name: str, waits: Mapping[str, Wait], now: datetime, address: str) -> None:
     """Count an attempt, or raise ``TooMany`` where it has to wait.
 
-    Refused attempts are recorded in the audit log once in ``NOTED_EVERY`` with their number, so
-    that thousands of guesses are one entry a minute.
+    Refused attempts are recorded in the audit log once in ``NOTED_EVERY``, with their number, so
+    that thousands of guesses make one entry a minute.
     """
-    until = store.attempts.begin(waits, now=now, forget=FORGET)
+    until = store.attempts.begin(waits, now=now, forget=FORGET_AFTER)
     if until is None:
         return
     refused = store.attempts.refused(f"refused {key_of_name(name)}", now=now, interval=NOTED_EVERY)
@@ -95,7 +98,9 @@ def check(store: Store, name: str, password: str, now: datetime) -> User | None:
     if user_and_hash is None or not right or user_and_hash[0].disabled is not None:
         return None
     user, stored = user_and_hash
-    store.accounts.note_login(user.id, now, hash_password(password) if is_dated(stored) else None)
+    store.accounts.note_login(
+        user.id, now, hash_password(password) if needs_rehash(stored) else None
+    )
     return user
 
 
@@ -134,10 +139,10 @@ def _note(
 
 
 NOTED_EVERY = timedelta(minutes=1)
-FORGET = timedelta(hours=1)  # without an attempt; counts then restart
+FORGET_AFTER = timedelta(hours=1)  # without an attempt; counts then restart
 FREE_OF_NAME, FREE_OF_ADDRESS = 5, 20
 LONGEST_OF_NAME, LONGEST_OF_ADDRESS = timedelta(seconds=60), timedelta(seconds=300)
-_IPV6_SITE = 64  # bits of the network whose addresses all belong to one machine or site
+_IPV6_SITE = 64  # bits of the network prefix whose addresses all belong to one machine or site
 
 
 def wait_after(count: int, free: int, longest: timedelta) -> timedelta:
@@ -147,12 +152,12 @@ def wait_after(count: int, free: int, longest: timedelta) -> timedelta:
     return min(longest, timedelta(seconds=2.0 ** min(count - free, 30)))
 
 
-def of_name(count: int) -> timedelta:
+def wait_for_name(count: int) -> timedelta:
     """How long to wait after ``count`` failures with one user name."""
     return wait_after(count, FREE_OF_NAME, LONGEST_OF_NAME)
 
 
-def of_address(count: int) -> timedelta:
+def wait_for_address(count: int) -> timedelta:
     """How long to wait after ``count`` failures from one address."""
     return wait_after(count, FREE_OF_ADDRESS, LONGEST_OF_ADDRESS)
 
@@ -174,5 +179,5 @@ def key_of_address(address: str) -> str:
 
 
 def waits_of(name: str, address: str) -> Mapping[str, Wait]:
-    """The keys under which an attempt is counted, with the wait after so many."""
-    return {key_of_name(name): of_name, key_of_address(address): of_address}
+    """The keys under which an attempt is counted, each with its rule for the wait after so many."""
+    return {key_of_name(name): wait_for_name, key_of_address(address): wait_for_address}

@@ -18,11 +18,11 @@ from stemwatch.service.store.accounts.users import name_key
 
 SHORTEST, LONGEST = 12, 200
 FEWEST_CHARACTERS = 5
-_AT_ONCE, _PATIENCE_S = 2, 10.0
+_MOST_AT_ONCE, _LONGEST_WAIT_S = 2, 10.0
 _HASHER = PasswordHasher(
     time_cost=3, memory_cost=64 * 1024, parallelism=4, hash_len=32, salt_len=16
 )
-_ROOM = threading.BoundedSemaphore(_AT_ONCE)
+_HASHING_SLOTS = threading.BoundedSemaphore(_MOST_AT_ONCE)
 # Hash of an unused password: checking it makes an unknown name take as long as a known one.
 UNUSED_HASH = (
     "$argon2id$v=19$m=65536,t=3,p=4$QNSI6KqEqQio6CQb6C4UFA"
@@ -64,14 +64,14 @@ def check_password(password: str, name: str) -> None:
 
 def hash_password(password: str) -> str:
     """The hash with its salt and parameters. Raises ``Busy``."""
-    with _room():
+    with _hashing_slot():
         return _HASHER.hash(_normal(password))
 
 
 def matches(password: str, stored: str | None) -> bool:
     """Whether ``password`` matches the hash ``stored``; takes the same time for ``None``. Raises
     ``Busy``."""
-    with _room():
+    with _hashing_slot():
         try:
             right = _HASHER.verify(stored or UNUSED_HASH, _normal(password))
         except (VerificationError, InvalidHashError):
@@ -79,19 +79,19 @@ def matches(password: str, stored: str | None) -> bool:
     return right and stored is not None
 
 
-def is_dated(stored: str) -> bool:
+def needs_rehash(stored: str) -> bool:
     """Whether a hash was made with other parameters than the present ones."""
     return _HASHER.check_needs_rehash(stored)
 
 
 @contextmanager
-def _room() -> Iterator[None]:
-    if not _ROOM.acquire(timeout=_PATIENCE_S):
+def _hashing_slot() -> Iterator[None]:
+    if not _HASHING_SLOTS.acquire(timeout=_LONGEST_WAIT_S):
         raise Busy("many people are signing in at once; try again in a moment")
     try:
         yield
     finally:
-        _ROOM.release()
+        _HASHING_SLOTS.release()
 
 
 def _normal(password: str) -> str:

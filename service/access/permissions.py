@@ -97,8 +97,8 @@ class CurrentUser:
         return not right.in_person and SCOPE_OF[right.least] in self.scopes
 
     def signature(self, text: str = "") -> str:
-        """The name for signatures: the user's own, and before it the name of the person for whom a
-        program says it acts."""
+        """The name for signatures: the user's own, preceded by the name of the person for whom a
+        program says that it acts."""
         text = " ".join(text.split())
         return f"{text} (through {self.name})" if text and text != self.name else self.name
 

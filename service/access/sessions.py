@@ -65,11 +65,11 @@ def end_session(store: Store, cookie: str) -> None:
 
 
 def form_token_of(cookie: str) -> str:
-    """What the forms of a page carry: worked out from the cookie, so that it belongs to one
-    session and is the same after a restart, and the cookie cannot be worked out from it."""
+    """The token in the forms of a page. It is derived from the cookie, so that it belongs to one
+    session and is the same after a restart; the cookie cannot be derived from it."""
     return hmac.new(cookie.encode("utf-8", "replace"), _FORMS, "sha256").hexdigest()
 
 
 def sessions_of(store: Store, user: int, now: datetime) -> list[WebSession]:
-    """The sessions of a user that go on."""
+    """The sessions of a user that have not ended."""
     return store.web_sessions.of_user(user, now=now, idle=IDLE)

@@ -1,6 +1,7 @@
-"""From what runs find to somebody who hears of it.
+"""From the findings of runs to messages that people get.
 
-``rules`` says what is worth raising in the screenings of one valve; ``evaluate`` applies them after
-a run and joins what has one cause; ``silence`` watches the sources between runs; ``digest`` makes
-one message of all that is new; ``sender`` brings it to the ``notifiers`` until it has arrived.
+``rules`` decides which findings of one valve are worth an alert; ``evaluate`` applies the rules
+after a run and joins alerts with a common cause; ``silent_sources`` and ``dead_tags`` watch the
+sources between runs; ``digest`` writes one message about all new alerts; ``sender`` hands it to the
+``notifiers`` until it has arrived.
 """

@@ -1,8 +1,8 @@
-"""Tags that bring nothing good while their device answers: a broken transmitter, card or register.
+"""Tags without a good sample although their device answers: a broken transmitter, card or register.
 
-One alert for each valve, naming its tags; one for the device where so many of its valves are
-concerned that they share a cause. A device that is silent as a whole is ``silence``'s; a signal
-that is good and does not move is a verdict of the screening.
+One alert for each valve names its tags; one alert for the device stands for all where so many of
+its valves are concerned that they share a cause. A device that is silent as a whole is reported by
+``silent_sources``; a good signal that does not move is judged by the screening.
 """
 
 from __future__ import annotations
@@ -37,8 +37,9 @@ def dead_tags(
 ) -> dict[str, list[DeadTag]]:
     """The dead tags of each valve on ``devices``, which answer.
 
-    A tag is dead where its samples of the last ``limit`` are all bad, one of now among them: while
-    old samples still come from the spool nothing is known of it. Raises ``StoreError``.
+    A tag is dead where all its samples of the last ``limit`` are bad and one of them is recent:
+    while old samples still arrive from the spool, nothing is known of the present. Raises
+    ``StoreError``.
     """
     by_source: dict[str, list[DeadTag]] = defaultdict(list)
     for device in devices:
@@ -61,8 +62,8 @@ def raised_of(
     already_open: set[str],
     now: datetime,
 ) -> list[RaisedAlert]:
-    """An alert for each valve, or for its device where many have one cause. Why and since when is
-    looked up for those that are new."""
+    """An alert for each valve, or for its device where many valves share a cause. Reason and start
+    are looked up for new alerts only."""
     by_device: dict[str, list[str]] = defaultdict(list)
     for valve in dead:
         by_device[plant.valves[valve].source].append(valve)

@@ -1,4 +1,4 @@
-"""``Sender``: brings queued messages to their notifiers, again and again until they arrive."""
+"""``Sender``: hands queued messages to their notifiers, repeatedly until they arrive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 FIRST_WAIT = timedelta(minutes=1)
 GIVE_UP_AFTER = timedelta(days=3)
-# One attempt is not enough where the clock leapt, or the service was off for a week.
+# More than one attempt, since the clock may have jumped or the service been off for a week.
 FEWEST_ATTEMPTS = 24
 
 
@@ -26,8 +26,9 @@ class Sender:
         self._store, self._notifiers = store, notifiers
 
     def send_due(self) -> int:
-        """Try what is due; how many messages arrived. Of a notifier that failed the others wait
-        for the next time: a receiver that hangs would keep back those of all others."""
+        """Send what is due; returns how many messages arrived. After a failure the other messages
+        of that notifier wait for the next time: a receiver that hangs would delay those of all
+        others."""
         arrived = 0
         failed: set[str] = set()
         while (delivery := self._store.deliveries.claim(except_notifiers=failed)) is not None:
@@ -45,7 +46,7 @@ class Sender:
             return False
         try:
             notifier.send(delivery.key, delivery.message)
-        except Exception as error:  # whatever a notifier raises: it did not arrive
+        except Exception as error:  # whatever a notifier raises, the message did not arrive
             self._failed(delivery, error)
             return False
         self._store.deliveries.sent(delivery.id)

@@ -1,4 +1,4 @@
-"""Sources and tags that fell silent: one alert for each cause, whatever hangs on it."""
+"""Sources and tags that fell silent: one alert for each cause, however many valves it concerns."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def watch_sources(
     """Raise an alert for each device without a good sample and each valve with a dead tag, close
     those that are over. The numbers of the new ones; raises ``StoreError``.
 
-    ``since`` is when collecting began, or the clock was set: before that no source can be blamed.
-    A good sample from the future tells nothing, since the clock was set back. Watched folders are
-    not looked at: how often somebody drops a file there is nobody's promise.
+    ``since`` is when collecting began, or the clock was set: silence before that is not the
+    source's fault. A good sample from the future proves nothing, since the clock was set back.
+    Watched folders are not checked, because nobody promises how often a file arrives there.
     """
     now = now or datetime.now(UTC)
     states = {state.source: state for state in store.sources.states()}
@@ -51,7 +51,7 @@ def watch_sources(
 def _close(
     store: Store, plant: Plant, open_now: set[str], still_silent: set[str], alive: list[str]
 ) -> None:
-    """Close what is over, and what another alert speaks for now."""
+    """Close alerts that are over, and those that another alert now covers."""
     by_reason: dict[str, list[str]] = {BACK: [], GONE: [], JOINED: []}
     for cause in sorted(open_now - still_silent):
         source = _source(cause, plant)

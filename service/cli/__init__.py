@@ -157,8 +157,8 @@ def main() -> None:
     )
     from stemwatch.service.store.errors import StoreError
 
-    # Loading libraries creates hundreds of thousands of objects, none of them garbage: collecting
-    # every 700 objects took a tenth of the processor time of a short command.
+    # Loading libraries creates hundreds of thousands of objects, none of them garbage. Collecting
+    # every 700 objects took a tenth of a short command's processor time.
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     # A last collection at exit is useless and took a quarter of the time.
     atexit.register(gc.freeze)

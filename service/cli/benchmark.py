@@ -1,4 +1,4 @@
-"""``stemwatch benchmark``: recordings with a sealed truth, anybody's answers, the score."""
+"""``stemwatch benchmark``: recordings with a sealed truth, answers to them, and their score."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def write(
 
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
-    from stemwatch.service.studies.benchmark.judged import truth_file_of, write_benchmark
+    from stemwatch.service.studies.benchmark.seal_and_score import truth_file_of, write_benchmark
 
     truth = truth or truth_file_of(folder)
     with views.progress("simulating", cases) as advance:
@@ -119,8 +119,8 @@ def judge(
     truth 1; whoever answers without knowing has no expected score above 0.
     """
     from stemwatch.service.cli import views
-    from stemwatch.service.studies.benchmark.judged import judge as judged
-    from stemwatch.service.studies.benchmark.judged import truth_file_of
+    from stemwatch.service.studies.benchmark.seal_and_score import judge as judged
+    from stemwatch.service.studies.benchmark.seal_and_score import truth_file_of
 
     truth = o.need_file(truth or truth_file_of(folder), "--truth")
     merits = {str(file): judged(folder, o.need_file(file, "ANSWERS"), truth) for file in answers}

@@ -1,5 +1,5 @@
-"""``stemwatch calibrate-archives`` and ``calibrate-wiring``: limits beside recordings that must not
-meet them."""
+"""``stemwatch calibrate-archives`` and ``calibrate-wiring``: the limits of checks, compared with
+recordings that must not exceed them."""
 
 from __future__ import annotations
 

@@ -132,9 +132,9 @@ def _live(out: Path, port: int, speed: float, seed: int, open_page: bool) -> Non
 
 async def _until_asked(live_demo: LiveDemo) -> None:
     """Run the demo until SIGTERM or Ctrl-C."""
-    from stemwatch.service.process_lifecycle import asked_to_stop
+    from stemwatch.service.process_lifecycle import on_stop_signal
 
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
     # Not add_signal_handler, which Windows does not have.
-    with asked_to_stop(lambda: loop.call_soon_threadsafe(stop.set), last=True):
+    with on_stop_signal(lambda: loop.call_soon_threadsafe(stop.set), last=True):
         await live_demo.run(stop)

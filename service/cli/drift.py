@@ -87,7 +87,7 @@ def limits(calibration: Sequence[Followed]) -> dict[str, float]:
 
 
 def alarms(followed: Sequence[Followed], limit: float) -> list[tuple[str, int, int]]:
-    """(of which valves, how many alarms, of how many that were scored)."""
+    """Rows of (group of valves, number of alarms, number of scored valves)."""
     from stemwatch.service.studies.drift import ValveFate, scores
 
     groups = [(fate.value, scores(followed, fate)) for fate in ValveFate]

@@ -14,11 +14,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from stemwatch.models.limits import Limits
-    from stemwatch.service.explain.explained import Explained
-    from stemwatch.service.explain.to_explain import ToExplain
+    from stemwatch.service.explain.explain_recording import Explained
+    from stemwatch.service.explain.requested_recordings import RecordingToExplain
     from stemwatch.service.run.plan import Request
 
-MOST_REASONS = 5  # of a run in which nothing could be read
+MOST_REASONS = 5  # reasons that are listed when nothing could be read
 TITLE = "Where simulation and recording differ"
 
 
@@ -49,12 +49,12 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
     """The explanations of all requested recordings, in their order."""
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
-    from stemwatch.service.explain.to_explain import what_to_explain
+    from stemwatch.service.explain.requested_recordings import recordings_to_explain
 
     plant = request.plant
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
-    work = what_to_explain(request)
+    work = recordings_to_explain(request)
     for source, reason in work.left_out:
         views.say(f"left out: {source}: {reason}")
     limits = plant.limits if plant else Limits()
@@ -62,11 +62,11 @@ def _explained(request: Request, narx: bool, workers: int | None) -> list[Explai
 
 
 def _worked(
-    recordings: Sequence[ToExplain], narx: bool, limits: Limits, workers: int | None
+    recordings: Sequence[RecordingToExplain], narx: bool, limits: Limits, workers: int | None
 ) -> list[Explained]:
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor, map_items
-    from stemwatch.service.explain.explained import Job, explain_one
+    from stemwatch.service.explain.explain_recording import Job, explain_one
 
     jobs = [Job(to_explain=task, narx=narx, limits=limits) for task in recordings]
     results: dict[int, Explained] = {}
@@ -110,7 +110,8 @@ def _report(
 
 
 def _write(valves: Sequence[Explained], request: Request, out: Path) -> Path:
-    """The page's folder; times in the plant's zone, else in the zone that was given, else UTC."""
+    """Write the page and return its files; times are in the plant's zone, else the given zone, else
+    UTC."""
     from stemwatch.service.cli import views
     from stemwatch.service.explain.write_explanation import write_pages
 

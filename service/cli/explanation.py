@@ -13,13 +13,13 @@ from rich.text import Text
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.service.cli import views
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.presenter.finding import PresentedEffect, present_effects
 from stemwatch.service.presenter.physics_words import (
     FINDING_SYMBOL,
     effect_name,
     effect_names,
-    left_to_tell,
+    open_question_sentence,
 )
 from stemwatch.service.presenter.wording import (
     figure,
@@ -28,7 +28,7 @@ from stemwatch.service.presenter.wording import (
     not_yet_said,
     span_percent,
 )
-from stemwatch.service.report.mismatch_view import alternatives_of, left_over_bars
+from stemwatch.service.report.mismatch_view import alternatives_of, residual_bars
 
 STYLE = {
     Finding.NAMED: "bold red",
@@ -37,7 +37,7 @@ STYLE = {
     Finding.NONE: "green",
     Finding.NOT_TESTABLE: "cyan",
 }
-MOST_HOT = 3  # places with the largest residual; the page shows all
+MOST_PLACES = 3  # places with the largest residual; the page shows all
 INDENT = 2
 
 
@@ -78,11 +78,11 @@ def _sentences(mismatch: Mismatch) -> Iterator[str]:
         name = effect_name(record.slug)
         yield f"[bold]In the record: {views.escape(name)}.[/] {views.escape(record.sentence)}"
     if mismatch.finding is not Finding.NONE:
-        for cell in mismatch.before.hot[:MOST_HOT]:
+        for cell in mismatch.before.hot[:MOST_PLACES]:
             yield f"[dim]Where[/]  {views.escape(cell.sentence)}"
     for effect in present_effects(mismatch):
         yield from _effect(effect, mismatch.sentence)
-    if left_to_test := left_to_tell(mismatch):
+    if left_to_test := open_question_sentence(mismatch):
         yield f"[dim]Test[/]  {views.escape(left_to_test)}"
     if mismatch.not_testable:
         names = views.escape(effect_names(untestable.slug for untestable in mismatch.not_testable))
@@ -106,8 +106,8 @@ def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
 
 
 def _numbers(explained: Explained) -> Table:
-    """S, J and the fit on samples that were not fitted, as on the page: what counts, and what else
-    was read. The fit of a long recording is of the window that is shown."""
+    """S, J and the fit on held-out samples, as on the page: first the values that count, then the
+    alternatives. The fit of a long recording is that of the window shown."""
     table = Table(box=None, pad_edge=False)
     for name in ("", "S, %", "J, %", "fit, %", "rmse, %"):
         table.add_column(name, justify="right" if name else "left", no_wrap=bool(name))
@@ -147,7 +147,7 @@ def _caption(mismatch: Mismatch, *, shown_alone: bool) -> str:
         parts.append(
             f"fit grows by {figure(heldout.gain_low, 2)} to {figure(heldout.gain_high, 2)} points"
         )
-    bar_of_kind = {bar.kind: bar for bar in left_over_bars(mismatch)}
+    bar_of_kind = {bar.kind: bar for bar in residual_bars(mismatch)}
     parts += [
         f"{bar_of_kind[kind].name} {figure(bar_of_kind[kind].rmse, 2)} %"
         for kind in ("narx", "floor")

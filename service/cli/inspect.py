@@ -125,7 +125,7 @@ def _files_of(file: Path, options: ReadOptions) -> list[HistorianFile]:
 
 
 def _show(inspections: Sequence[Inspection]) -> None:
-    """Facts of each file; its tags unless a file before has the same ones."""
+    """Print the facts of each file, and its tags unless an earlier file has the same ones."""
     from stemwatch.service.cli import views
 
     shown_tags: set[frozenset[str]] = set()
@@ -163,7 +163,7 @@ def _sources(
 
 
 def _seen_from(plant_file: Path | None, export: Path) -> Path:
-    """The path of ``export`` as ``plant_file`` must give it; as it came without one."""
+    """The path of ``export`` as ``plant_file`` must give it; unchanged without a plant file."""
     if plant_file is None:
         return export
     folder, export = plant_file.resolve().parent, export.resolve()

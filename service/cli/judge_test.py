@@ -1,4 +1,4 @@
-"""``stemwatch judge-test``: which rival the planned test's own recording speaks for."""
+"""``stemwatch judge-test``: which explanation the recording of the planned test supports."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from stemwatch.models.mismatch.open_question import OpenQuestion
     from stemwatch.models.recording import Recording
-    from stemwatch.service.field_test.judged import TestResult
+    from stemwatch.service.field_test.result_in_words import TestResult
     from stemwatch.service.run.plan import Request
 
 
@@ -50,7 +50,7 @@ def judge_test(
     from stemwatch.models.field_test.judgement import judge_test
     from stemwatch.service.cli import views
     from stemwatch.service.cli.reading import read_options, request_of, tags_of
-    from stemwatch.service.field_test.judged import result_of, to_object
+    from stemwatch.service.field_test.result_in_words import result_of, to_object
 
     if result is None and (plant is None or not (from_ and to)):
         raise typer.BadParameter(
@@ -87,10 +87,10 @@ def judge_test(
 def _recorded(request: Request, valve: str) -> Recording:
     """The recording of the test, of ``valve`` where the source holds several."""
     from stemwatch.service.cli.reading import say_unused_options
-    from stemwatch.service.explain.to_explain import what_to_explain
+    from stemwatch.service.explain.requested_recordings import recordings_to_explain
     from stemwatch.service.run.task import recording_of
 
-    candidates = what_to_explain(request).valves
+    candidates = recordings_to_explain(request).valves
     named = [candidate for candidate in candidates if candidate.valve == valve] or list(candidates)
     if len(named) != 1:
         names = ", ".join(candidate.valve for candidate in named[:5]) or "none"
@@ -108,7 +108,7 @@ def _recorded(request: Request, valve: str) -> Recording:
 def _of_store(valve: str, request: Request, db: str, begin: datetime | None) -> OpenQuestion:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.plan_test import known_store, not_screened
-    from stemwatch.service.field_test.planned import question_before
+    from stemwatch.service.field_test.plan_from_screening import question_before
 
     with known_store(valve, request.plant, db) as store:
         stored_question = question_before(store, valve, begin)

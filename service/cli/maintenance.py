@@ -35,7 +35,7 @@ def maintenance(
     home = zone or (loaded.zone if loaded else None) or ""
     moment = o.instant(at, home, "--at") or datetime.now(UTC)
     address = db or (loaded.storage if loaded else db)
-    # A plant file knows its valves before any run; an address alone may be mistyped.
+    # A plant file names its valves before any run; without one the database may be mistyped.
     opened = open_existing_store(address) if db else open_store(address)
     with opened as store:
         if valve not in {stored_valve.id for stored_valve in store.valves()} and (

@@ -119,7 +119,7 @@ def _zone(zone: str) -> ZoneInfo:
 def names_that_hold(
     parts: list[str] | None, names: Iterable[str], option: str, noun: str
 ) -> list[str]:
-    """The ``names`` that hold one of ``parts``, all of them where none is given. Raises
+    """The ``names`` that contain one of ``parts``; all of them where none is given. Raises
     ``typer.BadParameter`` where no name does."""
     matching = [name for name in names if not parts or any(part in name for part in parts)]
     if not matching:

@@ -1,4 +1,5 @@
-"""``stemwatch plan-test``: the test of a valve that would tell what its recording left open."""
+"""``stemwatch plan-test``: the field test that decides between the explanations a recording left
+open."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from stemwatch.models.field_test.plan import FieldTestPlan
     from stemwatch.models.field_test.programme import TestLimits
     from stemwatch.service.config import Plant
-    from stemwatch.service.explain.explained import Explained
+    from stemwatch.service.explain.explain_recording import Explained
     from stemwatch.service.field_test.sheet import TestSheet
     from stemwatch.service.run.plan import Request
     from stemwatch.service.store.store import Store
@@ -119,7 +120,7 @@ def _of_store(
     valve: str, plant: Path | None, db: str, limits: TestLimits, op_now: float | None
 ) -> tuple[str, FieldTestPlan, Plant | None]:
     from stemwatch.service.config import load_plant
-    from stemwatch.service.field_test.planned import PlanCache
+    from stemwatch.service.field_test.plan_from_screening import PlanCache
 
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     with known_store(valve, loaded, db) as store:
@@ -154,7 +155,7 @@ def not_screened(valve: str, store: Store) -> typer.BadParameter:
 def _of_file(
     request: Request, limits: TestLimits, op_now: float | None
 ) -> tuple[str, FieldTestPlan, Plant | None]:
-    from stemwatch.service.field_test.planned import plan_of
+    from stemwatch.service.field_test.plan_from_screening import plan_of
 
     explained = explained_file(request)
     plan = plan_of(explained.mismatch, limits, judged=False, op=op_now)
@@ -163,10 +164,10 @@ def _of_file(
 
 def explained_file(request: Request) -> Explained:
     """The one recording of a file, explained."""
-    from stemwatch.service.explain.explained import Job, explain_one
-    from stemwatch.service.explain.to_explain import what_to_explain
+    from stemwatch.service.explain.explain_recording import Job, explain_one
+    from stemwatch.service.explain.requested_recordings import recordings_to_explain
 
-    candidates = what_to_explain(request).valves
+    candidates = recordings_to_explain(request).valves
     if len(candidates) != 1:
         names = ", ".join(task.valve for task in candidates[:5]) or "none"
         raise ValueError(
@@ -211,12 +212,12 @@ def _on_terminal(sheet: TestSheet) -> RenderableType:
     for name in ("at", "OP, %", "change", "how"):
         legs.add_column(name, justify="left" if name == "how" else "right")
     legs.add_row("0:00", f"{sheet.plan.op:.1f}", "0", "manual; leave OP where it is")
-    for leg in sheet.legs:
+    for leg in sheet.moves:
         legs.add_row(leg.clock, f"{leg.to:.1f}", leg.shift, leg.words)
     looks = Table(title="Watch", title_justify="left", box=None, pad_edge=False)
     for name in ("at", "OP, %", *(f"MV, {name}" for name in sheet.rivals)):
         looks.add_column(name, justify="right")
-    for reading in sheet.looks:
+    for reading in sheet.readings:
         looks.add_row(reading.clock, f"{reading.op:.1f}", *(f"{mv:.1f}" for mv in reading.mv))
     parts += [Text(""), *(line(step) for step in sheet.before), Text(""), legs, Text(""), looks]
     parts.append(line(sheet.passes))

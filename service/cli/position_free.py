@@ -1,4 +1,4 @@
-"""``stemwatch study-without-position``: what OP and PV alone would tell of a valve."""
+"""``stemwatch study-without-position``: how well OP and PV alone reveal a sticking valve."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The options that several commands share, made into what they mean: how files are read, and the
 ``Request`` of a run."""
 
-# Typer needs the annotations themselves, so they are not put off here; what is slow to import is
-# named in quotes.
+# Typer evaluates the annotations, so this module has no ``from __future__ import annotations``;
+# types that are slow to import are quoted.
 import inspect
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ MOST_FILES_SAID = 5  # on the terminal
 
 
 def given_by(make: Callable[..., Any], *, name: str) -> Callable[[Command], Command]:
-    """A command whose argument ``name`` is what ``make`` makes of its own arguments: these are the
-    options that the command line shows in its place."""
+    """A decorator for commands: the argument ``name`` is replaced on the command line by the
+    arguments of ``make``, and gets what ``make`` returns for them."""
     shared = inspect.signature(make).parameters
 
     def with_options(command: Command) -> Command:
@@ -97,7 +97,7 @@ def read_options(
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingOptions:
-    """How a command that reads recordings was told to read them, whichever its sources are."""
+    """The options of a command that reads recordings, apart from its sources."""
 
     plant: Path | None
     tags: "dict[Role, str]"
@@ -127,7 +127,7 @@ def recording_options(
     *,
     options: "ReadOptions",
 ) -> RecordingOptions:
-    """What the shared options of a command that reads recordings say."""
+    """The shared options of a command that reads recordings, as one value."""
     return RecordingOptions(
         plant=plant,
         tags=tags_of(op=op, mv=mv, pv=pv, sp=sp, mode=mode),
@@ -201,7 +201,7 @@ def _refuse_what_nobody_asks_for(
             param_hint="--valve",
         )
     if plant is None or sources:
-        return  # what a file then does not need is said with what was read
+        return  # options that a file does not need are reported with what was read
     option_names = set(given_options(options)) - ({"zone"} if any(window) else set())
     if option_names:
         option = "--" + min(option_names).replace("_", "-")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
 from stemwatch.service.cli.reading import (
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from stemwatch.service.config import Plant
     from stemwatch.service.run.engine import RunResult
     from stemwatch.service.run.plan import Request
+    from stemwatch.service.store.database_url import DatabaseUrl
 
 LONGEST_S = 600.0  # that a valve may take where no plant file says it
 
@@ -135,13 +138,18 @@ def _run(
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
     from stemwatch.service.run.engine import RunNow, screen_now
+    from stemwatch.service.store.database_url import DatabaseUrl
     from stemwatch.service.store.store import open_store
 
     for problem in plant.problems if plant else ():
         views.say_error(str(problem))
-    out.mkdir(parents=True, exist_ok=True)
-    address = db or (plant.storage if plant else f"sqlite:///{out / 'stemwatch.db'}")
-    with open_store(address) as store, views.screening_progress(request.zone) as on_screened:
+    stored_in = db or (plant.storage if plant else f"sqlite:///{out / 'stemwatch.db'}")
+    address = DatabaseUrl(stored_in) if isinstance(stored_in, str) else stored_in
+    with (
+        _nothing_left_of_nothing(out, address),
+        open_store(address) as store,
+        views.screening_progress(request.zone) as on_screened,
+    ):
         how_to_run = RunNow(
             store=store,
             executor=executor,
@@ -159,6 +167,28 @@ def _run(
     if request.sources and said:
         say_unused_options(screening.provenance for screening in result.brief)
     return result.brief
+
+
+@contextmanager
+def _nothing_left_of_nothing(out: Path, address: DatabaseUrl) -> Iterator[None]:
+    """Make the folder of the report. Where nothing could be read, or not even the database be
+    opened, what was made for it goes again: a new database without a valve would look like a plant
+    without one."""
+    from stemwatch.service.store.database.engine import sqlite_files
+
+    database = sqlite_files(address)
+    made = () if database and database[0].exists() else database
+    folders = [folder for folder in (out, *out.parents) if not folder.exists()]
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except Exception as error:
+        for file in made if isinstance(error, ConnectorError) else ():
+            file.unlink(missing_ok=True)
+        for folder in folders:
+            with suppress(OSError):  # what holds a file is kept
+                folder.rmdir()
+        raise
 
 
 def show(result: RunResult, json_file: Path | None) -> None:

@@ -39,7 +39,7 @@ def serve(
     """
     from stemwatch.service.cli import views
     from stemwatch.service.logs import set_up_logs
-    from stemwatch.service.process_lifecycle import asked_to_stop
+    from stemwatch.service.process_lifecycle import on_stop_signal
     from stemwatch.service.serve import ListenAddress, Service
     from stemwatch.service.serve.plant_secrets import hide_secrets
 
@@ -58,7 +58,7 @@ def serve(
         views.out.print(sentence, highlight=False)
         views.out.print(views.escape(link), highlight=False, soft_wrap=True)
 
-    with asked_to_stop(stop.set, last=True):
+    with on_stop_signal(stop.set, last=True):
         Service(loaded, address, logs_as_json=json_logs).run(stop, ready, invite)
 
 
@@ -82,7 +82,7 @@ def run_now(
     from stemwatch.service import __version__
     from stemwatch.service.cli import views
     from stemwatch.service.cli.reading import part_of, valves_in_part
-    from stemwatch.service.process_lifecycle import asked_to_stop
+    from stemwatch.service.process_lifecycle import on_stop_signal
     from stemwatch.service.run.queue_worker import QueueWorker
     from stemwatch.service.serve.periodic_tasks import LEASE
     from stemwatch.service.store.runs.queue import RunToQueue
@@ -94,7 +94,7 @@ def run_now(
     in_part = valves_in_part(loaded, part_of(site, area, unit))
     valves = tuple(dict.fromkeys((*(valve or ()), *in_part)))
     stop = threading.Event()
-    with asked_to_stop(stop.set, last=True), open_store(loaded.storage) as store:
+    with on_stop_signal(stop.set, last=True), open_store(loaded.storage) as store:
         run = RunToQueue(valves=valves, who=who or "command line")
         number = store.queue.put(run, software_version=__version__)
         served = store.leases.holder(LEASE) is not None
@@ -132,7 +132,7 @@ def _load(plant: Path) -> Plant:
 
 
 def _work(worker, stop: threading.Event, number: int) -> None:  # type: ignore[no-untyped-def]
-    """Process the queue until it is empty; runs before this one are done first."""
+    """Process the queue until it is empty; earlier runs are done first."""
     from stemwatch.service.store.errors import StoreError
 
     try:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from stemwatch.service.store.store import Store
 
 WEAR = re.compile(r"(?P<tag>.+)=(?P<S>\d+(?:\.\d+)?)(?:/(?P<J>\d+(?:\.\d+)?))?")
-USUAL = "6/2.4"  # S and J, percent, of the valve that wears by default
+USUAL = "6/2.4"  # S and J in percent that the valve reaches by default
 _SHOWN = 12  # loops of which the map is printed
 
 
@@ -77,13 +77,13 @@ def _repairing(
 ) -> Callable[[PlantServer], Awaitable[object]]:
     """A function that repairs the valves whose maintenance is recorded in ``store`` from now on."""
     from stemwatch.service.cli import views
-    from stemwatch.service.live_demo import Technician, repair_what_is_recorded
+    from stemwatch.service.live_demo import RecordedMaintenance, repair_recorded_valves
 
     def note_repair(tag: str) -> None:
         views.out.print(views.escape(f"{tag} was repaired and is as new."), highlight=False)
 
-    technician = Technician(store, [loop.tag for loop in loops])
-    return lambda server: repair_what_is_recorded(technician, server, note_repair)
+    maintenance = RecordedMaintenance(store, [loop.tag for loop in loops])
+    return lambda server: repair_recorded_valves(maintenance, server, note_repair)
 
 
 def wear_of(

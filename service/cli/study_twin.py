@@ -1,4 +1,4 @@
-"""``stemwatch study-twin``: how well the twin of a loop foretells what a change does."""
+"""``stemwatch study-twin``: how well the twin of a loop predicts the effect of a change."""
 
 from __future__ import annotations
 

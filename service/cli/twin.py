@@ -133,10 +133,10 @@ def _request(id_or_file: str, given: RecordingOptions) -> Request:
 def _screened(request: Request) -> tuple[Recording, Screening]:
     from stemwatch.models.screening import Case, Options, screen
     from stemwatch.service.cli.reading import say_unused_options
-    from stemwatch.service.explain.to_explain import what_to_explain
+    from stemwatch.service.explain.requested_recordings import recordings_to_explain
     from stemwatch.service.run.task import recording_of
 
-    wanted = what_to_explain(request).valves
+    wanted = recordings_to_explain(request).valves
     if len(wanted) != 1 or wanted[0].task is None:
         names = ", ".join(one.valve for one in wanted[:5]) or "none"
         why = wanted[0].reason if len(wanted) == 1 else ""

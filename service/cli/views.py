@@ -104,7 +104,8 @@ def write_answers(
 
 
 def say_next(text: str) -> None:
-    """Print what to do next, to standard error: whoever reads the output by program is not met."""
+    """Print what to do next, to standard error, so that programs that read the output are not
+    disturbed."""
     err.print(f"[bold]Next:[/] {escape(text)}", highlight=False, soft_wrap=True)
 
 
@@ -130,7 +131,8 @@ def _number(estimate: Estimate) -> str:
 
 
 def page_context(title: str, plant: Plant | None, zone: str) -> ReportContext:
-    """What a page says of itself: times in the plant's zone, else in ``zone``, else UTC."""
+    """The context of a page: its title, the plant's name, and times in the plant's zone, else in
+    ``zone``, else UTC."""
     from stemwatch.connectors.secret import masked_command
     from stemwatch.service.report import ReportContext
 
@@ -162,8 +164,8 @@ def verdict_line(screening: Screening, zone: tzinfo = UTC) -> str:
 def progress(
     description: str, total: int, *, transient: bool = False
 ) -> Iterator[Callable[[int], None]]:
-    """A progress bar; gives what is told how many of ``total`` are done. A transient one leaves no
-    line."""
+    """A progress bar; yields a function that is called with how many of ``total`` are done. A
+    transient bar is removed at its end."""
     with Progress(console=err, transient=transient) as bars:
         bar = bars.add_task(description, total=total)
         yield lambda items_done: bars.update(bar, completed=items_done)
@@ -198,8 +200,8 @@ def screening_progress(zone_name: str) -> Iterator[Callable[[Screening, int, int
 
 
 def is_final(screening: Screening) -> bool:
-    """Whether the verdict is known before all valves of the run are: one that hangs on an effect
-    beside friction is not, as chance alone may have named that."""
+    """Whether the verdict is final before all valves of the run are screened. One that rests on an
+    effect beside friction is not, since false-discovery control may still hold the effect back."""
     from stemwatch.service.presenter.work_decision import decide
 
     return decide(screening, stands=None).verdict is decide(screening, stands=False).verdict
@@ -207,7 +209,7 @@ def is_final(screening: Screening) -> bool:
 
 def summary(screenings: Sequence[Screening]) -> Table:
     """The ranking, worst first, in the order and the words of the report."""
-    from stemwatch.service.presenter.worth_a_test import loops_to_test, suspected_sentence
+    from stemwatch.service.presenter.suspicion_words import loops_to_test, suspected_sentence
     from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.report.report_context import ReportContext
 
@@ -359,7 +361,7 @@ def _evidence(tag: TagInspection) -> list[str]:
         clauses.append(f"compressed ({tag.line_share:.0%} on lines)")
     if tag.quantum:
         clauses.append(f"steps of {tag.quantum:.3g}")
-    if tag.frozen and tag.role not in ("sp", "mode"):  # those are meant to rest
+    if tag.frozen and tag.role not in ("sp", "mode"):  # set points and modes are meant to rest
         clauses.append(f"frozen up to {tag.longest_repeat_s:g} s")
     return clauses
 

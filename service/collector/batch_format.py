@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 
-MARK = b"\xf1sWb"  # begins each record; the first byte is no ASCII and no UTF-8
+MARK = b"\xf1sWb"  # begins each record; its first byte occurs neither in ASCII nor in UTF-8
 _HEAD = struct.Struct("<4sII")  # mark, bytes of the body, checksum of the body
 _META = struct.Struct("<I")
 HEAD_BYTES = _HEAD.size
-LARGEST_BODY = 64 * 1024 * 1024  # bytes; a larger length is damage
+LARGEST_BODY = 64 * 1024 * 1024  # bytes; a larger length means that the record is damaged
 
 
 @dataclass(frozen=True)

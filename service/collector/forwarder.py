@@ -44,7 +44,9 @@ class Forwarder:
         self.state = ForwarderState()
         self._spool, self._sink = spool, sink
         self._backoff = Backoff(0.5, LONGEST_WAIT_S)
-        self._place: Position | None = None  # up to where all is stored, also if noting it failed
+        self._place: Position | None = (
+            None  # all before it is stored, even if recording that failed
+        )
 
     def run(self, more_arrived: threading.Event, stop: threading.Event, pause_s: float) -> None:
         """Store batches until ``stop``, then once more. ``more_arrived`` is set when something was

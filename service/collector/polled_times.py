@@ -1,8 +1,8 @@
-"""``PolledTimes``: tells which instants came before, because the computer's clock was set back.
+"""``PolledTimes``: finds instants that occur a second time, because the computer's clock was set
+back.
 
-Of two samples of one tag at one time, one was taken at another: either clock may have been wrong,
-the earlier by running ahead or the later by being set back for no reason. Neither is certain, so
-neither stays good.
+Of two samples of one tag with the same time, one was taken at another time. Nobody knows which: the
+clock may have run ahead before, or have been set back without need. So neither sample stays good.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ import numpy as np
 from stemwatch.connectors.modbus.sample_batch import CAME_TWICE, SampleBatch
 from stemwatch.models.recording import Quality
 
-_HOLE_US = 3_600_000_000  # a longer hole in the times parts two stretches
+_HOLE_US = 3_600_000_000  # a longer gap separates two stretches
 _STRETCHES = 8  # that are remembered for each device
 
 Stretches = dict[str, list[list[int]]]
 
 
 class PolledTimes:
-    """The stretches of time that were polled, first and last instant in microseconds, by device.
+    """The stretches of time that were polled, by device: first and last instant in microseconds
+    since 1970.
 
-    Each stretch runs forward; a clock that is set back, or ahead by more than an hour, begins
-    another. ``stretches_of_device`` is what an earlier process left.
+    In each stretch the clock runs forward; a clock that is set back, or ahead by more than an hour,
+    begins another. ``stretches_of_device`` are those that an earlier process recorded.
     """
 
     def __init__(
@@ -50,8 +51,8 @@ class PolledTimes:
 
     def _came_before(self, device: str, at_us: int) -> bool:
         of_device = self.stretches.setdefault(device, [])
-        # The last instant again is none that came before: a process that follows another at once
-        # may begin with it, and a batch that a full disk refused is tried again.
+        # The last instant may occur again without a clock change: a process that follows another at
+        # once may begin with it, and a batch that a full disk refused is written again.
         if of_device and 0 <= at_us - of_device[-1][1] <= _HOLE_US:
             of_device[-1][1] = at_us
         else:

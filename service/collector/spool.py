@@ -188,7 +188,7 @@ class Spool:
         self._written = 0
 
     def _drop_oldest(self) -> bool:
-        """Remove the oldest file but the one that is written to; whether there was one."""
+        """Remove the oldest file, never the one being written; returns whether there was one."""
         oldest = self._segments()[0]
         if oldest == self._segment:
             return False
@@ -253,7 +253,7 @@ class Spool:
             file.flush()
             if self.sync:
                 os.fsync(file.fileno())
-        new_file.replace(path)  # whole or not at all
+        new_file.replace(path)  # replaces the old file completely or not at all
 
 
 @dataclass(frozen=True, kw_only=True)

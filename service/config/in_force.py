@@ -1,5 +1,5 @@
-"""What holds for a plant: what its file names, and for what it leaves open, what people have set on
-the pages."""
+"""The settings in force for a plant: those of its file, and where the file names none, those that
+people set on the pages."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ log = logging.getLogger(__name__)
 
 
 class BadSetting(ValueError):
-    """What was given on a page cannot hold; the text says what was found and what is expected."""
+    """A setting from a page is not possible; the text says what was found and what is expected."""
 
 
 def limits_in_force(plant: Plant | None, limits_set: Mapping[str, SetLimit]) -> Limits:
-    """The plant file's limits, with those ``limits_set`` on the pages where the file names none.
+    """The plant file's limits, completed by the ``limits_set`` on the pages where the file names
+    none.
 
-    Where both contradict one another, those of the file alone.
+    Where the two contradict each other, only those of the file are used.
     """
     limits = plant.limits if plant is not None else Limits()
     named = plant.named_limits if plant is not None else frozenset()
@@ -49,10 +50,10 @@ def limits_in_force(plant: Plant | None, limits_set: Mapping[str, SetLimit]) -> 
 def checked_limits(
     plant: Plant | None, limits_set: Mapping[str, SetLimit], changes: Mapping[str, str]
 ) -> dict[str, float | None]:
-    """``changes`` of limits as they were typed, as numbers; ``None`` takes one back.
+    """``changes`` of limits, as typed by a user, as numbers; ``None`` removes a setting.
 
-    Raises ``BadSetting`` for what is no limit or no number, is named by the plant file, or
-    contradicts the others.
+    Raises ``BadSetting`` for an unknown limit, a text that is not a number, a limit that the plant
+    file names, and one that contradicts the others.
     """
     named = plant.named_limits if plant is not None else frozenset()
     limit_names = {limit.name for limit in fields(Limits)}

@@ -46,7 +46,7 @@ class Plant:
     schedules: tuple[ScreeningSchedule, ...] = ()
     notifiers: Mapping[str, NotifierTable] = field(default_factory=dict)
     alerts: AlertRules = field(default_factory=AlertRules)
-    named_limits: frozenset[str] = frozenset()  # that stand in the file, whatever their value
+    named_limits: frozenset[str] = frozenset()  # named in the file, whatever their value
     service: ServiceSection = field(default_factory=ServiceSection)
     currency: str = ""
 
@@ -82,7 +82,7 @@ class Plant:
         path = self._source(source).path
         if path is None:
             return ()
-        if self.beside(path).is_file():  # also where its name has a bracket, as a pattern has
+        if self.beside(path).is_file():  # a bracket in a name would be a pattern
             return (self.beside(path),)
         pattern = Path(glob.escape(str(self.file.parent))) / path
         paths = (Path(name) for name in glob.glob(str(pattern), recursive=True))

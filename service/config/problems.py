@@ -17,7 +17,7 @@ from stemwatch.connectors.settings import CONTRADICTION, KeyPath, Problem, eithe
 
 
 class PlantFileError(Exception):
-    """The plant file cannot be used at all. ``problems`` holds every mistake in it."""
+    """The plant file cannot be used. ``problems`` holds every mistake in it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         self.problems = tuple(problems)

@@ -36,7 +36,7 @@ _UNITS = {
 
 @dataclass(frozen=True)
 class Stroke:
-    """``full`` travel from stop to stop in ``unit``: mm, in or ° (of a rotary valve)."""
+    """Travel ``full`` from stop to stop, in ``unit``: mm, in, or ° for a rotary valve."""
 
     full: float
     unit: str

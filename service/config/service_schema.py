@@ -16,7 +16,7 @@ from stemwatch.service.store.runs.schedule import ScreeningSchedule
 NOTIFIERS = "stemwatch.notifiers"
 Severity = Literal["high", "medium", "low"]
 SHORTEST_S = 10.0
-# Headers that say something else, or that clients and browsers fill by themselves.
+# Headers with another meaning, or that clients and browsers set by themselves.
 _NEVER_A_USER = frozenset(
     ("authorization", "cookie", "host", "origin", "referer", "user-agent", "x-forwarded-for")
 )
@@ -231,7 +231,7 @@ class ServiceSection(TomlTable):
 
     @model_validator(mode="after")
     def _explicit_proxies(self) -> Self:
-        """Whoever may name the user of a request must be named, machine by machine."""
+        """Each proxy that may name the user of a request must be listed by its own address."""
         if not self.user_header:
             if self.user_header_role:
                 raise contradiction(("user_header_role",), "no user_header", "user_header as well")

@@ -34,7 +34,7 @@ class TomlLines:
                 self._note(table, parsed, line)
 
     def of(self, path: KeyPath) -> int | None:
-        """The line (from 1) of ``path``, or of the nearest table around it that has one."""
+        """The line (counted from 1) of ``path``, or of the nearest enclosing table that has one."""
         while path:
             if path in self._lines:
                 return self._lines[path]

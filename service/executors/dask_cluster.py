@@ -1,7 +1,8 @@
 """``DaskCluster``: the workers of a Dask scheduler, on this machine or on others.
 
-The distributing is Dask's: it moves work from a worker that died to one that lives. What is ours is
-that the numbers are the same as here: one thread each, and the same version on either side.
+Dask distributes the work and moves it from a worker that died to another. This module makes sure
+that the numbers are the same as on this machine: one thread for each worker, and the same version
+of stemwatch everywhere.
 """
 
 from __future__ import annotations
@@ -35,11 +36,11 @@ log = logging.getLogger(__name__)
 
 CONNECT_S = 10.0
 WORKER_S = 60.0  # a cluster may be starting its first worker just now
-LOOK_S = 0.05  # between two looks for finished batches and at ``stop``
-ASK_S = 10.0  # between two questions to the scheduler whether it lives
-SILENT_S = 60.0  # without an answer it is given up
-AHEAD = 4  # batches handed to the cluster for each of its threads
-DEADLY = "several workers of the cluster died on it"
+POLL_S = 0.05  # between two checks for finished batches and for ``stop``
+ASK_S = 10.0  # between two requests that show whether the scheduler is alive
+SILENT_S = 60.0  # without an answer, after which the scheduler counts as lost
+BATCHES_PER_THREAD = 4  # given to the cluster at a time, for each of its threads
+WORKERS_DIED = "several workers of the cluster died on it"
 
 
 class ClusterError(ExecutorUnavailable):
@@ -50,12 +51,11 @@ class ClusterError(ExecutorUnavailable):
 class DaskCluster:
     """The Dask cluster whose scheduler listens at ``scheduler``, as ``HOST:PORT``.
 
-    Each piece of work goes to one worker, which opens the sources itself: paths must mean the same
-    there as here. A worker that dies costs time: its work goes to another, and what ends several
-    workers is lost. What a cluster cannot do is to end one batch that hangs without ending what
-    else that worker has: there is no time limit for an item. Raises ``ClusterError`` where the
-    extra is not installed, nobody answers, no worker comes, or a worker runs another version of the
-    program.
+    Each batch goes to one worker, which opens the sources itself: paths must mean the same there as
+    here. The work of a worker that dies goes to another; a batch that ends several workers is lost.
+    There is no time limit for an item, because a cluster cannot end one batch that hangs without
+    ending the worker's other batches. Raises ``ClusterError`` where the extra is not installed,
+    nobody answers, no worker comes, or a worker runs another version of the program.
     """
 
     scheduler: str
@@ -71,15 +71,15 @@ class DaskCluster:
     ) -> Generator[Answer[Result]]:
         """An answer for each batch, until ``stop``, also while no worker answers.
 
-        What several workers died on is lost; it need not be what ended them, as a worker holds
-        other batches too, unless it is ``alone``. Only a few batches for each worker are at the
-        cluster at a time, so that neither the scheduler nor a worker holds more than that.
+        A batch on which several workers died is lost. It need not be the cause, since a worker
+        holds other batches too, unless it is ``alone``. Only a few batches for each worker are at
+        the cluster at a time, so that neither the scheduler nor a worker holds more than that.
         """
         if stop.is_set():
             return
         with self._client() as client:
-            ahead = 1 if alone else AHEAD * max(sum(_threads(client)), 1)
-            yield from _HandedOut(client, work, batches, ahead).answers(stop)
+            ahead = 1 if alone else BATCHES_PER_THREAD * max(sum(_threads(client)), 1)
+            yield from _SubmittedBatches(client, work, batches, ahead).answers(stop)
 
     @contextmanager
     def _client(self) -> Iterator[Any]:
@@ -115,7 +115,7 @@ def distributed() -> Any:
         ) from None
 
 
-class _HandedOut:
+class _SubmittedBatches:
     """The batches of one call, of which only a few at a time are at the cluster."""
 
     def __init__(
@@ -128,16 +128,16 @@ class _HandedOut:
         self._client, self._work, self._ahead = client, work, ahead
         self._waiting = enumerate(batches)
         self._out: dict[str, int] = {}  # places by the futures' keys
-        self._pulse = _Pulse(client)
+        self._scheduler_watch = _SchedulerWatch(client)
 
     def answers(self, stop: Event) -> Generator[Answer[Any]]:
         """The answer of each batch, until ``stop``."""
         out = distributed().as_completed(self._submit_more(self._ahead), loop=self._client.loop)
         while not out.is_empty() and not stop.is_set():
-            self._pulse.feel()
+            self._scheduler_watch.check()
             finished = out.next_batch(block=False)
             if not finished:
-                stop.wait(LOOK_S)
+                stop.wait(POLL_S)
             for future in finished:
                 answer = self._answer(future)
                 future.release()  # the cluster may forget it
@@ -161,9 +161,9 @@ class _HandedOut:
         try:
             return Answer(index=index, results=self._result_of(future))
         except dask.KilledWorker:
-            return Answer(index=index, failure=Failure(reason=DEADLY, lost=True))
+            return Answer(index=index, failure=Failure(reason=WORKERS_DIED, lost=True))
         except (dask.CancelledError, dask.comm.CommClosedError) as error:
-            # No failure of the work, which would be a result with that reason.
+            # Not a failure of the work, which would be a result with its reason.
             raise ClusterError(
                 f"the cluster let go of the work ({' '.join(str(error).split())}): its scheduler "
                 "was stopped or started anew; run the same command again, what was saved is "
@@ -175,8 +175,8 @@ class _HandedOut:
             return Answer(index=index, failure=failure_of(error))
 
     def _result_of(self, future: Any) -> Any:
-        """The result of a batch that is done: it is still to be fetched, and a scheduler that hangs
-        just now would never say from where."""
+        """The result of a finished batch. It has yet to be fetched, and a scheduler that hangs at
+        this moment would never say from which worker."""
         patience_s = SILENT_S
         while True:
             try:
@@ -184,24 +184,25 @@ class _HandedOut:
             except TimeoutError:
                 if future.status == "error":  # the work's own
                     raise
-                self._pulse.feel()
+                self._scheduler_watch.check()
                 patience_s *= 2.0  # a large result on a slow line is fetched anew each time
 
 
-class _Pulse:
-    """Whether the scheduler still answers. One that hangs, or whose network is gone without a word,
-    says nothing of the work for ever."""
+class _SchedulerWatch:
+    """Checks whether the scheduler still answers. Work given to one that hangs, or whose network is
+    gone without notice, would otherwise be waited for without end."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
         self._asked: Any = None
         self._since_s = time.monotonic()
 
-    def feel(self) -> None:
-        """Ask now and then; raises ``ClusterError`` where no answer came for ``SILENT_S``."""
+    def check(self) -> None:
+        """Ask at intervals; raises ``ClusterError`` where no answer came for ``SILENT_S``."""
         now_s = time.monotonic()
         if self._asked is not None and self._asked.done():
-            # An answer of any kind; a broken connection is said by the work that waits for it.
+            # An answer of any kind counts; a broken connection is reported by the work that waits
+            # for it.
             self._asked, self._since_s = None, now_s
         elif self._asked is None and now_s - self._since_s >= ASK_S:
             self._since_s = now_s

@@ -32,7 +32,7 @@ from stemwatch.service.logs import logs_as_parent
 from stemwatch.service.process_lifecycle import (
     begin_child,
     environment,
-    quiet_start,
+    starting_quietly,
     take_environment,
     worker_context,
 )
@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 _START_S = 120.0  # for a new process to report that it is ready
 _FIRST_S = 60.0  # in addition for its first batch, which may import and compile
-_LOOK_S = 0.5
+_POLL_S = 0.5
 _MOST_STARTS = 5  # processes in a row that end before they are ready
 _RETRY_S = 0.3
 
@@ -110,11 +110,11 @@ class _Pool(Generic[Item, Result]):
         while not stop.is_set():
             # Workers get new batches before the caller spends time on saving the answers.
             for index, batch in islice(numbered, self._count - len(self._busy)):
-                self._employ(index, batch)
+                self._assign(index, batch)
             yield from answers
             if not self._busy:
                 return
-            heard = [self._hear(worker) for worker in self._ready()]
+            heard = [self._receive(worker) for worker in self._ready()]
             answers = [answer for answer in heard if answer is not None]
 
     def end(self) -> None:
@@ -122,7 +122,7 @@ class _Pool(Generic[Item, Result]):
         for worker in (*self._idle, *self._busy):
             _end(worker)
 
-    def _employ(self, index: int, batch: Sequence[Item]) -> None:
+    def _assign(self, index: int, batch: Sequence[Item]) -> None:
         worker = self._idle.pop() if self._idle else self._start()
         worker.batch_index, worker.batch = index, batch
         self._busy.append(worker)
@@ -137,7 +137,7 @@ class _Pool(Generic[Item, Result]):
                 target=_serve, args=(theirs, self._work, environment()), daemon=True
             )
             try:
-                with quiet_start():
+                with starting_quietly():
                     process.start()
             except (EOFError, OSError) as error:
                 our_end.close()
@@ -162,11 +162,11 @@ class _Pool(Generic[Item, Result]):
 
     def _ready(self) -> list[_Worker]:
         """Workers that have answered, have died or are past their deadline."""
-        heard = wait([worker.pipe for worker in self._busy], timeout=_LOOK_S)
+        heard = wait([worker.pipe for worker in self._busy], timeout=_POLL_S)
         now = time.monotonic()
         return [worker for worker in self._busy if worker.pipe in heard or now > worker.until]
 
-    def _hear(self, worker: _Worker) -> Answer[Result] | None:
+    def _receive(self, worker: _Worker) -> Answer[Result] | None:
         """The worker's answer for its batch; ``None`` where it only reported that it is ready."""
         try:
             message = worker.pipe.recv() if worker.pipe.poll() else None
@@ -193,7 +193,7 @@ class _Pool(Generic[Item, Result]):
                 f"{self._failed_starts} worker processes in a row ended before they could begin "
                 f"({failure.reason}); look for a limit on memory or processes"
             )
-        self._employ(worker.batch_index, worker.batch)
+        self._assign(worker.batch_index, worker.batch)
         return None
 
     def _failure_of(self, worker: _Worker) -> Failure:

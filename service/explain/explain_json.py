@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.json_contract import by_window_object, mismatch_object

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.explain.explain_json import to_json
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.presenter.wording import span_percent
 from stemwatch.service.report import ReportContext
 from stemwatch.service.report.heatmap import heat_map

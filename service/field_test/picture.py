@@ -1,5 +1,5 @@
-"""The pictures of a test: planned, with OP as it is set and MV as each rival would show it; and
-played, with what was recorded."""
+"""The pictures of a test: as planned, with OP and the MV that each rival predicts; and as carried
+out, with the recorded MV."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ WIDTH, HEIGHT = 515.0, 190.0
 LEFT, TOP, FOOT = 26.0, 24.0, 24.0
 OP_DASH = (4.0, 2.0)
 Legend = tuple[str, float, tuple[float, ...], float]  # name, width, dash, grey
-Look = tuple[float, tuple[float, ...], float]  # width, dash, grey
-RECORDED: Look = (2.4, (), 0.8)
-LOOKS_OF_RIVALS: tuple[Look, ...] = (
+LineStyle = tuple[float, tuple[float, ...], float]  # width, dash, grey
+RECORDED: LineStyle = (2.4, (), 0.8)
+LINES_OF_RIVALS: tuple[LineStyle, ...] = (
     (1.2, (), 0.0),
     (1.2, (1.0, 1.6), 0.0),
     (1.6, (), 0.55),
@@ -39,7 +39,7 @@ def picture_of_test(sheet: TestSheet) -> Drawing | None:
         return None
     op = sheet.plan.op + test.change
     panel, marks = _traces(op, test.interval_s, sheet.rivals, test.predicted)
-    for number, reading in enumerate(sheet.looks, start=1):
+    for number, reading in enumerate(sheet.readings, start=1):
         x = panel.x(reading.at_s / 60.0)
         marks.append(
             DrawnLine(((x, panel.top), (x, panel.top + panel.height)), width=0.3, grey=0.6)
@@ -79,11 +79,11 @@ def _traces(
         y1=high,
     )
     marks: list[Mark] = [*panel.frame("minutes from the start", "%")]
-    lines: list[tuple[str, Floats, Look]] = [("OP", op, (0.6, OP_DASH, 0.0))]
+    lines: list[tuple[str, Floats, LineStyle]] = [("OP", op, (0.6, OP_DASH, 0.0))]
     if mv is not None:
         lines.append(("MV recorded", mv, RECORDED))
     named = [f"MV, {name}" for name in rivals]
-    lines += [*zip(named, runs, LOOKS_OF_RIVALS, strict=False)]
+    lines += [*zip(named, runs, LINES_OF_RIVALS, strict=False)]
     names: list[Legend] = []
     for name, values, (width, dash, grey) in lines:
         marks += panel.lines(minutes, values, width, dash, grey)

@@ -1,4 +1,4 @@
-"""The sheet as one HTML page and as PDF, and the page of a judged test; none loads anything."""
+"""The sheet as one HTML page and as PDF, and the page of a test's result; none loads anything."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from stemwatch.service.field_test.judged import TestResult
 from stemwatch.service.field_test.picture import picture_of_result, picture_of_test
+from stemwatch.service.field_test.result_in_words import TestResult
 from stemwatch.service.field_test.sheet import RivalOutcome, TestSheet, clock
 from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.presenter.wording import instant
@@ -36,7 +36,7 @@ def write_sheet(sheet: TestSheet, context: ReportContext, folder: Path) -> tuple
 
 
 def page_values(sheet: TestSheet) -> dict[str, Any]:
-    """What the templates of the sheet want beside it."""
+    """The values that the sheet's templates need beside the sheet."""
     picture, test = picture_of_test(sheet), sheet.test
     return {
         "sheet": sheet,
@@ -153,7 +153,7 @@ def _left_column(t: Any, sheet: TestSheet) -> list[Any]:
     assert sheet.test is not None
     op = f"{sheet.plan.op:.1f}"
     rows = [("At", "OP, %", "How"), ("0:00", op, "manual; leave OP where it is")]
-    rows += [(leg.clock, f"{leg.to:.1f} ({leg.shift})", leg.words) for leg in sheet.legs]
+    rows += [(leg.clock, f"{leg.to:.1f} ({leg.shift})", leg.words) for leg in sheet.moves]
     rows.append((clock(sheet.test.programme.duration_s), op, "end; controller to automatic"))
     width = (WIDTH - GAP) / 2
     return [
@@ -172,7 +172,7 @@ def _right(t: Any, sheet: TestSheet) -> list[Any]:
     rows = [("", "At", "OP, %", *(f"MV: {name}" for name in sheet.rivals), "seen")]
     rows += [
         (str(k), reading.clock, f"{reading.op:.1f}", *(f"{mv:.1f}" for mv in reading.mv), "____")
-        for k, reading in enumerate(sheet.looks, start=1)
+        for k, reading in enumerate(sheet.readings, start=1)
     ]
     shares = [0.06, 0.12, 0.14, *[0.54 / count] * count, 0.14]
     outcomes = [t.text(outcome_sentence(outcome)) for outcome in sheet.outcomes]

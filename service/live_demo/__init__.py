@@ -7,8 +7,10 @@ on schedule, raises an alert, and is repaired when maintenance is recorded.
 from stemwatch.service.live_demo.demo import LiveDemo as LiveDemo
 from stemwatch.service.live_demo.folder import DemoFolder as DemoFolder
 from stemwatch.service.live_demo.mail_catcher import MailCatcher as MailCatcher
-from stemwatch.service.live_demo.technician import Technician as Technician
-from stemwatch.service.live_demo.technician import (
-    repair_what_is_recorded as repair_what_is_recorded,
+from stemwatch.service.live_demo.recorded_maintenance import (
+    RecordedMaintenance as RecordedMaintenance,
+)
+from stemwatch.service.live_demo.recorded_maintenance import (
+    repair_recorded_valves as repair_recorded_valves,
 )
 from stemwatch.service.live_demo.timing import DemoTiming as DemoTiming

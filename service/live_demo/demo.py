@@ -11,12 +11,12 @@ from stemwatch.service.live_demo.folder import DemoFolder
 from stemwatch.service.live_demo.loops import WEARING, live_loops
 from stemwatch.service.live_demo.mail_catcher import CaughtMail, MailCatcher
 from stemwatch.service.live_demo.plant_file import demo_toml
-from stemwatch.service.live_demo.service_process import ServiceProcess
-from stemwatch.service.live_demo.technician import (
-    Technician,
-    repair_what_is_recorded,
-    wear_once_known,
+from stemwatch.service.live_demo.recorded_maintenance import (
+    RecordedMaintenance,
+    repair_recorded_valves,
+    wear_after_baseline,
 )
+from stemwatch.service.live_demo.service_process import ServiceProcess
 from stemwatch.service.live_demo.timing import DemoTiming
 from stemwatch.service.modbus_plant import PlantServer
 from stemwatch.service.modbus_plant.live import LivePlant
@@ -50,7 +50,8 @@ class LiveDemo:
         where the service ends by itself."""
         folder = DemoFolder(self._out)
         try:
-            # Opened before the plant is started, which could not answer meanwhile.
+            # Opened before the plant is started: opening blocks, and the plant could not answer
+            # meanwhile.
             with open_store(folder.database) as store:
                 await self._run(folder, store, stop)
         finally:
@@ -86,13 +87,13 @@ class LiveDemo:
                 self._say(line)
             self._ready(address)
 
-            technician = Technician(store, [loop.tag for loop in server.plant.loops])
+            maintenance = RecordedMaintenance(store, [loop.tag for loop in server.plant.loops])
 
             async def work() -> None:
                 await asyncio.gather(
                     service.ended(),
-                    wear_once_known(store, server, WEARING, self._timing.wear, self._wears),
-                    repair_what_is_recorded(technician, server, self._repaired),
+                    wear_after_baseline(store, server, WEARING, self._timing.wear, self._wears),
+                    repair_recorded_valves(maintenance, server, self._repaired),
                 )
 
             await _first(work(), stop)

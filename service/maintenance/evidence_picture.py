@@ -22,14 +22,14 @@ from stemwatch.service.maintenance.drawing import (
 )
 from stemwatch.service.presenter.wording import instant, printable
 from stemwatch.service.report.charts.loop_shapes import BAND, CURVE, LoopShapes, loop_shapes
-from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 
 WIDTH, HEIGHT = 515.0, 172.0
 TOP, FOOT, LEFT = 24.0, 24.0, 26.0
 LOOP_WIDTH = 138.0
 POINTS = 280
-LONGEST_S = 3600.0  # drawn where no stretch is typical
+LONGEST_S = 3600.0  # drawn where no typical stretch is found
 OP_DASH, MODEL_DASH, LOOP_DASH = (4.0, 2.0), (1.0, 1.6), (5.0, 1.5, 1.0, 1.5)
 NO_SAMPLES = "No picture: the samples of this window are not kept."
 NOTHING_TO_DRAW = "No picture: the recording holds no sample of the controller output."
@@ -78,7 +78,7 @@ def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
 
 
 def part_drawn(recording: Recording, simulated: Floats | None) -> tuple[slice, str]:
-    """The samples that are drawn, and which ones these are, in words."""
+    """The samples that are drawn, and a sentence that says which."""
     stretch = typical_stretch_of(recording, simulated, None)
     if stretch is not None:
         return slice(stretch.first, stretch.last), f"{stretch.name} of the record"
@@ -137,7 +137,7 @@ def _panel_over_time(
         y1=high,
     )
     marks = panel.frame(time_unit, printable(unit))
-    kept_samples = telling_samples([trace.values for trace in traces], POINTS * len(traces))
+    kept_samples = extreme_samples([trace.values for trace in traces], POINTS * len(traces))
     for trace in traces:
         marks += panel.lines(
             seconds[kept_samples] / scale, trace.values[kept_samples], trace.width, trace.dash
@@ -194,7 +194,7 @@ def _against_op(screening: Screening, recording: Recording, part: slice) -> list
         marks.append(DrawnLine(line, width=1.3, dash=OP_DASH))
         marks += _curve_legend(panel)
     marks += _recorded_legend(panel, lines_below=(band is not None) + (curve is not None))
-    kept_samples = telling_samples([op, mv], 2 * POINTS)
+    kept_samples = extreme_samples([op, mv], 2 * POINTS)
     return marks + panel.lines(op[kept_samples], mv[kept_samples], 0.8)
 
 

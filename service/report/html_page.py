@@ -1,7 +1,7 @@
-"""The report page: one HTML file with its styles, scripts and data inside, and no way out.
+"""The report page: one HTML file with its styles, scripts and data inside, which loads nothing.
 
-A content security policy allows exactly the scripts that were written here, by their digest, and
-no request at all, so that neither a tag's spelling nor a reader's network can change the page.
+A content security policy allows exactly the scripts in it, by their digest, and no request at all,
+so that neither a tag's spelling nor a reader's network can change the page.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from stemwatch.service.presenter import wording as words
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
-from stemwatch.service.presenter.worth_a_test import (
+from stemwatch.service.presenter.suspicion_words import (
     HOW_SURE,
     loops_to_test,
     suspected_sentence,
@@ -41,9 +41,9 @@ from stemwatch.service.report.histogram_table import histogram_table
 from stemwatch.service.report.mismatch_view import (
     MismatchView,
     gain_rows,
-    left_over_bars,
     mismatch_view,
     rejected_rows,
+    residual_bars,
 )
 from stemwatch.service.report.ranking import (
     RankedValve,
@@ -64,7 +64,7 @@ ALWAYS_WITH_PLOTS = (Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH)
 ALWAYS_PLOTTED = 60
 MOST_PLOTTED = 150
 # A section without plots is 20 to 30 KB; of thousands of valves the rest is a row of the table.
-MOST_TOLD = 500
+MOST_SECTIONS = 500
 NOTHING_DRAWN = ValvePlots(chart=None, overlay=None)
 
 STYLES = (
@@ -134,7 +134,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
 
 def section_limit(counts: dict[Verdict, int]) -> int:
     """How many valves, from the worst, have a section of their own; the others have their row."""
-    return max(plot_limit(counts), MOST_TOLD)
+    return max(plot_limit(counts), MOST_SECTIONS)
 
 
 def plot_limit(counts: dict[Verdict, int]) -> int:
@@ -180,8 +180,8 @@ def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchV
 
 
 class _Compiled(BytecodeCache):
-    """What templates were compiled to in this process: each page has an environment of its own, and
-    compiling takes longer than most pages do. A template that has changed is compiled anew."""
+    """The templates compiled in this process: each page has an environment of its own, and
+    compiling takes longer than rendering most pages. A changed template is compiled again."""
 
     def __init__(self) -> None:
         self._code: dict[str, bytes] = {}
@@ -228,7 +228,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "gauge": gauge,
         "fit_bars": fit_bars,
         "spread_percent": spread_percent,
-        "left_over_bars": left_over_bars,
+        "residual_bars": residual_bars,
         "gain_rows": gain_rows,
         "rejected_rows": rejected_rows,
         "effect_name": mismatch_words.effect_name,
@@ -236,7 +236,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "record_parameter": mismatch_words.record_parameter,
         "no_limit": mismatch_words.no_limit,
         "effect_names": mismatch_words.effect_names,
-        "left_to_tell": mismatch_words.left_to_tell,
+        "open_question_sentence": mismatch_words.open_question_sentence,
         "finding_symbol": lambda finding: mismatch_words.FINDING_SYMBOL[finding],
         "finding_title": lambda finding: mismatch_words.FINDING_TITLE[finding],
         "finding_meaning": lambda finding: mismatch_words.FINDING_MEANING[finding],
@@ -260,7 +260,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
 
 
 def _finalize(value: Any) -> Any:
-    # Markup is ours; every other text came from outside and may hold what HTML cannot.
+    # Markup comes from our templates; every other text may contain characters that HTML does not
+    # allow.
     if isinstance(value, str) and not isinstance(value, Markup):
         return words.printable(value)
     return value

@@ -67,6 +67,9 @@ class Saving:
     all windows of a valve are saved, with the reason if one was given up. ``previous`` is each
     valve's result before its last window. Failures to save are collected in ``not_saved``; with
     ``must_save`` an unavailable database is raised instead.
+
+    Without ``must_save`` sources that could not be read wait for the first that could: a mistyped
+    option or file must not become the latest that is known of a valve.
     """
 
     def __init__(
@@ -95,10 +98,17 @@ class Saving:
         self._unsaved: set[int] = set()
         self._given_up: dict[str, str] = {}
         self.previous: dict[str, PreviousFinding | None] = {}
+        self._not_read: list[PlacedScreening] | None = None if must_save else []
         self.not_saved: list[tuple[str, str]] = []
 
     def take(self, arrived: Sequence[PlacedScreening], spill: ResultSpill) -> None:
         """Save screenings, which ``spill`` also holds, and the networks that are now due."""
+        if self._not_read is not None:
+            arrived = [*self._not_read, *arrived]
+            if not any(result.screening.was_read for result in arrived):
+                self._not_read = [*arrived]
+                return
+            self._not_read = None
         for result in arrived:
             if self._to_come[result.screening.valve][0] == result.task_index:
                 self._note_previous(result.screening)
@@ -127,7 +137,8 @@ class Saving:
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
     def _save_due_networks(self, result: PlacedScreening, spill: ResultSpill) -> None:
-        """Save the valve's networks in the order of its windows, up to the first missing one."""
+        """Save the valve's networks in the order of its windows, up to the first that has not
+        arrived."""
         valve = result.screening.valve
         to_come = self._to_come[valve]
         while to_come and to_come[0] in self._waiting:

@@ -17,9 +17,10 @@ from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
 
-LOOK_AGAIN_S = 20.0  # at the latest, since schedules may change and the clock may be set
+LONGEST_PAUSE_S = 20.0  # at the latest, since schedules may change and the clock may be set
 _SOON_S, _LONG_S = 0.05, 3600.0
-# Machines that serve one database differ by less; what lies further ahead a wrong clock noted.
+# Clocks of machines that serve one database differ by less; an instant further ahead comes from a
+# wrong clock.
 _AHEAD = timedelta(minutes=15)
 
 
@@ -27,9 +28,9 @@ class Scheduler:
     """Queues runs for the schedules in ``store``, whose cron times are in ``zone``; calls
     ``queued`` after queueing.
 
-    It sleeps until the next instant, at most ``look_again_s``. Several processes may do this at the
-    same time, since the store accepts each instant of a schedule once. If instants were missed
-    while no service was running, one run is queued, for the last of them.
+    It sleeps until the next instant, at most ``longest_pause_s`` seconds. Several processes may do
+    this at the same time, since the store accepts each instant of a schedule once. If instants were
+    missed while no service was running, one run is queued, for the last of them.
     """
 
     def __init__(
@@ -38,10 +39,10 @@ class Scheduler:
         zone: str,
         queued: Callable[[], None] = lambda: None,
         *,
-        look_again_s: float = LOOK_AGAIN_S,
+        longest_pause_s: float = LONGEST_PAUSE_S,
     ) -> None:
         self._store, self._zone, self._queued = store, zone, queued
-        self._look_again_s = look_again_s
+        self._look_again_s = longest_pause_s
         self._looked_s: float | None = None
         self._logged = ""
         self._over = threading.Event()
@@ -86,7 +87,7 @@ class Scheduler:
         try:
             self.look()
             coming = [stored.next_due for stored in self._store.schedules.all()]
-        except Exception as error:  # whatever it is, the thread must go on
+        except Exception as error:  # whatever the error, the thread must go on
             if str(error) != self._logged:
                 expected = isinstance(error, StoreError)
                 text = "the schedules could not be looked at: %s"
@@ -124,7 +125,8 @@ class Scheduler:
         return number
 
     def _begin_anew(self, name: str, since: datetime, now: datetime) -> None:
-        """Plan a schedule from ``now`` on: it would rest until the clock comes to ``since``."""
+        """Plan a schedule from ``now`` on; otherwise it would wait until the clock reaches
+        ``since``."""
         log.warning(
             "schedule %s was looked at when the clock said %s; it has been set back, and the "
             "schedule goes on from %s",

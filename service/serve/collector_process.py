@@ -17,7 +17,7 @@ from stemwatch.connectors.modbus.device_state import DeviceState
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.logs import set_up_logs
-from stemwatch.service.process_lifecycle import quiet_start, take_signals
+from stemwatch.service.process_lifecycle import starting_quietly, take_signals
 from stemwatch.service.serve.plant_secrets import hide_secrets
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.samples.sources import SourceState
@@ -44,7 +44,7 @@ class StoreWhenReady:
         """The store. Raises ``StoreError`` while it is not available."""
         with self._guard:
             if self._store is None:
-                # The spool removes what is stored, so that it has to be on the disk by then.
+                # The spool removes what is stored, so it must be on the disk by then.
                 store = open_store(self._plant.storage, synced=True)
                 for device in self._plant.devices.values():
                     units = {register.tag: register.unit for register in device.registers}
@@ -72,7 +72,7 @@ class CollectorProcess:
             process = context.Process(
                 target=run_collector, args=(self._file, theirs, self._json), name="collector"
             )
-            with quiet_start():
+            with starting_quietly():
                 process.start()
             theirs.close()
             _until_over(process, stop)

@@ -1,4 +1,4 @@
-"""What shows a late clock or a slow archive, on recordings that have neither and on those that do.
+"""The limits that detect a late clock or a slow archive, on recordings with and without them.
 
 Sticking and healthy valves of `robustness` are simulated once. As they are, their clocks agree and
 a sample is kept every second: the nulls. Stored late or more slowly, they show how many lie beyond
@@ -36,7 +36,7 @@ from stemwatch.models.stickslip.clock_shift import behind_controller, late_evide
 from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.studies.simulator import PlantLoop, draw_sticky, simulate_loop
 from stemwatch.service.executors import Executor, map_items
-from stemwatch.service.studies.limit_beside_nulls import Asked, Limit, Tested
+from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
 from stemwatch.service.studies.robustness import WAYS, StudiedValve, draw_valves
 
 LATE = "OP stored 5 s late"
@@ -123,7 +123,7 @@ def _pieces(recording: Recording) -> Iterator[Recording]:
 
 
 def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
-    # What the stem says where there is no PV, and what the controller does.
+    # The evidence from the stem where there is no PV, and that from the controller.
     without_pv: dict[Role, Signal] = {
         role: signal for role, signal in recording.signals.items() if role is not Role.PV
     }
@@ -149,7 +149,7 @@ def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvid
 
 
 def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
-    """What the slips say against the fit; NaN where too few are seen."""
+    """How strongly the slips contradict the fit; NaN where there are too few."""
     c = fit.candidate
     gain, zero = 1.0 + float(c[coordinate.GAIN]), float(c[coordinate.ZERO])
     slips = None if archive is None else archive.slips(fit.evaluator.problem, gain, zero)
@@ -187,16 +187,16 @@ def limits(evidence: Sequence[ArchiveEvidence]) -> Iterator[Limit]:
     name = "late clock, by the controller: left of that at once"
     yield clocks.limit(name, "late_left", c.LEFT_AT_ONCE, above=False)
     stem = [
-        Asked("mean gain", "late_mean", c.LEAST_MEAN),
-        Asked("t", "late_t", c.LEAST_T),
-        Asked("samples", "late_samples", c.LEAST),
+        JointCondition("mean gain", "late_mean", c.LEAST_MEAN),
+        JointCondition("t", "late_t", c.LEAST_T),
+        JointCondition("samples", "late_samples", c.LEAST),
     ]
     yield from clocks.together("late clock, by the stem", stem)
     name = "slow archive: samples to a turn"
     yield Tested(sticking, slow).limit(name, "samples_per_turn", b.FEW, above=False)
     evident = [
-        Asked("mean", "friction_mean", b.EVIDENT_MEAN),
-        Asked("t", "friction_t", b.EVIDENT_T),
+        JointCondition("mean", "friction_mean", b.EVIDENT_MEAN),
+        JointCondition("t", "friction_t", b.EVIDENT_T),
     ]
     yield from friction.together("friction evident", evident)
     for field, limit, but, above in (

@@ -24,7 +24,7 @@ from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.kept_lines import keep_line, kept_lines
+from stemwatch.service.studies.partial_results import append_line, stored_lines
 
 Change = Callable[[Recording], Recording]
 
@@ -135,7 +135,7 @@ WAYS: dict[str, StoredAs] = {
         lambda r: _changed(r, op=lambda v: 10 * np.sqrt(_opening(v))), strokes=True
     ),
     "position reversed": StoredAs(lambda r: _changed(r, mv=lambda v: 100 - v)),
-    # MV stands still while OP goes on: the catalogue calls that a stop.
+    # MV stands still while OP goes on: an end stop in the catalogue.
     "tight shut-off below 12 % of the record": StoredAs(_shut_off, true=frozenset({"travel_stop"})),
     "OP stored 5 s late": StoredAs(lambda r: _changed(r, op=_late(5))),
     "position stored 5 s late": StoredAs(
@@ -226,8 +226,9 @@ def draw_valves(valves_each: int, seed: int) -> list[StudiedValve]:
 def _with(case: HiddenCase, S: float, J: float, index: int, sticking: bool) -> StudiedValve:
     """The case with this S and J; two packings of four give a little before they let go.
 
-    Bristles let go the earlier the quicker the force grows, so a LuGre packing has the S and J that
-    it shows in its own loop, less what a packing with the same levels and no bristles shows there.
+    In the LuGre model the stem breaks away earlier the faster the force grows. So the S and J of a
+    LuGre packing are those that it shows in its own loop, corrected by what a Karnopp packing with
+    the same friction levels shows there.
     """
     valve = replace(case.loop.valve, S=S, J=J, packing=PackingDefects())
     stiff = replace(case.loop, valve=valve)
@@ -267,7 +268,7 @@ def _levels_shown(loop: PlantLoop, seed: int, J: float) -> tuple[float, float]:
 def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
     """Simulate a valve once, store it in every way, and screen what was stored; what was kept is
     not done again."""
-    kept = map(StudyAnswer.of_json, kept_lines(batch.file))
+    kept = map(StudyAnswer.of_json, stored_lines(batch.file))
     answers = {answer.way: answer for answer in kept}
     recordings: dict[int, Recording] = {}
     for storage in batch.ways:
@@ -277,7 +278,7 @@ def answer_batch(batch: RobustnessBatch) -> list[StudyAnswer]:
         if hours not in recordings:
             recordings[hours] = recorded(batch.valve, hours)
         answers[storage] = answered(batch.valve, recordings[hours], storage)
-        keep_line(batch.file, answers[storage].as_json())
+        append_line(batch.file, answers[storage].as_json())
     return [answers[storage] for storage in batch.ways]
 
 

@@ -1,4 +1,5 @@
-"""How often windows of weeks confirm what is there, and what is not: counted on simulated valves.
+"""How often windows of weeks confirm effects that are present, and effects that are not, on
+simulated valves.
 
 Valves with nothing hidden over daily windows of a month, and valves with each effect of the
 catalogue over some windows, through ``explain`` and ``models.evidence_over_windows``.
@@ -30,7 +31,7 @@ from stemwatch.models.studies.simulator.hidden import (
 )
 from stemwatch.models.studies.simulator.hidden.draws import windows_of
 from stemwatch.service.executors import Executor, map_in_order
-from stemwatch.service.studies.kept_lines import keep_line, kept_lines
+from stemwatch.service.studies.partial_results import append_line, stored_lines
 
 _BEGIN = datetime(2026, 1, 5, tzinfo=UTC)
 
@@ -98,11 +99,11 @@ def _follow(jobs: Sequence[WatchedValve]) -> list[FollowedValve]:
 
 
 def _followed(job: WatchedValve) -> FollowedValve:
-    windows = [_read(line) for line in kept_lines(job.file)[: job.windows]]
+    windows = [_read(line) for line in stored_lines(job.file)[: job.windows]]
     for index, case in enumerate(windows_of(job.case, job.windows)):
         if index >= len(windows):
             window, could = _explained(case, index)
-            keep_line(job.file, {**asdict(window), "could": could})
+            append_line(job.file, {**asdict(window), "could": could})
             windows.append((window, could))
     valve = job.case.loop.valve
     return FollowedValve(
@@ -115,7 +116,7 @@ def _followed(job: WatchedValve) -> FollowedValve:
     )
 
 
-# What a window says, and whether what is hidden could have shown in it.
+# The evidence of a window, and whether the hidden effect could have shown in it.
 Said = tuple[WindowEvidence, bool]
 
 

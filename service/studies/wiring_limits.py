@@ -30,7 +30,7 @@ from stemwatch.models.studies.simulator.hidden import draw_hidden
 from stemwatch.models.validity_checks import related
 from stemwatch.models.wiring_checks import WiringEvidence
 from stemwatch.service.executors import Executor, map_items
-from stemwatch.service.studies.limit_beside_nulls import Asked, Limit, Tested
+from stemwatch.service.studies.limit_beside_nulls import JointCondition, Limit, Tested
 from stemwatch.service.studies.miswiring import (
     AS_IT_IS,
     KINDS,
@@ -63,8 +63,8 @@ MIXED_UP = (*OF_ANOTHER, *FOR_ANOTHER, *APART, SWAPPED, MANUAL, EXCHANGED, COPY,
 
 @dataclass(frozen=True)
 class WiringShown:
-    """What one recording shows the checks; NaN where it shows nothing of the kind, or where a curve
-    from OP to stroke would be looked for first.
+    """The values of the wiring checks on one recording; NaN where a check does not apply, or where
+    a curve from OP to stroke would be sought first.
 
     ``left`` is what OP leaves of the loss of a stem that never moves, the others what something
     else leaves as a share of what is left as it is mapped; ``told`` where its slips show that the
@@ -94,7 +94,7 @@ class WiringShown:
 
 
 def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
-    """What the checks see in a ``recording``, which was stored in one way."""
+    """The values of the checks on a ``recording``, stored in the way ``way``."""
     offsets = [offset for offset, _, _ in fitting_ranges(recording)]
     recording = on_own_clock(in_percent(recording))
     summed = summed_command(recording)
@@ -195,36 +195,40 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
     def beside(*kinds: str) -> Tested[WiringShown]:
         return Tested(nulls, [one for one in seen if one.way in kinds], MAY_PASS)
 
-    doubted = Asked("left as mapped", "left", w.DOUBTED)
+    doubted = JointCondition("left as mapped", "left", w.DOUBTED)
     least, most = p.TOWARDS_COMMAND
-    checks: Sequence[tuple[str, tuple[str, ...], list[Asked]]] = (
-        ("a copy", (COPY,), [Asked("share", "copied", p.COPIED_SHARE)]),
+    checks: Sequence[tuple[str, tuple[str, ...], list[JointCondition]]] = (
+        ("a copy", (COPY,), [JointCondition("share", "copied", p.COPIED_SHARE)]),
         (
             "samples exchanged",
             (EXCHANGED,),
-            [Asked("neighbours", "neighbours", p.EXCHANGED, above=False)],
+            [JointCondition("neighbours", "neighbours", p.EXCHANGED, above=False)],
         ),
         (
             "moves as fast as OP says",
             (SPEED,),
             [
-                Asked("explained", "summed", p.SUMMED),
-                Asked("towards OP, least", "towards_command", least),
-                Asked("towards OP, most", "towards_command", most, above=False),
+                JointCondition("explained", "summed", p.SUMMED),
+                JointCondition("towards OP, least", "towards_command", least),
+                JointCondition("towards OP, most", "towards_command", most, above=False),
             ],
         ),
-        ("moves alone", (MANUAL,), [Asked("share of its way", "moved_alone", v.MOVED_WITHOUT_OP)]),
+        (
+            "moves alone",
+            (MANUAL,),
+            [JointCondition("share of its way", "moved_alone", v.MOVED_WITHOUT_OP)],
+        ),
         (
             "does not go with OP",
             OF_ANOTHER,
-            [Asked("correlation", "related", v.UNRELATED, above=False)],
+            [JointCondition("correlation", "related", v.UNRELATED, above=False)],
         ),
         (
             "stored in another range",
             RANGES,
             [
-                Asked("off OP", "range_off", r.OFF_PERCENT, above=False),
-                Asked("next range", "range_margin", r.WORSE_PERCENT),
+                JointCondition("off OP", "range_off", r.OFF_PERCENT, above=False),
+                JointCondition("next range", "range_margin", r.WORSE_PERCENT),
             ],
         ),
     )
@@ -232,21 +236,21 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
         yield from beside(*kinds).together(name, limits)
     exchanged = [
         doubted,
-        Asked("left exchanged", "exchanged", w.SURELY_SWAPPED, above=False),
-        Asked("S either way", "sticks", w.STICKS_PERCENT),
+        JointCondition("left exchanged", "exchanged", w.SURELY_SWAPPED, above=False),
+        JointCondition("S either way", "sticks", w.STICKS_PERCENT),
     ]
     yield from beside(SWAPPED).together(
         "OP and position exchanged",
         exchanged,
         lambda one: not (one.told or one.of_position or one.op_plainly),
     )
-    another = [doubted, Asked("left by another", "another", w.BY_ANOTHER, above=False)]
+    another = [doubted, JointCondition("left by another", "another", w.BY_ANOTHER, above=False)]
     far = [
         doubted,
-        Asked("left, of that now", "far", w.ANOTHER_TIME, above=False),
-        Asked("left then", "far_left", w.RELATED, above=False),
+        JointCondition("left, of that now", "far", w.ANOTHER_TIME, above=False),
+        JointCondition("left then", "far_left", w.RELATED, above=False),
     ]
-    unrelated = [Asked("left as mapped", "as_mapped", w.UNRELATED_LEFT)]
+    unrelated = [JointCondition("left as mapped", "as_mapped", w.UNRELATED_LEFT)]
     for name, kinds, limits in (
         ("another tag", FOR_ANOTHER, another),
         ("another time", APART, far),

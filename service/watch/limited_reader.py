@@ -23,7 +23,7 @@ from stemwatch.connectors.historian.recordings import find_tag
 from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
-from stemwatch.service.process_lifecycle import begin_child, quiet_start, worker_context
+from stemwatch.service.process_lifecycle import begin_child, starting_quietly, worker_context
 
 BATCH = 20_000  # samples in one message, and in one transaction of the store
 _SHARE = 0.75  # of the memory that is free now
@@ -64,7 +64,7 @@ def limited_reading(
     context = worker_context()
     our_end, theirs = context.Pipe(duplex=False)
     process = context.Process(target=_serve, args=(theirs, export, limit), daemon=True)
-    with quiet_start():
+    with starting_quietly():
         process.start()
     theirs.close()
     try:

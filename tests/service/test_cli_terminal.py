@@ -15,7 +15,7 @@ from rich.console import Console
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.cli import views
-from tests.service.maintenance.example_book import mixed
+from tests.service.maintenance.example_work_list import mixed
 
 HOSTILE = {
     "markup": "[bold red]FIC[/]",

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from stemwatch.service.interruption import Terminated, ending_on_signals
-from stemwatch.service.process_lifecycle import asked_to_stop
+from stemwatch.service.process_lifecycle import on_stop_signal
 from tests.service.live_demo.running_demo import DEMO, Started
 
 SIMULATE = ("simulate", "--modbus", "--what", "healthy", "--count", "1", "--port", "0")
@@ -35,7 +35,7 @@ def handlers_as_before() -> Iterator[None]:
 def test_a_signal_while_the_event_is_locked_stops_all_the_same(number: signal.Signals) -> None:
     """The main thread may be just about to wait for the event that says stop."""
     stop = threading.Event()
-    with asked_to_stop(stop.set):
+    with on_stop_signal(stop.set):
         with getattr(stop, "_cond"):  # noqa: B009
             signal.raise_signal(number)
         assert stop.wait(60)
@@ -50,7 +50,7 @@ def test_being_asked_again_and_again_stops_once() -> None:
         requested.append(1)
         over.set()
 
-    with asked_to_stop(stop, last=True):
+    with on_stop_signal(stop, last=True):
         for _ in range(5):
             signal.raise_signal(signal.SIGTERM)
             signal.raise_signal(signal.SIGINT)
@@ -62,7 +62,7 @@ def test_being_asked_again_and_again_stops_once() -> None:
 def test_without_being_asked_nothing_is_stopped() -> None:
     """What ends by itself ends."""
     requested: list[int] = []
-    with asked_to_stop(lambda: requested.append(1)):
+    with on_stop_signal(lambda: requested.append(1)):
         pass
     assert requested == []
 

@@ -74,13 +74,13 @@ def test_a_busy_scheduler_is_not_given_up(
     """It is asked again and again while the work takes longer than the time for an answer."""
     monkeypatch.setattr(dask_cluster, "ASK_S", 0.1)
     requested: list[float] = []
-    feel = dask_cluster._Pulse.feel
+    check = dask_cluster._SchedulerWatch.check
 
     def noted(pulse: Any) -> None:
         requested.append(pulse._since_s)
-        feel(pulse)
+        check(pulse)
 
-    monkeypatch.setattr(dask_cluster._Pulse, "feel", noted)
+    monkeypatch.setattr(dask_cluster._SchedulerWatch, "check", noted)
     batches = [[(index, str(tmp_path))] for index in range(20)]
     executor = DaskCluster(cluster.host_and_port)
     came = [

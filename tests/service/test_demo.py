@@ -12,8 +12,8 @@ import pytest
 
 from stemwatch.service.config import load_plant
 from stemwatch.service.explain.explain_json import to_object
-from stemwatch.service.explain.explained import Job, explain_one
-from stemwatch.service.explain.to_explain import what_to_explain
+from stemwatch.service.explain.explain_recording import Job, explain_one
+from stemwatch.service.explain.requested_recordings import recordings_to_explain
 from stemwatch.service.run.plan import Request
 from tests.shared_setup import made_once
 
@@ -111,7 +111,7 @@ def test_what_cannot_be_judged_is_said_with_the_reason(
 def test_explain_tells_of_each_valve_what_its_report_tells(demo: Path, result) -> None:
     """S, J, what was left out, its sentence and its fit, to the last digit."""
     plant = load_plant(demo / "plant.toml")
-    for valve in what_to_explain(Request(plant=plant)).valves:
+    for valve in recordings_to_explain(Request(plant=plant)).valves:
         explained = to_object(explain_one(Job(to_explain=valve, narx=False)))
         reported = result[valve.valve]
         if reported["mismatch"] is None:
@@ -159,7 +159,7 @@ def test_the_same_seed_simulates_the_same_export(stemwatch, tmp_path: Path) -> N
     assert exports[1] != exports[2]
 
 
-def test_a_start_that_is_no_time(stemwatch, tmp_path: Path) -> None:
+def test_a_start_that_is_no_time_is_refused(stemwatch, tmp_path: Path) -> None:
     """A wrong --start ends with 2 before anything is written."""
     outcome = stemwatch("simulate", "--start", "soon", "--out", tmp_path / "x")
     assert outcome.status == 2

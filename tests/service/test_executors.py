@@ -32,7 +32,12 @@ from stemwatch.service.executors import (
     map_items,
     outcomes,
 )
-from stemwatch.service.executors.dask_cluster import DEADLY, ClusterError, DaskCluster, in_worker
+from stemwatch.service.executors.dask_cluster import (
+    WORKERS_DIED,
+    ClusterError,
+    DaskCluster,
+    in_worker,
+)
 from tests.service import clusters
 from tests.service.worker_jobs import (
     double,
@@ -188,10 +193,12 @@ def test_what_ends_workers_of_a_cluster_is_not_done_here(cluster: clusters.Clust
     assert {item: result for item, (result, _) in result.items()} == {
         1: 2, 2: 4, "die": None, 4: 8, 5: 10,
     }  # fmt: skip
-    assert result["die"][1] == DEADLY
+    assert result["die"][1] == WORKERS_DIED
 
 
-def test_waiting_for_a_cluster_can_be_stopped(cluster: clusters.Cluster, tmp_path: Path) -> None:
+def test_waiting_for_a_cluster_without_workers_can_be_stopped(
+    cluster: clusters.Cluster, tmp_path: Path
+) -> None:
     """Asked to stop when all its workers are gone, it ends without their answer."""
     stop, started = threading.Event(), tmp_path / "begun"
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from stemwatch.service.cli.explain import explain as command
 from stemwatch.service.config import load_plant
-from stemwatch.service.explain.to_explain import what_to_explain
+from stemwatch.service.explain.requested_recordings import recordings_to_explain
 from stemwatch.service.run.plan import Request
 
 SCHEMA = json.loads(
@@ -128,7 +128,7 @@ def test_wrong_usage_is_a_sentence(run, arguments, words):
 
 def test_a_plant_file_names_its_valves(plant):
     """With --plant alone, each valve of its sources is asked for once."""
-    valves = what_to_explain(Request(plant=load_plant(plant))).valves
+    valves = recordings_to_explain(Request(plant=load_plant(plant))).valves
     assert [item.valve for item in valves] == ["FIC-107", "FIC-104", "FIC-113"]
     assert {item.reason for item in valves} == {""}
 
@@ -136,7 +136,7 @@ def test_a_plant_file_names_its_valves(plant):
 def test_a_file_that_is_named_twice_is_explained_once(folder):
     """By itself and through its folder; its own spelling comes first."""
     item = folder / "fv101.csv"
-    valves = what_to_explain(Request(sources=(str(item), str(folder), str(item)))).valves
+    valves = recordings_to_explain(Request(sources=(str(item), str(folder), str(item)))).valves
     assert [each.source for each in valves if each.valve == "FV101"] == [str(item)]
 
 

@@ -15,7 +15,7 @@ import pytest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import HeldOutFit, Mismatch
 from stemwatch.service.explain.explain_json import to_json, to_object
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from tests.service.example_mismatches import effect, named, of_every_kind
 
 SCHEMA = json.loads(

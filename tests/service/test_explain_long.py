@@ -21,7 +21,7 @@ from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.studies.simulator.valve import Actuator, SimulatedValve
 from stemwatch.service.cli.explanation import explanation
 from stemwatch.service.explain.explain_json import to_json
-from stemwatch.service.explain.explained import Explained, explain_recording
+from stemwatch.service.explain.explain_recording import Explained, explain_recording
 from stemwatch.service.explain.write_explanation import write_pages
 from stemwatch.service.presenter.wording import span_percent
 from stemwatch.service.report import ReportContext, to_contract

@@ -16,7 +16,7 @@ from rich.console import Console
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.service.cli.explanation import explanation
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.explain.write_explanation import MOST_PLOTTED, entries, write_pages
 from stemwatch.service.report import ReportContext
 from tests.service.example_mismatches import named, of_every_kind

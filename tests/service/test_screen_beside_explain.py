@@ -18,7 +18,7 @@ from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 from stemwatch.service.cli.explanation import explanation
 from stemwatch.service.explain.explain_json import to_object
-from stemwatch.service.explain.explained import Explained, explain_recording
+from stemwatch.service.explain.explain_recording import Explained, explain_recording
 from stemwatch.service.presenter.wording import span_percent
 from stemwatch.service.report import to_contract
 

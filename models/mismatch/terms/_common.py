@@ -1,4 +1,4 @@
-"""What the terms of one way have in common: what they need not do, and words for their numbers."""
+"""Base classes for terms by what they act on, and words for their numbers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CALIBRATE_LATER = (
 
 
 class _Defect:
-    """What most terms are: material, it is something to mend."""
+    """Most terms: an effect of a material size is something to mend."""
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """Never how a machine is made."""
@@ -39,7 +39,7 @@ class CommandTerm(_Defect):
     contains: tuple[str, ...] = ()
 
     def fill(self, stem: Stem, values: Floats) -> None:
-        """Nothing: it acts on the command."""
+        """Does nothing: the term acts on the command."""
 
 
 class StemTerm(_Defect):
@@ -51,7 +51,7 @@ class StemTerm(_Defect):
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
-        """The command as it is: it acts on the stem."""
+        """Copies the command unchanged: the term acts on the stem."""
         out[:] = command
 
 
@@ -102,7 +102,7 @@ def size(estimate: Estimate) -> Estimate:
 
 
 def inverse(estimate: Estimate, numerator: float) -> Estimate:
-    """``numerator`` divided by a speed: how long it takes, in seconds."""
+    """The time to cover a distance, in seconds: ``numerator`` (percent) over a speed (%/s)."""
 
     def took(value: float | None) -> float | None:
         return None if value is None or value <= 0.0 else numerator / value

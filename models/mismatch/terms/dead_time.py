@@ -22,8 +22,14 @@ from stemwatch.models.stickslip.kernel import Marks
 
 # Less lies within a scan of controller and recorder, where it cannot be told from sampling.
 MATERIAL = 0.8  # seconds, and samples
-# The same: what specifications allow the largest valves (EnTech 3.0, from memory).
+# Seconds that specifications allow the largest valves (EnTech 3.0, from memory).
 AS_BUILT = 1.2
+AT_THE_END = 0.99  # of the longest delay that is tried
+
+
+def _longest(summary: RecordingSummary) -> float:
+    """The longest delay that is tried, in units of the own clock."""
+    return max(12.0, 10.0 * summary.interval_s)
 
 
 class DeadTime(CommandTerm):
@@ -68,7 +74,7 @@ class DeadTime(CommandTerm):
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
         """The delay, up to 12 s or ten samples."""
-        return (Coordinate(name="theta_s", low=0.0, high=max(12.0, 10.0 * summary.interval_s)),)
+        return (Coordinate(name="theta_s", low=0.0, high=_longest(summary)),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
         """Close enough together that an edge of a few seconds finds its place."""
@@ -82,8 +88,10 @@ class DeadTime(CommandTerm):
         delayed(command, marks, float(values[0]) / interval_s, out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """More than what scanning alone makes."""
-        return bool(values[0] >= MATERIAL * max(1.0, summary.interval_s))
+        """More than what scanning alone makes, and less than the longest that is tried: a delay at
+        that end has no size, and stands for something else."""
+        least = MATERIAL * max(1.0, summary.interval_s)
+        return bool(least <= values[0] <= AT_THE_END * _longest(summary))
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
         """As long as tubing and air of a large valve take, or the clocks of a sound loop differ."""

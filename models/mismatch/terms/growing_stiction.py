@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.terms._common import OneNumberTerm, about_value, 
 from stemwatch.models.recording import Floats
 
 MATERIAL_SHARE = 0.2  # over the record; less is what warm packing does in a shift
-MATERIAL_PERCENT = 0.2  # of span: growth of a stick band that nobody sees is no finding
+MATERIAL_PERCENT = 0.2  # of span: smaller growth is too small to matter
 
 
 class GrowingStiction(OneNumberTerm):

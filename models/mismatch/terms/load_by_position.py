@@ -5,7 +5,7 @@ finite gain gives way; constant beyond 0 and 100 %, and 0 at mid-travel, where i
 Its straight part is what a span error of the reading would be; beside this term the reading's
 gain is 1.
 
-Signature: the position stands off by an amount that goes with the place, whichever way it came.
+Signature: the error depends on the position alone, whichever way the stem came.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class LoadByPosition(StemTerm):
     )
 
     def coordinates(self, summary: RecordingSummary) -> tuple[Coordinate, ...]:
-        """What the straight, the bent and the twice bent part add at 100 % of travel."""
+        """The linear, quadratic and cubic coefficients: what each part adds at 100 % of travel."""
         return (
             Coordinate(name="straight_percent", low=-MOST, high=MOST),
             Coordinate(name="bent_percent", low=-MOST, high=MOST),
@@ -70,7 +70,7 @@ class LoadByPosition(StemTerm):
         )
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """Straight and bent ones, either way."""
+        """Linear and quadratic loads, either sign."""
         straight = np.array([[size, 0.0, 0.0] for size in (-12.0, -5.0, -2.0, 2.0, 5.0, 12.0)])
         bent = np.array([[0.0, size, 0.0] for size in (-8.0, -3.0, 3.0, 8.0)])
         return np.vstack((straight, bent))

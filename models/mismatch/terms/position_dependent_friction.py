@@ -27,7 +27,7 @@ _PLACES = stem_number.places()
 
 @njit(cache=True)
 def add_bump(places: Floats, height: float, centre: float, width: float, table: Floats) -> None:
-    """Add ``height exp(-((x - place)/width)^2)`` over ``places`` (m,) to ``table`` (m,)."""
+    """Add ``height exp(-((x - centre)/width)^2)`` over ``places`` (m,) to ``table`` (m,)."""
     for i in range(places.size):
         offset = (places[i] - centre) / width
         if abs(offset) < 6.0:
@@ -90,7 +90,7 @@ class PositionDependentFriction(StemTerm):
             stem.numbers[stem_number.BY_PLACE] = 1.0
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """A bump that one feels."""
+        """A bump of at least ``MATERIAL_PERCENT`` of span in S/2."""
         return bool(values[0] >= MATERIAL_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:

@@ -1,5 +1,5 @@
-"""A slip that overshoots: little damps it, it goes past where friction balances the force, and the
-stem rests there. Neutral: ``v = 0``.
+"""A slip that overshoots: with little damping it goes past the place where friction balances the
+force, and the stem rests there. Neutral: ``v = 0``.
 
 A mass behind a spring that slips with a gap ``J`` between force and sliding friction comes to rest
 after ``(1 + o) J``, ``o = exp(-pi zeta / sqrt(1 - zeta^2))`` with the damping ratio ``zeta``
@@ -8,8 +8,8 @@ back would need twice the force that is left, so it stays. In a record the slip 
 samples: the stem sticks after each slip whatever the speed of its command, with the J and S of the
 longer slip (J (1 + o) and S - o J). ``v`` in %/s is the speed up to which it does.
 
-Signature: steps on every ramp, slow or quick. It is told from low-speed re-stick, whose stem slides
-above some speed, only where quick moves show no slide.
+Signature: steps on every ramp, slow or quick. Low-speed re-stick, whose stem slides above some
+speed, can be excluded only where quick moves show no slide.
 """
 
 from __future__ import annotations
@@ -75,8 +75,9 @@ class SlipOvershoot(ReadingTerm):
         return bool(values[0] >= MATERIAL_PERCENT_PER_S)
 
     def inherent(self, values: Floats, summary: RecordingSummary) -> bool:
-        """A light moving part behind a stiff spring and little damping is how the valve is made;
-        what S and J ask for they ask for themselves."""
+        """Always: a light moving part behind a stiff spring with little damping is how the valve is
+        made. S and J alone decide whether it needs work.
+        """
         return self.material(values, summary)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:

@@ -103,7 +103,7 @@ class SupplySag(CommandTerm):
         sagged(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """The largest move falls short by an amount that a loop feels."""
+        """The largest move falls short by an amount that disturbs a loop."""
         return bool(abs(values[0]) * summary.swing >= MATERIAL_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:

@@ -20,7 +20,7 @@ from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, W
 from stemwatch.models.mismatch.terms._common import StemTerm, about_value, number
 from stemwatch.models.recording import Floats
 
-MATERIAL_BEYOND = 0.5  # percent of travel by which OP asks for more than the stop gives
+MATERIAL_BEYOND = 0.5  # percent of travel by which OP goes beyond the stop
 MATERIAL_INSIDE = 1.0  # percent; a stop at the very end of the stroke is the seat
 SOME = 0.1  # percent; the nearest to an end at which a start puts a stop
 
@@ -87,7 +87,9 @@ class TravelStop(StemTerm):
             stem.numbers[stem_number.STOP_HIGH] = 100.0 - values[1]
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """OP asks for more than a stop gives, friction counted; and it is not the end of stroke."""
+        """OP goes beyond the stop by more than friction explains, and the stop is not the end of
+        the stroke.
+        """
         friction_shortfall = 0.5 * (
             summary.S - summary.J
         )  # what friction alone keeps the stem short by

@@ -24,7 +24,7 @@ from stemwatch.models.stickslip.kernel import Marks
 
 MATERIAL_ZETA = 0.65  # more damping overshoots by less than 7 % of a move: a lag, not ringing
 MATERIAL_OVERSHOOT = 0.3  # percent of travel on the largest moves
-QUICKEST = 0.5 * pi  # radians between two samples: a ring of four
+QUICKEST = 0.5 * pi  # radians between two samples: four samples a period
 
 
 @njit(cache=True)

@@ -1,4 +1,6 @@
-"""Limits and weights of ``models.oscillation_groups``, by drawn plants whose truth is known."""
+"""Fit the limits and weights of ``models.oscillation_groups`` to drawn plants whose truth is
+known.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ from stemwatch.models.studies.interacting_loops.score_plant import PlantSuspicio
 
 QUIET = 0.05  # of quiet plants may have a candidate that passes the limit
 CERTAIN = 0.95  # that no more have, though only some were drawn
-_SAME, _OTHER = 0.4, 0.2  # Jaccard index with a true group: is one, is none
+# Jaccard index with a true group, from which a candidate counts as one, and below which as none
+_SAME, _OTHER = 0.4, 0.2
 _RIDGE = 0.5
 _NONE = -10.0  # the evidence in a plant without any candidate
 _STICKING, _NEARNESS = 6, 7  # places in a member's weights
@@ -40,9 +43,10 @@ _OF_NONE_KNOWN = 5  # places of "none" that need no connections
 
 @dataclass(frozen=True, kw_only=True)
 class PlantEvidence:
-    """What one plant shows. ``candidates`` (c, 4) what speaks for each; ``alike`` (c,) their
-    Jaccard index with the true group that is most alike; ``groups`` the evidence of the candidate
-    most like each true group, and its source (-1: outside)."""
+    """The evidence from one plant. ``candidates`` (c, 4) are the statistics of each candidate;
+    ``alike`` (c,) its Jaccard index with the most similar true group; ``groups`` the evidence of
+    the candidate most similar to each true group, and the true source (-1: outside).
+    """
 
     quiet: bool
     candidates: Floats
@@ -51,7 +55,7 @@ class PlantEvidence:
 
 
 def plant_evidence(plant: RunPlant) -> PlantEvidence:
-    """The candidates of a plant before anything is taken out of it."""
+    """The candidate groups of a plant before any group is removed from it."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     suspicion, seen = PlantSuspicions(plant), oscillations(errors)
@@ -80,9 +84,10 @@ def plant_evidence(plant: RunPlant) -> PlantEvidence:
 
 
 def fit_limits(plants: Sequence[PlantEvidence], quiet: Sequence[PlantEvidence]) -> GroupLimits:
-    """Weights by a logistic regression, true groups against what is none, each plant's candidates
-    weighed down by their number; the limit (``limit_of``) from ``quiet`` plants, none of
-    which took part in that."""
+    """Weights by a logistic regression of true groups against false ones, with each plant's
+    candidates weighted by one over their number; the limit (``limit_of``) from ``quiet`` plants,
+    none of which took part in that.
+    """
     rows = np.concatenate([plant.candidates for plant in plants])
     alike = np.concatenate([plant.alike for plant in plants])
     weigh = np.concatenate(
@@ -119,7 +124,9 @@ def limit_of(strongest: Floats) -> float:
 
 
 def fit_sources(plants: Sequence[PlantEvidence]) -> SourceWeights:
-    """A multinomial logit without connections; then what these weigh beside it."""
+    """Fit a multinomial logit without connections, then the weights of the connections on top of
+    it.
+    """
     groups = [group for plant in plants for group in plant.groups]
     members, none = np.array(WEIGHTS.member), np.array(WEIGHTS.none)
     members[_NEARNESS], none[_OF_NONE_KNOWN:] = 0.0, 0.0
@@ -140,7 +147,7 @@ def _improve(
     of_none_: list[int],
     groups: Sequence[tuple[MemberEvidence, int]],
 ) -> None:
-    """The likeliest values of some of the weights, the others as they are; in place."""
+    """Fit some of the weights by maximum likelihood, in place, with the others fixed."""
     terms = [(compared(shown), of_none(shown), _place(shown, source)) for shown, source in groups]
 
     def loss(free: Floats) -> float:

@@ -1,7 +1,7 @@
-"""The ways a message takes: mail, webhook, file, and those of other packages.
+"""Ways to send a message: mail, webhook, file, and those of other packages.
 
-They are found through the entry points ``stemwatch.notifiers``; ``notifiers_of`` makes those of a
-plant.
+They are found through the entry point group ``stemwatch.notifiers``; ``notifiers_of`` makes those
+of a plant.
 """
 
 from __future__ import annotations

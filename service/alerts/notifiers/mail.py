@@ -13,7 +13,7 @@ from email.utils import formatdate
 from pathlib import Path
 from typing import Any, Self
 
-from stemwatch.connectors.cut_off import cut_off_after
+from stemwatch.connectors.connection_deadline import close_after
 from stemwatch.connectors.secret import Secret
 from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
 from stemwatch.service.config.service_schema import NotifierTable
@@ -24,8 +24,8 @@ _PORTS = {"starttls": 587, "tls": 465, "none": 25}
 
 
 class _Server(smtplib.SMTP):
-    """A conversation that can be cut from the first moment on, through ``link``: a second handle of
-    its connection, which encrypting leaves as it is."""
+    """An SMTP connection that can be closed from the first moment on, through ``link``: a second
+    handle of its socket, which TLS leaves unchanged."""
 
     def __init__(self, *, encrypted: bool) -> None:
         super().__init__(timeout=TIMEOUT_S)
@@ -33,7 +33,7 @@ class _Server(smtplib.SMTP):
         self._encrypted = encrypted
 
     def call(self, host: str, port: int) -> None:
-        """Connect; raises ``SMTPConnectError`` where the server does not want to talk."""
+        """Connect. Raises ``SMTPConnectError`` where the server refuses the connection."""
         self._host = host  # whose name the certificate must have
         code, reply = self.connect(host, port)
         if code != 220:
@@ -47,7 +47,7 @@ class _Server(smtplib.SMTP):
         return ssl.create_default_context().wrap_socket(plain_socket, server_hostname=host)
 
     def close(self) -> None:
-        """End the conversation without a word."""
+        """Close the connection without QUIT."""
         super().close()
         if self.link is not None:
             self.link.close()
@@ -94,7 +94,7 @@ class MailNotifier:
         receivers = [receiver for receiver in self.to if receiver not in accepted_by]
         server = _Server(encrypted=self.security == "tls")
         try:
-            with cut_off_after(MESSAGE_S, lambda: server.link):
+            with close_after(MESSAGE_S, lambda: server.link):
                 refused = self._say_to(server, password, mail, receivers)
         except smtplib.SMTPAuthenticationError:
             raise NotSent(f"{self.host} refused the login of {self.user}") from None
@@ -108,7 +108,7 @@ class MailNotifier:
     def _say_to(
         self, server: _Server, password: str | None, mail: EmailMessage, receivers: Sequence[str]
     ) -> Mapping[str, object]:
-        """Connect, log in, and hand the mail over; the receivers that the server refused."""
+        """Connect, log in and hand over the mail; returns the receivers that the server refused."""
         try:
             server.call(self.host, self.port or _PORTS[self.security])
             if self.security == "starttls":
@@ -117,7 +117,7 @@ class MailNotifier:
                 server.login(self.user, password)
             refused: Mapping[str, object] = server.send_message(mail, to_addrs=receivers)
             with contextlib.suppress(smtplib.SMTPException, OSError):
-                server.quit()  # the mail is taken, whatever is said to this
+                server.quit()  # the mail was accepted, whatever the answer to QUIT
             return refused
         finally:
             server.close()

@@ -1,4 +1,4 @@
-"""The seam to every way of telling somebody."""
+"""``Notifier``: the interface of every way to send a message."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class NotSent(Exception):
 
 
 class Notifier(Protocol):
-    """Takes messages away.
+    """Sends messages.
 
     ``send`` returns when the receiver has taken the message and raises otherwise, at the latest
-    after half a minute. The same ``key`` may come twice, after a crash between sending and noting
-    it: it has to reach the receiver in a form by which the second one can be told. ``message``
-    has ``subject``, ``text`` and ``alerts`` (see ``digest.message_of``), all of it from the plant
-    and therefore never to be trusted as anything but text.
+    after half a minute. The same ``key`` may come twice, after a crash between sending and
+    recording it: it must reach the receiver in a form by which the second message can be
+    recognised. ``message`` has ``subject``, ``text`` and ``alerts`` (see ``digest.message_of``),
+    all of which comes from the plant and must be treated as plain text.
     """
 
     def send(self, key: str, message: Mapping[str, Any]) -> None:
@@ -49,8 +49,8 @@ class NotifierKind(Protocol):
 
 
 def revealed(secret: Secret) -> str | None:
-    """The secret, or ``None`` where none is asked for. It is read anew each time, so that a changed
-    one needs no restart. Raises ``NotSent`` where it is not where it should be."""
+    """The secret, or ``None`` where none is configured. It is read each time, so that a changed
+    secret needs no restart. Raises ``NotSent`` where it cannot be read."""
     try:
         return secret.reveal() if secret else None
     except ConnectorError as error:

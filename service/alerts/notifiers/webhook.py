@@ -1,7 +1,7 @@
 """A webhook: the message as JSON by HTTP POST, signed, to public addresses only unless allowed.
 
-Every address that a name leads to is looked at, and the connection goes to one of those that were:
-a name that answers differently the second time gains nothing.
+Every address that a name resolves to is checked, and the connection goes to one of the checked
+addresses: a name that resolves differently the second time gains nothing (DNS rebinding).
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import SplitResult, urlsplit
 
-from stemwatch.connectors.cut_off import cut_off_after
+from stemwatch.connectors.connection_deadline import close_after
 from stemwatch.connectors.secret import Secret
 from stemwatch.service.alerts.notifiers.notifier import NotSent, revealed
 from stemwatch.service.config.service_schema import NotifierTable
 
-# IPv6 addresses that lead to an IPv4 one: translators (RFC 6052), 6to4 (RFC 3056) and the old
-# compatible form. What counts is where they lead.
+# IPv6 addresses that stand for an IPv4 address: translators (RFC 6052), 6to4 (RFC 3056) and the old
+# compatible form. The IPv4 address decides.
 _TRANSLATED = IPv6Network("64:ff9b::/96")
 _SIX_TO_FOUR = IPv6Network("2002::/16")
 _COMPATIBLE = IPv6Network("::/96")
@@ -54,7 +54,8 @@ def addresses(host: str, port: int, *, allow_private: bool) -> list[str]:
 
 
 def is_public(address: str) -> bool:
-    """Whether an address is one of the public internet, and leads to no other."""
+    """Whether an address belongs to the public internet, as does the IPv4 address that it stands
+    for."""
     try:
         parsed = ip_address(address)
     except ValueError:
@@ -91,9 +92,9 @@ class WebhookNotifier:
     """Posts each message to ``url``.
 
     The header ``X-Stemwatch-Signature`` is ``sha256=`` and the HMAC of the body with the secret,
-    ``Idempotency-Key`` the message's key. Redirections are not followed: an answer of 300 and more
-    is a message that was not taken. A name that leads to an address of this machine or of a private
-    network is refused unless ``allow_private``.
+    ``Idempotency-Key`` the message's key. Redirections are not followed: a status of 300 or more
+    means that the message was not accepted. A name that leads to an address of this machine or of a
+    private network is refused unless ``allow_private``.
     """
 
     url: str
@@ -106,7 +107,7 @@ class WebhookNotifier:
         return cls(url=table.url or "", secret=secret, allow_private=table.allow_private)
 
     def send(self, key: str, message: Mapping[str, Any]) -> None:
-        """Post the message; any answer from 200 to 299 means that it was taken."""
+        """Post the message; any status from 200 to 299 means that it was accepted."""
         body = json.dumps({"key": key, **message}, ensure_ascii=False).encode()
         headers = {"Content-Type": "application/json", KEY: key, "User-Agent": "stemwatch"}
         if (secret := revealed(self.secret)) is not None:
@@ -125,7 +126,7 @@ class WebhookNotifier:
         port = parts.port or (443 if secure else 80)
         link = self._connect(host, port)
         try:
-            with cut_off_after(TIMEOUT_S, lambda: link):
+            with close_after(TIMEOUT_S, lambda: link):
                 if secure:
                     context = ssl.create_default_context()
                     link = context.wrap_socket(
@@ -141,7 +142,7 @@ class WebhookNotifier:
             link.close()
 
     def _connect(self, host: str, port: int) -> socket.socket:
-        """A connection to the first address that takes one; all of them were looked at before."""
+        """A connection to the first address that accepts one; all of them were checked before."""
         until = time.monotonic() + TIMEOUT_S
         failed: OSError = OSError("the name leads to no address")
         for address in addresses(host, port, allow_private=self.allow_private):

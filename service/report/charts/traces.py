@@ -1,4 +1,4 @@
-"""Traces, panels and charts as compact plain types: what every chart of a valve is made of.
+"""Traces, panels and charts as compact plain types, the parts of every chart of a valve.
 
 A trace is sent as short whole numbers, which keeps a page with a hundred valves small.
 """
@@ -17,8 +17,8 @@ from stemwatch.service.presenter.wording import figure, printable
 from stemwatch.service.report.charts.thinning import (
     ThinningGrid,
     bucket_of,
+    extreme_samples,
     lowest_and_highest,
-    telling_samples,
 )
 from stemwatch.service.report.charts.typical_stretch import TypicalStretch, typical_stretch_of
 
@@ -27,7 +27,8 @@ DIGITS_OF_RANGE = 4
 
 
 def packed(values: Floats) -> dict[str, Any]:
-    """Rounded to what can be seen, as whole steps from sample to sample: half the file's size.
+    """``values`` rounded to visible resolution, as integer differences from sample to sample, which
+    halves the file's size.
 
     A value is the sum of ``steps`` up to it, divided by ``per``; null is a gap and adds nothing.
     """
@@ -94,7 +95,7 @@ def frame_of(recording: Recording, simulated: Floats | None, heldout: int | None
     part = [trace[stretch.first : stretch.last] for trace in signal_values]
     if bucket_of(part[0].size, len(part)) >= grid.bucket:
         return ChartFrame(grid=grid, stretch=stretch, detail=None)
-    return ChartFrame(grid=grid, stretch=stretch, detail=stretch.first + telling_samples(part))
+    return ChartFrame(grid=grid, stretch=stretch, detail=stretch.first + extreme_samples(part))
 
 
 def chart_over_time(

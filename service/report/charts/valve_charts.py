@@ -25,7 +25,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.service.presenter.wording import printable
 from stemwatch.service.report.charts.loop_shapes import LoopShapes, loop_shapes
-from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.traces import (
     Chart,
     ChartFrame,
@@ -73,7 +73,7 @@ def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Ch
 
 
 def _suspected(screening: Screening) -> ElementTraces | None:
-    """The traces of a suspicion, where nothing better is known of the stem."""
+    """The traces of the suspicion from OP and PV, where the stem was not measured."""
     suspicion = screening.without_position
     has_stiction_fit = screening.traces.stiction is not None or suspicion is None
     return None if has_stiction_fit or suspicion is None else suspicion.traces
@@ -134,7 +134,7 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
     axis_values = [op, vertical.values]
     if simulated is not None and name == "MV":
         axis_values.append(simulated)
-    kept_samples = telling_samples(axis_values, LOOP_POINTS)
+    kept_samples = extreme_samples(axis_values, LOOP_POINTS)
     comparable = name == "MV" and vertical.unit == recording.op.unit
     shapes = loop_shapes(screening, op, vertical.values) if comparable else LoopShapes()
     labels = (
@@ -159,7 +159,7 @@ def _loop(screening: Screening, recording: Recording) -> Chart | None:
 def _suspected_loop(recording: Recording, element: ElementTraces) -> Chart:
     """The fitted element's stem against OP: nobody has measured it."""
     op = recording.op.values
-    kept_samples = telling_samples([op, element.stem], LOOP_POINTS)
+    kept_samples = extreme_samples([op, element.stem], LOOP_POINTS)
     stem = packed(element.stem[kept_samples])
     trace = {"role": "stiction", "of": "stiction", "label": SUSPECTED_STEM, "values": stem}
     return {
@@ -175,6 +175,7 @@ def _suspected_loop(recording: Recording, element: ElementTraces) -> Chart:
 
 
 NAIVE, EXTENDED = "S and J alone", "extended model"
+FLOW = "flow, as a position"
 
 
 def overlay_of(recording: Recording | None, runs: FreeRuns | None) -> Chart | None:
@@ -186,17 +187,20 @@ def overlay_of(recording: Recording | None, runs: FreeRuns | None) -> Chart | No
         return None
     if not np.isfinite(recording.op.values).any():
         return None
+    recording = runs.followed(recording)
+    assert recording.mv is not None
     frame = frame_of(recording, runs.naive, runs.heldout_from)
     models = [("naive", NAIVE, runs.naive)]
     if not np.array_equal(runs.naive, runs.extended, equal_nan=True):
         models.append(("extended", EXTENDED, runs.extended))
     mv = recording.mv
+    name = "MV" if runs.position is None else FLOW
     left_axis = [
-        series(role, f"MV − {label}", difference(mv, run), frame) for role, label, run in models
+        series(role, f"{name} − {label}", difference(mv, run), frame) for role, label, run in models
     ]
     shapes = [
         series("op", "OP", recording.op.values, frame),
-        series("mv", "MV, recorded", mv.values, frame),
+        series("mv", f"{name}, recorded", mv.values, frame),
         *[series(role, label, run, frame) for role, label, run in models],
     ]
     panels: list[Chart | None] = [

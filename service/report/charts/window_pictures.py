@@ -1,6 +1,5 @@
-"""What is kept of a window for pictures that are drawn later, when its samples are gone: MV against
-OP over a typical stretch, and the pictures of what was named. Some KB for each window.
-"""
+"""The pictures kept of a window for when its samples are gone: MV against OP over a typical
+stretch, and the pictures of named effects. Some KB for each window."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
 from stemwatch.service.report.charts.small_plot import Note, PlottedLine, SmallPlot
-from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.traces import packed, unpacked
 from stemwatch.service.report.charts.typical_stretch import typical_stretch
 
@@ -64,7 +63,7 @@ def _loop(screening: Screening, recording: Recording) -> WindowLoop | None:
     stretch = typical_stretch(screening)
     part = slice(None) if stretch is None else slice(stretch.first, stretch.last)
     signals = [op.values[part], mv.values[part]]
-    kept_samples = telling_samples(signals, LOOP_POINTS)
+    kept_samples = extreme_samples(signals, LOOP_POINTS)
     return WindowLoop(signals[0][kept_samples], signals[1][kept_samples])
 
 

@@ -15,7 +15,7 @@ from stemwatch.service.store.administration.backup import disposing, one_instant
 from stemwatch.service.store.administration.row_batches import count_rows
 from stemwatch.service.store.administration.schema import (
     DatabaseSchema,
-    links_of_metadata,
+    foreign_keys_of_metadata,
     schema_of,
 )
 from stemwatch.service.store.database.engine import existing_engine
@@ -115,7 +115,7 @@ def _integrity(connection: Connection) -> Iterator[str]:
 
 def _orphans(connection: Connection, schema: DatabaseSchema) -> Iterator[str]:
     columns = {table.name: {column.name for column in table.columns} for table in schema.tables}
-    for link in links_of_metadata():
+    for link in foreign_keys_of_metadata():
         column, parent_column = link.columns[0], link.parent_columns[0]
         if column not in columns.get(link.table, ()) or link.parent not in columns:
             continue
@@ -161,7 +161,7 @@ def _numbering(connection: Connection, schema: DatabaseSchema) -> Iterator[str]:
 
 def _partitions(connection: Connection, layout: SampleLayout, now: datetime) -> Iterator[str]:
     if layout is SampleLayout.PARTITIONS:
-        days = partitions.days_there(connection)
+        days = partitions.existing_days(connection)
         today = partitions.day_of(now)
         names = [days[day] for day in sorted(days)]
         day_range = f", {names[0]} to {names[-1]}" if names else ""

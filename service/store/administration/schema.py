@@ -126,7 +126,7 @@ def schema_of(connection: Connection) -> DatabaseSchema:
     )
 
 
-def links_of_metadata() -> list[TableReference]:
+def foreign_keys_of_metadata() -> list[TableReference]:
     """The foreign keys that the code declares, also where the database lacks them."""
     return [
         _link(name, key)

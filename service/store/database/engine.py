@@ -19,7 +19,8 @@ from stemwatch.service.store.errors import StoreError
 
 BUSY_TIMEOUT_MS = 30_000
 _WRITES = "stemwatch_writes"
-# As SQLite says it; the last two where bytes of a text or of its own schema are no text any more.
+# Messages of SQLite; the last two where bytes of a text or of its own schema are no longer valid
+# text.
 _DAMAGED = (
     "malformed", "is not a database", "file is encrypted", "database corruption", "disk I/O error",
     "Could not decode", "unsupported file format",
@@ -55,13 +56,28 @@ def existing_engine(address: DatabaseUrl) -> Engine:
     """An engine for an existing database. Raises ``StoreError`` where a SQLite file does not
     exist, because connecting would create an empty one."""
     engine = make_engine(address)
-    file = engine.url.database
-    if engine.dialect.name == "sqlite" and file and file != ":memory:" and not Path(file).is_file():
+    file = _file_of(engine)
+    if file is not None and not file.is_file():
         raise StoreError(
-            f"{address}: there is no database at {Path(file).absolute()}; `stemwatch screen` and "
+            f"{address}: there is no database at {file.absolute()}; `stemwatch screen` and "
             "`stemwatch serve` make one"
         )
     return engine
+
+
+def _file_of(engine: Engine) -> Path | None:
+    file = engine.url.database
+    is_file = engine.dialect.name == "sqlite" and file and file != ":memory:"
+    return Path(file) if is_file and file else None
+
+
+def sqlite_files(address: DatabaseUrl) -> tuple[Path, ...]:
+    """The files that a SQLite database has, with those that it has only while it is used; none of
+    a database elsewhere. Raises ``StoreError`` for a malformed URL."""
+    file = _file_of(make_engine(address))
+    if file is None:
+        return ()
+    return (file, *(file.with_name(file.name + end) for end in ("-wal", "-shm", "-journal")))
 
 
 def for_writing(engine: Engine) -> Engine:
@@ -80,15 +96,15 @@ def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     try:
         yield
     except SQLAlchemyError as error:
-        message = f"{doing} failed: {plainly(error, address)}"
+        message = f"{doing} failed: {error_text(error, address)}"
         raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
-    except (UnicodeDecodeError, JSONDecodeError) as error:  # what a row holds is not what was saved
+    except (UnicodeDecodeError, JSONDecodeError) as error:  # a row does not hold what was saved
         message = f"{doing} failed: {error}"
         raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
 
 
 def _if_damaged(error: Exception, message: str, address: DatabaseUrl) -> str:
-    """What to do, where a file of SQLite is damaged; empty where it is not that."""
+    """What to do where a SQLite file is damaged; empty for other errors."""
     cause = getattr(error, "orig", None) or error
     broken = isinstance(cause, ValueError) or any(words in message for words in _DAMAGED)
     if not broken or not address.reveal().startswith("sqlite"):
@@ -121,7 +137,7 @@ def driver_errors(connection: Connection) -> Iterator[None]:
         ) from error
 
 
-def plainly(error: BaseException, address: DatabaseUrl) -> str:
+def error_text(error: BaseException, address: DatabaseUrl) -> str:
     """The database's error message on one line, without the password."""
     cause = getattr(error, "orig", None) or error
     words = masked(" ".join(str(cause).split())) or type(cause).__name__
@@ -161,7 +177,7 @@ def _make_private(file: str | None) -> None:
     """Make a file that is not there yet for its owner alone; -wal and -shm take its rights."""
     if not file or file == ":memory:" or file.startswith("file:"):
         return
-    with suppress(OSError):  # it is there, or cannot be made: SQLite says which
+    with suppress(OSError):  # it exists or cannot be created: SQLite reports which
         os.close(os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, _OWN))
 
 

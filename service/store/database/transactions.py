@@ -11,7 +11,7 @@ from sqlalchemy.exc import OperationalError
 from sqlalchemy.orm import Session
 
 from stemwatch.service.interruption import interrupts_held
-from stemwatch.service.store.database.engine import for_writing, plainly, store_errors
+from stemwatch.service.store.database.engine import error_text, for_writing, store_errors
 from stemwatch.service.store.database_url import DatabaseUrl
 
 # The reads here look up pages of valves and their latest rows by index. PostgreSQL's planner
@@ -37,8 +37,8 @@ class Transactions:
 
     @property
     def write_fault(self) -> str:
-        """Why the last transaction that was to write could not: the disk is full, the file may not
-        be written, the server is away. Empty where it could, or was refused for what it held."""
+        """Why the last write transaction failed: the disk is full, the file is read-only, the
+        server is not available. Empty where it succeeded, or was refused because of its data."""
         return self._fault
 
     @contextmanager
@@ -70,7 +70,7 @@ class Transactions:
         try:
             yield
         except OperationalError as error:
-            self._fault = plainly(error, self.address)
+            self._fault = error_text(error, self.address)
             raise
         self._fault = ""
 

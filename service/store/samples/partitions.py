@@ -75,7 +75,7 @@ def day_of(instant: datetime) -> int:
     return (instant - EPOCH) // timedelta(days=1)
 
 
-def days_there(connection: Connection) -> dict[int, str]:
+def existing_days(connection: Connection) -> dict[int, str]:
     """The name of the partition of each day that has one."""
     names = connection.execute(_CHILDREN).scalars()
     return {_day_named(name): name for name in names if name != DEFAULT and is_partition(name)}
@@ -97,12 +97,12 @@ def make_days(connection: Connection, days: Iterable[int]) -> int:
 
     Raises SQLAlchemy's ``OperationalError`` where the table is in use for more than five seconds.
     """
-    missing = set(days) - set(days_there(connection))
+    missing = set(days) - set(existing_days(connection))
     if not missing:
         return 0
     connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_WAIT}'"))
     connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
-    missing -= set(days_there(connection))  # another process may have created some meanwhile
+    missing -= set(existing_days(connection))  # another process may have created some meanwhile
     occupied = _days_in_default(connection, missing)
     for day in sorted(missing):
         for statement in _statements(day, occupied=day in occupied):
@@ -113,7 +113,7 @@ def make_days(connection: Connection, days: Iterable[int]) -> int:
 def drop_days(connection: Connection, before: int) -> int:
     """Drop the partitions of all days before day ``before``; return how many samples they held."""
     connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _LOCK})
-    old = [name for day, name in sorted(days_there(connection).items()) if day < before]
+    old = [name for day, name in sorted(existing_days(connection).items()) if day < before]
     rows_removed = sum(_rows_of(connection, name) for name in old)
     if old:
         connection.execute(text(f"SET LOCAL lock_timeout = '{_LOCK_WAIT}'"))

@@ -1,4 +1,4 @@
-"""The methods that answer a benchmark here: stemwatch, and three of others.
+"""The methods that answer a benchmark here: stemwatch, and three methods of others.
 
 A ``Method`` is given cases and says what it can of each; a contract test holds every one of them.
 """
@@ -37,14 +37,14 @@ from stemwatch.service.studies.benchmark.truth import NONE, OTHER
 _VERDICTS = {
     Verdict.STICKY: Sticks.YES,
     Verdict.HEALTHY: Sticks.NO,
-    Verdict.DEFECTIVE: Sticks.NO,  # something other than friction is wrong
+    Verdict.DEFECTIVE: Sticks.NO,  # not friction, but something else is wrong
 }
 _SUSPICIONS = {Suspicion.SUSPECTED: Sticks.YES, Suspicion.NO_SIGN: Sticks.NO}
 _HAW_PROGRAM = Path(__file__).with_name("haw_program.py")
 _HAW_SHARE = 0.5  # of the cycles of an oscillation that the package marks, from which it sticks
-_LAST_WORDS = 500
+_LONGEST_MESSAGE = 500
 
-Tell = Callable[[int], None]
+OnProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class Method(Protocol):
     """Answers to ``cases`` by name, ``tell`` hearing how many are done."""
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: Tell
+        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
     ) -> Mapping[str, CaseAnswer]: ...
 
 
@@ -96,7 +96,7 @@ def recording_of(case: PublicCase) -> Recording:
 
 
 def stemwatch(
-    cases: Sequence[PublicCase], executor: Executor, tell: Tell
+    cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
 ) -> Mapping[str, CaseAnswer]:
     """What `stemwatch screen` says, with its default limits and without the network."""
     return dict(map_in_order(executor, _screened, cases, tell))
@@ -157,7 +157,7 @@ class _Formula:
     name: str
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: Tell
+        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
     ) -> Mapping[str, CaseAnswer]:
         return dict(map_in_order(executor, self._answer, cases, tell))
 
@@ -168,7 +168,7 @@ class _Formula:
         op, pv = recording.op, recording.signals[Role.PV]
         usable = op.usable & pv.usable
         times = np.arange(len(recording))
-        # These formulas know no holes.
+        # These formulas do not allow missing samples.
         op_whole, pv_whole = (
             np.interp(times, times[usable], signal.values[usable]) for signal in (op, pv)
         )
@@ -187,12 +187,12 @@ class Haw:
     python: str
 
     def __call__(
-        self, cases: Sequence[PublicCase], executor: Executor, tell: Tell
+        self, cases: Sequence[PublicCase], executor: Executor, tell: OnProgress
     ) -> Mapping[str, CaseAnswer]:
         answers = {}
         for done, case in enumerate(cases, start=1):
             program = [self.python, str(_HAW_PROGRAM), str(Path(case.file).parent), case.case]
-            # The package draws each cycle, and looks at the picture.
+            # The package plots each cycle and classifies the picture.
             surroundings = {**os.environ, "MPLBACKEND": "Agg"}
             process = subprocess.run(
                 program, env=surroundings, capture_output=True, text=True, check=False
@@ -200,7 +200,7 @@ class Haw:
             if process.returncode:
                 raise ValueError(
                     f"{self.python} did not run HAW's Stiction-Analyser on {case.case}: "
-                    f"{process.stderr.strip()[-_LAST_WORDS:]}. docs/benchmark.md says how to "
+                    f"{process.stderr.strip()[-_LONGEST_MESSAGE:]}. docs/benchmark.md says how to "
                     "install it in an environment of its own"
                 )
             answers[case.case] = _of_cycles(json.loads(process.stdout)[case.case])

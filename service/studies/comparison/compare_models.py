@@ -17,7 +17,7 @@ from stemwatch.models.studies.literature.networks.product_network import PRODUCT
 from stemwatch.models.studies.literature.networks.table_one import FEEDFORWARD_PAPER, NARX_PAPER
 from stemwatch.models.studies.literature.scores import FitScore
 
-Tell = Callable[[str, int, int], None]  # model, done, of
+OnProgress = Callable[[str, int, int], None]  # model, done, of
 NETWORKS: tuple[Network, ...] = (FEEDFORWARD_PAPER, NARX_PAPER, PRODUCT)
 
 
@@ -71,7 +71,7 @@ def compare(
     models: Sequence[ValveModel] = EVERY,
     *,
     network: bool = True,
-    on_progress: Tell = lambda *_: None,
+    on_progress: OnProgress = lambda *_: None,
 ) -> Comparison:
     """Fit each of ``models`` and the three networks to the samples before ``train_until``.
 

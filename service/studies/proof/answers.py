@@ -124,8 +124,8 @@ def _numbers(stored: Mapping[str, Any] | None) -> StictionNumbers:
     return StictionNumbers(S=values["S"], J=values["J"])
 
 
-CHUNK = 12  # files of one process, so that its start costs little
-_LAST_WORDS = 2000  # characters of a failing process's messages
+CHUNK = 12  # files of one process, so that its start-up time matters little
+_LONGEST_MESSAGE = 2000  # characters of a failing process's messages
 
 
 class JudgeFailed(ValueError):
@@ -195,5 +195,5 @@ def _failure(chunk: _Chunk, stage: str, words: str) -> str:
     first, last = chunk.files[0], chunk.files[-1]
     return (
         f"the judging of {first} to {last} failed: {stage}; run `stemwatch explain {first}` on the "
-        f"kept files (--keep DIR). Its last words: {words[-_LAST_WORDS:].strip() or 'none'}"
+        f"kept files (--keep DIR). Its last words: {words[-_LONGEST_MESSAGE:].strip() or 'none'}"
     )

@@ -69,7 +69,7 @@ BATCH = 6
 NOTHING = "none"
 POSITIONER = "positioner"  # not in the mixed population, only on request
 
-Tell = Callable[[int], None]
+OnProgress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,11 @@ def file_names(count: int, seed: int) -> list[str]:
 
 
 def write_cases(
-    cases: Sequence[HiddenCase], seed: int, folder: Path, executor: Executor, on_progress: Tell
+    cases: Sequence[HiddenCase],
+    seed: int,
+    folder: Path,
+    executor: Executor,
+    on_progress: OnProgress,
 ) -> Seal:
     """Simulate ``cases`` into CSV files in ``folder`` and seal what they hold.
 

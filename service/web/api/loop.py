@@ -11,7 +11,7 @@ from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 from stemwatch.service.report.charts.loop_shapes import LoopShapes, loop_shapes
-from stemwatch.service.report.charts.thinning import telling_samples
+from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 from stemwatch.service.web.api.schemas import LoopAnswer, LoopShape, LoopTrace
 from stemwatch.service.web.api.signals import SignalWindow, json_numbers, read_recording
@@ -87,7 +87,7 @@ def loop_of(
     axis_values = [
         trace[part] for trace in (recording.op.values, vertical.values, fitted) if trace is not None
     ]
-    kept_samples = telling_samples(axis_values, LOOP_POINTS)
+    kept_samples = extreme_samples(axis_values, LOOP_POINTS)
     start = (window.start if recording.start is None else recording.start).timestamp()
     at_s = start + recording.time_s[part][kept_samples]
     return LoopAnswer(

@@ -96,6 +96,17 @@ class OscillationAnswer(BaseModel):
     over: bool = Field(description="a later run over the same loops did not find it again")
 
 
+class NextStepAnswer(BaseModel):
+    """What to do next at loops of which OP and PV alone say the same, those to test first first."""
+
+    verdict: str = Field(
+        description="suspected, cannot_tell or no_sign; not a verdict on the valve"
+    )
+    why: str = Field(description="why nothing can be told; empty where something can")
+    step: str = Field(description="what to do")
+    loops: list[str] = Field(description="those that look most like sticking first")
+
+
 class Trace(BaseModel):
     """Points of one signal; null breaks the line."""
 
@@ -202,7 +213,11 @@ class AlertLine(BaseModel):
     text: str
     opened: datetime
     seen: datetime = Field(description="when its cause was last found")
+    opened_again: datetime | None = Field(
+        description="when the same trouble came back and opened it again, the last time"
+    )
     closed: datetime | None
+    closed_why: str
     acknowledged: datetime | None
     acknowledged_by: str
     comment: str

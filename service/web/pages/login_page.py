@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from stemwatch.service.access.known_browser import remember_browser
-from stemwatch.service.access.links import BadName, LinkIsOver, find_link, use_link
+from stemwatch.service.access.links import BadName, InvalidLink, find_link, use_link
 from stemwatch.service.access.login import LoginRefused, TooMany, sign_in
 from stemwatch.service.access.passwords import LONGEST, SHORTEST, Busy, WeakPassword
 from stemwatch.service.access.sessions import begin_session, end_session
@@ -77,8 +77,8 @@ def welcome(request: Request, deps: Deps) -> HTMLResponse:
     secret = request.query_params.get("link", "")
     try:
         link = find_link(deps.store, secret, deps.now)
-    except LinkIsOver as error:
-        return _link_is_over_page(request, deps, error)
+    except InvalidLink as error:
+        return _invalid_link_page(request, deps, error)
     return _welcome_page(request, deps, link, secret)
 
 
@@ -92,8 +92,8 @@ def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
         if password != form.secret("again"):
             raise WeakPassword("the two passwords are not the same")
         user = use_link(deps.store, secret, name, password, deps.now)
-    except LinkIsOver as error:
-        return _link_is_over_page(request, deps, error)
+    except InvalidLink as error:
+        return _invalid_link_page(request, deps, error)
     except (BadName, WeakPassword, NameTaken, Busy) as error:
         return _welcome_page(request, deps, link, secret, name=name, message=str(error), status=422)
     address = address_of(request.scope)
@@ -115,7 +115,8 @@ def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
 
 
 def safe_place(address: str) -> str:
-    """A page of this site, or the first one: nobody is led elsewhere by a link to the login."""
+    """The address if it is a page of this site, else the first page, so that a login link cannot
+    redirect to another site."""
     parts = urlsplit(address)
     printable = address.isprintable() and "\\" not in address
     on_this_site = address.startswith("/") and not address.startswith("//")
@@ -125,7 +126,7 @@ def safe_place(address: str) -> str:
 def _enter(
     request: Request, deps: Dependencies, user: User, cookie: str, next_page: str
 ) -> RedirectResponse:
-    """In with the new session; the one that this browser had before has ended."""
+    """Redirect with the new session's cookie; an earlier session of this browser is ended."""
     answer = RedirectResponse(f"{_base(request)}{next_page}", 303)
     if old := request.cookies.get(cookie_name(request.scope), ""):
         end_session(deps.store, old)
@@ -182,7 +183,7 @@ def _welcome_page(
     )
 
 
-def _link_is_over_page(request: Request, deps: Dependencies, error: LinkIsOver) -> HTMLResponse:
+def _invalid_link_page(request: Request, deps: Dependencies, error: InvalidLink) -> HTMLResponse:
     return deps.renderer.page(request, "error_page.html", status=410, text=str(error), code=410)
 
 

@@ -1,4 +1,4 @@
-"""The test that would tell, of one valve: planned from its last screening, within limits that the
+"""The planned field test of one valve: designed from its last screening, within limits that the
 reader gives, and as one page to print. Nothing is ever written to the plant."""
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from stemwatch.service.web.dependencies import Dependencies, Deps
 
 if TYPE_CHECKING:
     from stemwatch.models.field_test.programme import TestLimits
-    from stemwatch.service.field_test.planned import PlanCache
+    from stemwatch.service.field_test.plan_from_screening import PlanCache
     from stemwatch.service.field_test.sheet import TestSheet
 
 FIELDS = ("amplitude", "minutes", "pv_upset", "op_low", "op_high", "op_now")
@@ -85,7 +85,7 @@ def _sheet(deps: Dependencies, valve: str, texts: dict[str, str]) -> TestSheet |
 @cache
 def _plan_cache() -> PlanCache:
     """The plans that were made before, by database and screening."""
-    from stemwatch.service.field_test.planned import PlanCache
+    from stemwatch.service.field_test.plan_from_screening import PlanCache
 
     return PlanCache()
 

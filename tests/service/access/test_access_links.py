@@ -10,7 +10,7 @@ import pytest
 
 from stemwatch.service.access.links import (
     BadName,
-    LinkIsOver,
+    InvalidLink,
     find_link,
     first_link,
     make_link,
@@ -42,7 +42,7 @@ def test_the_first_link_makes_the_first_admin_once(store: Store) -> None:
     assert (user.name, user.role) == ("Karl Berg", UserRole.ADMIN)
     assert check(store, "Karl Berg", PASSWORD, now) is not None
     assert first_link(store, PAGES) is None
-    with pytest.raises(LinkIsOver):
+    with pytest.raises(InvalidLink):
         use_link(store, secret_of(link), "Second", PASSWORD, now)
 
 
@@ -50,22 +50,22 @@ def test_only_the_newest_first_link_lets_in_and_only_while_nobody_can(store: Sto
     """A link from an old log is worthless after a restart, or once there is a user."""
     old, new = first_link(store, PAGES), first_link(store, PAGES)
     now = datetime.now(UTC)
-    with pytest.raises(LinkIsOver):
+    with pytest.raises(InvalidLink):
         find_link(store, secret_of(old), now)
     assert find_link(store, secret_of(new), now).kind is OneTimeLinkKind.FIRST
     make_user(store, "Ann", PASSWORD, "viewer")
-    with pytest.raises(LinkIsOver):
+    with pytest.raises(InvalidLink):
         use_link(store, secret_of(new), "Karl", PASSWORD, now)
 
 
-def test_of_many_who_open_one_link_one_gets_in(store: Store) -> None:
+def test_a_link_opened_by_many_at_once_admits_one(store: Store) -> None:
     """In the same instant, with different names."""
     secret = secret_of(first_link(store, PAGES))
 
     def open_it(number: int) -> bool:
         try:
             use_link(store, secret, f"Somebody {number}", PASSWORD, datetime.now(UTC))
-        except LinkIsOver:
+        except InvalidLink:
             return False
         return True
 
@@ -80,7 +80,7 @@ def test_an_invitation_runs_out(store: Store, ann: User, after: timedelta) -> No
     secret, _ = make_link(
         store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
     )
-    with pytest.raises(LinkIsOver, match="Ask an admin"):
+    with pytest.raises(InvalidLink, match="Ask an admin"):
         use_link(store, secret, "Bob", PASSWORD, NOW + after)
     user = use_link(store, secret, "Bob", PASSWORD, NOW + timedelta(days=2))
     assert (user.role, user.created_by) == (UserRole.VIEWER, "Ann")
@@ -94,7 +94,7 @@ def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
     assert [access_link.id for access_link in store.access_links.open(NOW)] == [link.id]
     assert store.access_links.revoke(link.id, NOW)
     assert not store.access_links.revoke(link.id, NOW)
-    with pytest.raises(LinkIsOver):
+    with pytest.raises(InvalidLink):
         use_link(store, secret, "Bob", PASSWORD, NOW)
 
 
@@ -118,7 +118,9 @@ def test_a_name_is_taken_whatever_its_capitals(store: Store, ann: User, name: st
         ("Bob", "short", WeakPassword),
     ],
 )
-def test_what_is_not_taken_costs_no_link(store: Store, ann: User, name, password, error) -> None:
+def test_a_refused_name_or_password_leaves_the_link_valid(
+    store: Store, ann: User, name, password, error
+) -> None:
     """A sentence, and another try."""
     secret, _ = make_link(
         store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
@@ -137,7 +139,7 @@ def test_a_link_for_a_password_changes_that_and_nothing_else(store: Store, ann: 
         )[0]
         for _ in range(2)
     ]
-    with pytest.raises(LinkIsOver):
+    with pytest.raises(InvalidLink):
         use_link(store, created[0], "Karl", "quite another phrase", NOW)
     user = use_link(store, created[1], "Karl", "quite another phrase", NOW)
     assert (user.name, user.role) == ("Ann Berg", UserRole.ENGINEER)
@@ -147,9 +149,9 @@ def test_a_link_for_a_password_changes_that_and_nothing_else(store: Store, ann: 
 
 
 @pytest.mark.parametrize("secret", ["", "x", "x" * 43, "\ud800", "\x00", "' OR 1=1 --"])
-def test_a_link_that_was_never_made_is_over(store: Store, ann: User, secret: str) -> None:
+def test_an_unknown_link_is_refused_like_a_used_one(store: Store, ann: User, secret: str) -> None:
     """The same sentence as for one that was used."""
-    with pytest.raises(LinkIsOver):
+    with pytest.raises(InvalidLink):
         find_link(store, secret, NOW)
 
 

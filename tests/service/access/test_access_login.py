@@ -106,8 +106,8 @@ def test_many_attempts_at_once_are_many_attempts(store: Store, ann: User) -> Non
 def test_the_wait_grows_up_to_a_bound(count: int) -> None:
     """Never negative, never less after more, never beyond the bound."""
     for wait, longest in (
-        (login.of_name, login.LONGEST_OF_NAME),
-        (login.of_address, login.LONGEST_OF_ADDRESS),
+        (login.wait_for_name, login.LONGEST_OF_NAME),
+        (login.wait_for_address, login.LONGEST_OF_ADDRESS),
     ):
         assert timedelta(0) <= wait(count) <= wait(count + 1) <= longest
 
@@ -123,7 +123,7 @@ def test_the_wait_grows_up_to_a_bound(count: int) -> None:
         ("testclient", "other", False),
     ],
 )
-def test_one_machine_is_one_address(item: str, other: str, same: bool) -> None:
+def test_ipv6_addresses_of_one_network_count_as_one(item: str, other: str, same: bool) -> None:
     """Of IPv6 the whole network that a machine may pick from."""
     assert (login.key_of_address(item) == login.key_of_address(other)) is same
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from stemwatch.service.field_test.sheet import LAST_WORD, clock, legs_of, sheet_of, to_object
+from stemwatch.service.field_test.sheet import LAST_WORD, clock, op_moves_of, sheet_of, to_object
 from stemwatch.service.field_test.sheet_files import html_of, pdf_of, write_sheet
 from stemwatch.service.report import ReportContext
 from tests.service.field_test.planned_tests import (
@@ -48,10 +48,10 @@ def test_sheet_says_what_is_told_apart_how_surely_and_that_a_person_sets_op():
 
 
 @pytest.mark.parametrize("plan", [plan_that_tells, plan_of_a_bump])
-def test_legs_hold_every_value_in_order_and_end_where_op_began(plan):
+def test_op_moves_hold_every_value_in_order_and_end_where_op_began(plan):
     """Legs put values together and lose none."""
     programme = plan().test.programme
-    legs = legs_of(programme, plan().op)
+    legs = op_moves_of(programme, plan().op)
     assert sum(leg.values for leg in legs) == sum(len(move.changes) for move in programme.moves)
     assert all(b.at_s > a.at_s for a, b in pairwise(legs))
     assert legs[-1].change == 0.0
@@ -60,19 +60,19 @@ def test_legs_hold_every_value_in_order_and_end_where_op_began(plan):
     assert all(leg.at_s in starts for leg in legs)
 
 
-def test_looks_are_where_the_rivals_differ():
+def test_readings_are_where_the_rivals_differ():
     """Every instant that the operator watches tells the rivals apart by a multiple of the noise."""
     sheet = sheet_of(plan_that_tells(), "FIC-1")
-    assert sheet.looks
-    for look in sheet.looks:
+    assert sheet.readings
+    for look in sheet.readings:
         assert abs(look.mv[0] - look.mv[1]) > 5.0 * sheet.plan.question.sigma
-    assert all(b.at_s > a.at_s for a, b in pairwise(sheet.looks))
+    assert all(b.at_s > a.at_s for a, b in pairwise(sheet.readings))
 
 
 def test_plan_without_a_test_says_why_and_has_nothing_to_do():
     """No room for PV: the limits that would do stand in the remarks, or that there are none."""
     sheet = sheet_of(plan_without_room(), "FIC-1")
-    assert sheet.legs == ()
+    assert sheet.moves == ()
     assert "upsets PV by more than 0.05" in sheet.headline
     nothing = sheet_of(plan_of_nothing(), "FIC-1")
     assert nothing.headline.startswith("Nothing is left to be told apart")

@@ -21,7 +21,13 @@ from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.config import load_plant
 from stemwatch.service.config.schema import parse_stroke
-from stemwatch.service.live_demo import DemoFolder, DemoTiming, LiveDemo, MailCatcher, Technician
+from stemwatch.service.live_demo import (
+    DemoFolder,
+    DemoTiming,
+    LiveDemo,
+    MailCatcher,
+    RecordedMaintenance,
+)
 from stemwatch.service.live_demo.loops import INTERVAL_S, WEARING, live_loops
 from stemwatch.service.live_demo.plant_file import demo_toml
 from stemwatch.service.store.store import open_store
@@ -177,12 +183,12 @@ def test_a_mail_that_is_too_large_is_refused(tmp_path: Path) -> None:
     assert caught(tmp_path, send).caught == []
 
 
-def test_the_fitter_comes_once_for_each_record(tmp_path: Path) -> None:
+def test_each_recorded_maintenance_is_reported_once(tmp_path: Path) -> None:
     """Not for what was recorded before he came, and not for valves that are not there."""
     with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
         now = datetime.now(UTC)
         store.record_maintenance("FIC-102", now, "long ago", "Ann")
-        fitter = Technician(store, ["FIC-101", "FIC-102"])
+        fitter = RecordedMaintenance(store, ["FIC-101", "FIC-102"])
         assert fitter.look() == []
         store.record_maintenance("FIC-101", now, "packing renewed", "Ann")
         store.record_maintenance("FIC-999", now, "elsewhere", "Ann")

@@ -20,7 +20,7 @@ from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.store import open_store
 from tests.service.conftest import BLIND, STICKY
-from tests.service.maintenance.example_book import BACKGROUND, context, longest, mixed
+from tests.service.maintenance.example_work_list import BACKGROUND, context, longest, mixed
 
 FILES = ("maintenance.html", "maintenance.pdf", "work-orders.xlsx", "work-orders.csv")
 

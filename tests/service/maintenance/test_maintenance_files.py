@@ -25,7 +25,7 @@ from stemwatch.service.maintenance.work_orders import (
     orders_xlsx,
 )
 from stemwatch.service.report.write_report import ReportNotWritten
-from tests.service.maintenance.example_book import (
+from tests.service.maintenance.example_work_list import (
     BACKGROUND,
     HOSTILE,
     context,
@@ -95,7 +95,7 @@ def test_the_pdf_has_a_page_for_each_valve_after_the_list(whole):
     assert pdf.count(b"/Title") >= len(whole.sheets)
 
 
-def test_the_pdf_is_the_same_for_the_same_book(whole):
+def test_the_pdf_is_the_same_for_the_same_work_list(whole):
     """Two reports of one run can be compared byte for byte."""
     assert work_list_pdf(whole) == work_list_pdf(whole)
 

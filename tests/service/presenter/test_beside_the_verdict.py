@@ -28,15 +28,15 @@ from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter import oscillation_words
+from stemwatch.service.presenter.suspicion_words import suspected_sentence, worth_a_test_sentence
 from stemwatch.service.presenter.work_decision import ne107_word
-from stemwatch.service.presenter.worth_a_test import suspected_sentence, worth_a_test_sentence
 from stemwatch.service.report import write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
 from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.store import open_store
 from stemwatch.service.web.site import Site
-from tests.service.maintenance.example_book import context, with_effects
+from tests.service.maintenance.example_work_list import context, with_effects
 from tests.service.presenter.test_one_run_everywhere import NO_POSITION, by_chance
 from tests.service.report.conftest import START, screening
 from tests.service.report.test_without_position import suspected

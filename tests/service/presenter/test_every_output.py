@@ -21,7 +21,7 @@ from stemwatch.service.alerts.rules import ValveRecord, apply_rules
 from stemwatch.service.cli import views
 from stemwatch.service.cli.explanation import explanation
 from stemwatch.service.config.service_schema import AlertRules
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
@@ -31,7 +31,7 @@ from stemwatch.service.report import ReportContext, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
-from tests.service.maintenance.example_book import context, frozen, mixed, with_effects
+from tests.service.maintenance.example_work_list import context, frozen, mixed, with_effects
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
 

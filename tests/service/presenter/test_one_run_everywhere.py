@@ -38,7 +38,7 @@ from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
-from tests.service.maintenance.example_book import context, frozen, with_effects
+from tests.service.maintenance.example_work_list import context, frozen, with_effects
 from tests.service.report.conftest import screening
 from tests.service.web import example_plant
 from tests.service.web.signed_in import cookie_of

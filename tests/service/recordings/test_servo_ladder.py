@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stemwatch.service.explain.explained import explain_recording
+from stemwatch.service.explain.explain_recording import explain_recording
 from stemwatch.service.report.charts.effect_pictures import effect_pictures
 from tests.benchmarks.bench_servo_ladder import CLEAR_LOAD, NO_LOAD, Row, read, row
 

@@ -14,7 +14,7 @@ import pytest
 
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.explain.explain_json import to_json
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.presenter.false_discoveries import discoveries
 from stemwatch.service.report import to_contract, write_report
 from tests.service.example_mismatches import named, of_every_kind

@@ -17,7 +17,7 @@ import pytest
 
 from stemwatch.models.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import FreeRuns, HotPlace, ResidualMap
-from stemwatch.service.explain.explained import Explained
+from stemwatch.service.explain.explain_recording import Explained
 from stemwatch.service.explain.write_explanation import write_pages
 from stemwatch.service.presenter.evidence_of_weeks import evidence_of_weeks
 from stemwatch.service.report import write_report

@@ -19,8 +19,8 @@ from stemwatch.service.report.bars import gauge, gauge_top
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.report.charts.thinning import (
     ThinningGrid,
+    extreme_samples,
     lowest_and_highest,
-    telling_samples,
 )
 
 values_or_gaps = st.one_of(st.floats(-1e6, 1e6), st.just(float("nan")))
@@ -44,7 +44,7 @@ def test_decimation_keeps_the_extremes_and_bounds_the_points(trace, points):
 def test_telling_samples_hold_the_extremes_of_each_trace(trace, points):
     """The samples picked for a loop hold each trace's ends, in time order, within the bound."""
     other = np.cos(np.arange(trace.size))
-    picked = telling_samples([trace, other], points)
+    picked = extreme_samples([trace, other], points)
     assert picked.size <= points
     assert np.all(np.diff(picked) > 0)
     assert other[picked].max() == other.max()

@@ -20,7 +20,7 @@ from stemwatch.service.report.charts.valve_plots import (
     plots_instead_of_samples,
     plots_of,
 )
-from stemwatch.service.report.html_page import MOST_PLOTTED, MOST_TOLD
+from stemwatch.service.report.html_page import MOST_PLOTTED, MOST_SECTIONS
 from stemwatch.service.run.spill import ResultSpill
 
 
@@ -53,7 +53,7 @@ def test_what_is_read_is_what_was_put(mixed_plant) -> None:
         )
 
 
-def test_the_report_is_the_same_from_a_shelf(mixed_plant, make_context, tmp_path) -> None:
+def test_the_report_from_a_spill_is_the_same(mixed_plant, make_context, tmp_path) -> None:
     """Packed results give byte for byte the report of those with all samples."""
     context = make_context(mixed_plant)
     complete = write_report(mixed_plant, context, tmp_path / "whole")
@@ -107,9 +107,9 @@ def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, t
     files = write_report(spill, make_context([model]), tmp_path, spill.evidence)
     text = files.html.read_text("utf-8")
     assert text.count('<tr role="row" data-anchor=') == 1000
-    assert text.count('<article class="valve') == MOST_TOLD
+    assert text.count('<article class="valve') == MOST_SECTIONS
     assert text.count('<article class="valve with-plots"') == MOST_PLOTTED
-    assert f"The first {MOST_TOLD} valves have a section of their own" in text
+    assert f"The first {MOST_SECTIONS} valves have a section of their own" in text
     assert len(text) < 30e6
     assert len(json.loads(files.json.read_text("utf-8"))) == 1000
     assert len(files.csv.read_text("utf-8-sig").splitlines()) == 1001

@@ -25,7 +25,7 @@ from stemwatch.service.report.charts.window_pictures import (
 )
 from stemwatch.service.report.html_page import html_bytes
 from stemwatch.service.report.ranking import rank_valves
-from tests.service.maintenance.example_book import context, with_effects
+from tests.service.maintenance.example_work_list import context, with_effects
 from tests.service.report.conftest import recording, screening
 
 

@@ -12,7 +12,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
-from stemwatch.service.presenter.worth_a_test import (
+from stemwatch.service.presenter.suspicion_words import (
     MOST_NAMED,
     loops_to_test,
     next_steps,
@@ -195,7 +195,7 @@ def test_loops_with_one_reason_have_one_step_whatever_their_numbers(make_screeni
     first, second = next_steps([*others, *few])
     assert first.why == "only … samples."
     assert first.loops[:2] == (f"F-{MOST_NAMED + 1:02}", f"F-{MOST_NAMED:02}")
-    assert first.listed.endswith(" and 2 more")
+    assert (len(first.named), first.unnamed) == (len(first.loops) - 2, " and 2 more")
     assert (second.why, second.loops) == ("PV is not in this recording.", ("P-1",))
     (alone,) = next_steps(few[5:6])
     assert alone.why == "only 95 samples."

@@ -142,7 +142,7 @@ def test_it_wakes_for_schedules_that_come_and_go(tmp_path: Path) -> None:
 
     with open_store(f"sqlite:///{tmp_path / 'store.db'}") as store:
         queued = threading.Event()
-        scheduler = Scheduler(store, "UTC", queued.set, look_again_s=0.2)
+        scheduler = Scheduler(store, "UTC", queued.set, longest_pause_s=0.2)
         scheduler.start()
         try:
             store.schedules.take_from_file([ScreeningSchedule(name="quick", every_s=1.0)])

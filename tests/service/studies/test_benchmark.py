@@ -25,7 +25,6 @@ from stemwatch.service.studies.benchmark.answers import (
     read_answers,
     write_answers,
 )
-from stemwatch.service.studies.benchmark.judged import judge, write_benchmark
 from stemwatch.service.studies.benchmark.methods import method_named, public_cases, recording_of
 from stemwatch.service.studies.benchmark.score import (
     PARTS,
@@ -34,6 +33,7 @@ from stemwatch.service.studies.benchmark.score import (
     merit_of,
     parts_of,
 )
+from stemwatch.service.studies.benchmark.seal_and_score import judge, write_benchmark
 from stemwatch.service.studies.benchmark.truth import ValveTruth
 
 SECRET_SEED = 5151_000_000_017

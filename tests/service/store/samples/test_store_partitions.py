@@ -54,7 +54,7 @@ def rows_in(store: Store, table: str) -> int:
 
 def days_of(store: Store) -> set[int]:
     with store.transactions.reading() as session:
-        return set(partitions.days_there(session.connection()))
+        return set(partitions.existing_days(session.connection()))
 
 
 def test_days_are_made_ahead(site: Store) -> None:

@@ -8,7 +8,7 @@ from datetime import timedelta
 import pytest
 
 from stemwatch.service.report.charts.window_pictures import pack_pictures, window_pictures
-from tests.service.maintenance.example_book import with_effects
+from tests.service.maintenance.example_work_list import with_effects
 from tests.service.report.conftest import screening as with_samples
 from tests.service.web.example_plant import NOW, STICKY, screening, serving
 from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened

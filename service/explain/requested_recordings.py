@@ -1,4 +1,5 @@
-"""From what a user typed to tasks, one source at a time: one that names nothing costs no other."""
+"""From sources on the command line to tasks; a source that names nothing does not stop the
+others."""
 
 from __future__ import annotations
 
@@ -13,8 +14,8 @@ from stemwatch.service.run.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
-class ToExplain:
-    """One valve to explain, or a source that gives none. ``source`` is the path as it was given."""
+class RecordingToExplain:
+    """One valve to explain, or a source without one. ``source`` is the path as the user gave it."""
 
     source: str
     valve: str
@@ -23,27 +24,28 @@ class ToExplain:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AllToExplain:
-    """What was asked for, in its order, and what a folder holds that is no recording: why not."""
+class RecordingsToExplain:
+    """The requested recordings in order, and for other files of a folder why they are no
+    recordings."""
 
-    valves: tuple[ToExplain, ...]
+    valves: tuple[RecordingToExplain, ...]
     left_out: tuple[tuple[str, str], ...] = ()
 
 
-def what_to_explain(request: Request) -> AllToExplain:
-    """Everything that ``request`` names; a file that is named twice stands once."""
-    todo: dict[tuple[Path, str, str], ToExplain] = {}
+def recordings_to_explain(request: Request) -> RecordingsToExplain:
+    """Everything that ``request`` names; a file that is named twice is listed once."""
+    todo: dict[tuple[Path, str, str], RecordingToExplain] = {}
     left_out: dict[str, str] = {}
     for source, planned in _planned(request):
         if isinstance(planned, str):
-            named = [ToExplain(source=source, valve=Path(source).stem, reason=planned)]
+            named = [RecordingToExplain(source=source, valve=Path(source).stem, reason=planned)]
         else:
             named = [_named(task, source) for task in planned.tasks]
             left_out.update(planned.not_read)
         for entry in named:
             op = entry.task.tags.tags[Role.OP].tag if entry.task is not None else ""
             todo.setdefault((Path(entry.source), entry.valve, op), entry)
-    return AllToExplain(valves=tuple(todo.values()), left_out=tuple(left_out.items()))
+    return RecordingsToExplain(valves=tuple(todo.values()), left_out=tuple(left_out.items()))
 
 
 def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:
@@ -58,7 +60,7 @@ def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:
             yield source, str(error)
 
 
-def _named(task: Task, source: str) -> ToExplain:
-    """``./a.csv`` stays ``./a.csv``: whoever asked for it looks for that."""
+def _named(task: Task, source: str) -> RecordingToExplain:
+    """The task under the path as it was typed: ``./a.csv`` stays ``./a.csv``."""
     path = source if source and Path(source) == Path(task.path) else task.path
-    return ToExplain(source=path, valve=task.tags.valve, task=task, reason=task.reason)
+    return RecordingToExplain(source=path, valve=task.tags.valve, task=task, reason=task.reason)

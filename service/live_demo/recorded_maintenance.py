@@ -15,10 +15,10 @@ log = logging.getLogger(__name__)
 _LOOK_S = 0.5
 
 
-class Technician:
-    """Finds out in ``store`` which of ``valves`` have newly recorded maintenance.
+class RecordedMaintenance:
+    """Watches ``store`` for newly recorded maintenance of ``valves``.
 
-    What was recorded before this object was created does not count. Raises ``StoreError``.
+    Maintenance recorded before this object was created does not count. Raises ``StoreError``.
     """
 
     def __init__(self, store: Store, valves: Iterable[str]) -> None:
@@ -48,19 +48,19 @@ class Technician:
                 yield valve
 
 
-async def repair_what_is_recorded(
-    technician: Technician, server: PlantServer, on_news: Callable[[str], object]
+async def repair_recorded_valves(
+    maintenance: RecordedMaintenance, server: PlantServer, on_news: Callable[[str], object]
 ) -> None:
     """Repair each valve of ``server`` with newly recorded maintenance, without end.
 
     A repaired valve no longer wears. ``on_news`` is called with its tag.
     """
-    async for tag in technician.calls():
+    async for tag in maintenance.calls():
         server.repair(tag, lasting=True)
         on_news(tag)
 
 
-async def wear_once_known(
+async def wear_after_baseline(
     store: Store, server: PlantServer, tag: str, wear: Wear, on_news: Callable[[str], object]
 ) -> None:
     """Start the wear of valve ``tag`` once ``store`` has a baseline of it, which the drift is
