@@ -35,11 +35,11 @@ def block_weights(counts: NDArray[Any], replicates: int, rng: np.random.Generato
 def cheapest(
     candidates: Floats, losses: Floats, weights: Floats, rng: np.random.Generator
 ) -> Floats:
-    """(replicates, k) the candidate that each replicate finds best.
+    """(replicates, k) the candidate with the least loss in each replicate.
 
     ``candidates`` (m, k), their ``losses`` by block (m, b), ``weights`` (replicates, b) as
-    ``block_weights`` draws them. Candidates between which no slip moves to another sample cost the
-    same: any of them may be the one.
+    ``block_weights`` draws them. Candidates whose slips all fall on the same samples have equal
+    losses; one of them is taken at random.
     """
     totals = weights @ losses.T
     totals += _TIE * totals.mean() * rng.random(totals.shape)

@@ -1,6 +1,7 @@
-"""The kernels, each used once, so that numba compiles it and keeps it in its cache.
+"""Use each kernel once, so that numba compiles it and keeps it in its cache.
 
-What they stand in is imported late: who hands the compiling out to a worker needs none of it.
+Their modules are imported late, because a process that leaves the compiling to a worker needs none
+of them.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
     for part in parts:
         if part is Kernels.FITS:
             screen([Case(recording=short_recording())], Options(mismatch=False))
-            op = short_recording().op.values.copy()  # to be written to, as where it is used
+            # writable, as in actual use: numba compiles read-only arrays separately
+            op = short_recording().op.values.copy()
             element(op, 4.0, 2.0, np.empty_like(op))  # of loops with PV
             _run_a_loop(op)
         elif part is Kernels.MISMATCH:
@@ -46,7 +48,7 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
 
 
 def _run_a_loop(op: Floats) -> None:
-    """Compile what runs the loop of a sticking valve again."""
+    """Compile the kernels that simulate the control loop of a sticking valve."""
     from stemwatch.models.closed_loop import kernel
     from stemwatch.models.closed_loop.process_model import process_model
 

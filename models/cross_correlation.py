@@ -1,4 +1,4 @@
-"""Sums of products of two signals over delay, from which correlations are made."""
+"""Sums of products of two signals by delay, the basis of cross-correlations."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from stemwatch.models.recording import Floats
 def lagged_products(first: Floats, second: Floats, lags: int) -> Floats:
     """(lags,) ``sum_k first[k] second[k + lag]`` for each ``lag`` from 0, of two (n,) without NaN.
 
-    By fast Fourier transform, padded far enough that no lag below ``lags`` wraps round.
+    Computed by fast Fourier transform, padded so that no lag below ``lags`` wraps round.
     """
     size = next_fast_len(first.size + lags - 1, real=True)
     spectrum = np.fft.rfft(first, size)

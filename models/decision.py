@@ -24,14 +24,14 @@ NO_OFFSET = (0.85, 1.15)
 # Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
 FRICTION_MEAN, FRICTION_T = 0.05, 2.0
 MOST_CONFIDENCE = 0.99  # bootstrap draws do not cover what no model here describes
-# From these on, friction is beyond doubt, however much its slips scatter in time.
+# From these gains on, friction is certain, however much its slips scatter in time.
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
 NEGLIGIBLE_PERCENT = 0.5  # a residual below this is small for a valve whatever its share
 # A delay below this is usual for good valves and is not mentioned.
 WORTH_SAYING_S = 0.5
 SLOW_PERCENT_PER_S = 10.0
-MISREAD = 1.5  # how far S and J alone must be off
+MISREAD = 1.5  # ratio by which S and J alone must be wrong to be mentioned
 MISREAD_PERCENT = 0.5
 # The gain of the actuator over friction alone on held-out data that makes it certain.
 CERTAIN_MEAN, CERTAIN_T = 0.1, 2.4
@@ -69,7 +69,9 @@ FASTER = (
 
 @dataclass(frozen=True, kw_only=True)
 class DecisionEvidence:
-    """What ``decide`` weighs of one valve. S and J in percent of OP span."""
+    """The evidence on one valve from which ``decide`` derives the verdict. S and J in percent of OP
+    span.
+    """
 
     S: Estimate
     J: Estimate
@@ -80,14 +82,14 @@ class DecisionEvidence:
     following: Residual | None  # stick-slip model, resynchronised at each block of time
     typical_percent: float  # 100 (1 - median |residual| / median |MV - median MV|), the same run
     narx: Residual | None
-    unseen: Residual | None  # a free run of S and J alone, where what they leave has no name
+    unseen: Residual | None  # a free run of S and J alone, where the residual has no named cause
     sigma: float  # measurement noise of the position, percent
-    slow: str  # what is slow beside friction, a sentence, or nothing
+    slow: str  # a sentence on lags and speed limits beside friction, or empty
     baseline: Residual | None  # the baseline network's, on this window
     baseline_ratio: float | None
     cycling_s: float | None  # period of the loop's regular oscillation, on the record's own clock
     unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
-    sampling: str = ""  # why the sampling is too slow to tell how the stem moved, or nothing
+    sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +102,7 @@ class Decision:
     shape: Shape | None = None
     severity: float = 0.0
     confidence: float | None = None
-    numbers_hold: bool = True  # False where S and J describe nothing and must not be shown
+    numbers_hold: bool = True  # False where S and J do not describe the valve and must not be shown
 
 
 def shape_of(S: float, J: float) -> Shape:
@@ -143,8 +145,8 @@ def _unexplained(evidence: DecisionEvidence, limits: Limits) -> str | None:
     """Why S and J do not describe this valve, or ``None`` where they do."""
     residual = evidence.following
     beyond_doubt = evidence.friction_mean >= BEYOND_DOUBT_MEAN
-    # Better than no friction is not enough: the position of another valve is also "followed" best
-    # by a stem that hardly moves, and no better than by a constant.
+    # A better fit than without friction is not enough: the position of another valve is also fitted
+    # best by a stem that hardly moves, but no better than by a constant.
     follows = residual is None or residual.fit_percent > 0.0
     if beyond_doubt and evidence.friction_t >= BEYOND_DOUBT_T and follows:
         return None
@@ -152,8 +154,8 @@ def _unexplained(evidence: DecisionEvidence, limits: Limits) -> str | None:
         return None
     if residual is None or residual.rmse <= max(3.0 * evidence.sigma, NEGLIGIBLE_PERCENT):
         return None
-    # Breakaways scatter: a slip that comes some samples early or late costs a whole jump for that
-    # long. A model that is right most of the time and then off by one jump does describe the stem.
+    # Breakaways scatter: while a slip is some samples early or late, the residual is a whole jump.
+    # A model that is right most of the time and off by one jump in between does describe the stem.
     if max(residual.fit_percent, evidence.typical_percent - 20.0) >= limits.min_fit_percent:
         return None
     best = evidence.sigma
@@ -232,7 +234,7 @@ def _watch(evidence: DecisionEvidence, limits: Limits, reason: str, confidence: 
 
 
 def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: Limits) -> Decision:
-    """S reaches the watch limit, and its low end not the sticky one."""
+    """S reaches the watch limit, but its low end is below the sticky one."""
     if evidence.sampling and low < limits.watch_S_percent:
         return _cannot_tell(f"S is at most {_percent(high)}: {evidence.sampling}", FASTER)
     if high > 3.0 * limits.sticky_S_percent and low < limits.watch_S_percent:
@@ -242,10 +244,10 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
 
 
 def _not_followed(evidence: DecisionEvidence, limits: Limits) -> str | None:
-    """Why a small S tells nothing of this valve, or ``None`` where it does.
+    """Why a small S does not prove this valve healthy, or ``None`` where it does.
 
-    S is small, but the free run with it is far from the part that was not fitted, and what is left
-    has no name: the stem moves by something else, or OP is not its command.
+    S is small, but its free run is far from the part that was not fitted, and the residual has no
+    named cause: something else moves the stem, or OP is not its command.
     """
     residual = evidence.unseen
     if residual is None or residual.fit_percent >= limits.min_fit_percent:
@@ -276,7 +278,7 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
 
 
 def _moved_away(evidence: DecisionEvidence, limits: Limits) -> bool:
-    """True where the valve behaves otherwise than in its baseline window, and it matters."""
+    """True where the valve differs materially from its baseline window."""
     ratio, residual = evidence.baseline_ratio, evidence.baseline
     if ratio is None or residual is None:
         return False
@@ -294,12 +296,12 @@ def _cannot_tell(reason: str, advice: str, *, numbers_hold: bool = True) -> Deci
 
 
 def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
-    """Weigh the evidence of a recording that has no obstacle.
+    """The verdict from the evidence of a recording that has no obstacle.
 
-    sticky: even the low end of S reaches the limit, and a valve without friction fits worse on
-    data that neither model was fitted to. watch: S itself reaches the lower limit, or the valve
-    has moved away from its baseline. healthy: even the high end of S stays below the sticky limit,
-    and a free run follows what was not fitted, or what it leaves has a name.
+    sticky: even the low end of S reaches the limit, and a valve without friction fits worse on data
+    that neither model was fitted to. watch: S itself reaches the lower limit, or the valve has
+    moved away from its baseline. healthy: even the high end of S stays below the sticky limit, and
+    a free run follows the part that was not fitted, or its residual has a named cause.
     """
     unexplained = _unexplained(evidence, limits)
     if unexplained is not None:
@@ -341,7 +343,8 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
 
 
 def slowness(fit: StickSlipFit) -> str:
-    """A sentence with a blank before it, or nothing where only friction is certain.
+    """A sentence on lags and speed limits, with a leading blank; empty where only friction is
+    certain.
 
     Rising and falling are those of the position; which of them opens the valve is not known here.
     """
@@ -356,7 +359,7 @@ def slowness(fit: StickSlipFit) -> str:
 
 
 def beside_friction(mismatch: Mismatch) -> str:
-    """What was found beside friction, a sentence with a blank before it, or nothing."""
+    """A sentence on effects beside friction, with a leading blank; empty where there are none."""
     if not mismatch.effects:
         return ""
     sentence = f" Beside friction: {' '.join(effect.sentence for effect in mismatch.effects)}"

@@ -11,7 +11,7 @@ class Estimate:
 
     Exactly one of ``value`` and ``reason`` is set: a fit that cannot conclude is a result with a
     sentence, never a number that looks like one. Where only a bound is known there is no value,
-    ``low`` is the bound, and the reason says why there is no more.
+    ``low`` is the bound, and the reason says why no value is known.
     """
 
     value: float | None = None
@@ -36,7 +36,7 @@ class Estimate:
 
     @property
     def at_least(self) -> float | None:
-        """The bound, where nothing but a lower one is known; else ``None``."""
+        """The lower bound, where only that is known; else ``None``."""
         return self.low if self.value is None else None
 
     def holding(self, *others: Estimate) -> Estimate:
@@ -46,7 +46,7 @@ class Estimate:
         return replace(self, low=min(lows, default=None), high=max(highs, default=None))
 
     def contradicts(self, other: Estimate) -> bool:
-        """Whether the intervals of two estimates of one number have nothing in common."""
+        """Whether the intervals of two estimates of one number do not overlap."""
         if self.low is None or self.high is None or other.low is None or other.high is None:
             return False
         return max(self.low, other.low) > min(self.high, other.high)

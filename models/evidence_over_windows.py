@@ -1,7 +1,8 @@
-"""What many windows of one valve say together: which effects stand, and S and J pooled.
+"""The evidence of many windows of one valve together: which effects are confirmed, and S and J
+pooled.
 
-The unit of evidence is the window: each is a search of its own, and a poor optimum spoils one of
-them only. Gains are not added up, because a bias would be added up with them.
+The unit of evidence is the window: each is a search of its own, so that a poor optimum spoils one
+window only. Gains are not added up, because their biases would add up too.
 
     first seen   one window has named the effect
     confirmed    two of the last ``MEMORY`` windows name it (they agree), or one names it and the
@@ -15,14 +16,14 @@ confirm it where
 
     sum(m_i) / n >= LEAST_MEAN    and    sum(t_i) / sqrt(n) >= LEAST_T
 
-the second as Stouffer et al. (1949) combine tests. What chance names more often (``HARDER`` in
-``mismatch.acceptance_limits``: play, and dwell, which scatter of the breakaways imitates) needs one
-window more: three that agree, or two and the others. Where an effect is of friction itself and S
-falls below half of what it was with it, a window says that it is not there. Work on the valve, and
-a change that a window itself tells (``begins_anew``), let everything begin from the start.
+the second as Stouffer et al. (1949) combine tests. Effects that chance names more often (``HARDER``
+in ``mismatch.acceptance_limits``: play, and dwell, which scatter of the breakaways imitates) need
+one window more: three that agree, or two and the others. An effect of friction itself counts as
+absent in a window whose S is below half of that in the windows with the effect. After work on the
+valve, or a change that a window itself shows (``begins_anew``), the evidence starts afresh.
 
-How often that is wrong: `stemwatch prove-weeks` counts valves with nothing hidden on which anything
-is confirmed within 30 daily windows.
+`stemwatch prove-weeks` measures how often this is wrong: it counts valves with nothing hidden on
+which an effect is confirmed within 30 daily windows.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ from stemwatch.models.mismatch.acceptance_limits import HARDER, NULL_RATE
 from stemwatch.models.mismatch.findings import EffectScore, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats
 
-MEMORY = 8  # windows in which so many must agree
+MEMORY = 8  # windows that count; AGREE of them must agree
 AGREE = 2
 LEAST_MEAN, LEAST_T = 0.02, 1.2
 FEWEST_OTHERS = 3  # windows that can confirm what one has named
 LEFT_OUT_BY_CHANCE = 0.05
-# How friction itself shows beside S and J: on a valve that sticks they have its cause.
+# Effects of friction itself: on a valve that sticks they have the same cause as S and J.
 OF_FRICTION = frozenset(
     {
         "asymmetric_slip",
@@ -57,10 +58,10 @@ OF_FRICTION = frozenset(
     }
 )
 FRICTION_GONE = 0.5  # of S in the windows that name such an effect: with less it cannot be there
-FEWEST_WITHOUT = 3  # windows on end without it, before a confirmed effect is gone
-# Of one window's error, the part that all windows share: no stem is exactly the element. With it
-# 94 % of the pooled intervals of 26 simulated valves with an effect held the truth (development
-# seeds 7171 and 8181), without it 85 %.
+FEWEST_WITHOUT = 3  # consecutive windows without it, before a confirmed effect is gone
+# The part of one window's error that all windows share, because no stem is exactly the element.
+# With it 94 % of the pooled intervals of 26 simulated valves with an effect held the truth
+# (development seeds 7171 and 8181), without it 85 %.
 SHARED = 0.7
 _NORMAL_95 = 1.959964
 
@@ -76,14 +77,15 @@ class FindingState(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class WindowEvidence:
-    """What one window of a valve said; ``at`` is its end, ``start`` its beginning where known.
+    """The evidence of one window of a valve; ``at`` is its end, ``start`` its beginning where
+    known.
 
-    ``named`` has the class of each defect that was named: its slug, then those that the window
-    could not tell from it. ``sizes`` are its numbers, as far as they are known, by slug and
-    name. ``scores`` are those of all effects that it could have shown, named or
-    not. ``S`` and ``J`` are restated with what was named, percent of OP span; ``p_value`` is how
-    probable as strong an effect is on a valve with nothing hidden. ``begins_anew`` says
-    why earlier windows do not describe this valve any more; empty where they do.
+    ``named`` has the class of each named defect: its slug, then those that the window could not
+    separate from it. ``sizes`` are its numbers, as far as they are known, by slug and name.
+    ``scores`` are those of all effects that it could have shown, named or not. ``S`` and ``J`` are
+    restated with the named effects, percent of OP span; ``p_value`` is the probability of an effect
+    of this strength on a valve with nothing hidden. ``begins_anew`` says why earlier windows do not
+    describe this valve any more; empty where they do.
     """
 
     at: datetime
@@ -127,7 +129,7 @@ class WindowEvidence:
         )
 
     def names(self, slug: str) -> bool:
-        """Whether it names the effect, or one that it cannot tell from it."""
+        """Whether it names the effect, or one that it cannot separate from it."""
         return any(slug in members for members in self.named)
 
     def score(self, slug: str) -> EffectScore | None:
@@ -144,9 +146,9 @@ class LastingFinding:
     """One effect over the windows of a valve.
 
     ``named`` of ``of`` windows, the last ``MEMORY`` that could have shown it, name it. ``mean`` and
-    ``t`` are what the others of these gain by it together; ``None`` where there are too few.
+    ``t`` are the combined gain by it in the other windows; ``None`` where there are too few.
     ``confirmed`` is when it was last confirmed anew, ``None`` where it never was. ``p_value`` is
-    how probable it is that as many windows name it as strongly on a valve with nothing hidden.
+    the probability that as many windows name it as strongly on a valve with nothing hidden.
     """
 
     slug: str
@@ -167,8 +169,10 @@ class LastingFinding:
 
 
 def windows_that_count(windows: Iterable[WindowEvidence]) -> list[WindowEvidence]:
-    """The windows in order of time since the last one that ``begins_anew``, it included, without
-    those that share samples with one before: the same minutes twice are no second witness."""
+    """The windows in order of time since the last one that ``begins_anew``, that one included.
+    Windows that share samples with an earlier one are left out: the same minutes are not evidence
+    twice.
+    """
     separate: list[WindowEvidence] = []
     for window in sorted(windows, key=lambda window: window.at):
         if window.begins_anew:
@@ -180,10 +184,10 @@ def windows_that_count(windows: Iterable[WindowEvidence]) -> list[WindowEvidence
 
 def lasting_findings(windows: Iterable[WindowEvidence]) -> tuple[LastingFinding, ...]:
     """Every effect that some window since the last new beginning has named, those that hold first.
-    Which windows count says ``windows_that_count``.
+    ``windows_that_count`` decides which windows count.
 
-    A window that names one of several effects that it cannot tell apart speaks for the one that
-    most windows speak for, and for no other.
+    A window that names one of several effects that it cannot separate counts for the one that most
+    windows name, and for no other.
     """
     ordered = windows_that_count(windows)
     findings = [_followed(slug, ordered) for slug in _spoken_for(ordered)]
@@ -202,7 +206,7 @@ def lasting_findings(windows: Iterable[WindowEvidence]) -> tuple[LastingFinding,
 
 
 def _spoken_for(windows: Sequence[WindowEvidence]) -> list[str]:
-    """The slug that each class of effects is followed under, the one with most windows first."""
+    """The slug under which each class of effects is followed, the one with most windows first."""
     classes = [members for window in windows for members in window.named]
     slugs: list[str] = []
     while classes:
@@ -241,7 +245,7 @@ def _followed(slug: str, windows: Sequence[WindowEvidence]) -> LastingFinding | 
             state = FindingState.STANDING
     last = max(index for index, named in enumerate(names) if named)
     if confirmed is None and len(windows_tested) - 1 - last >= MEMORY:
-        return None  # one window alone said so, and none of the many since
+        return None  # only one window named it, and none of the many since
     recent = windows_tested[-MEMORY:]
     mean, t = _combined(slug, recent)
     return LastingFinding(
@@ -277,7 +281,8 @@ def _is_free(S: Estimate | None, felt: float) -> bool:
 def _chance(slug: str, windows: Sequence[WindowEvidence]) -> float:
     """``min over k of C(n, k) p_1 ... p_k``, at most 1, with n windows and in rising order the p
     values of those that name the effect: how probable it is that chance makes k of them as small,
-    for whichever k that is least."""
+    for the k with the least product.
+    """
     named = sorted(
         NULL_RATE if window.p_value is None else window.p_value
         for window in windows
@@ -291,7 +296,7 @@ def _chance(slug: str, windows: Sequence[WindowEvidence]) -> float:
 
 
 def _confirms(slug: str, recent: Sequence[WindowEvidence], names: Sequence[bool]) -> bool:
-    """Enough windows agree, or one less and the others gain by the effect together."""
+    """Whether enough windows agree, or one fewer and the others gain by the effect together."""
     agree = AGREE + (slug in HARDER)
     if sum(names) >= agree:
         return True

@@ -40,7 +40,7 @@ def _turning_points(values: Floats, threshold: float, out: NDArray[np.int64]) ->
 
 
 def reversals(values: Floats, threshold: float) -> NDArray[np.int64]:
-    """Indices at which ``values`` (n,), finite, turns round by at least ``threshold``.
+    """Indices at which ``values`` (n,), finite, reverses by at least ``threshold``.
 
     Noise smaller than the threshold makes no reversal.
     """
@@ -83,7 +83,7 @@ def jumps_from_rest(mv: Floats, op: Floats, sigma: float) -> Jumps:
     begins, ends = runs_of(moved).T
     rest_samples = begins - np.concatenate(([0], ends[:-1])) if begins.size else begins
     op_steps = np.abs(np.diff(op))
-    # The command may have moved a sample earlier than the stem shows it.
+    # The command may have moved a sample before the stem shows it.
     op_steps[1:] = np.maximum(op_steps[1:], op_steps[:-1])
     jump = (rest_samples >= REST_SAMPLES) & (steps[begins] > 3.0 * op_steps[begins])
     return Jumps(begins=begins[jump], sizes=np.asarray((mv[ends] - mv[begins])[jump]))
@@ -101,11 +101,11 @@ def swing(values: Floats) -> float:
 def ranges(values: Floats, runs: NDArray[np.int64]) -> Floats:
     """(m,) highest less lowest of ``values`` (n,) within each of ``runs`` (m, 2).
 
-    A run is its first sample and its last + 1; runs may overlap. NaN is ignored, and is the range
-    of a run that holds nothing else.
+    A run is given by its first sample and its last + 1; runs may overlap. NaN is ignored; a run of
+    NaN alone has the range NaN.
     """
-    # ``reduceat`` works from each edge to the next: every other one is a run. The sample at the end
-    # is there for a run that ends with the signal.
+    # ``reduceat`` works from each edge to the next, so every other result is a run. One sample is
+    # appended for a run that ends with the signal.
     edges, padded = runs.ravel(), np.append(values, np.nan)
     high, low = (f.reduceat(padded, edges)[::2] for f in (np.fmax, np.fmin))
     return np.asarray(high - low)
@@ -115,7 +115,7 @@ def at_limits(op: Floats) -> tuple[float, float]:
     """Shares of the samples of an OP in percent that rest on its lower and on its upper limit.
 
     A limited output stays exactly at its lowest (highest) value, at or slightly beyond 0 % (100 %).
-    Merely being below zero is no limit: a centred record is, half of the time.
+    A value below zero is not a limit by itself: a centred record is below zero half of the time.
     """
     finite = op[np.isfinite(op)]
     if not finite.size:

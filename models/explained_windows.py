@@ -7,9 +7,10 @@ One search over eight hours costs as much as eight over one hour each, and a poo
 window, not the record. A record of so many samples that it has fewer than ``FEWEST`` windows is
 explained in one piece.
 
-What shows in few places of each hour, as play does, eight hours tell better. Where the windows
-agree on nothing and yet gain by some effect together, the record is therefore also explained as a
-whole, if it is no longer than they are; what that names counts where they gain by it.
+An effect that shows in few places of each hour, such as play, is found better in eight hours. Where
+the windows agree on nothing and yet gain by some effect together, the record is therefore also
+explained as a whole, if it is no longer than the windows together. An effect named there counts
+where the windows gain by it.
 """
 
 from __future__ import annotations
@@ -33,20 +34,20 @@ from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 
 MOST, FEWEST = MEMORY, 4
-# Where a recording has no dates: only the order and the distance of the windows matter.
+# For a recording without dates: only the order and the distance of the windows matter.
 NO_DATE = datetime(2000, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExplainedWindows:
-    """What the windows of one recording say together.
+    """The windows of one recording taken together.
 
-    ``mismatch`` is that of window ``shown``, the first that names just what they agree on, on the
-    clock of the whole recording; ``pooled`` S and J, where at least two name just that.
-    Its p value is the smallest of what holds. ``findings`` are those that hold first; ``windows``
-    what each said, on a clock that ``began`` with the recording. ``by_whole`` are the effects that
-    hold because the recording as a whole names them and the windows gain by them: ``mismatch`` is
-    then that of the whole, and ``shown`` is ``None``.
+    ``mismatch`` is that of window ``shown``, the first that names exactly the confirmed effects, on
+    the clock of the whole recording; its p value is the smallest of the confirmed effects.
+    ``pooled`` are S and J, where at least two windows name exactly these. ``findings`` begin with
+    those that hold; ``windows`` is the evidence of each, on a clock that ``began`` with the
+    recording. ``by_whole`` are the effects that hold because the recording as a whole names them
+    and the windows gain by them: ``mismatch`` is then that of the whole, and ``shown`` is ``None``.
     """
 
     mismatch: Mismatch
@@ -93,7 +94,7 @@ def explain_windows(
                 whole_mismatch, _start_of_recording(recording), evidence, findings, suspected
             )
     best = _window_to_show(explanations, evidence, holding)
-    # With nothing named, a window that is not free of something bends S and J its own way.
+    # Where nothing is named, an effect in a single window still biases its S and J.
     clear = bool(holding) or all(mismatch.finding is Finding.NONE for mismatch in explanations)
     pooled = pooled_stiction(evidence, findings) if clear else None
     shown_window = windows[best]
@@ -121,7 +122,7 @@ def explain_windows(
 
 
 def _suspected(evidence: Sequence[WindowEvidence]) -> set[str]:
-    """The effects that windows gain by together, or that two of them name."""
+    """The effects by which the windows gain together, or that two of them name."""
     scored_slugs = {score.slug for window in evidence for score in window.scores}
     named = {slug: sum(window.names(slug) for window in evidence) for slug in scored_slugs}
     return {slug for slug in scored_slugs if named[slug] >= AGREE or gain_together(slug, evidence)}
@@ -134,8 +135,9 @@ def _as_whole(
     findings: Sequence[LastingFinding],
     suspected: set[str],
 ) -> ExplainedWindows:
-    """What the recording as a whole names, and the windows gain by: that or what they cannot tell
-    from it."""
+    """The effects that the recording as a whole names and by which, or by one that cannot be
+    separated from it, the windows gain.
+    """
     slugs = tuple(
         next(slug for slug in (effect.slug, *effect.members) if slug in suspected)
         for effect in whole_mismatch.defects
@@ -183,8 +185,9 @@ def _evidence(recording: Recording, window: FitWindow, mismatch: Mismatch) -> Wi
 def _window_to_show(
     mismatches: Sequence[Mismatch], evidence: Sequence[WindowEvidence], holding: Sequence[str]
 ) -> int:
-    """The window whose defects are most nearly those that hold, and whose finding most others of
-    these share; the first of equals."""
+    """The window whose defects are nearest to those that hold and, among these, whose finding most
+    others share; the first of equals.
+    """
 
     def differences(index: int) -> int:
         missing = sum(not evidence[index].names(slug) for slug in holding)

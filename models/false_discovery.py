@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-LEVEL = 0.05  # the share of the effects that stand which may be false discoveries
+LEVEL = 0.05  # accepted share of false discoveries among the effects that stand
 
 
 def significant(p_values: Sequence[float | None], level: float = LEVEL) -> list[bool]:
     """Which of a plant's findings stand at a false discovery rate of ``level``.
 
     ``p_values`` holds one entry for each valve that was looked at, ``None`` where nothing was
-    named: it still counts as looked at, with p = 1, and never stands. A finding stands where its
-    adjusted p value is at most ``level``: for the k-th smallest of m, ``min(p_j m / j)`` over all
-    j >= k. Benjamini and Hochberg (1995), doi:10.1111/j.2517-6161.1995.tb02031.x.
+    named: it still counts as tested, with p = 1, and never stands. A finding stands where its
+    adjusted p value is at most ``level``: for the k-th smallest of m, ``min(p_j m / j)`` over all j
+    >= k. Benjamini and Hochberg (1995), doi:10.1111/j.2517-6161.1995.tb02031.x.
     """
     if all(p_value is None for p_value in p_values):
         return [False] * len(p_values)

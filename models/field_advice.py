@@ -1,7 +1,7 @@
-"""What to do about one kind of finding: steps from the cheapest to the dearest, parts, codes.
+"""Advice on one kind of finding: steps from the cheapest to the dearest, parts, codes.
 
-A term of physics brings its own; the other kinds stand in a data file of the service. It is general
-advice by kind of finding: the plant's own rules come first.
+Each term of the mismatch catalogue has its own; the other kinds of finding are in a data file of
+the service. The advice is general: the plant's own rules come first.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TypedDict
 
 
 class IsolationLevel(IntEnum):
-    """How far one must go for a step, from the cheapest to the dearest."""
+    """How far the valve must be taken out of service for a step, from not at all to isolated."""
 
     DESK = 0  # control room and office
     LOOK = 1  # at the valve, in service
@@ -51,7 +51,7 @@ class FieldAdvice:
 
     ``title`` has at most 30 letters; ``damage`` and ``cause`` are codes of ISO 14224 (failure mode,
     failure mechanism); ``part`` is the object part that is suspected first, ``parts`` what to have
-    at hand; ``otherwise`` says what looks alike, a sentence each.
+    at hand; ``otherwise`` names other causes that look similar, a sentence each.
     """
 
     title: str
@@ -70,8 +70,9 @@ class FieldAdvice:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldTest:
-    """One test by hand: what to do, what it shows where the finding is right, and what where there
-    is nothing to mend. ``fails`` and ``passes`` are clauses with numbers."""
+    """One test by hand: what to ``do``, what it shows where the finding is right (``fails``) and
+    where nothing needs repair (``passes``), both clauses with numbers.
+    """
 
     do: str
     fails: str

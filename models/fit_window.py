@@ -1,8 +1,8 @@
 """Which stretch of a long recording is fitted: the one in which OP works the valve most.
 
-The cost of a fit grows with the samples, its precision hardly: S and J show where OP turns round
-and goes far enough for the stem to follow. A day is therefore fitted on the hour with most of that;
-what needs no fit is still taken from the whole day.
+The cost of a fit grows with the samples, its precision hardly does: S and J show only where OP
+reverses and goes far enough for the stem to follow. A day is therefore fitted on the hour with most
+such movement; numbers that need no fit are still taken from the whole day.
 """
 
 from __future__ import annotations
@@ -17,14 +17,15 @@ from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.words import times
 
-# A turn counts where OP goes back by a quarter of its swing, and by more than noise and resolution.
+# A reversal counts where OP goes back by a quarter of its swing, and by more than noise and
+# resolution.
 TURN_SHARE = 0.25
 NOISES = 6.0
 SMALLEST_TURN_PERCENT = 0.3
 # A recording of up to twice as many samples is fitted whole.
 CHOOSE_BEYOND = 2.0
 STARTS_PER_STRETCH = 6
-# One half is fitted and the other held out: movement in one of them only is worth little.
+# The first half is fitted and the second held out, so movement in one half only is worth little.
 WHOLE_SHARE = 0.1
 
 
@@ -48,11 +49,11 @@ def choose_fit_window(recording: Recording, samples: int) -> FitWindow | None:
     """The stretch of ``samples`` samples with the most useful movement of OP; ``None`` where the
     recording has at most ``CHOOSE_BEYOND`` times as many.
 
-    OP's way is cut into legs between turns of at least ``max(swing/4, 6 sigma, 0.3 %)``; a leg
-    counts its length, at most one swing (1st to 99th percentile). With ``a`` and ``b`` the sums
+    OP's path is cut into legs between reversals of at least ``max(swing/4, 6 sigma, 0.3 %)``; a leg
+    counts by its length, at most one swing (1st to 99th percentile). With ``a`` and ``b`` the sums
     over either half of a stretch, its worth is ``(min(a, b) + (a + b)/10) u`` with ``u`` the share
-    of usable samples. Starts are tried every sixth of a stretch; the first of equals is taken.
-    MV takes no part in the choice: a choice by the stem's movement would favour one verdict.
+    of usable samples. Starts are tried every sixth of a stretch; the first of equals is taken. MV
+    is not used in the choice, because a choice by the stem's movement would favour one verdict.
     """
     n = len(recording)
     if samples < 2 or n <= CHOOSE_BEYOND * samples:
@@ -68,7 +69,8 @@ def choose_fit_window(recording: Recording, samples: int) -> FitWindow | None:
 def telling_windows(recording: Recording, samples: int, most_windows: int) -> tuple[FitWindow, ...]:
     """The record cut into equal windows of ``samples`` samples and a little more, in order of time;
     of more than ``most_windows`` those with the most useful movement of OP, as
-    ``choose_fit_window`` counts it. None where OP is not known."""
+    ``choose_fit_window`` measures it. Empty where OP is not known.
+    """
     count = len(recording) // max(samples, 2)
     movement = _Movement.of(recording)
     if movement is None or count < 1:
@@ -81,8 +83,9 @@ def telling_windows(recording: Recording, samples: int, most_windows: int) -> tu
 
 @dataclass(frozen=True)
 class _Movement:
-    """The legs of OP's way: ``turns`` the samples where it turns by ``threshold`` percent, ``path``
-    (n + 1,) the way so far, ``good`` (n + 1,) usable samples so far."""
+    """The legs of OP's path: ``turns`` the samples where it reverses by ``threshold`` percent,
+    ``path`` (n + 1,) the path length so far, ``good`` (n + 1,) the usable samples so far.
+    """
 
     turns: NDArray[np.intp]
     threshold: float
@@ -91,7 +94,7 @@ class _Movement:
 
     @classmethod
     def of(cls, recording: Recording) -> _Movement | None:
-        """Of a recording; ``None`` where hardly any OP is known."""
+        """The movement of a recording; ``None`` where hardly any OP is known."""
         op, usable = recording.op.values, recording.usable
         finite = np.flatnonzero(np.isfinite(op))
         if finite.size < 3:
@@ -105,7 +108,7 @@ class _Movement:
         return cls(turns, float(threshold), np.cumsum(path), good)
 
     def worth(self, first: NDArray[np.intp], samples: int) -> Floats:
-        """(m,) what stretches of ``samples`` samples are worth that begin at ``first`` (m,)."""
+        """(m,) the worth of stretches of ``samples`` samples that begin at ``first`` (m,)."""
         usable = (self.good[first + samples] - self.good[first]) / samples
         return np.asarray(_worth_of_windows(self.path, first, samples) * usable)
 
@@ -116,7 +119,7 @@ class _Movement:
 
 
 def _worth_of_windows(path: Floats, first: NDArray[np.intp], samples: int) -> Floats:
-    """(m,) what OP's way in either half is worth, for stretches that begin at ``first`` (m,)."""
+    """(m,) the worth of OP's path in both halves, for stretches that begin at ``first`` (m,)."""
     middle = first + samples // 2
     early, late = path[middle] - path[first], path[first + samples] - path[middle]
     return np.asarray(np.minimum(early, late) + WHOLE_SHARE * (early + late))

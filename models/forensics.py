@@ -13,9 +13,9 @@ from stemwatch.models.quantiles import median, percentiles
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.runs_of_samples import equal_runs
 
-# Differences this small against the signal's own size are floating-point noise, not information.
+# Differences this small against the signal's own size are floating-point noise.
 _RELATIVE_ZERO = 1e-9
-# White noise turns round at two samples of three, a moving stem hardly ever.
+# White noise reverses at two samples of three, a moving stem hardly ever.
 NOISE_TURNS = 0.4
 
 
@@ -45,8 +45,8 @@ def noise_sigma(values: Floats) -> float:
 
 
 LEAST_WINDOWS = 5
-COARSE_PERCENT = 0.1  # a finer step of a recorder is not worth a word
-MOST_REPEATS = 0.93  # of a signal that tells its recorder's step
+COARSE_PERCENT = 0.1  # a finer step of a recorder is not mentioned
+MOST_REPEATS = 0.93  # share of repeats, up to which a signal shows its recorder's step
 
 
 def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
@@ -62,7 +62,7 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
         return sigma_of_all
     bent = np.isfinite(np.convolve(values, (1.0, 1.0, 1.0), "valid"))
     windows = zip(np.array_split(values[1:-1], count), np.array_split(bent, count), strict=True)
-    # A window in which little was measured tells nothing of the noise.
+    # A window with few measured samples gives no estimate of the noise.
     parts = [
         noise_sigma(part) for part, finite in windows if np.count_nonzero(finite) >= window // 2
     ]
@@ -74,8 +74,8 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
 def quantum(values: Floats) -> float:
     """The recorder's resolution: the step of which (nearly) all differences are multiples, or 0.
 
-    The smallest common step is tried first and accepted when 99 % of the differences lie on its
-    lattice within 2 %; a signal with fewer than 8 changes cannot show a lattice and gives 0.
+    The smallest common step is tried first and accepted when 99 % of the differences are multiples
+    of it within 2 %; a signal with fewer than 8 changes cannot show a step and gives 0.
     """
     steps = np.abs(_steps(values))
     steps = steps[steps > _zero(values)]
@@ -87,7 +87,7 @@ def quantum(values: Floats) -> float:
     on_lattice = np.abs(ratio - np.round(ratio)) < 0.02 * np.maximum(1.0, ratio * 0.05)
     if on_lattice.mean() < 0.99:
         return 0.0
-    # Few distinct multiples of a step much finer than the signal's range: a lattice, not chance.
+    # Few distinct multiples of a step much finer than the signal's range are no coincidence.
     distinct = np.unique(np.round(ratio)).size
     return candidate if distinct < 0.5 * steps.size else 0.0
 
@@ -101,14 +101,16 @@ def repeat_share(values: Floats) -> float:
 def coarse_step(values: Floats) -> float:
     """The recorder's step of a signal in percent where it is coarse enough to be seen, else 0."""
     step = quantum(values)
-    # Round numbers that an operator set by hand, seldom, are no property of the recorder.
+    # Round numbers that an operator set by hand from time to time do not show the recorder's step.
     seen = step >= COARSE_PERCENT and repeat_share(values) <= MOST_REPEATS
     return step if seen and noise_sigma(values) <= 2.0 * step else 0.0
 
 
 def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> bool:
-    """True where the signal, outside ``runs``, turns round at more than ``NOISE_TURNS`` of its
-    samples; ``runs`` (m, 2) are first and last + 1, ``least`` the samples needed to say so."""
+    """True where the signal, outside ``runs``, reverses at more than ``NOISE_TURNS`` of its
+    samples; ``runs`` (m, 2) are first and last + 1, ``least`` the number of samples needed to
+    decide.
+    """
     outside = values.copy()
     for first, last in runs:
         outside[first:last] = np.nan
@@ -126,8 +128,8 @@ def longest_repeat(values: Floats) -> int:
 def interpolated(values: Floats) -> Bools:
     """(n,) True for interior points that lie on a sloped straight line between their neighbours.
 
-    A swinging-door archive keeps knots and draws lines; a measured signal with noise almost never
-    has three points on one line. Flat triples are repeats, not interpolation, and do not count.
+    A swinging-door archive keeps some points and interpolates between them; a measured signal with
+    noise almost never has three points on one line. Flat triples are repeats and do not count.
     """
     interpolated_samples = np.zeros(values.size, dtype=bool)
     if values.size < 3:
@@ -135,7 +137,7 @@ def interpolated(values: Floats) -> Bools:
     bend = np.abs(values[2:] - 2.0 * values[1:-1] + values[:-2])
     slope = np.abs(values[2:] - values[:-2])
     zero = _zero(values)
-    # A float that was printed with few digits bends by its last digit.
+    # A value printed with few digits is off the line by up to its last digit.
     interpolated_samples[1:-1] = (bend <= np.maximum(1e-6 * slope, 4.0 * zero)) & (
         slope > 16.0 * zero
     )

@@ -1,17 +1,18 @@
-"""Where the position reading was frozen: exact repeats that neither noise nor friction can make.
+"""Where the position reading was frozen: exact repeats that neither noise nor friction explains.
 
 There are three tests, at different times.
 
-``mostly_one_value`` looks at one tag alone, whatever it is, as an inspection does before anybody
-has said which tag is the position.
+``mostly_one_value`` looks at any single tag, during an inspection, before it is known which tag is
+the position.
 
 ``frozen_runs`` comes before any fit: can this recording be judged, and which samples must be
 masked? How far friction can hold the stem is not known yet, so a run of a coarse reading is
 compared with the valve's other rests, and only a clear case is masked.
 
 ``frozen_samples`` comes when the mismatch is explained: is a freezing transmitter one of the
-record's effects? By then it is known whether the archive drew or held values, and how far OP moves
-without the stem elsewhere in the record, so that a shorter freeze can be told from a rest.
+record's effects? By then it is known whether the archive interpolated or held values, and how far
+OP moves without the stem elsewhere in the record, so that a shorter freeze can be separated from a
+rest.
 """
 
 from __future__ import annotations
@@ -24,18 +25,19 @@ from stemwatch.models.forensics import repeat_share, turns_like_noise
 from stemwatch.models.recording import Bools, Floats, Recording
 from stemwatch.models.runs_of_samples import equal_runs
 
-# One value for this share of a tag's samples, and so many at least, after it has moved.
+# A tag is frozen when one value lasts for this share of its samples, and at least so many, after it
+# has moved.
 SHARE_OF_A_TAG, SAMPLES_OF_A_TAG = 0.25, 60
 # A noisy transmitter does not repeat itself to the last bit for this long.
 FROZEN_S, FROZEN_SAMPLES = 30.0, 20
 # Before a fit.
 MOST_REPEATS = 0.3  # a reading that repeats itself less often than this has noise
 LEAST_REPEATS = 4  # samples of a run that counts as one of the valve's rests
-LEAST_TURNS = 100  # samples by which the noise is judged
+LEAST_TURNS = 100  # samples needed to decide whether the reading has noise
 TIMES_USUAL, LEAST_MOVED = 4.0, 6.0  # OP moves so many times as far as in other rests; percent
 # When the mismatch is explained.
 LEAST_TURNS_EXPLAINED = 60
-LONGER = 5.0  # times the usual long repeat of the reading that a frozen one lasts
+LONGER = 5.0  # times the usual long repeat of the reading, from which it is frozen
 LASTING = (10.0, 90.0)  # percentiles of OP within a run
 BAND_MARGIN, BAND_EXTRA = 1.5, 1.0  # times the stem's band, plus percent, that OP must move
 
@@ -46,7 +48,7 @@ def mostly_one_value(longest_repeat: int, samples: int) -> bool:
 
 
 def _long(length: NDArray[np.int64], interval_s: float) -> Bools:
-    """(m,) which runs of so many samples last too long for a reading with noise."""
+    """(m,) which runs of ``length`` samples last too long for a reading with noise."""
     return np.asarray(length >= max(FROZEN_SAMPLES, round(FROZEN_S / interval_s)))
 
 
@@ -54,8 +56,8 @@ def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
     """[first, last) of each run in which the position was frozen, as known before any fit.
 
     Where the reading has noise, any long exact repeat is frozen. A coarse reading repeats itself
-    whenever the stem rests, so there a run counts only while OP moves four times as far as in the
-    valve's other rests, each rest weighed by how long it lasts.
+    whenever the stem rests, so there a run counts only where OP moves four times as far as in the
+    valve's other rests, each rest weighted by its length.
     """
     if recording.mv is None:
         return []
@@ -73,7 +75,7 @@ def frozen_runs(recording: Recording) -> list[tuple[int, int]]:
 
 
 def _noisy(mv: Floats, runs: NDArray[np.int64]) -> bool:
-    """True where the reading, outside its long repeats, turns round at every other sample.
+    """True where the reading, outside its long repeats, reverses at every other sample.
 
     A reading that seldom repeats itself at all has noise too, however fast the stem moves.
     """
@@ -99,8 +101,8 @@ def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: boo
 
     A run of exact repeats of at least 30 s is frozen where the reading shows noise everywhere else
     and never repeats itself for a fifth as long, or where OP moves within it by more than one and a
-    half times the band in which friction could hold the stem, plus 1 %. Where the archive drew or
-    held values (``compressed``), only the second counts.
+    half times the band in which friction could hold the stem, plus 1 %. Where the archive
+    interpolated or held values (``compressed``), only the second test counts.
     """
     frozen = np.zeros(mv.size, dtype=bool)
     runs = equal_runs(mv)

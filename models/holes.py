@@ -1,4 +1,4 @@
-"""Holes in a signal, for what needs a value at every sample: bridged, held, or avoided."""
+"""Holes in a signal, for code that needs a value at every sample: bridged, held, or avoided."""
 
 from __future__ import annotations
 

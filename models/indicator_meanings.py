@@ -31,7 +31,7 @@ MEANINGS: dict[str, tuple[str, str]] = {
     "S_of_travel_percent": ("S in percent of travel, where OP strokes by a curve", "up"),
     "J_of_travel_percent": ("J in percent of travel, where OP strokes by a curve", "up"),
     "S_minus_J_percent": ("S - J: what a stroke stays behind after a reversal", "up"),
-    # Its name until contract version 3: a reader of the valve standards takes S for the dead band.
+    # Its name until contract version 3; in the valve standards the dead band is S, not S - J.
     "dead_band_percent": ("Former name of S_minus_J_percent", "none"),
     "breakaway_scatter_percent": ("Scatter of the breakaways about their mean level", "none"),
     "naive_S_percent": ("S of a fit without dead time, lag and speed limit", "none"),

@@ -24,7 +24,7 @@ from stemwatch.models.without_position.suspicion import WithoutPosition
 
 
 def _single_indicator(name: str, value: float | None, unit: str) -> list[Indicator]:
-    """The indicator, or nothing where the number is not known."""
+    """The indicator in a list; an empty list where the number is not known."""
     if value is None or not np.isfinite(value):
         return []
     meaning, worse = MEANINGS[name]
@@ -32,7 +32,7 @@ def _single_indicator(name: str, value: float | None, unit: str) -> list[Indicat
 
 
 def in_seconds(indicators: Sequence[Indicator], recording: Recording) -> list[Indicator]:
-    """Indicators that were counted on the recording's own clock, in true units of time."""
+    """Convert indicators from the recording's own clock to true units of time."""
 
     def true(indicator: Indicator) -> Indicator:
         numbers = (indicator.value, indicator.low, indicator.high)
@@ -64,7 +64,7 @@ def _estimated(name: str, estimate: Estimate) -> list[Indicator]:
 
 
 def of_repair(repaired: Prediction) -> list[Indicator]:
-    """What a valve that does not stick would change in its loop."""
+    """Predicted changes in the loop if its valve did not stick."""
     error = repaired.predicted["error_std"]
     return [
         *_single_indicator("control_error_std", repaired.recorded.error_std, error.unit),
@@ -95,7 +95,7 @@ def of_recording(recording: Recording) -> list[Indicator]:
 
 
 def of_suspicion(suspicion: WithoutPosition) -> list[Indicator]:
-    """The score of what OP and PV alone say, and the apparent S of a suspicion."""
+    """The score of sticking from OP and PV alone, and the apparent S of a suspicion."""
     return [
         *_single_indicator("sticking_score", suspicion.score, ""),
         *_estimated("apparent_S_percent", suspicion.apparent_S),

@@ -17,21 +17,22 @@ class Limits:
 
     watch_S_percent: float = 0.75
     sticky_S_percent: float = 1.5
-    min_reversals: float = 4.0  # reversals of OP that are larger than its noise
+    min_reversals: float = 4.0  # reversals of OP larger than its noise
     min_samples_per_cycle: float = 6.0  # samples per cycle of the OP's own movement
     # Seconds that a recording must last. 0: as long as ``validity_checks.LEAST_SAMPLES`` samples,
-    # since what a fit can tell depends on the number of samples.
+    # because the information for a fit depends on the number of samples.
     min_duration_s: float = 0.0
     min_samples: float = 200.0
     max_bad_share: float = 0.3  # share of OP, MV pairs that may be unusable
-    max_interpolated_share: float = 0.35  # share of samples that a historian drew, not measured
-    # Of a record of more than twice as many samples only so many are fitted, those with the most
-    # movement: the cost grows with the samples, the precision hardly (see ``models.fit_window``).
+    max_interpolated_share: float = 0.35  # share of samples that a historian interpolated
+    # A record of more than twice as many samples is fitted on this many, those with the most
+    # movement: the cost grows with the samples, the precision hardly does (see
+    # ``models.fit_window``).
     fitted_samples: float = 3600.0
-    min_fit_percent: float = 40.0  # held-out fit below which S and J describe nothing
+    min_fit_percent: float = 40.0  # held-out fit, below which S and J do not describe the valve
     # How much worse than in its baseline window a valve may follow its baseline network before it
-    # is watched. On the safe side of what `stemwatch drift` prints: a loop that is run quite
-    # differently must not raise an alarm.
+    # is watched. Chosen with a margin above the values that `stemwatch drift` prints: a loop that
+    # is merely operated differently must not raise an alarm.
     baseline_ratio_watch: float = 2.0
 
     def __post_init__(self) -> None:

@@ -1,16 +1,17 @@
 """A fast recording read at the pace of its loop.
 
-A controller that turns OP round every minute is no better seen at 50 Hz than at 1 Hz. But a fit
-takes so many samples (``fit_window``), at 50 Hz those of a minute: too few turns to tell friction
-from a stem that answers late. So a recording that is longer than what is fitted, and turns too
-seldom within that, is read at every so manyth sample. As many samples then hold more of OP's way,
-and the stem answers within a sample or two, as it does where a historian keeps a second.
+For a controller that reverses OP every minute, 50 Hz show no more than 1 Hz. But a fit takes a
+fixed number of samples (``fit_window``), which at 50 Hz is a minute: too few reversals to separate
+friction from a stem that answers late. So a recording that is longer than the fitted stretch, and
+reverses too seldom within it, is thinned to every k-th sample. The same number of samples then
+holds more of OP's path, and the stem answers within a sample or two, as in an archive of one sample
+a second.
 
-Where the controller holds OP between its scans, what lies between is no news of the command, and
-each scan would look as a slip to a quick stem: then the last sample before each scan is read.
+Where the controller holds OP between its scans, the samples between hold no new command, and each
+scan would look like a slip of a fast stem. Then the last sample before each scan is taken.
 
-Only a clock that is faster than half a second is read so. What a valve takes to answer, half a
-second to some seconds, is what a slower one is for: a lag of four samples at 1 s is worth a name.
+Only a recording with an interval below half a second is thinned. A slower clock resolves the
+response time of a valve, half a second to some seconds: a lag of four samples at 1 s is a finding.
 """
 
 from __future__ import annotations
@@ -31,29 +32,34 @@ from stemwatch.models.own_clock import FAST, duration
 from stemwatch.models.percent import not_percent
 from stemwatch.models.recording import Recording
 
-# Turns of OP in the stretch that would be fitted, from which it is long enough. Eleven loops of
-# `draw_sticky` and `draw_healthy` (seed 6161, four hours at 1 s) that turn more than ten times have
-# 22 and more there; at 10 Hz, where S of one of six was off by half (seed 7171), they have 2 to 16.
+# Reversals of OP in the stretch that would be fitted, from which it is long enough. Eleven loops of
+# `draw_sticky` and `draw_healthy` (seed 6161, four hours at 1 s) that reverse more than ten times
+# have 22 and more there; at 10 Hz, where S of one of six was off by half (seed 7171), they have 2
+# to 16.
 ENOUGH_TURNS = 20
-# Samples that are left from one turn of OP to the next: twice what keeps its peaks well enough
-# (``between_samples.FEW``).
+# Samples to keep from one reversal of OP to the next: twice the number that keeps its peaks well
+# enough (``between_samples.FEW``).
 LEFT_OF_A_TURN = 16
-# So many samples are left at any rate, and fewer than every fifth is not worth another clock.
+# At least LEAST_LEFT samples are kept; thinning by less than LEAST_APART is not worth another
+# clock.
 LEAST_LEFT, LEAST_APART = 3600, 5
 FEWEST_SCANS = 1200  # of OP, that must be left
 FEWEST_TURNS = 5  # from which the time between them is known
 NOISES = 6.0
-# Of the 2nd to 98th percentile of MV - OP: smaller turns of OP lose no slip (``between_samples``).
+# Share of the range from the 2nd to the 98th percentile of MV - OP: smaller reversals of OP hide no
+# slip (``between_samples``).
 BAND, TURN_SHARE = (2.0, 98.0), 0.2
-# And ten times, a hundred times these, so that the next window of the valve is read alike.
+# These strides and their multiples of ten are used, so that the next window of the valve is thinned
+# alike.
 STEPS = (1, 2, 5)
 
 
 def at_loop_pace(recording: Recording, samples: int) -> Recording:
-    """``recording``, with OP and position in percent, at every so manyth sample; itself where its
-    clock is no fast one, it is no longer than what is fitted, twice ``samples``, or turns often.
+    """``recording``, with OP and position in percent, thinned to the pace of its loop. Unchanged
+    where its interval is half a second or more, where it is no longer than twice ``samples``, or
+    where OP reverses often enough.
 
-    What is done is among its decisions.
+    The thinning is noted among its decisions.
     """
     samples = max(samples, LEAST_LEFT)
     if recording.interval_s * recording.unit_s >= FAST:
@@ -77,7 +83,7 @@ def _at_scans_of_op(recording: Recording) -> Recording:
 
 
 def _read(recording: Recording, first: int, stride: int, reason: str) -> Recording:
-    """Every so manyth sample from the ``first`` on."""
+    """Every ``stride``-th sample from ``first`` on."""
     part = recording.part(first, len(recording))
     signals = {
         role: replace(signal, values=signal.values[::stride], quality=signal.quality[::stride])
@@ -91,8 +97,9 @@ def _read(recording: Recording, first: int, stride: int, reason: str) -> Recordi
 
 
 def _between_turns(recording: Recording, samples: int) -> int:
-    """How many samples apart those lie that tell of OP's turns: more than one where ``samples``
-    consecutive ones hold too few of them and the whole recording more."""
+    """The stride that still resolves OP's reversals: more than one where ``samples`` consecutive
+    samples hold too few of them and the whole recording more.
+    """
     stretch = choose_fit_window(recording, samples)
     if stretch is None or stretch.turns >= ENOUGH_TURNS:
         return 1

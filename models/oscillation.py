@@ -1,4 +1,4 @@
-"""What the loop shows with or without a valve position: does it oscillate, and how regularly?"""
+"""Whether a loop oscillates, and how regularly; with or without a valve position."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MIN_CROSSINGS = 6  # zero crossings of the autocorrelation that make a period
 # Regularity above 1 is the usual criterion for an oscillation (Thornhill, Huang and Zhang 2003,
 # quoted from memory): the spread of the half periods is below a third of their mean.
 REGULAR = 1.0
-LEAST_SPREAD = 1e-9  # standard deviation over the largest value: less is floating-point noise
+LEAST_SPREAD = 1e-9  # standard deviation over the largest value; less is floating-point noise
 FEWEST_KNOWN = 64  # samples of a signal with holes
 FEWEST_CYCLES = 4  # in the record; what is slower is drift
 
@@ -39,7 +39,7 @@ def _autocorrelation(values: Floats, lags: int) -> Floats:
 
 
 def _high_pass(values: Floats) -> Floats:
-    """Take out what is slower than a quarter of the record: drift is no oscillation.
+    """Remove everything slower than a quarter of the record: drift is no oscillation.
 
     The straight line goes first, because a spectrum sees it as a jump at the record's ends.
     """
@@ -69,7 +69,7 @@ def oscillation(values: Floats, interval_s: float) -> Oscillation | None:
     largest = float(np.abs(values).max(initial=0.0))
     if values.size < 64 or largest == 0.0:
         return None
-    values = values / largest  # so that no square leaves the range of floating point
+    values = values / largest  # so that no square overflows
     if float(np.std(values)) < LEAST_SPREAD:
         return None
     acf = _autocorrelation(_high_pass(values), values.size // 2)

@@ -1,14 +1,14 @@
 """Time in units of the recording's own clock, on which everything is fitted, named and limited.
 
-The samples of a recording do not know how long a second is. A lag of two samples is as plain at
-1 kHz as at one sample a minute, and what cannot be told at one rate cannot be told at the other. So
-``screen`` and ``explain`` lay a recording on its own clock first (``on_own_clock``). Its unit is
-the sample, or some samples where the valve takes dozens to answer (``stickslip.own_unit``). Grids,
-blocks, limits and starts count in it, and what is called seconds inside the fits is so many units.
-A recording with a sample every second is on its own clock already, to the bit.
+What a recording can show depends on its samples, not on the length of a second: a lag of two
+samples is as clear at 1 kHz as at one sample a minute. So ``screen`` and ``explain`` first convert
+a recording to its own clock (``on_own_clock``). Its unit is the sample, or several samples where
+the valve takes dozens to answer (``stickslip.own_unit``). Grids, blocks, limits and starts are in
+this unit, and "seconds" inside the fits are such units. A recording with a sample every second is
+on its own clock already, without any rounding.
 
-What leaves ``screen`` and ``explain`` is in seconds again: numbers go through ``seconds_of``, by
-their unit; what a sentence says of time through ``duration`` and ``rate``, or a ``SpokenEstimate``.
+Results of ``screen`` and ``explain`` are in seconds again: numbers are converted by ``seconds_of``,
+by their unit; times in sentences by ``duration`` and ``rate``, or a ``SpokenEstimate``.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from stemwatch.models.stickslip.own_unit import samples_in_unit
 POWER_OF_TIME: Mapping[str, int] = MappingProxyType(
     {"": 0, "%": 0, "s": 1, "%/s": -1, "rad/s": -1, "1/h": -1, "%/h": -1}
 )
-# What a clock of seconds, a fast and a slow one say times in, largest that fits first.
+# Units for times on a fast and on a slow clock; between FAST and SLOW times are said in seconds.
 FAST, SLOW = 0.5, 2.0  # seconds in the unit
 _FINE = ((1.0, "s"), (1e-3, "ms"))
 _COARSE = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"), (1.0, "s"))
-LEAST_SAID = 2.0  # of a unit that is longer than a second: "90 s", not "1.5 min"
+LEAST_SAID = 2.0  # of a unit longer than a second, from which it is used: "90 s", not "1.5 min"
 
 
 def on_own_clock(recording: Recording) -> Recording:
@@ -70,8 +70,9 @@ def off_own_clock(recording: Recording) -> Recording:
 
 
 def seconds_of(value: float, unit: str, unit_s: float) -> float:
-    """``value``, whose ``unit`` names seconds or hours but counts in the own clock's units of
-    ``unit_s`` seconds, in true ones. Raises ``ValueError`` for a unit that is not known here."""
+    """``value`` in true units of time: its ``unit`` names seconds or hours, but it was counted in
+    units of ``unit_s`` seconds. Raises ``ValueError`` for an unknown unit.
+    """
     power = POWER_OF_TIME.get(unit)
     if power is None:
         known_quantities = ", ".join(repr(quantity) for quantity in POWER_OF_TIME)

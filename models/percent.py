@@ -1,4 +1,4 @@
-"""Is a signal in percent of span or travel? And which of its values cannot be."""
+"""Whether a signal is in percent of span or travel, and which of its values cannot be."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ POSSIBLE_PERCENT = (-100.0, 200.0)
 
 
 def not_percent(signal: Signal) -> str | None:
-    """Why the signal is not in percent, by its unit or its values, as the end of a sentence; or
-    ``None``."""
+    """Why the signal is not in percent, by its unit or its values, as the end of a sentence;
+    ``None`` where it is.
+    """
     if signal.unit != PERCENT:
         return f"is in {signal.unit or 'an unknown unit'}"
     values = signal.values[np.isfinite(signal.values)]

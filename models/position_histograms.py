@@ -1,7 +1,7 @@
-"""``position_histograms``: where the stem stood, travelled and turned round, as positioners count.
+"""``position_histograms``: where the stem stood, travelled and reversed, as positioners count it.
 
-Ten classes of 10 % of travel, what reads below 0 % or above 100 % in the outer ones. A stroke is
-the way between two reversals; a move within five standard deviations of the reading's noise (at
+Ten classes of 10 % of travel; readings below 0 % or above 100 % are in the outer ones. A stroke is
+the travel between two reversals; a move within five standard deviations of the reading's noise (at
 least 0.1 %) is none, as for the indicators ``travel_percent`` and ``mv_reversals``.
 """
 
@@ -27,8 +27,9 @@ SIGMAS = 5.0
 @dataclass(frozen=True, kw_only=True)
 class PositionHistograms:
     """By class of position (10,): ``time`` percent of the usable time, ``travel`` percent of travel
-    that the stem made there, ``reversals`` how often it turned round there. ``strokes`` (8,) how
-    many are of each length, by ``STROKE_EDGES``. ``hours`` is the usable time."""
+    that the stem made there, ``reversals`` how often it reversed there. ``strokes`` (8,) the number
+    of each length, by ``STROKE_EDGES``. ``hours`` is the usable time.
+    """
 
     time: tuple[float, ...]
     travel: tuple[float, ...]
@@ -39,7 +40,8 @@ class PositionHistograms:
 
 def position_histograms(recording: Recording) -> PositionHistograms | None:
     """The histograms of a recording in percent of travel; ``None`` without a position that was
-    read. A hole is bridged: where the stem went in it, nobody knows."""
+    read. Holes are bridged by straight lines, because the motion in them is not known.
+    """
     if recording.mv is None or recording.mv.unit != PERCENT:
         return None
     mv = np.where(recording.mv.usable, recording.mv.values, np.nan)

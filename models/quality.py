@@ -33,7 +33,7 @@ from stemwatch.models.validity_checks import (
 from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
-PUT_TOGETHER = 0.1  # of a recording that is holes, above which it is said to consist of pieces
+PUT_TOGETHER = 0.1  # share of holes in a recording, above which it is said to consist of pieces
 MOSTLY = 0.5  # a larger frozen share is an obstacle, reported there and not as a remark
 
 

@@ -1,7 +1,7 @@
 """Medians and percentiles of long signals: numpy's values to the last bit, in less time.
 
 NumPy checks for NaN and partitions at several places at once, which is slower than its vectorised
-partition at one place. Here each place is found by itself, above the one before.
+partition at one place. Here each place is found by itself, in the part above the one before.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def percentiles(values: _Floats, percents: Sequence[float]) -> list[float]:
 
 
 def _between(low: float, high: float, share: float) -> float:
-    """``low + share (high - low)``, from the nearer end as numpy reckons it."""
+    """``low + share (high - low)``, computed from the nearer end as numpy does."""
     if share < 0.5:
         return low + (high - low) * share
     return high - (high - low) * (1.0 - share)

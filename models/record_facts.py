@@ -1,4 +1,4 @@
-"""What can still be said of a recording that carries no verdict: facts, one sentence each."""
+"""Facts about a recording without a verdict, one sentence each."""
 
 from __future__ import annotations
 

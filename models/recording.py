@@ -46,8 +46,9 @@ class Quality(IntEnum):
 
 @dataclass(frozen=True)
 class ProcessRange:
-    """The engineering values at 0 % and 100 % of a signal that is kept as percent, and their
-    unit: 0 to 16 bar."""
+    """The engineering values at 0 % and 100 % of a signal that is kept as percent, and their unit;
+    for example 0 to 16 bar.
+    """
 
     low: float
     high: float
@@ -61,7 +62,7 @@ class Signal:
     ``values`` (n,) float64, NaN where ``quality`` is not GOOD or HELD; ``quality`` (n,) uint8 of
     ``Quality``. ``unit`` is ``%`` when the values are percent of span or of travel. ``interval_s``
     is the signal's own rate of change in the source where that is slower than the clock's.
-    ``range`` is what the percent are percent of, where the plant file names it with a unit.
+    ``range`` has the engineering values behind the percent, where the plant file gives them.
     """
 
     values: Floats
@@ -97,7 +98,9 @@ class Signal:
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def in_process_unit(self) -> Signal:
-        """The signal in bar, t/h or °C for people, where its range is known; else as it is."""
+        """The signal in its engineering unit (bar, t/h, °C), where its range is known; else
+        unchanged.
+        """
         if self.range is None:
             return self
         low, high = self.range.low, self.range.high

@@ -96,7 +96,8 @@ def of_baseline(baseline: NarxNetwork | None, recording: Recording) -> BaselineC
             recording.usable,
             interval_s=recording.interval_s,
         )
-    except (ValueError, ArithmeticError) as error:  # a damaged baseline must not cost the verdict
+    # a damaged baseline must not prevent the verdict
+    except (ValueError, ArithmeticError) as error:
         return BaselineComparison(reason=f"Not compared: {error}.")
     if score.rmse is None or score.ratio is None:
         return BaselineComparison(reason=f"Not compared: {score.reason}.")

@@ -50,9 +50,10 @@ IN_FORMULA: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         "rate_falling": ("rate_falling",),
     },
 }
-# What a step from rest does not show: the reading's errors, and what takes hours or many strokes.
+# Effects that a step from rest does not show: errors of the reading, and those over hours or many
+# strokes.
 NOT_IN_A_STEP = frozenset({"zero_shift", "sensor_drift", "growing_stiction", "span_error"})
-# Indicators of a fit that needed more than friction, and the numbers that they are.
+# Indicators of a fit that needed more than friction, and the model parameter of each.
 OF_FIT = {
     "dead_time_s": "theta",
     "lag_rising_s": "tau_rising",
@@ -60,9 +61,9 @@ OF_FIT = {
     "speed_rising_percent_per_s": "rate_rising",
     "speed_falling_percent_per_s": "rate_falling",
 }
-FREE_PERCENT_PER_S = 99.0  # a speed from here on is no limit
+FREE_PERCENT_PER_S = 99.0  # a speed from here on counts as no limit
 RUNS = 16  # of the fitted model, for the intervals of steps that are run
-SAMPLES = 1200  # of one step that is run, and as many before it
+SAMPLES = 1200  # of one simulated step, and as many before it
 SEED = 23
 
 
@@ -75,7 +76,7 @@ class StepWay(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class StepFigures:
-    """What a step of ``step_percent`` of OP does. ``rising`` is the position's way.
+    """The response to a step of ``step_percent`` of OP. ``rising``: whether the position rises.
 
     ``travel_gain`` (percent of travel for a percent of OP), ``dead_time`` Td and ``t86`` in seconds
     from the step, ``overshoot`` in percent of the final change; each unknown where the stem does
@@ -97,8 +98,8 @@ class ResponseFigures:
     """The response figures of one valve.
 
     ``dead_band`` (S) and ``resolution`` (J) in percent of OP. ``simulated`` are named effects for
-    which the steps were run on the fitted model; ``left_out`` such as no stored model has, so that
-    the figures are those without them.
+    which the steps were simulated with the fitted model; ``left_out`` are those that no stored
+    model holds, so that the figures do not include them.
     """
 
     dead_band: Estimate
@@ -131,7 +132,7 @@ class StepNumbers:
     tau: Floats
     rate: Floats
     slope: float = 1.0
-    interval_s: float = 0.0  # of the recording: what goes faster cannot be told from at once
+    interval_s: float = 0.0  # of the recording: faster responses cannot be resolved
 
 
 def response_figures(screening: Screening) -> ResponseFigures:
@@ -221,7 +222,7 @@ def step_figures(
         gain=numbers.slope * final / step_percent,
         dead_time=numbers.theta + time_to_go(from_percent, step_percent, numbers),
         t86=numbers.theta + time_to_go(settled, step_percent, numbers),
-        # A stem that jumps past its place: J above S.
+        # The stem overshoots its final place where J is above S.
         overshoot=np.zeros_like(final),
         interval_s=numbers.interval_s,
     )
@@ -233,7 +234,7 @@ def time_to_go(q: Floats, step_percent: float, numbers: StepNumbers) -> Floats:
     bounded = np.clip(q, 0.0, step_percent * (1.0 - 1e-9))
     with np.errstate(invalid="ignore", divide="ignore"):
         limited = np.isfinite(rate)
-        # The way at full speed: as far as the lag alone would go faster.
+        # The part at full speed, up to where the lag alone becomes slower than the limit.
         fast = np.where(limited, np.maximum(step_percent - np.where(limited, rate, 0) * tau, 0), 0)
         at_full_speed = np.where(limited, np.minimum(bounded, fast) / rate, 0.0)
         remaining = np.maximum(bounded - fast, 0.0)
@@ -253,7 +254,9 @@ def _figures(
     overshoot: Floats,
     interval_s: float,
 ) -> StepFigures:
-    """Estimates from draws, the first of which is the value; draws that do not move have none."""
+    """Estimates from draws, the first of which is the value; draws in which the stem does not move
+    are left out.
+    """
 
     draws = np.array([gain, dead_time, t86, overshoot])
     units, least = ("", "s", "s", "%"), (0.0, interval_s, interval_s, 0.0)
@@ -332,7 +335,9 @@ def _run(
     *,
     rising: bool,
 ) -> StepFigures:
-    """One step on ``models``, from rest after a stroke either way; the first gives the values."""
+    """Simulate one step with ``models``, from rest after a stroke; the first model gives the
+    values.
+    """
     up = 1.0 if rising else -1.0
     before = up if step_way is StepWay.SAME else -up
     size = step_percent * slope

@@ -2,9 +2,9 @@
 
     recording -> quality -> stick-slip fit -> NARX fit -> mismatch -> baseline -> verdict
 
-Each valve stands alone: one that fails is a result with a reason and the rest goes on. The
-networks of all valves in a call train together. A long recording is fitted on its most telling
-stretch (``models.fit_window``); what needs no fit is taken from all of it.
+Each valve is independent: one that fails is a result with a reason, and the others go on. The
+networks of all valves in a call train together. A long recording is fitted on the stretch with the
+most movement (``models.fit_window``); numbers that need no fit are taken from all of it.
 """
 
 from __future__ import annotations
@@ -110,10 +110,10 @@ class _Fitted:
     recording: Recording
     masked: Recording
     stretch: FitWindow | None
-    late_s: float  # by which OP was brought forward in ``masked``
-    within_steps: bool  # whether PV and set point told OP within its coarse steps
+    late_s: float  # by which OP was shifted earlier in ``masked``
+    within_steps: bool  # whether OP was reconstructed within its coarse steps from PV and set point
     curve: StrokeCurve | None
-    curve_changed: str  # how, against what was known of it, or nothing
+    curve_changed: str  # how it differs from the known curve, or empty
     fit: StickSlipFit | None
     sample: StickSlipSample | None
     archive: Archive | None
@@ -181,7 +181,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         late = late_evidence(masked, first_look)
         late_s = late.late_s(masked.interval_s)
         as_stored, masked = masked, brought_forward(masked, late_s)
-        # What network and traces show is OP as it was stored; what is fitted is where it was.
+        # Network and traces show OP as it was stored; the fit uses OP as it was reconstructed.
         resolved = op_within_steps(masked)
         finer = masked if resolved is None else resolved.recording
         curve, changed = stroke_curve_of(finer, case.known_curve)
@@ -189,7 +189,7 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
         obstacles = [] if curve else reversed_obstacles(finer)
         commanded = in_travel(finer, curve)
         first_look = first_look if commanded is as_stored else FirstLook.at(commanded)
-        # An OP that answers PV as a controller does is no position, however late it is.
+        # An OP that answers PV as a controller does cannot be a position, however late it is.
         may_be_swapped = late_s > 0.0 and not late.by_controller
         obstacles = obstacles or wiring_obstacles(
             commanded, as_stored if may_be_swapped else None, first_look
@@ -219,8 +219,9 @@ def _fit(case: Case, limits: Limits) -> _Fitted:
 def _to_fit(
     recording: Recording, assessment: Assessment, limits: Limits
 ) -> tuple[Recording, Recording, FitWindow | None]:
-    """What to fit, as recorded and masked: the shortest stretch without an obstacle, each tried
-    being twice as long as the one before; else the whole recording."""
+    """The part to fit, as recorded and masked: the shortest stretch without an obstacle, where each
+    one tried is twice as long as the one before; else the whole recording.
+    """
     samples = round(limits.fitted_samples)
     while (stretch := choose_fit_window(recording, samples)) is not None:
         part = recording.part(stretch.first, stretch.last)
@@ -253,7 +254,7 @@ def _train(fitted: Sequence[_Fitted | Screening], options: Options) -> list[Narx
 
 
 def _trained(examples: Sequence[NarxExample], settings: NarxSettings) -> list[NarxFit]:
-    """All together; where that fails, each alone, so that a bad record costs only its own."""
+    """All fits together; where that fails, each alone, so that a bad record loses only its own."""
     from stemwatch.models.narx.training import train  # torch takes two seconds to import
 
     try:
@@ -269,7 +270,7 @@ def network_start(fit: StickSlipFit, curve: StrokeCurve | None) -> StickSlipStar
     """The element as it was fitted to the training part, for the network to start from.
 
     The network gets OP as it was recorded, so that it can be compared with one of another window;
-    it starts from the chord of ``curve`` and learns the bend.
+    it starts from the chord of ``curve`` and learns the curvature.
     """
     q = to_kernel(fit.trained, fit.evaluator.restick)[0]
     if q[kernel.GAIN] == 0.0:
@@ -325,8 +326,9 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
 
 
 def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
-    """``screening`` of a valve that sticks with what its repair would change in the loop, where the
-    loop can be run again."""
+    """``screening`` of a sticking valve with the predicted effect of its repair on the loop, where
+    the loop can be simulated.
+    """
     if screening.verdict not in (Verdict.STICKY, Verdict.WATCH):
         return screening
     numbers = {name: one.value for name, one in screening.indicators.items()}
@@ -343,8 +345,9 @@ def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
 
 
 def _with_suspicion(screening: Screening, fitted: _Fitted) -> Screening:
-    """``screening`` with what OP and PV alone say of the valve: where there is no position all that
-    can be said, where there is one a cross-check that changes no verdict."""
+    """``screening`` with the evidence of OP and PV alone. Without a position it is the only
+    evidence; with one it is a cross-check that changes no verdict.
+    """
     suspicion = suspect(fitted.case.recording, trained_judge())
     numbers = {indicator.name: indicator for indicator in indicators.of_suspicion(suspicion)}
     return replace(
@@ -430,7 +433,8 @@ def _stiction(
             S, J = curve.in_op(S), curve.in_op(J, is_jump=True)
             S_draws = S_draws / abs(curve.slope)
         if mismatch is not None and _lag_is_doubtful(fitted, fit, mismatch, S, J):
-            # Nothing but this fit asks for its lag, and which of them is right cannot be told.
+            # Only this fit needs the lag, and the recording does not show which of the two is
+            # right.
             alone, restated = mismatch.naive, mismatch.restated
             S, J = restated.S.holding(S, alone.S), restated.J.holding(J, alone.J)
             S_draws = spread_of(S)
@@ -442,8 +446,9 @@ def _stiction(
 def _lag_is_doubtful(
     fitted: _Fitted, fit: StickSlipFit, mismatch: Mismatch, S: Estimate, J: Estimate
 ) -> bool:
-    """Whether a lag that was fitted beside friction takes S or J from it, though the record as a
-    whole is explained without: S and J with all breakaways where they were seen contradict it."""
+    """Whether a lag fitted beside friction has taken part of S or J although the whole record is
+    explained without it: S and J of an assimilated fit contradict it.
+    """
     if fit.hypothesis != "both" or fit.breakaways is not None or fitted.archive is not None:
         return False
     explained = mismatch.finding is Finding.NONE
@@ -498,7 +503,7 @@ def _with_verdict(
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
         S = J = Estimate.unknown(judgement.reason, unit=PERCENT)
-    if mismatch is not None:  # one S and one J of a valve and window, whoever tells them
+    if mismatch is not None:  # one S and one J of a valve and window, wherever they are shown
         mismatch = replace(mismatch, restated=Stiction(S=S, J=J))
     numbers = [
         *indicators.of_recording(fitted.assessment.recording),

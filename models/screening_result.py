@@ -68,7 +68,7 @@ class Traces:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingFacts:
-    """What stays known of a recording after its samples were dropped.
+    """The facts that are kept of a recording whose samples were dropped.
 
     ``tags`` has (tag, unit) of each role; ``zone`` is how times became UTC.
     """
@@ -120,7 +120,7 @@ class Screening:
     residuals: Mapping[str, Residual | None]  # "stiction", "narx", "baseline"
     quality: DataQuality
     indicators: Mapping[str, Indicator]
-    still_seen: tuple[str, ...] = ()  # what can be said without a verdict, one sentence each
+    still_seen: tuple[str, ...] = ()  # facts that hold without a verdict, one sentence each
     network: NarxNetwork | None = None
     baseline_note: str = ""  # which baseline the comparison refers to, or that there is none
     traces: Traces = field(default_factory=_empty_traces)
@@ -128,10 +128,11 @@ class Screening:
     kept: RecordingFacts | None = None  # facts of the whole, where samples were dropped
     provenance: Provenance = field(default_factory=lambda: Provenance(source="memory"))
     mismatch: Mismatch | None = None  # what S and J leave out; None where nothing was fitted
-    without_position: WithoutPosition | None = None  # what OP and PV alone say; None: not asked
+    # evidence from OP and PV alone; None: not computed
+    without_position: WithoutPosition | None = None
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     histograms: PositionHistograms | None = None  # where the stem stood; None without a position
-    changed: str = ""  # what is otherwise than in the window before, as a curve from OP to stroke
+    changed: str = ""  # what differs from the window before, such as the curve from OP to stroke
     seconds: float = 0.0
 
     def __repr__(self) -> str:
@@ -140,7 +141,7 @@ class Screening:
 
     @property
     def window(self) -> tuple[datetime | None, datetime | None]:
-        """UTC start and end, ``None`` where the source does not tell."""
+        """UTC start and end, ``None`` where the source does not give them."""
         seen = self.recording if self.kept is None else self.kept
         return (None, None) if seen is None else (seen.start, seen.end)
 
@@ -153,7 +154,7 @@ class Screening:
 
     @property
     def was_read(self) -> bool:
-        """Whether the source could be read at all, whatever it holds."""
+        """Whether the source could be read at all."""
         return self.seen is not None or bool(self.still_seen)
 
     def finite_share(self) -> float:
@@ -165,7 +166,7 @@ class Screening:
         """The same result without a single sample: no recording, no traces, no free runs, no
         picture of a suspicion.
 
-        A day of a valve at 1 s is some 6 MB, what was found in it some 30 KB.
+        A day of a valve at 1 s takes some 6 MB, its findings some 30 KB.
         """
         short = self.excerpt(0, 0)
         return replace(short, recording=None, traces=Traces())
@@ -173,7 +174,7 @@ class Screening:
     def excerpt(self, first: int, last: int) -> Screening:
         """The same result with samples ``first`` (inclusive) to ``last`` (exclusive) only.
 
-        ``kept`` then says what the whole was.
+        ``kept`` then holds the facts of the whole recording.
         """
         if self.recording is None:
             return self
@@ -184,6 +185,7 @@ class Screening:
                 naive=_copy(runs.naive, first, last),
                 extended=_copy(runs.extended, first, last),
                 heldout_from=max(runs.heldout_from - first, 0),
+                position=None if runs.position is None else _copy(runs.position, first, last),
             )
             mismatch = replace(mismatch, runs=part if last > first else None)
         suspicion = self.without_position
@@ -210,10 +212,10 @@ class Screening:
 class PreviousFinding:
     """The result of an earlier screening of the valve.
 
-    ``at`` is the instant it stands for (the end of its window, or when it was saved), ``run`` the
-    number of its run. ``S`` and ``J`` in percent of OP span, ``None`` where they were not known.
-    ``finding`` is a value of ``mismatch.findings.Finding``, ``effects`` the slugs that were named,
-    then or by the windows of weeks; ``defects`` those of them that stood and ask for work.
+    ``at`` is its time (the end of its window, or when it was saved), ``run`` the number of its run.
+    ``S`` and ``J`` in percent of OP span, ``None`` where they were not known. ``finding`` is a
+    value of ``mismatch.findings.Finding``, ``effects`` the slugs that were named, then or over the
+    windows of weeks; ``defects`` those of them that were confirmed and need work.
     """
 
     at: datetime

@@ -1,4 +1,4 @@
-"""Does this position belong to this command? A wrong tag gives confident nonsense."""
+"""Whether a position belongs to a command. A wrong tag gives a confident but meaningless fit."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ LONGEST_DELAY_S = 120.0
 COPIED_SHARE = 0.99  # of the samples
 DELAYS = (0, 1, 2)  # samples by which a copy of OP may have been recorded late
 LONGEST_COPY_DELAY = 600  # samples
-LEAST_COPIED = 50  # samples that tell a copy from chance
+LEAST_COPIED = 50  # samples needed to separate a copy from coincidence
 # A stem's reading has noise, two hundredths of a percent and more; a computed one has none.
 WITHOUT_NOISE = 1e-4  # of the range
 LAGS = np.geomspace(0.3, 300.0, 31)  # samples
-TWO_PLACES = 3  # values of a reading that tells no more than open or shut
-# Of OP - MV from one sample to the next. A valve gives -0.5 at least, where both are white noise.
+TWO_PLACES = 3  # values of a reading that shows open and shut only
+# Correlation of OP - MV from one sample to the next. A valve gives at least -0.5, where both are
+# white noise.
 EXCHANGED = -0.75
-MOST = 1e9  # larger values are no reading of anything
+MOST = 1e9  # larger values cannot be a reading
 LEAST_MOVE_PERCENT = 1.0
 STRETCHES, FEWEST_IN_STRETCH = 25, 10  # of a record, and samples in one
 SUMMED, TOWARDS_COMMAND = 0.9, (-0.5, 0.1)
-SETTLED_S = 30.0  # of the own clock, after which a stem has followed an OP that stands still
+SETTLED_S = 30.0  # of the own clock, after which a stem has followed a constant OP
 
 
 def _pairs(recording: Recording) -> tuple[Floats, Floats]:
@@ -60,7 +61,7 @@ def copied_share(recording: Recording) -> float:
 def copied_from(recording: Recording) -> Role | None:
     """Which of OP, PV and SP the "position" repeats: on any scale, late, or through a filter.
 
-    A copy leaves nothing but its rounding; a stem's reading leaves its noise and its friction.
+    A copy differs by its rounding only; a stem's reading differs by noise and friction.
     """
     mv = recording.mv
     assert mv is not None
@@ -80,7 +81,7 @@ def copied_from(recording: Recording) -> Role | None:
 
 
 def _is_reading(values: Floats) -> bool:
-    """Whether it moves, by no more than an instrument can."""
+    """Whether the signal moves, and within the range of an instrument."""
     return swing(values) > 0.0 and float(np.abs(values).max()) < MOST
 
 
@@ -114,7 +115,7 @@ def samples_exchanged(recording: Recording) -> bool:
 
 
 def neighbours_alike(recording: Recording) -> float:
-    """The correlation of OP - MV with itself a sample later, -1 to 1; 0 where too few tell it."""
+    """The correlation of OP - MV with itself a sample later, -1 to 1; 0 with too few samples."""
     op, mv = _pairs(recording)
     if op.size < LEAST_COPIED:
         return 0.0
@@ -125,7 +126,7 @@ def neighbours_alike(recording: Recording) -> float:
 
 
 def moved_without_command(recording: Recording) -> float:
-    """Share of the position's way that it makes while OP has stood still for long, 0 to 1."""
+    """Share of the position's travel while OP has been constant for long, 0 to 1."""
     op, mv = _pairs(recording)
     if not op.size:
         return 0.0
@@ -138,35 +139,38 @@ def moved_without_command(recording: Recording) -> float:
 
 @dataclass(frozen=True)
 class SummedCommand:
-    """How far OP and MV explain how fast MV moves (0 to 1), and what of that is ``towards_command``
-    and not OP alone: 1 where MV comes to rest at its command, 0 where it does not ask for it."""
+    """How much of MV's speed OP and MV explain (0 to 1), and how much of that is
+    ``towards_command``: 1 where MV comes to rest at its command, 0 where its speed depends on OP
+    alone.
+    """
 
     explained: float = 0.0
     towards_command: float = np.nan
 
     @property
     def sums(self) -> bool:
-        """Whether OP tells how fast the position moves, wherever it is."""
+        """Whether OP determines the speed of the position, wherever it is."""
         least, most = TOWARDS_COMMAND
         return self.explained >= SUMMED and least < self.towards_command < most
 
 
 def sums_its_command(recording: Recording) -> bool:
-    """True where OP tells how fast the position moves, wherever it is: a speed, a force, or the
-    pulses of an electric actuator, and not the position that the valve is told."""
+    """True where OP determines the speed of the position: OP is then a speed, a force, or the
+    pulses of an electric actuator, and not a position command.
+    """
     return summed_command(recording).sums
 
 
 def summed_command(recording: Recording) -> SummedCommand:
-    """How the position moves by OP and by where it is.
+    """How the position's speed depends on OP and on the position.
 
     Over stretches of a twenty-fifth of the record, with means of OP and MV,
 
         change of MV = a OP + b MV + c,        a valve: b = -a / (MV per OP)
 
-    since a stem comes to rest where its command is, however late; ``towards_command`` is
-    ``-b std(MV) / (a std(OP))``. OP that is stored late has -1, since OP and MV then differ by what
-    MV moves meanwhile; the position of a slide whose OP is its force has -0.26.
+    because a stem comes to rest at its command, however late; ``towards_command`` is ``-b std(MV) /
+    (a std(OP))``. It is -1 for an OP that is stored late, because OP and MV then differ by MV's
+    move in that time, and -0.26 for the position of a slide whose OP is its force.
     """
     op, mv = _pairs(recording)
     width = op.size // STRETCHES
@@ -267,7 +271,9 @@ def first_order_lag(values: Floats, lag: float) -> Floats:
 
 
 def correlation(recording: Recording) -> float:
-    """Of OP and position at the same instants, -1 to 1; 0 where one of them does not move."""
+    """The correlation of OP and position at the same instants, -1 to 1; 0 where one of them does
+    not move.
+    """
     op, mv = _pairs(recording)
     return float(np.corrcoef(op, mv)[0, 1]) if op.size else 0.0
 

@@ -1,4 +1,4 @@
-"""What can stand between a recording and a verdict, each with what would help."""
+"""Obstacles to a verdict on a recording, each with a remedy."""
 
 from __future__ import annotations
 
@@ -29,13 +29,14 @@ from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.words import share, times
 
-# Where the plant does not say how long a recording must last.
+# Where the plant file does not set how long a recording must last.
 LEAST_SAMPLES, GOOD_SAMPLES = 300, 3600
 # The range of white noise from its 1st to its 99th percentile is 4.7 standard deviations.
 NOISE_SWING = 6.0
 # 140 simulated valves that moved gave 0.37 and above, positions of other valves mostly below 0.3.
 UNRELATED = 0.3
-# Share of the position's way; 80 simulated valves (seed 8181) make 0.06 of it at most.
+# Share of the position's travel; 80 simulated valves (seed 8181) make at most 0.06 of it without
+# OP.
 MOVED_WITHOUT_OP = 0.15
 COARSEST_PERCENT = 3.0  # steps of a position, twice the S of a sticky valve
 SUMS_OP = "the position moves as fast as OP says"
@@ -71,7 +72,7 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
 
 
 def _copy_obstacles(recording: Recording) -> list[Obstacle]:
-    """A position that is another tag under its own name, and no stem's."""
+    """A position that is a copy of another tag."""
     assert recording.mv is not None
     tag = recording.mv.tag
     if is_copy(recording):
@@ -115,7 +116,9 @@ def _copy_obstacles(recording: Recording) -> list[Obstacle]:
 
 
 def _content_obstacles(recording: Recording) -> list[Obstacle]:
-    """A position that holds places, steps or another signal's samples instead of the stem's way."""
+    """A position that holds end positions, steps or another signal's samples instead of the stem's
+    travel.
+    """
     assert recording.mv is not None
     mv = recording.mv
     if tells_two_places(recording):
@@ -167,13 +170,14 @@ def reversed_obstacles(recording: Recording) -> list[Obstacle]:
 
 
 def related(recording: Recording) -> float:
-    """How well the position goes with OP, -1 to 1, soon after it or against it: one that counts the
-    other way is related all the same."""
+    """The correlation of the position with OP, -1 to 1, with a delay or with the sign reversed: a
+    reversed position is related all the same.
+    """
     return max(delayed_correlation(recording), -correlation(recording))
 
 
 def foreign_obstacles(recording: Recording) -> list[Obstacle]:
-    """A position that does not go with OP at all: a fit would call it sticking."""
+    """A position that is not correlated with OP: a fit would call it sticking."""
     if sums_its_command(recording):
         return [
             Obstacle(
@@ -243,7 +247,7 @@ def _still_obstacles(recording: Recording) -> list[Obstacle]:
                 STUCK_REMEDY,
             )
         ]
-    # A position that is sampled too slowly looks like noise as well, but goes with OP.
+    # A position that is sampled too slowly looks like noise as well, but is correlated with OP.
     if swing(mv) <= NOISE_SWING * noise_sigma(mv) and abs(correlation(recording)) < -AGAINST:
         return [
             Obstacle(
@@ -289,9 +293,10 @@ def length_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
 
 
 def between_pieces(recording: Recording) -> Bools:
-    """(n,) the samples in the holes of a recording that was put together from pieces: where nothing
-    at all was recorded for longer than a fit bridges. Each piece is fitted from its own start, so
-    that such samples are no fault of archive or transmitter."""
+    """(n,) the samples in the holes of a recording that was joined from pieces: where nothing at
+    all was recorded for longer than a fit bridges. Each piece is fitted from its own start, and
+    these samples do not count as bad.
+    """
     missing = np.asarray(recording.op.quality == Quality.MISSING)
     if recording.mv is not None:
         missing = missing & (recording.mv.quality == Quality.MISSING)
@@ -326,7 +331,7 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     """An OP whose movement could not show a sticking stem."""
     op = recording.op.values[np.isfinite(recording.op.values)]
     op_swing = swing(op)
-    # An OP that is sampled too slowly looks like noise; its turns must not be lost for that.
+    # An OP that is sampled too slowly looks like noise; its reversals must count all the same.
     threshold = max(0.1 * op_swing, min(4.0 * noise_sigma(op), 0.5 * op_swing), 0.2)
     turns = int(reversals(op, threshold).size) if op.size else 0
     manual = "the loop was in manual and " if _manual(recording) else ""
@@ -354,7 +359,7 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
 
 
 def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[Obstacle]:
-    """A position that the transmitter froze or the historian drew for too long."""
+    """A position that the transmitter froze or the historian interpolated for too long."""
     obstacles = []
     if frozen > 0.5:
         obstacles.append(

@@ -1,12 +1,12 @@
-"""``ValveChain``: the fitted valve as numbers with names and units, for a simulator outside.
+"""``ValveChain``: the fitted valve as numbers with names and units, for an external simulator.
 
     OP --curve--> command --dead time--> lag --> ringing --> speed limit --> air supply --> force
        --stick-slip--> stem --play--> position
 
-It is the chain that was fitted: ``mismatch.kernel`` behind the terms that shape the command where
-effects were named, with the stored numbers of that fit and the published S and J; else
+It is the fitted chain. Where effects were named, it is ``mismatch.kernel`` behind the terms that
+shape the command, with the stored numbers of that fit and the published S and J; else
 ``stickslip.kernel`` with S, J and the actuator of the quick fit, whose lag and speed limit are one
-device. Every parameter has a neutral value at which its effect is not there.
+device. Every parameter has a neutral value, which switches its effect off.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 FREE = 1e6  # percent a second: no speed limit
 NO_STOP = 1000.0  # percent of travel, beyond every stroke
-DWELL_TIME = 5.0  # units of the own clock, which the rise of the breakaway is stated with
+DWELL_TIME = 5.0  # units of the own clock, in the formula of the breakaway's rise
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChainParameter:
     """One number of the chain: ``neutral`` switches its effect off; a ``tunable`` one may be
-    changed during a run without a jump of what it has stored."""
+    changed during a run without a jump of the chain's state.
+    """
 
     name: str
     unit: str
@@ -61,7 +62,7 @@ def _tunable(
     )
 
 
-# The order in which every simulator has them.
+# The order of the parameters in every simulator.
 CHAIN_PARAMETERS = (
     _fixed(
         "sample_time",
@@ -174,8 +175,8 @@ CHAIN_PARAMETERS = (
     ),
 )
 _NAMES = frozenset(parameter.name for parameter in CHAIN_PARAMETERS)
-# The coordinates of each term of the catalogue, as parameters of the chain with the unit that says
-# how they count time; see ``coordinates`` of the term.
+# The coordinates of each term of the catalogue, as parameters of the chain, with the unit by which
+# their time is converted; see ``coordinates`` of the term.
 _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     "dead_time": (("dead_time", "s"),),
     "actuator_lag": (("lag", "s"),),
@@ -293,8 +294,9 @@ def _of_quick_fit(screening: Screening) -> dict[str, float]:
 
 
 def _restick(speed: float, unit_s: float) -> float:
-    """A fit whose stem sticks again at every sample has it as an infinite speed, which no file of
-    another program can hold."""
+    """The speed of sticking again for a simulator. A stem that sticks at every sample has an
+    infinite speed, which most file formats cannot hold.
+    """
     return min(seconds_of(speed, "%/s", unit_s), FREE)
 
 
@@ -323,7 +325,7 @@ def _of_published(question: OpenQuestion) -> dict[str, float]:
 
 
 def _named(name: str, value: float, delay: float) -> dict[str, float]:
-    """A coordinate of a term as parameters of the chain."""
+    """The parameters of the chain that a coordinate of a term gives."""
     speed = min(1.0 / value, FREE) if value > 0.0 else FREE
     return {
         "dead_time": {"dead_time": delay + value},

@@ -9,7 +9,8 @@ class Verdict(StrEnum):
     """What the recording says about the valve."""
 
     HEALTHY = "healthy"
-    # Never what S and J say: given where something other than friction is wrong with the valve.
+    # Does not follow from S and J: given where something other than friction is wrong with the
+    # valve.
     DEFECTIVE = "defective"
     WATCH = "watch"
     STICKY = "sticky"

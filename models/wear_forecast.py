@@ -1,5 +1,5 @@
-"""``forecast_wear``: when S will reach a limit, by its values of the last weeks, or why that is not
-known.
+"""``forecast_wear``: when S will reach a limit, from its values of the last weeks, or why that is
+not known.
 
 S is a level that rises at a rate; both may wander::
 
@@ -7,10 +7,11 @@ S is a level that rises at a rate; both may wander::
     rate(t + dt)  = rate(t) + noise of variance q_rate dt
     S(t)          = level(t) + error of variance r
 
-The three variances are not known: each of a grid of them is weighed by the likelihood of its Kalman
-filter (Durbin and Koopman 2012, doi:10.1093/acprof:oso/9780199641178.001.0001, local linear trend),
-and states are drawn from all of them. Paths that go on from there are what may come: steady wear,
-wear that gathers pace, and wear in steps. The interval is that of their first passage.
+The three variances are not known: each point of a grid of them is weighted by the likelihood of its
+Kalman filter (Durbin and Koopman 2012, doi:10.1093/acprof:oso/9780199641178.001.0001, local linear
+trend), and states are drawn from all of them. Simulated paths continue from these states: steady
+wear, accelerating wear, and wear in steps. The interval is that of their first passage through the
+limit.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Floats
 
-FEWEST_DAYS = 8  # with an S: fewer do not tell a rate from an error
+FEWEST_DAYS = 8  # with an S: fewer cannot separate a rate from an error
 SHORTEST_DAYS = 14.0
 FIRST = 4  # days that say where S began
 SURE = 0.99  # probability that S has risen, from which a trend is claimed
-GOES_ON = 0.9  # and that it still does
+GOES_ON = 0.9  # and that it is still rising
 LEAST_RISE_PERCENT = 0.2  # over the time seen; less than a plant's data can show
 HORIZON_DAYS = 365
 INTERVAL_PERCENT = (5.0, 95.0)
 DRAWS = 600
 SEED = 29
 WEEK = 7.0
-# Standard deviations of the grid: of the error as a multiple of what neighbouring days differ by,
-# of the level's and the rate's own noise for a day, percent and percent a day.
+# Standard deviations of the grid: of the error as a multiple of the difference of neighbouring
+# days, of the level's and the rate's own noise for a day, percent and percent a day.
 ERRORS = np.array([0.7, 1.0, 1.4, 2.0])
 LEVEL_NOISE = np.array([0.0, 0.015, 0.04])
 RATE_NOISE = np.array([0.0, 0.0004, 0.001])
-FIRST_RATE = 0.05  # percent a day: standard deviation of a rate of which nothing is known
+FIRST_RATE = 0.05  # percent a day: prior standard deviation of the rate
 LEAST_ERROR_PERCENT = 0.03
 
 
@@ -48,7 +49,7 @@ class WearForecast:
     """When S reaches ``limit``, percent of OP.
 
     ``until`` in weeks from the last value, with a 90 % interval; ``high`` is ``None`` where a year
-    may not be enough. It has a reason and no value where no trend stands.
+    may not be enough. It has a reason and no value where there is no trend.
     """
 
     limit: float
@@ -57,7 +58,7 @@ class WearForecast:
 
     @property
     def words(self) -> str:
-        """For a reader: "reaches 1.5 % in 3 to 9 weeks"; nothing where no trend stands."""
+        """A clause for the page: "reaches 1.5 % in 3 to 9 weeks"; empty without a trend."""
         if self.until.value is None or self.until.low is None:
             return ""
         low = f"{self.until.low:.0f}"
@@ -80,7 +81,7 @@ def forecast_wear(days: Sequence[float], S: Sequence[float], limit: float) -> We
     state = means[chosen] + np.einsum(
         "nij,nj->ni", np.linalg.cholesky(covariances[chosen]), rng.standard_normal((DRAWS, 2))
     )
-    # The first days' level is known from their mean as well as such a mean is.
+    # The uncertainty of the first days' level is that of their mean.
     first = y[:FIRST].mean() + np.sqrt(error[chosen] / FIRST) * rng.standard_normal(DRAWS)
     rises = float(np.mean(state[:, 0] - first > LEAST_RISE_PERCENT))
     share_rising = float(np.mean(state[:, 1] > 0.0))
@@ -89,7 +90,7 @@ def forecast_wear(days: Sequence[float], S: Sequence[float], limit: float) -> We
     elif rises < SURE or share_rising < GOES_ON:
         reason = "S does not rise by more than its own scatter"
     else:
-        # What rises still does: a worn stem does not heal by itself.
+        # A rising S keeps rising: a worn stem does not heal by itself.
         rising = state[:, 1] > 0.0
         until = _passage(state[rising], noise[chosen[rising]], limit, rng)
         return WearForecast(limit=limit, until=until, probability_rises=rises)
@@ -138,8 +139,8 @@ def _passage(state: Floats, noise: Floats, limit: float, rng: np.random.Generato
     rate_noise = np.sqrt(noise[:, 1:]) * rng.standard_normal(shape)
     # A worn stem does not heal by itself.
     rate = np.maximum(state[:, 1:] + np.cumsum(rate_noise, axis=1), 1e-5)
-    # Noise of the level is wear in steps: so many a day and as large, exponential, as its mean (the
-    # rate) and its variance ask for.
+    # The noise of the level is wear in steps: Poisson in time with exponential sizes, whose mean is
+    # the rate and whose variance is that of the level.
     size = np.maximum(0.5 * noise[:, :1] / rate, 1e-9)
     steps = rng.poisson(np.minimum(rate / size, 1e6))
     wear = np.where(noise[:, :1] > 0.0, size * rng.standard_gamma(np.maximum(steps, 1e-9)), rate)

@@ -1,7 +1,8 @@
-"""Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
+"""Mixed-up tags, or clocks that are minutes apart: what else explains the position.
 
-Whose command a position follows is asked by what sticking explains (``stickslip.best_pairing``),
-where the stem rests (``rests``), and what the controller answers (``clock_shift``).
+Which command a position follows is decided from the fit of a sticking stem
+(``stickslip.best_pairing``), from the rests of the stem (``rests``), and from the controller's law
+(``clock_shift``).
 """
 
 from __future__ import annotations
@@ -22,27 +23,27 @@ from stemwatch.models.stickslip.rests import Rests
 from stemwatch.models.validity_checks import Obstacle
 from stemwatch.models.words import share
 
-# What is left of a stem that never moves (``best_pairing``); where this and the next limits must
-# lie, `stemwatch calibrate-wiring` derives from recordings whose tags are right. 93 simulated
-# valves that moved, with and without hidden effects (seeds 5151 and 8181), leave 0.03 to 0.81, 0.49
-# at most without effects and 0.25 in the middle; a command of another time leaves them 1.03 times
-# as much and more, OP read as the position 0.35 times (a valve with a rough force on its stem,
-# which 0.3 keeps out), PV or SP in the place of OP or position 0.5 times.
+# Share of the loss of a stem that never moves (``best_pairing``). `stemwatch calibrate-wiring`
+# derives these and the next limits from recordings whose tags are right. 93 simulated valves that
+# moved, with and without hidden effects (seeds 5151 and 8181), leave 0.03 to 0.81, 0.49 at most
+# without effects and 0.25 in the middle; a command of another time leaves them 1.03 times as much
+# and more, OP read as the position 0.35 times (a valve with a rough force on its stem, which 0.3
+# keeps out), PV or SP in the place of OP or position 0.5 times.
 DOUBTED, RELATED, UNRELATED_LEFT = 0.3, 0.7, 0.85
 ANOTHER_TIME, BY_ANOTHER = 0.85, 0.5
-# A valve that hardly sticks goes with its command either way round, and is healthy either way.
+# A valve that hardly sticks agrees with its command either way round, and is healthy either way.
 # Either way round, S of 76 sticking ones is 2.1 % and more, of 92 healthy ones 1.6 % and less, of
 # all but two 1.5 % (`draw_valves`, seeds 6161, 8383, 9393; `draw_sticky`, `draw_healthy`, 5151).
 SURELY_SWAPPED, STICKS_PERCENT = 0.5, 1.5
-# A command that seems stored late may be the position: then a little simpler the other way round is
-# enough.
+# A command that seems stored late may be the position: then a slightly smaller loss the other way
+# round is enough.
 SWAPPED_AND_LATE = 0.9
-# Where OP rests as a stem does (``rests``), the other way round need not even be the simpler one.
+# Where OP rests as a stem does (``rests``), the loss the other way round may even be larger.
 SWAPPED_BY_RESTS = 1.5
-# By the controller's law OP and PV are what they are called where it leaves so many times less of
-# OP's moves than of those of the position that answered PV, or of OP's that answered the position.
-# Where OP and position, or position and PV, are exchanged it is the other way round; nothing of the
-# kind is asked where the position follows OP so badly that it may be another valve's.
+# The controller's law confirms OP (or PV) where it leaves so many times less of OP's moves than it
+# would with the position in the place of OP (or of PV). Where the two are exchanged it is the other
+# way round. This is not checked where the position follows OP so badly that it may be another
+# valve's.
 OP_PLAINLY, PV_PLAINLY, FOLLOWS = 3.0, 10.0, 0.5
 LEAST_SWING_PERCENT = 0.5
 # Which is exchanged for which, and what then is the command and what the position.
@@ -57,9 +58,10 @@ SPOKEN = {Role.OP: "OP", Role.MV: "the position", Role.PV: "PV", Role.SP: "SP"}
 
 @dataclass(frozen=True)
 class WiringEvidence:
-    """How well the position follows its command, and how well others explain it; each is looked for
-    only where it is asked for. ``as_stored`` is the recording before its OP, taken for stored late,
-    was brought forward."""
+    """How well the position follows its command, and how well other signals explain it; each is
+    computed only when needed. ``as_stored`` is the recording before an OP that seemed late was
+    shifted.
+    """
 
     recording: Recording
     as_stored: Recording | None
@@ -72,13 +74,15 @@ class WiringEvidence:
         as_stored: Recording | None = None,
         first_look: FirstLook | None = None,
     ) -> WiringEvidence | None:
-        """As ``wiring_obstacles``; ``None`` where one of the two hardly moves."""
+        """The evidence from a recording, with arguments as in ``wiring_obstacles``; ``None`` where
+        OP or position hardly moves.
+        """
         pairing = Pairing.of(recording, first_look)
         return None if pairing is None else cls(recording, as_stored, pairing)
 
     @cached_property
     def at_once(self) -> float:
-        """What OP at its own time leaves of the loss of a stem that never moves."""
+        """Share of the loss of a stem that never moves which OP at its own time leaves."""
         return self.pairing.explained(BEFORE[:1]).left
 
     @cached_property
@@ -98,24 +102,27 @@ class WiringEvidence:
 
     @cached_property
     def as_mapped(self) -> float:
-        """What is left as it is mapped, by friction or by a slow actuator."""
+        """Share of the loss that is left with the tags as mapped, by friction or by a slow
+        actuator.
+        """
         return min(self.at_most.left, self.pairing.by_a_slow_actuator())
 
     @cached_property
     def controller(self) -> BehindController:
-        """How OP answers PV and set point."""
+        """How late OP answers PV and set point."""
         return behind_controller(self.recording)
 
     @cached_property
     def op_plainly(self) -> bool:
-        """Whether OP is what the controller gave, and the position is not."""
+        """Whether OP follows the controller's law, and the position does not."""
         as_position = behind_controller(self.recording, output=Role.MV)
         return self.controller.rather_than(as_position, OP_PLAINLY)
 
     @cached_property
     def pv_plainly(self) -> bool:
-        """Whether PV is what the controller answers, and the position is not: that PV goes with OP
-        is then the controller's doing. Asked only of a position that follows OP."""
+        """Whether the controller answers PV, and not the position: PV is then correlated with OP
+        because of the controller. Checked only for a position that follows OP.
+        """
         if self.nearest.left > FOLLOWS:
             return False
         as_pv = behind_controller(self.recording, answering=Role.MV)
@@ -133,7 +140,7 @@ class WiringEvidence:
 
     @property
     def simpler(self) -> float:
-        """Of what is left as it is mapped, the share that OP and position exchanged must leave."""
+        """The ratio to ``as_mapped`` that OP and position exchanged may leave at most."""
         if self.rests.of_command:
             return SWAPPED_BY_RESTS
         return SURELY_SWAPPED if self.as_stored is None else SWAPPED_AND_LATE
@@ -145,9 +152,10 @@ class WiringEvidence:
 
     @property
     def swapped(self) -> float:
-        """What OP and position leave exchanged, as it compares with what is left as they are
-        mapped; nothing speaks for it where OP is the controller's, where the position rests as a
-        stem does, or where the valve hardly sticks either way round."""
+        """The ratio of the loss with OP and position exchanged to that as mapped. There is no case
+        for an exchange where OP follows the controller's law, where the position rests as a stem
+        does, or where the valve hardly sticks either way round.
+        """
         if self.op_plainly or self.rests.of_position or self.sticks_either_way < STICKS_PERCENT:
             return np.inf
         return self.exchanged.left / self.simpler
@@ -165,14 +173,13 @@ class WiringEvidence:
 def wiring_obstacles(
     recording: Recording, as_stored: Recording | None = None, first_look: FirstLook | None = None
 ) -> list[Obstacle]:
-    """Tags that are mixed up, or clocks that are minutes apart: what else explains the position.
+    """Mixed-up tags, or clocks that are minutes apart: what else explains the position.
 
-    ``recording`` in percent of travel both, read through its curve; ``as_stored`` what it was where
-    its OP was taken for stored late and brought forward; ``first_look`` a first look at
-    ``recording``.
+    ``recording`` in percent of travel, read through its curve; ``as_stored`` the recording before
+    an OP that seemed late was shifted; ``first_look`` saves time where it has been made already.
     """
     seen = WiringEvidence.of(recording, as_stored, first_look)
-    # Most valves need no second look.
+    # Most valves need no further check.
     if seen is None or seen.at_once < DOUBTED or seen.nearest.left < DOUBTED:
         return []
     if seen.pairing.slips_to_its_command:
@@ -184,7 +191,7 @@ def wiring_obstacles(
     at_most, nearest = seen.at_most.left, seen.nearest.left
     if min(far.left, other) >= at_most and nearest <= UNRELATED_LEFT:
         return []
-    # A valve with a slow actuator leaves much to friction alone.
+    # With a slow actuator, friction alone leaves much of the loss.
     before = seen.as_mapped
     if far.left < min(ANOTHER_TIME * nearest, RELATED, before, other):
         return [_clocks_apart(recording, far.samples)]

@@ -1,1 +1,1 @@
-"""The control loop around a valve, fitted to its recording, and run again as it might be."""
+"""The control loop around a valve, fitted to its recording, and simulated with changes."""

@@ -1,9 +1,9 @@
-"""The controller's law by its own recording: OP from set point and PV, by least squares.
+"""The controller's law from a recording: OP from set point and PV, by least squares.
 
 ``OP = c + Kc (b SP - PV) + Kc/Ti integral(SP - PV) + Kc Td change of PV``, the parallel form that
 every PI and PID controller has on the clock of a historian (Astrom and Hagglund 1995, *PID
-Controllers*). What the law leaves of OP is kept and played again, so that feedforward, rounding and
-an operator's steps stay.
+Controllers*). The residual of OP is kept and replayed, so that feedforward, rounding and an
+operator's steps stay.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ LEAST_EXPLAINED = 0.9  # of OP's variance: below it the loop is in manual, or an
 class ControllerLaw:
     """``gain`` Kc in percent of OP for a unit of PV, ``gain_sp`` the same for the set point,
     ``per_sample`` OP for a unit of error and sample, ``gain_change`` for a unit of PV's change from
-    one sample to the next; ``rest`` (n,) percent, what it leaves of OP; ``explained`` of OP's
-    variance, 0 to 1."""
+    one sample to the next; ``rest`` (n,) the residual of OP, percent; ``explained`` the share of
+    OP's variance, 0 to 1.
+    """
 
     gain: float
     gain_sp: float
@@ -39,7 +40,9 @@ class ControllerLaw:
 
 
 def controller_law(op: Floats, pv: Floats, sp: Floats) -> ControllerLaw | str:
-    """The law behind ``op``, ``pv`` and ``sp`` (n,), without holes; or why there is none."""
+    """The law of ``op``, ``pv`` and ``sp`` (n,), without holes; or a sentence on why
+    there is none.
+    """
     if float(np.ptp(op)) == 0.0:
         return "OP did not move"
     moves = float(np.ptp(sp)) > 0.0

@@ -1,11 +1,11 @@
-"""``fit_loop``: one loop as a model that can be run again, from its recording and its valve.
+"""``fit_loop``: one loop as a model that can be simulated, from its recording and its valve.
 
     OP = law(SP, PV) + rest          the controller, by its own law
     x  = stick-slip(OP; S, J, lags)  the valve, as it was fitted
     PV = process(x) + disturbance    the process, with what else moved PV
 
-Rest and disturbance are kept and played again: as it was recorded, the loop gives the recording
-back, and what is changed shows what it would have done on the same day.
+Rest and disturbance are kept and replayed: the unchanged model reproduces the recording, and a
+changed one predicts the loop's behaviour on the same day.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from stemwatch.models.holes import bridged, longest_stretch
 from stemwatch.models.recording import Floats, Recording, Role
 
 FEWEST_SAMPLES = 300
-MOST_SAMPLES = 7200  # the newest of a longer stretch
+MOST_SAMPLES = 7200  # the last ones of a longer stretch
 BRIDGED = 3  # samples of a hole that a straight line fills
-REPLAYED = (0.5, 2.0)  # the variance of the loop run as it is, over the recorded one
+REPLAYED = (0.5, 2.0)  # the variance of the unchanged simulation, over the recorded one
 FREE = 1e6  # percent a sample: no speed limit
 USUAL_SCATTER = 0.06  # of breakaways, as a share of their level: 5 to 12 % is normal
 LARGEST_SCATTER = 2.5  # standard deviations
-# Time constants of the air where the fit found none, samples: a stem that sticks hides it. 0.05 to
-# 1.5 s are usual, with a sample a second; a controller that scans some times within a sample acts
-# as a longer one.
+# Time constant of the actuator where the fit found none, samples: a sticking stem hides it. 0.05 to
+# 1.5 s are usual, with a sample a second; a controller that scans several times within a sample
+# looks like a longer one.
 HIDDEN_LAG = 1.0
 HIDDEN_LAGS = (0.1, 5.0)
-TRIES = 4  # to draw a process with which the loop gives its own variance back
+TRIES = 4  # to draw a process with which the loop reproduces its own variance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,8 @@ class FittedValve:
     """S and J in percent of OP with the standard deviations of their estimates; times in seconds,
     speeds in percent a second; ``slope`` the position's percent for a percent of OP; ``scatter`` of
     its breakaways as a share of their level, ``noise`` of the position's reading in percent.
-    ``hidden_lag_s`` is the lag that would show without friction, where none was found with it."""
+    ``hidden_lag_s`` is a lag that would show only without friction, where the fit found none.
+    """
 
     S: float
     J: float
@@ -62,7 +63,9 @@ class FittedValve:
     def of(
         cls, S: Estimate, J: Estimate, numbers: Mapping[str, float | None], slope: float = 1.0
     ) -> FittedValve | str:
-        """The valve by what a screening found: S, J and its indicators by name; or why not."""
+        """The valve from the results of a screening: S, J and its indicators by name; or why there
+        is none.
+        """
         if S.value is None:
             return f"S is not known: {S.reason}"
         slow = {
@@ -126,8 +129,9 @@ def _alike() -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class FittedLoop:
-    """What was recorded on the stretch that was fitted, and the three parts of the loop; its
-    ``breakaways`` (m,) come in turn, each a multiple of (S + J)/2."""
+    """The recorded signals of the fitted stretch, and the three parts of the loop; the
+    ``breakaways`` (m,) are used in turn, each a multiple of (S + J)/2.
+    """
 
     recorded: LoopRun
     unit: str
@@ -144,8 +148,9 @@ class FittedLoop:
         reset_times: float = 1.0,
         knocker: Knocker | None = None,
     ) -> LoopRun:
-        """The same stretch with another ``valve``, controller gain or reset time, or with a
-        knocker; without any of these as it is."""
+        """Simulate the same stretch with another ``valve``, controller gain or reset time, or with
+        a knocker; without any of these, unchanged.
+        """
         recorded, law, process = self.recorded, self.law, self.process
         valve = self.valve if valve is None else valve
         step_s = recorded.interval_s
@@ -169,7 +174,7 @@ class FittedLoop:
             q[kernel.KNOCK_EVERY] = max(round(knocker.every_s / step_s), 1)
             q[kernel.KNOCK_FOR] = max(round(knocker.for_s / step_s), 1)
         op, x, pv = (np.empty_like(recorded.op) for _ in range(3))
-        # Another gain turns OP about where the loop stands, not about 0.
+        # Another gain acts about the loop's operating point, not about 0.
         stands = float(np.mean(law.gain_sp * recorded.sp - law.gain * recorded.pv))
         rest = law.rest + (1.0 - gain_times) * stands
         zero = self._zero()
@@ -180,9 +185,10 @@ class FittedLoop:
         return replace(recorded, op=op, x=zero + self.valve.slope * x, pv=pv)
 
     def drawn(self, rng: np.random.Generator) -> FittedLoop:
-        """The loop with another process and valve that explain the recording about as well, and
-        with breakaways that scatter: no two days have the same. Run as it is, it gives the recorded
-        variance back as the loop itself must."""
+        """Draw a loop whose process and valve explain the recording about as well, with other
+        breakaways, which differ from day to day. Unchanged, it must reproduce the recorded
+        variance, as the fitted loop must.
+        """
         valve, recorded = self.valve, self.recorded
         S = max(valve.S + valve.S_spread * float(rng.standard_normal()), 0.0)
         J = max(valve.J + valve.J_spread * float(rng.standard_normal()), 0.0)
@@ -200,7 +206,7 @@ class FittedLoop:
 
     @property
     def replayed(self) -> float:
-        """The variance of SP - PV of the loop run as it is, over the recorded one."""
+        """The variance of SP - PV of the unchanged simulation, over the recorded one."""
         recorded = self.recorded
         error, again = recorded.sp - recorded.pv, recorded.sp - self.run().pv
         return float(np.var(again)) / max(float(np.var(error)), 1e-30)
@@ -211,7 +217,8 @@ class FittedLoop:
 
 def fit_loop(recording: Recording, valve: FittedValve) -> FittedLoop | str:
     """The loop of ``recording`` with a ``valve`` that was fitted to it; or, in one sentence, why it
-    cannot be run again."""
+    cannot be simulated.
+    """
     pv, sp, mv = recording.get(Role.PV), recording.get(Role.SP), recording.mv
     missing = [name for name, signal in (("PV", pv), ("the position", mv)) if signal is None]
     if pv is None or mv is None:

@@ -12,7 +12,7 @@ from numba import njit
 
 from stemwatch.models.recording import Floats
 
-# Places of the numbers of a loop (N_NUMBERS,) that ``run_loop`` takes. Times count in samples.
+# Order of the numbers of a loop (N_NUMBERS,) for ``run_loop``. Times in samples.
 (
     GAIN_PV,  # OP per unit of PV, of the controller
     GAIN_SP,
@@ -31,7 +31,7 @@ from stemwatch.models.recording import Floats
     PROCESS_LAG,
     SECOND_LAG,
     PROCESS_DELAY,
-    INTEGRATES,  # 1 where the process has no rest of its own
+    INTEGRATES,  # 1 for an integrating process
     KNOCK,  # height of a knocker's pulses, percent of OP
     KNOCK_EVERY,
     KNOCK_FOR,
@@ -47,7 +47,7 @@ def _share(lag: float) -> float:
 
 @njit(cache=True)
 def _late(values: Floats, k: int, delay: float) -> float:
-    """``values`` as they were ``delay`` samples before ``k``, on the line between two samples."""
+    """``values`` at ``delay`` samples before ``k``, interpolated linearly between two samples."""
     whole = int(delay)
     later: float = values[max(k - whole, 0)]
     earlier: float = values[max(k - whole - 1, 0)]
@@ -71,12 +71,38 @@ def process_answer(
 
 @njit(cache=True)
 def whitened(values: Floats, weights: Floats, out: Floats) -> None:
-    """``values`` (n,) less what ``weights`` (p,) of the samples before foretell, into ``out``."""
+    """``values`` (n,) minus their prediction by ``weights`` (p,) of the samples before, into
+    ``out``.
+    """
     for k in range(values.size):
         left = values[k]
         for i in range(weights.size):
             left -= weights[i] * values[max(k - 1 - i, 0)]
         out[k] = left
+
+
+@njit(cache=True)
+def later_costs(answer: Floats, pv: Floats, delays: Floats, out: Floats) -> None:
+    """What a process leaves of ``pv`` where its answer comes later by whole samples, into ``out``
+    (d,): the sum of squares, with the gain that makes it least.
+
+    ``answer`` (n,) is the whitened answer without a delay, which is 0 before its first sample;
+    ``pv`` (m,) the last samples of the whitened PV, less their mean; ``delays`` (d,) in samples.
+    """
+    first, whole = answer.size - pv.size, 0.0
+    for k in range(pv.size):
+        whole += pv[k] * pv[k]
+    for place in range(delays.size):
+        late = int(delays[place])
+        total, squares, with_pv = 0.0, 0.0, 0.0
+        for k in range(max(late - first, 0), pv.size):
+            moved = answer[first + k - late]
+            total += moved
+            squares += moved * moved
+            with_pv += moved * pv[k]
+        # PV has a mean of 0, so that of the answer is of no account in their product.
+        spread = squares - total * total / pv.size
+        out[place] = whole - with_pv * with_pv / max(spread, 1e-30)
 
 
 @njit(cache=True)
@@ -91,12 +117,12 @@ def run_loop(
     x: Floats,
     pv: Floats,
 ) -> None:
-    """The loop closed, into ``op``, ``x`` and ``pv`` (n,).
+    """Simulate the closed loop into ``op``, ``x`` and ``pv`` (n,).
 
-    ``disturbance`` (n,) is what PV does without the valve, ``rest`` (n,) what OP does beside the
-    controller's law, ``begin`` OP and position at the first sample. The valve is the canonical
-    stick-slip element behind its actuator (``stickslip.kernel``); its breakaways come at the
-    ``levels`` (m,) in turn, times (S + J)/2.
+    ``disturbance`` (n,) is the part of PV that the valve does not cause, ``rest`` (n,) the part of
+    OP outside of the controller's law, ``begin`` OP and position at the first sample. The valve is
+    the canonical stick-slip element behind its actuator (``stickslip.kernel``); its breakaway
+    levels are ``levels`` (m,) in turn, times (S + J)/2.
     """
     q = numbers
     breaks, slides = 0.5 * (q[S] + q[J]), 0.5 * (q[S] - q[J])

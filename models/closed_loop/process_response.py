@@ -1,10 +1,9 @@
-"""How PV answers the valve, from any recording with both: for the upset that a test would make.
+"""How PV responds to the valve, from any recording with both: for predicting the upset by a test.
 
-The process is that of the loop (``process_model``), which takes the valve's part of PV from what
-else moves PV and does not take the controller for the process. Here its gain gets an interval and
-its times count in seconds. Where the valve explains less than ``LEAST_SHARE`` of PV the gain is
-unknown: a test that upsets PV by a multiple of what was said is worse than one whose sheet says
-that nobody knows.
+The process is that of the loop (``process_model``), which separates the valve's part of PV from the
+disturbance and the controller. Here its gain gets an interval and its times are in seconds. Where
+the valve explains less than ``LEAST_SHARE`` of PV the gain is unknown: a test that upsets PV by a
+multiple of the predicted amount is worse than one whose sheet says that the upset is not known.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from stemwatch.models.recording import Floats, Recording, Role
 
 BRIDGED = 20  # samples of a hole
 FEWEST_SAMPLES = 120
-MOST_SAMPLES = 6000  # of a longer recording the end
+MOST_SAMPLES = 6000  # the last ones of a longer recording
 LEAST_SHARE = 0.4  # of PV's variance that the valve must explain
 QUANTILE = 1.96  # of the normal distribution, for an interval of 95 %
 
@@ -49,8 +48,9 @@ class ProcessResponse:
         return self.pv_high - self.pv_low
 
     def upset(self, travel: Floats, interval_s: float) -> float | None:
-        """The largest change of PV that ``travel`` (n,), percent, makes from rest; by the end of
-        the gain's interval that is farther from 0. ``None`` where the gain is not known."""
+        """The largest change of PV that ``travel`` (n,), percent, causes from rest, with the end of
+        the gain's interval that is farther from 0. ``None`` where the gain is not known.
+        """
         ends = [end for end in (self.gain.low, self.gain.high, self.gain.value) if end is not None]
         if self.gain.value is None:
             return None
@@ -74,8 +74,8 @@ def process_response(recording: Recording) -> ProcessResponse:
         return _unknown("PV and valve were recorded together for too short a time", pv.unit)
     x, y = (bridged(values[first:last], known[first:last]) for values in (valve.values, pv.values))
     low, high = (float(value) for value in np.percentile(pv.values[known], (1.0, 99.0)))
-    # A process that is quicker than the interval answers in the same sample, in ``process_model``
-    # not before the next.
+    # A process that is faster than the interval responds in the same sample; in ``process_model``
+    # it does so in the next.
     process = process_model(x[1:], y[:-1])
     if isinstance(process, str):
         gain = Estimate.unknown(process, pv.unit)

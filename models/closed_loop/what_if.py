@@ -1,10 +1,10 @@
-"""What a loop would do with another valve, another tuning, or a knocker: predicted with intervals.
+"""Predictions, with intervals, of a loop with another valve, another tuning, or a knocker.
 
-Each prediction is a run of the fitted loop on the recorded stretch, beside the run of the loop as
-it is. Its interval spans what three doubts say: other processes, valves and breakaways that explain
-the recording about as well; the recorded value times the ratio of both runs, which would be the
-same number if the loop run as it is gave the recording back exactly; and ``FLOOR``, a share of the
-recorded value, which ``stemwatch study-twin`` was used to choose on seeds that report nothing.
+Each prediction is a simulation of the changed loop on the recorded stretch, beside that of the
+unchanged loop. Its interval covers three errors: other processes, valves and breakaways that
+explain the recording about as well; the difference from the recorded value times the ratio of both
+simulations, which would be zero if the unchanged simulation reproduced the recording exactly; and
+``FLOOR``, a share of the recorded value, chosen with ``stemwatch study-twin`` on development seeds.
 """
 
 from __future__ import annotations
@@ -26,15 +26,17 @@ FLOOR_OF_ERROR = 0.05
 # (seeds 5151 and 6161) are still off by 5 % in the median and by 22 % in every tenth.
 FLOOR_OF_TUNING = 0.1
 BEYOND_NOISE = 5.0  # standard deviations of the reading's noise, as for the indicators of travel
-NOISE = 0.1  # of the stem's swing: moves below it are no travel
+NOISE = 0.1  # of the stem's swing; smaller moves are not counted as travel
 SEED = 31
 HOUR_S = 3600.0
-BEYOND = 4.0  # times the recorded value, from which on a drawn loop is not the one recorded
+BEYOND = 4.0  # times the recorded value, from which a drawn loop cannot be the recorded one
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoopChange:
-    """What is changed; the rest stays as it was fitted. S and J in percent of OP."""
+    """The changes to a loop; ``None`` leaves a number as it was fitted. S and J in
+    percent of OP.
+    """
 
     S: float | None = None
     J: float | None = None
@@ -48,8 +50,9 @@ class LoopChange:
         return self.gain_times == 1.0 and self.reset_times == 1.0
 
     def valve(self, fitted: FittedValve) -> FittedValve:
-        """``fitted`` with the changed S and J; where only S is given, J falls as S does. As
-        friction goes, the lag of the air comes to light that it hid."""
+        """``fitted`` with the changed S and J; where only a smaller S is given, J falls in
+        proportion. With less friction, the actuator's hidden lag takes effect.
+        """
         S = fitted.S if self.S is None else self.S
         share = min(S / fitted.S, 1.0) if fitted.S > 0.0 else 1.0
         J = fitted.J * share if self.J is None else self.J
@@ -90,8 +93,10 @@ class LoopFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """``recorded`` figures, those of the loop run ``as_it_is``, and those of the ``run`` with the
-    change, each with its 90 % interval; an unknown one says why."""
+    """``recorded`` figures, those of the unchanged simulation ``as_it_is``, and ``predicted`` ones
+    with the change, each with its 90 % interval; an unknown one has a reason. ``run`` is the
+    simulation with the change.
+    """
 
     recorded: LoopFigures
     as_it_is: LoopFigures
@@ -120,9 +125,10 @@ class Prediction:
 
 
 def figures_of(run: LoopRun, target_band: float | None = None, noise: float = 0.0) -> LoopFigures:
-    """The figures of a recorded or simulated stretch; PV is on target within ``target_band``
-    either way, in its unit. ``noise`` of the position's reading, percent: moves within it are no
-    travel, recorded or run again."""
+    """The figures of a recorded or simulated stretch; PV is on target within ``target_band`` either
+    way, in its unit. ``noise`` of the position's reading, percent: moves within it are not counted
+    as travel.
+    """
     error = run.sp - run.pv
     low, high = np.percentile(error, (5.0, 95.0))
     cycle = oscillation(run.pv, run.interval_s)
@@ -142,13 +148,13 @@ def figures_of(run: LoopRun, target_band: float | None = None, noise: float = 0.
 
 
 def predict(loop: FittedLoop, change: LoopChange, target_band: float | None = None) -> Prediction:
-    """What ``loop`` would have done with ``change``."""
+    """Predict ``loop`` with ``change`` on the recorded stretch."""
 
     floor = FLOOR_OF_ERROR if change.keeps_tuning else FLOOR_OF_TUNING
     readings = np.random.default_rng(SEED + 1)
 
     def figures(run: LoopRun) -> LoopFigures:
-        """As they would be read: with the noise of the position."""
+        """The figures of a simulation with the position's noise added, as they would be read."""
         noise = loop.valve.noise * readings.standard_normal(run.x.size)
         return figures_of(replace(run, x=run.x + noise), target_band, loop.valve.noise)
 

@@ -1,1 +1,1 @@
-"""The test that would tell: which moves of OP, within limits, tell rival models apart."""
+"""Field tests that discriminate between rival models: which moves of OP, within limits, to make."""

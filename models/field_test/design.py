@@ -1,11 +1,12 @@
-"""``design``: the programme of OP that tells rival models apart best, and how probably it does.
+"""``design``: the programme of OP that discriminates best between rival models, and its probability
+of success.
 
 T-optimal (Atkinson and Fedorov 1975, doi:10.1093/biomet/62.1.57): of each ordered pair of rivals
-one makes the answer, the other is fitted to it again, and what it cannot follow is the pair's gain,
-a log likelihood ratio; the pair that gains least decides. Moves are added one by one, each time the
-one that does most for it, while there is time. For the programme that was found, answers are drawn
-from every rival with noise, scattering breakaways and numbers as far as they are open, and the
-share is counted in which the rival that made the answer follows it best.
+one generates the response and the other is refitted to it; the loss that remains is the pair's
+gain, a log likelihood ratio. The pair with the least gain decides. Moves are added one by one, each
+time the one that raises this gain most, while there is time. For the programme found, responses are
+drawn from every rival with noise, scattering breakaways and uncertain parameters, and the
+probability is the share of them that the generating rival fits best.
 """
 
 from __future__ import annotations
@@ -28,19 +29,20 @@ from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.recording import Floats
 
 MOST_MOVES = 6
-LOOKED_AT = 8  # of the moves that are best alone, which are tried as further ones
-REPLICATES = 20  # answers drawn of each rival
+LOOKED_AT = 8  # the best single moves, which are tried as further ones
+REPLICATES = 20  # responses drawn from each rival
 MOST_SAMPLES = 2400  # of a programme; more are thinned
 
 
 @dataclass(frozen=True, kw_only=True)
 class DesignedTest:
-    """A programme, what each rival makes of it, and how probably it tells them apart.
+    """A programme, the predicted responses of the rivals, and how probably it discriminates between
+    them.
 
     ``predicted`` (m, n) MV in percent every ``interval_s`` seconds, about ``change`` (n,) of OP.
-    ``gains`` (m, m): what rival ``j`` cannot follow of the answer of ``i``. ``wins`` (m, m): the
-    share of the answers of ``i`` that ``j`` follows best. ``upset`` is the largest change of PV
-    that any rival makes, ``None`` where the gain of PV is not known.
+    ``gains`` (m, m): the loss of rival ``j`` fitted to the response of ``i``. ``wins`` (m, m): the
+    share of the responses of ``i`` that ``j`` fits best. ``upset`` is the largest change of PV that
+    any rival predicts, ``None`` where the gain of PV is not known.
     """
 
     programme: Programme
@@ -54,11 +56,11 @@ class DesignedTest:
 
     @property
     def probability(self) -> float:
-        """That the right one of the rivals wins, each as likely as the others, 0 to 1."""
+        """The probability that the right rival wins, with all rivals equally likely, 0 to 1."""
         return float(np.mean(np.diag(self.wins)))
 
     def pair_probability(self, i: int, j: int) -> float:
-        """That of two rivals alone the right one wins."""
+        """The probability that the right one of two rivals wins."""
         won = self.wins
         first = won[i, i] / max(won[i, i] + won[i, j], 1e-9)
         second = won[j, j] / max(won[j, j] + won[j, i], 1e-9)
@@ -72,7 +74,7 @@ def _worst(gains: Floats) -> float:
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the test is made, and its clock."""
+    """The operating point and the clock of the test."""
 
     question: OpenQuestion
     models: tuple[RivalModel, ...]
@@ -92,14 +94,14 @@ class _Place:
         return RivalRuns(self.question, self.models, np.ascontiguousarray(travel), interval_units)
 
     def gains(self, runs: RivalRuns, predicted: Floats) -> Floats:
-        """(m, m) what each model loses on the answer of each other."""
+        """(m, m) the loss of each model on the response of each other."""
         costs = np.array([runs.costs(answer) for answer in predicted])
         coordinates_cost = np.array([runs.coordinates_cost(model) for model in self.models])
         cost_differences = costs - coordinates_cost
         return np.asarray(np.maximum(cost_differences - np.diag(cost_differences)[:, None], 0.0))
 
     def upset(self, predicted: Floats) -> float | None:
-        """The largest change of PV that any of the models makes."""
+        """The largest change of PV that any of the models predicts."""
         process = self.question.process
         if process is None:
             return None
@@ -167,14 +169,15 @@ class _Looked:
 
     @property
     def worst_last(self) -> tuple[float, float]:
-        """The order of programmes: the worst pair decides, and the others a little; of those that
-        are alike in it the shortest is the best."""
+        """Sort key of programmes: the worst pair decides, the others count a little, and of equal
+        ones the shortest is the best.
+        """
         telling_power = _worst(self.gains) + 0.05 * float(self.gains.mean())
         return -round(telling_power, 2), self.programme.duration_s
 
 
 def _looked_at(bench: _Place, programme: Programme) -> _Looked | None:
-    """What the programme tells; ``None`` where it upsets PV more than is allowed."""
+    """The programme with its gains; ``None`` where it upsets PV more than is allowed."""
     runs = bench.runs(programme)
     predicted = np.array([runs.predicted(model) for model in bench.models])
     upset, allowed = bench.upset(predicted), allowed_upset(bench.question, bench.limits)
@@ -186,7 +189,8 @@ def _looked_at(bench: _Place, programme: Programme) -> _Looked | None:
 def _longer(bench: _Place, programme: Programme, moves: list[Move]) -> Iterator[_Looked | None]:
     """``programme`` and one more of ``moves``, where time is left for it.
 
-    Each is made once: no model is the valve, and what one move tells by a fluke another does not.
+    Each move is used once: no model is exact, and a move that discriminates by a model error would
+    do so again.
     """
     for move in moves:
         if move in programme.moves:

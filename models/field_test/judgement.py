@@ -1,10 +1,11 @@
-"""``judge_test``: which rival model the planned test's own recording speaks for, if any.
+"""``judge_test``: which rival model the recording of a planned test supports, if any.
 
-Each rival is fitted to what MV did, within what the first recording left open of its numbers; the
-one that follows best is the ``best``. How sure that is, chance says: answers are drawn from each
-other rival over the OP that was really played, and a rival is ruled out where hardly any of its own
-answers speaks for the best as much as the recorded one does. That is the likelihood ratio test by
-simulation (Davison and Hinkley 1997, ch. 4, doi:10.1017/CBO9780511802843).
+Each rival is fitted to the recorded MV, within the uncertainty that the first recording left in its
+parameters; the one that fits best is the ``best``. Its significance comes from simulation:
+responses are drawn from each other rival over the OP that was really recorded, and a rival is ruled
+out where hardly any of its own responses favours the best as much as the recorded one does. That is
+the likelihood ratio test by simulation (Davison and Hinkley 1997, ch. 4,
+doi:10.1017/CBO9780511802843).
 """
 
 from __future__ import annotations
@@ -26,41 +27,41 @@ from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.stored_range import in_percent
 
-DRAWN = 39  # answers of each rival: with one beyond the recorded one, 2 of 40 are as far
+DRAWN = 39  # responses of each rival: if one is as far as the recorded one, the p value is 2/40
 RULED_OUT = 0.05
-MOST_SAMPLES = 2400  # of a recording; of a longer one every second, third, ... is taken
+MOST_SAMPLES = 2400  # of a recording; a longer one is thinned to every second, third, ... sample
 FEWEST_SAMPLES = 30
-SHOWS = 0.5  # of the first recording, that a test must last to show what grew over that
+SHOWS = 0.5  # of the first recording's length: a test this long can show effects that grow over it
 LEAST_USABLE = 0.8
-# How many times more than of half of its own answers the best rival may leave: no stem is exactly
-# the element, and 6 to 8 is usual where the lag's true size lies a little beyond what was known.
+# Largest cost of the best rival, over the median cost of its own responses: no stem is exactly the
+# element, and 6 to 8 is usual where the lag's true size lies a little beyond its known range.
 FOLLOWS_WITHIN = 10.0
 
 
 class TestOutcome(StrEnum):
-    """What a recorded test says of the rivals."""
+    """The result of a recorded test for the rivals."""
 
-    __test__ = False  # is no test of pytest's
+    __test__ = False  # not a test class for pytest
 
     FOLLOWS = "follows"  # MV follows one of them, and the others are ruled out
     CANNOT_TELL = "cannot_tell"  # others follow it about as well
     NONE_FOLLOWS = "none_follows"  # MV follows none of them
-    NOT_TESTABLE = "not_testable"  # the recording is none of a test
+    NOT_TESTABLE = "not_testable"  # the recording does not hold the test
 
 
 @dataclass(frozen=True, kw_only=True)
 class TestJudgement:
-    """What a recorded test says.
+    """The result of a recorded test.
 
-    ``fits`` has one for each of ``models``, ``best`` is the place of the one that costs least.
-    ``as_far`` (m,): how probable it is that an answer of that rival speaks for the best as much as
-    the recorded one; 1 for the best itself, and where only hours would show the difference.
-    ``leaves`` is the cost of the best over the median of what its own answers cost it. ``op`` and
-    ``mv`` (n,) in percent every ``interval_s`` seconds are what was judged. ``reason`` says why
-    nothing could be.
+    ``fits`` has one fit for each of ``models``; ``best`` is the index of the one with the least
+    cost. ``as_far`` (m,) is the p value of each rival: the probability that one of its own
+    responses favours the best as much as the recorded one; 1 for the best itself, and where only
+    hours would show the difference. ``leaves`` is the cost of the best over the median cost of its
+    own responses. ``op`` and ``mv`` (n,) in percent every ``interval_s`` seconds are the judged
+    recording. ``reason`` says why nothing could be judged.
     """
 
-    __test__ = False  # is no test of pytest's
+    __test__ = False  # not a test class for pytest
 
     outcome: TestOutcome
     models: tuple[RivalModel, ...] = ()
@@ -89,10 +90,10 @@ class TestJudgement:
 
 
 def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
-    """What ``recording`` of the test says of the rivals of ``question``.
+    """Which of the rivals of ``question`` the ``recording`` of the test supports.
 
-    The recording holds the test and little else: each cost is of all of it. Never raises for what
-    it holds.
+    The recording should hold little more than the test, because each cost is taken over all of it.
+    Never raises for what it holds.
     """
     models = question.models
     recording = without_impossible_values(on_own_clock(in_percent(recording)))
@@ -113,14 +114,15 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
     runs = RivalRuns(question, models, np.ascontiguousarray(travel), interval_units)
     fits = tuple(runs.fit(model, mv) for model in models)
     best = int(np.argmin([fit.cost for fit in fits]))
-    # What grows over a whole record is as good as still in a test of minutes.
+    # An effect that grows over a whole record is nearly constant in a test of minutes.
     short = op.size * interval_s < SHOWS * question.duration * question.unit_s
     slow = SLOW if short else frozenset()
     rng = np.random.default_rng(1970)
     own_costs = [_own_cost(runs, models[best], rng) for _ in range(DRAWN)]
     leaves = fits[best].cost / float(np.median(own_costs))
     costs = np.array([fit.cost for fit in fits])
-    # What no rival explains counts for none of them: a margin in units of what is left over.
+    # A residual that no rival explains supports none of them: the margin is in units of that
+    # residual.
     margins = (costs - costs[best]) / max(leaves, 1.0)
     as_far = tuple(
         1.0
@@ -156,8 +158,9 @@ def _own_cost(runs: RivalRuns, model: RivalModel, rng: np.random.Generator) -> f
 def _as_far(
     runs: RivalRuns, rival: int, best: int, margin: float, rng: np.random.Generator
 ) -> float:
-    """How probable it is that an answer of ``rival`` costs it ``margin`` more than it costs the
-    best: the recorded one counts as one of them."""
+    """The probability that a response of ``rival`` costs it ``margin`` more than it costs the best;
+    the recorded response counts as one of them.
+    """
     beyond_count = 1
     for _ in range(DRAWN):
         answer = runs.answered(runs.models[rival], rng)
@@ -169,7 +172,9 @@ def _as_far(
 
 
 def _cannot(recording: Recording) -> str:
-    """Why the recording tells nothing, as a sentence without its stop; empty where it may."""
+    """Why the recording cannot be judged, as a sentence without its full stop; empty
+    where it can.
+    """
     if recording.mv is None:
         return "the position (MV) is not in the recording of the test"
     if recording.mv.unit != PERCENT:

@@ -1,4 +1,6 @@
-"""``plan_test``: the test that would tell what a recording left open, or why there is none."""
+"""``plan_test``: the test that would separate the rivals that a recording left open, or why there
+is none.
+"""
 
 from __future__ import annotations
 
@@ -10,21 +12,21 @@ from stemwatch.models.field_test.design import DesignedTest, allowed_upset, desi
 from stemwatch.models.field_test.programme import MoveKind, TestLimits
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 
-# Of what chance alone leaves open, the share that a test must gain to be said to tell.
+# Share of the distance from chance to certainty that the probability of a useful test must cover.
 TELLS = 0.5
-LEAST_PAIR = 0.7  # probability below which two rivals are not told apart
-MIDDLE = 50.0  # percent; where OP is not known the sheet counts from where it will be
-MOST_AMPLITUDE = 20.0  # percent, to which limits are widened to say what would tell
-HEALTHY, STICKY = (0.3, 0.1), (3.0, 1.0)  # S and J, percent, that a bump test must tell apart
+LEAST_PAIR = 0.7  # probability below which two rivals are not separated
+MIDDLE = 50.0  # percent; where OP is not known, the sheet gives changes from the present value
+MOST_AMPLITUDE = 20.0  # percent, up to which limits are widened in search of a useful test
+HEALTHY, STICKY = (0.3, 0.1), (3.0, 1.0)  # S and J, percent, that a bump test must separate
 FREE, STICKS = "moves_freely", "sticks"
 
 
 class PlanKind(StrEnum):
-    """Whether there is a test that tells, and what it is for."""
+    """Whether there is a test that separates the rivals, and what it is for."""
 
-    TELLS = "tells"  # a test within the limits tells the rivals apart
-    CANNOT_TELL = "cannot_tell"  # none does; the best one is shown, and what would
-    NOTHING_LEFT = "nothing_left"  # nothing is left to be told apart
+    TELLS = "tells"  # a test within the limits separates the rivals
+    CANNOT_TELL = "cannot_tell"  # none does; the best one is shown, and wider limits that would do
+    NOTHING_LEFT = "nothing_left"  # nothing is left to be separated
     BUMP = "bump"  # there is no verdict yet: a test that would give one
 
 
@@ -34,7 +36,7 @@ class FieldTestPlan:
 
     ``op_known`` says whether that is where OP was last seen. ``rivals`` are those that the test is
     for, ``too_slow`` those that no test of minutes shows. ``undecided`` are pairs of rivals that
-    even this test does not tell apart; ``wider`` the limits within which one would, with its
+    even this test does not separate; ``wider`` the limits within which one would, with its
     probability, where such were found. ``reason`` says why there is no test.
     """
 
@@ -60,10 +62,11 @@ def plan_test(
     judged: bool = True,
     op: float | None = None,
 ) -> FieldTestPlan:
-    """The test for what ``question`` leaves open; ``op`` is where OP is now, where it is known.
+    """The test for the rivals of ``question``; ``op`` is the present OP, percent, where it is
+    known.
 
-    ``judged`` is False where the valve got no verdict, for want of movement: then the test is the
-    bump test that would give one. Never raises for what a question holds.
+    ``judged`` is False where the valve got no verdict because it did not move enough: then the test
+    is a bump test that would give one. Never raises for what a question holds.
     """
     limits, open_question = limits or TestLimits(), question or OpenQuestion()
     start_op = open_question.op if op is None else op
@@ -88,7 +91,7 @@ def plan_test(
     if judged:
         return plan
     stems = tuple(_stem(slug, *levels) for slug, levels in ((FREE, HEALTHY), (STICKS, STICKY)))
-    # Nothing was fitted: the scatter is what is usual, and the curve is not known either.
+    # Nothing was fitted, so the scatter is the usual one, and no curve is known.
     typical = replace(open_question, scatter=0.08 * 0.5 * sum(STICKY), restick=0.0)
     bump = replace(plan, rivals=(FREE, STICKS), question=typical)
     planned = _planned(bump, stems, (MoveKind.STAIRCASE,))
@@ -101,7 +104,7 @@ def _stem(slug: str, S: float, J: float) -> RivalModel:
 
 
 def _with_slow(question: OpenQuestion) -> tuple[tuple[str, str], ...]:
-    """The pairs that no test tells apart, because one of the two only shows in a longer time."""
+    """The pairs that no test separates, because one of the two shows only over a longer time."""
     slugs = question.rivals
     pairs = ((slugs[j], slugs[i]) for i in range(len(slugs)) for j in range(i))
     return tuple(pair for pair in pairs if not set(question.slow).isdisjoint(pair))
@@ -149,7 +152,9 @@ def _no_room(plan: FieldTestPlan) -> str:
 def _with_wider(
     plan: FieldTestPlan, models: tuple[RivalModel, ...], kinds: Container[MoveKind]
 ) -> FieldTestPlan:
-    """With the first of some wider limits within which a test tells, and how probably."""
+    """The plan with the first of some wider limits within which a test is useful, and its
+    probability.
+    """
     limits = plan.limits
     more_amplitude = max(min(2.0 * limits.amplitude, MOST_AMPLITUDE), limits.amplitude)
     longer_s = min(3.0 * limits.duration_s, 86400.0)

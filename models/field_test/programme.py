@@ -1,7 +1,8 @@
 """``Programme``: values of OP that an operator sets by hand, one after the other, within limits.
 
-Every move begins and ends where OP is now, so that any sequence of them does, and none leaves the
-limits. All is in percent of OP about where it is now (``change``), and in seconds from the start.
+Every move begins and ends at the present OP, so that moves can follow in any order and none leaves
+the limits. Values are changes of OP in percent from its present value (``change``); times are
+seconds from the start.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ import numpy as np
 from stemwatch.models.recording import Floats
 
 AMPLITUDE, DURATION_S = 5.0, 600.0
-LEAD_S, REST_S = 20.0, 20.0  # at rest before the first move, and after each
+LEAD_S, REST_S = 20.0, 20.0  # rest before the first move, and after each move
 RESOLUTION = 0.1  # percent, to which OP can be set by hand
-QUICKEST_S = 5.0  # between two values set by hand
+QUICKEST_S = 5.0  # least time between two values set by hand
 
 
 @dataclass(frozen=True, kw_only=True)
 class TestLimits:
-    """What a test must keep to: ``amplitude`` percent of OP either way from where it is,
+    """The limits of a test: ``amplitude`` percent of OP either way from its present value,
     ``duration_s``, ``pv_upset`` in units of PV (``None``: as far as PV moved in the recording), and
     OP between ``op_low`` and ``op_high``.
 
@@ -70,7 +71,7 @@ def _rounded_down(value: float) -> float:
 
 
 class MoveKind(StrEnum):
-    """What a move is, in a word of the field."""
+    """The kind of a move."""
 
     RAMP = "ramp by hand"
     STAIRCASE = "staircase"
@@ -104,7 +105,9 @@ class Move:
 
 @dataclass(frozen=True, kw_only=True)
 class SetValue:
-    """OP to be set at ``at_s`` seconds from the start, ``change`` percent from where it began."""
+    """A value of OP to be set ``at_s`` seconds after the start, as a ``change`` in percent from the
+    first value.
+    """
 
     at_s: float
     change: float

@@ -1,8 +1,9 @@
-"""Runs of rival models over a programme of OP, and what each of them costs on a recorded answer.
+"""Runs of rival models over a programme of OP, and the cost of each on a recorded response.
 
-A model is run freely to say what would be seen. To judge an answer it is fitted to it again, within
-what the recording left open of its numbers, by the loss with which it was named: breakaways are
-assimilated and charged for their distance from the level (see ``mismatch.evaluator``).
+A model is run freely to predict a response. To judge a response the model is refitted to it, within
+the uncertainty that the recording left in its parameters, by the loss with which it was named:
+breakaways are assimilated and charged for their distance from the level (see
+``mismatch.evaluator``).
 """
 
 from __future__ import annotations
@@ -36,18 +37,20 @@ from stemwatch.models.stickslip.kernel import START
 from stemwatch.models.stickslip.parameters import Bounds
 from stemwatch.models.stickslip.problem import FitProblem
 
-ROUNDS = 4  # of descent when a model is fitted to an answer
+ROUNDS = 4  # of descent when a model is fitted to a response
 LEAST_DELTA = 0.05  # percent
-LOGARITHM_OF_SAMPLES = 3.0  # what one more coordinate costs; 20 samples that tell of it
-# What a recording leaves open of a number at least, either way: shares, and of the base percent.
+# twice the cost of one more coordinate: ln(20), as if 20 samples determined it
+LOGARITHM_OF_SAMPLES = 3.0
+# Least uncertainty of a fitted parameter, either way: as a share, and for the base in percent.
 OPEN_SHARE = 0.1
 OPEN_BASE = np.array([0.0, 0.05, 0.2, 0.01, 0.0, 0.0])
 NO_ADVICE = FieldAdvice(title="", steps=(), parts=(), damage="", cause="", part="")
-SCATTER_HOLD_S = 10.0  # of rest, for which one level of breakaway is drawn
+SCATTER_HOLD_S = 10.0  # of rest, for which one breakaway level is drawn
 
 
 class BreakawayScatter(StemTerm):
-    """No effect: draws anew how hard each breakaway is, by how long the stem has rested.
+    """Not a physical effect: draws the level of each breakaway anew, by how long the stem has
+    rested.
 
     One coordinate, the number of the draw. ``percent`` is the standard deviation of the level.
     """
@@ -68,7 +71,7 @@ class BreakawayScatter(StemTerm):
         return np.zeros((1, 1))
 
     def fill(self, stem: Stem, values: Floats) -> None:
-        """Another level for each ten seconds of rest."""
+        """Draw another level for each ten seconds of rest."""
         size = stem.breakaway.size
         hold = max(round(SCATTER_HOLD_S / stem.interval_s), 1)
         rng = np.random.default_rng([41, int(values[0])])
@@ -92,10 +95,10 @@ class BreakawayScatter(StemTerm):
 
 @dataclass(frozen=True, kw_only=True)
 class RivalFit:
-    """One rival fitted to an answer.
+    """One rival fitted to a response.
 
-    ``cost``: half the robust loss in variances of the noise, and what its coordinates cost, as a
-    log likelihood. ``followed`` (n,) MV in percent by a free run of it.
+    ``cost``: half the robust loss in variances of the noise plus the cost of its coordinates, as a
+    negative log likelihood. ``followed`` (n,) MV in percent by its free run.
     """
 
     cost: float
@@ -149,14 +152,14 @@ class RivalRuns:
             problem,
             summary,
             base_bounds(problem, summary),
-            # No model follows a valve more closely than its breakaways repeat.
+            # No model fits a valve more closely than its breakaways repeat.
             max(3.0 * question.sigma, question.scatter, LEAST_DELTA),
             question.restick,
             max(question.scatter, 0.03),
         )
 
     def layout(self, evaluator: Evaluator, model: RivalModel) -> CoordinateLayout:
-        """The coordinates of ``model``, within what the recording left open of them."""
+        """The coordinates of ``model``, bounded by the uncertainty that the recording left."""
         terms_by_slug = catalogue()
         hypothesis = TermSet()
         for slug in model.terms:
@@ -164,7 +167,7 @@ class RivalRuns:
         layout = evaluator.layout(hypothesis)
         middle, width = self._middle_and_half(layout, model)
         low, high = middle - width, middle + width
-        # Levels and sizes do not change sign by being known badly.
+        # Levels and sizes keep their sign, however uncertain they are.
         low[base_coordinate.S_PERCENT] = max(low[base_coordinate.S_PERCENT], 0.0)
         low[base_coordinate.RATIO] = max(low[base_coordinate.RATIO], 0.0)
         return replace(layout, bounds=Bounds(low, high))
@@ -172,7 +175,7 @@ class RivalRuns:
     def _middle_and_half(
         self, layout: CoordinateLayout, model: RivalModel
     ) -> tuple[Floats, Floats]:
-        """(size,) middle and half width of what is left open of each coordinate."""
+        """(size,) middle and half width of the uncertain range of each coordinate."""
         halves = np.empty((2, layout.size))
         halves[:, : base_coordinate.N_BASE] = np.array(model.base)
         share = self.travel.size * self.interval / max(self.question.duration, 1e-9)
@@ -188,13 +191,14 @@ class RivalRuns:
         return middle, width
 
     def predicted(self, model: RivalModel) -> Floats:
-        """(n,) MV in percent, as ``model`` has it with its own numbers."""
+        """(n,) MV in percent predicted by ``model`` with its own parameters."""
         layout = self.layout(self.free, model)
         return self.free.simulate(layout, 0.5 * (layout.bounds.low + layout.bounds.high))
 
     def answered(self, model: RivalModel, rng: np.random.Generator) -> Floats:
-        """(n,) an answer drawn from ``model``: numbers within what is known of them, breakaways
-        that scatter, noise."""
+        """(n,) a response drawn from ``model``: parameters within their uncertainty, scattering
+        breakaways, noise.
+        """
         start_layout = self.layout(self.free, model)
         scatter = BreakawayScatter(self.question.scatter)
         layout = self.free.layout(start_layout.hypothesis.plus(scatter))
@@ -210,12 +214,12 @@ class RivalRuns:
         return np.asarray(self.free.simulate(layout, candidate) + noise)
 
     def coordinates_cost(self, model: RivalModel) -> float:
-        """What the coordinates of its terms cost a model, as a log likelihood."""
+        """The cost of a model's coordinates, as a negative log likelihood."""
         layout = self.layout(self.free, model)
         return 0.5 * LOGARITHM_OF_SAMPLES * (layout.size - base_coordinate.N_BASE)
 
     def costs(self, answer: Floats) -> Floats:
-        """(m,) how badly each model follows ``answer`` (n,), see ``RivalFit``."""
+        """(m,) the cost of each model on ``answer`` (n,), see ``RivalFit``."""
         evaluator = self._evaluator(answer)
         return np.array([self._fit(evaluator, model)[1] for model in self.models])
 

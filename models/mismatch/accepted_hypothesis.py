@@ -18,6 +18,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
     much_left,
     not_little_left,
 )
+from stemwatch.models.mismatch.air_or_drag import or_air
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
@@ -91,7 +92,7 @@ def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
     if drive is not None:
         return drive
     sought = of_the_valve(terms)
-    return with_pair(name_terms(case.base, sought), sought)
+    return or_air(with_pair(name_terms(case.base, sought), sought), sought)
 
 
 def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:

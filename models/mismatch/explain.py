@@ -203,7 +203,11 @@ def _through_flow(recording: Recording) -> Mismatch:
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."
     )
-    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}")
+    runs = mismatch.runs
+    if runs is not None and position.mv is not None:
+        followed = np.where(position.mv.usable, position.mv.values, np.nan)
+        runs = replace(runs, position=followed)
+    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}", runs=runs)
 
 
 def _mismatch_of(case: PreparedRecording) -> Mismatch:

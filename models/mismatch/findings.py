@@ -11,7 +11,7 @@ from typing import Any
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.fit_window import on_whole_clock
 from stemwatch.models.mismatch.open_question import OpenQuestion
-from stemwatch.models.recording import Floats
+from stemwatch.models.recording import PERCENT, Floats, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 
@@ -219,12 +219,22 @@ class Stiction:
 class FreeRuns:
     """(n,) free runs of MV in percent: S and J alone, and with what was named.
 
-    ``heldout_from`` is the first sample that neither was fitted to.
+    ``heldout_from`` is the first sample that neither was fitted to. ``position`` (n,) is what they
+    follow where MV is no position but a flow that was read as one, NaN where the flow tells
+    nothing; ``None`` where it is MV itself.
     """
 
     naive: Floats
     extended: Floats
     heldout_from: int
+    position: Floats | None = None
+
+    def followed(self, recording: Recording) -> Recording:
+        """The recording with the position that the runs follow, percent, as its MV."""
+        if self.position is None or recording.mv is None:
+            return recording
+        signal = replace(recording.mv, values=self.position, unit=PERCENT)
+        return replace(recording, signals={**recording.signals, Role.MV: signal})
 
     def within(self, first: int, samples: int) -> FreeRuns:
         """The runs on the clock of a recording of ``samples`` samples, of which they begin at
@@ -233,6 +243,9 @@ class FreeRuns:
             naive=on_whole_clock(self.naive, first, samples),
             extended=on_whole_clock(self.extended, first, samples),
             heldout_from=first + self.heldout_from,
+            position=None
+            if self.position is None
+            else on_whole_clock(self.position, first, samples),
         )
 
 

@@ -49,6 +49,8 @@ PROMISING = 0.02  # mean advantage at the first look; less has never become a fi
 AS_GOOD = 1.5  # paired t below which two explanations cannot be separated
 CONTRADICTED = 1.0  # t of the trajectories against what the breakaways together show
 ATTEMPTS = 2
+# Terms that are looked at again where the base has moved, the best of the look before.
+LOOKED_AT_AGAIN = 7
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
 NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
 
@@ -203,8 +205,10 @@ def refined(
     A local minimum of the simple hypothesis is the commonest cause of a false discovery: where a
     restart finds a better one, the whole stage is repeated from there.
     """
+    again, scores = list(terms), list[TermScore]()
     for _ in range(ATTEMPTS):
-        looked = yield from screened(evaluator, simple, terms, effort)
+        looked = yield from screened(evaluator, simple, again, effort)
+        looked += scores[LOOKED_AT_AGAIN:]
         promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
         careful = yield from run_together(_careful(evaluator, score) for score in promising)
         scores = [*careful, *looked[len(promising) :]]
@@ -213,6 +217,7 @@ def refined(
         simple = restarted
         if moved < MOVED:
             break
+        again = [score.term for score in scores[:LOOKED_AT_AGAIN]]
     nested = yield from run_together(_nested(evaluator, simple, score) for score in scores)
     return simple, _ordered(nested)
 

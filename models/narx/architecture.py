@@ -1,7 +1,7 @@
 """Constants of the network's form, and the stick-slip element that one may start from.
 
-The equation stands in ``network``. The constants are apart, so that the modules that run, train and
-store networks need not import one another.
+The equation is in ``network``. The constants are a module of their own, so that the modules that
+run, train and store networks need not import one another.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ INPUTS = 4
 EDGE = 0.01  # of sd: a smaller change counts as rest
 SCALING = ("op_centre", "mv_centre", "gain", "error_scale", "change_scale")
 RANGES = ("op", "mv", "error", "change", "drift")
-# What OP passes before the network (``actuator.actuator_output``), and a valve without any of it.
+# Parameters of the actuator before the network (``actuator.actuator_output``), and an actuator
+# without any effect.
 ACTUATOR = (
     "dead_time_s",
     "lag_up_s",

@@ -22,11 +22,11 @@ _MOST_OUTSIDE = 0.25
 class BaselineScore:
     """The free run's error on a new record, or ``None`` and the reason why there is none.
 
-    ``rmse`` in MV's unit; ``ratio`` = rmse / the network's ``reference_rmse``: 1.2 to 1.62 for
-    a valve that had not changed, 2.1 and more where stiction grew (46 simulated records, free runs
-    of 100 samples); ``Limits.baseline_ratio_watch`` lies between. It tells that the valve changed,
-    not that it sticks. ``samples`` were scored; ``outside_share`` of the usable ones had an OP
-    outside the training range and were left out.
+    ``rmse`` in MV's unit; ``ratio`` = rmse / the network's ``reference_rmse``: 1.2 to 1.62 for a
+    valve that had not changed, 2.1 and more where stiction grew (46 simulated records, free runs of
+    100 samples); ``Limits.baseline_ratio_watch`` lies between. It shows that the valve changed, not
+    that it sticks. ``samples`` were scored; ``outside_share`` of the usable ones had an OP outside
+    the training range and were left out.
     """
 
     rmse: float | None = None
@@ -47,11 +47,11 @@ def score_baseline(
 ) -> BaselineScore:
     """Free run over ``op`` (n,) percent, restarted from ``mv`` (n,) every ``horizon`` samples.
 
-    ``horizon`` is the network's ``reference_horizon`` (100) unless told: errors over other lengths
-    cannot be compared with the reference, so those give an rmse without a ratio. Refuses, with a
-    reason, where ``interval_s`` is not the network's, where OP leaves the range the network was
-    trained on for more than a quarter of the samples, and where fewer than 100 samples can be
-    scored. Raises ``ValueError`` on arrays of different lengths and a horizon below 1.
+    ``horizon`` defaults to the network's ``reference_horizon`` (100). Errors over other lengths
+    cannot be compared with the reference and give an rmse without a ratio. Refuses, with a reason,
+    where ``interval_s`` is not the network's, where OP leaves the range the network was trained on
+    for more than a quarter of the samples, and where fewer than 100 samples can be scored. Raises
+    ``ValueError`` on arrays of different lengths and a horizon below 1.
     """
     op, mv, usable = _checked(op, mv, usable)
     if not abs(interval_s - network.interval_s) <= _SAME_INTERVAL * network.interval_s:

@@ -17,7 +17,7 @@ from stemwatch.models.recording import Bools, Floats
 
 
 class Ensemble(Protocol):
-    """The part of ``NarxNetwork`` that a run needs; formulas and units stand there."""
+    """The part of ``NarxNetwork`` that a run needs; see there for formulas and units."""
 
     @property
     def members(self) -> int:
@@ -46,7 +46,7 @@ class Ensemble(Protocol):
 
     @property
     def actuator(self) -> Mapping[str, float]:
-        """What OP passes before the network sees it."""
+        """The actuator's parameters, applied to OP before the network."""
         ...
 
     @property
@@ -62,7 +62,7 @@ def run(
     usable: Bools | None,
     horizon: int | None,
 ) -> Floats:
-    """(n,) simulated MV, in its unit: checks and restarts as ``NarxNetwork.free_run`` says."""
+    """(n,) simulated MV, in its unit, with the checks and restarts of ``NarxNetwork.free_run``."""
     op, mv = np.asarray(op, dtype=np.float64), np.asarray(y0, dtype=np.float64)
     single = mv.ndim == 0
     mv = np.full(op.shape, mv) if single else mv
@@ -80,7 +80,9 @@ def run(
 
 
 def usable_samples(op: Floats, mv: Floats, usable: Bools | None) -> Bools:
-    """(n,) True where ``usable`` says so (``None``: everywhere) and both values can be readings."""
+    """(n,) True where ``usable`` is (``None``: everywhere) and both values are plausible
+    readings.
+    """
     usable = np.ones(op.shape, dtype=np.bool_) if usable is None else np.asarray(usable, np.bool_)
     if usable.shape != op.shape:
         raise ValueError(f"usable of shape {op.shape} expected, received {usable.shape}")

@@ -65,7 +65,8 @@ class NarxExample:
 
 @dataclass(frozen=True, kw_only=True)
 class NarxSettings:
-    """The recipe, as measured on simulated stick-slip and on a real valve.
+    """The settings of training; the defaults were tuned on simulated stick-slip and on a real
+    valve.
 
     Training goes through ``horizons`` samples of free run (1 is series-parallel, the network fed
     the measurement), with at most so many Levenberg-Marquardt ``steps`` each. ``damping`` is each
@@ -73,8 +74,8 @@ class NarxSettings:
     networks at most three in four are kept, those that follow the training part best, and none that
     is much worse than the best. Where an example has a ``start``, ``fitted_seeds`` of them begin
     from it; with 0 all begin from random weights. The last ``watched_share`` of the training part
-    is not trained on: a stage ends for a network when its free run there has not got better for
-    ``patience`` steps, and goes back to where it was best.
+    is not trained on: a stage ends for a network when its free run there has not improved for
+    ``patience`` steps, and the network returns to its best weights.
 
     ``device`` is where the least squares are solved: "cpu", a device of torch such as "cuda", or
     "auto" (see ``training.device_for``). On a GPU sums are added in another order, so that the last

@@ -6,8 +6,8 @@ Signals are scaled: ``level`` is OP and ``position`` is MV, both in units of ``s
 hidden, flattened.
 
 Each sample of a run needs the one before, so that one run alone leaves most of a processor idle.
-Runs therefore go side by side, one in each *lane*: the members of an ensemble over one signal, or
-one network over many pieces of it. The state of all lanes is one array ``s``, row by row
+Runs therefore advance side by side, one in each *lane*: the members of an ensemble over one signal,
+or one network over many pieces of it. The state of all lanes is one array ``s``, row by row
 (``s[_LAST + i]`` is the last position in lane ``i``), with the weights of each lane in its last
 rows. Loops over the lanes choose values instead of branching, so that the compiler vectorises them.
 It does so only for unsigned indices, for a single array, where everything is read before anything
@@ -27,21 +27,21 @@ from stemwatch.models.recording import Floats
 _Limits = tuple[float, float, float, float, float, float]
 _Frame = tuple[_Limits, float, float]  # limits, ratio, edge
 _U = np.uint64
-# Of a plain 0 the type is that very 0, and all that is called with it would be compiled twice.
+# numba types a plain 0 as the literal 0, so all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
 _LANES = 16  # runs side by side at most
-_VECTOR = 4  # lanes that one instruction works on; an odd lane would be done alone
-# Rows of the lanes' array. First what one step is given and finds, ...
+_VECTOR = 4  # lanes of one vector instruction; a remainder of lanes would run without vectors
+# Rows of the lanes' array. First inputs and results of one step, ...
 (_LEVEL, _MOVE, _BEFORE, _LAST, _ERROR, _DRIFT, _WAYS) = [_U(i * _LANES) for i in range(7)]
 # ... without the clamps (_GAP the error, _FREE the position), and the tanh of the drift, ...
 (_GAP, _DRIFTING, _VALUE, _SHARE, _FREE, _RESIDUAL) = [_U(i * _LANES) for i in range(7, 13)]
 # ... then its derivatives: by value, gate, ways, and the last position and the one before.
 (_BY_VALUE, _BY_GATE, _BY_WAYS, _BY_LAST, _BY_BEFORE) = [_U(i * _LANES) for i in range(13, 18)]
-# After these: H rows of hidden units, H of what their sums do to the step, P of weights.
+# After these: H rows of hidden units, H of the step's derivatives by their sums, P of weights.
 _UNITS = 18
 _ROW = _U(_LANES)
-# Rows of the Jacobian are squared many at once, by BLAS; from so many multiplications on it would
-# take more than one thread.
+# Many rows of the Jacobian are squared at once by BLAS, which from this many multiplications on
+# would use more than one thread.
 _ON_ONE_THREAD = 2**18
 
 # Cephes' exponential (S. L. Moshier): exp(r) = (even + odd) / (even - odd), |r| <= ln(2) / 2.
@@ -58,7 +58,7 @@ _BIAS, _FRACTION_BITS = 1023, 52
 def _tanh(x: float) -> float:
     """``(exp(2x) - 1) / (exp(2x) + 1)``, right to 4e-16, with one division and no branch or call.
 
-    ``2x = k ln(2) + r``, and the fraction that is ``exp(r)`` is never divided out.
+    ``2x = k ln(2) + r``; ``exp(r)`` stays a fraction, which saves a division.
     """
     x = -_ONE_FROM if x < -_ONE_FROM else x
     x = _ONE_FROM if x > _ONE_FROM else x
@@ -90,9 +90,9 @@ def free_run(
 ) -> None:
     """Fill ``out`` (m, n) with each member's run; ``weights`` (m, P).
 
-    ``plan`` (n,) says of each sample to ``skip`` it, ``seed`` the run from the measurement, ``run``
-    on, or ``restart`` from the two measurements before it; ``codes`` are the numbers standing for
-    seed, run and restart. What is skipped is left as it is.
+    ``plan`` (n,) gives for each sample whether to ``skip`` it, ``seed`` the run from the
+    measurement, ``run`` on, or ``restart`` from the two measurements before it; ``codes`` are the
+    numbers of seed, run and restart. Skipped samples of ``out`` are not written.
     """
     seed, run, restart = codes
     frame = (limits, ratio, edge)
@@ -205,7 +205,7 @@ def _weight_rows(hidden: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint6
 
 @njit(cache=True, error_model="numpy")
 def _step(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
-    """One sample on in every lane, from level, move and the last two positions."""
+    """Advance every lane by one sample, from level, move and the last two positions."""
     (error_low, error_high, slowest, fastest, low, high), ratio, edge = frame
     for i in range(lanes):
         gap = s[_LEVEL + i] - s[_LAST + i]
@@ -217,7 +217,7 @@ def _step(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
         s[_ERROR + i] = error_high if error > error_high else error
         s[_DRIFT + i] = drift
         s[_DRIFTING + i] = drifting
-        # Which way command and stem go, however slowly: 1 where both go up.
+        # Direction of command and stem, at any speed: 1 where both go up.
         s[_WAYS + i] = 0.5 * (moving + drifting)
     _outputs(s, hidden, lanes)
     for i in range(lanes):
@@ -277,7 +277,9 @@ def _run_all(
     largest_squares: float,
     states: Floats,
 ) -> bool:
-    """Run every piece, and keep what the lanes knew at each step; False as ``normal_matrix``."""
+    """Run every piece, and keep the state of the lanes at each step; returns False as
+    ``normal_matrix``.
+    """
     level, move, position = signals
     squares, step = 0.0, 0
     for first in range(0, runs[0].size, _LANES):
@@ -305,7 +307,9 @@ def _run_all(
 
 @njit(cache=True, error_model="numpy")
 def _slopes(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
-    """After a step: what value, gate, hidden sums and the last two positions do to the new one."""
+    """After a step: derivatives of the new position by value, gate, hidden sums and the last two
+    positions.
+    """
     (error_low, error_high, slowest, fastest, low, high), ratio, edge = frame
     value, inputs, gate, row = _weight_rows(hidden)
     by_drift, by_ways = inputs + _ROW * _U(2), inputs + _ROW * _U(3)
@@ -359,7 +363,8 @@ def _add_rows(
     rows: Floats,
     filled: int,
 ) -> int:
-    """A row of the Jacobian for each lane still running, after the ``filled``; how many there are.
+    """Append a row of the Jacobian for each lane still running to the ``filled`` ones; returns the
+    new count.
 
     ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``; ``carried`` has the last two ``s`` of every lane.
     """
@@ -375,7 +380,7 @@ def _add_rows(
             filled += 1
     older = _U(age % 2) * _ROW * size
     last = _ROW * size - older
-    # A run's first samples have nothing behind them.
+    # The first samples of a run have no earlier sensitivities.
     has_last, known_before = 1.0 if age > 0 else 0.0, 1.0 if age > 1 else 0.0
     bound = steepest if age > 0 else np.inf
     column = begin
@@ -389,7 +394,7 @@ def _add_rows(
 
 @njit(cache=True)
 def _gradient(s: Floats, hidden: int, i: int, rows: Floats, column: np.uint64) -> None:
-    """What the weights do to one step of lane ``i``, to ``rows`` from ``column`` on."""
+    """Derivatives of one step of lane ``i`` by the weights, into ``rows`` from ``column`` on."""
     by_value, by_gate = s[_BY_VALUE + i], s[_BY_GATE + i]
     error, move, drift, way_slope = s[_ERROR + i], s[_MOVE + i], s[_DRIFT + i], s[_WAYS + i]
     units = _U(hidden)
@@ -435,7 +440,9 @@ def _carry(
     size: np.uint64,
     bound: float,
 ) -> None:
-    """Carry one row on; it takes the place of the ``older`` of those it was carried from."""
+    """Carry one row of sensitivities on; it replaces the ``older`` of the two rows it
+    depends on.
+    """
     for k in range(size):
         value = rows[row + k] + d1 * carried[last + k] + d2 * carried[older + k]
         value = -bound if value < -bound else value
@@ -446,10 +453,10 @@ def _carry(
 
 @njit(cache=True)
 def _add_squares(rows: Floats, filled: int, out: Floats) -> None:
-    """Add ``rows' rows`` of those that are filled to ``out``."""
+    """Add ``rows' rows`` of the filled rows to ``out``."""
     width = out.shape[0]
     part = rows[: filled * width].reshape((filled, width))
     squares = np.dot(part.T, part)
-    for i in range(width):  # by hand: adding arrays compiles the words of an error as well
+    for i in range(width):  # by hand: adding arrays would compile numba's error about shapes too
         for j in range(width):
             out[i, j] += squares[i, j]

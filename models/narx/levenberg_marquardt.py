@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for many networks at once: each has its own damping and its own end.
+"""Levenberg-Marquardt for many networks at once: each has its own damping and its own stop.
 
 Levenberg (1944), doi:10.1090/qam/10666; Marquardt (1963), doi:10.1137/0111030.
 """
@@ -15,8 +15,8 @@ from torch import Tensor
 _MOST_DAMPING = 1e8  # a step at this damping changes nothing any more
 _LEAST_DAMPING = 1e-10
 
-# Weights (B, P) and the largest r'r (B,) that would still be accepted, to (B, P + 1, P + 1): J'J,
-# with J'r in its last column and r'r in its corner. Where r'r is larger, it may be inf, and the
+# A function of weights (B, P) and the largest acceptable r'r (B,). It returns (B, P + 1, P + 1):
+# J'J, with J'r in the last column and r'r in the corner. Where r'r is larger it may be inf, and the
 # other numbers are not used.
 Normal = Callable[[Tensor, Tensor], Tensor]
 
@@ -53,10 +53,10 @@ def descend(
 ) -> Descent:
     """Minimise ``r'r / samples + decay |w|^2 / P`` for each network.
 
-    ``normal`` as ``Normal`` says; ``samples`` (B,). The step solves
-    ``(J'J + lambda diag(J'J)) dw = -J'r`` with decay in both; lambda falls to a quarter where the
-    loss fell, and is four times as large where it did not. ``watch(weights, improved)`` is told of
-    every step and answers (B,) True for the networks that may go on.
+    ``normal`` is a ``Normal`` (see there); ``samples`` (B,). The step solves ``(J'J + lambda
+    diag(J'J)) dw = -J'r`` with decay in both; lambda falls to a quarter where the loss fell, and is
+    four times as large where it did not. ``watch(weights, improved)`` is called after every step
+    and returns (B,) True for the networks that may go on.
     """
     active = torch.ones_like(samples, dtype=torch.bool)
     no_bound = torch.full_like(samples, torch.inf)

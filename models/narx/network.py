@@ -7,12 +7,12 @@
     h    = tanh(W x + b)
     y(t) = y(t-1) + se sigmoid(wg.h + bg) (wv.h + c.x + bv)
 
-``y`` is MV and ``v`` is OP laid on MV's scale, ``v = mv_centre + gain (OP - op_centre)``, after
-the actuator's dead time, lag and speed limit where a fit found some; ``c`` is 1 where command and
-stem both go up, -1 where both go down, and ``edge`` = 0.01. So
-``y(t) = f(y(t-1), y(t-2), u(t), u(t-1))``: a static function of its lags, with nothing else carried
-over. ``u(t)``, the command at the same sample as the answer, is one of them. The gate is there
-because a stuck stem does not move *at all*; a linear output leaks while the valve is stuck.
+``y`` is MV and ``v`` is OP on MV's scale, ``v = mv_centre + gain (OP - op_centre)``, after the
+actuator's dead time, lag and speed limit where a fit found them; ``c`` is 1 where command and stem
+both go up, -1 where both go down, and ``edge`` = 0.01. So ``y(t) = f(y(t-1), y(t-2), u(t),
+u(t-1))``: a static function of its lags, with nothing else carried over. ``u(t)``, the command at
+the same sample as the response, is one of them. The gate is needed because a stuck stem does not
+move *at all*; a linear output leaks while the valve is stuck.
 """
 
 from __future__ import annotations
@@ -41,21 +41,21 @@ class NarxNetwork:
     """A trained ensemble as plain arrays: it can be stored, loaded and run without torch.
 
     ``weights``, for ``m`` members of ``h`` hidden units: ``hidden`` (m, h, 5) the rows ``[W, b]``;
-    ``gate`` (m, h + 1) ``[wg, bg]``; ``value`` (m, h + 5) ``[wv, c, bv]``. What the ensemble says
-    is the mean over its members, each run on its own.
+    ``gate`` (m, h + 1) ``[wg, bg]``; ``value`` (m, h + 5) ``[wv, c, bv]``. The output of the
+    ensemble is the mean over its members, each run on its own.
 
     ``scaling``: ``op_centre`` in percent, ``mv_centre`` and ``error_scale`` (``se``) and
     ``change_scale`` (``sd``) in MV's unit, ``gain`` in MV's unit per percent. ``ranges`` are the
-    lowest and highest value in the training part of ``op`` in percent and, in MV's unit, of
-    ``mv``, ``error`` = v(t) - y(t-1), ``change`` = v(t) - v(t-1) and ``drift`` = y(t) - y(t-1);
-    a run is clamped to them with a margin. Those of ``error`` and ``drift`` are wider where
-    members started from a stick-slip element. ``actuator``: what OP passes before the network sees
-    it, see ``actuator.actuator_output``; all 0 is none. ``reference_rmse`` (MV's unit) is the run's
-    error on the whole record the network comes from, restarted every ``reference_horizon``
-    samples.
+    lowest and highest value in the training part of ``op`` in percent and, in MV's unit, of ``mv``,
+    ``error`` = v(t) - y(t-1), ``change`` = v(t) - v(t-1) and ``drift`` = y(t) - y(t-1); a run is
+    clamped to them with a margin. Those of ``error`` and ``drift`` are wider where members started
+    from a stick-slip element. ``actuator``: dead time, lags and speed limits applied to OP before
+    the network, see ``actuator.actuator_output``; all 0 is none. ``reference_rmse`` (MV's unit) is
+    the run's error on the whole record the network comes from, restarted every
+    ``reference_horizon`` samples.
 
-    Raises ``ValueError`` where arrays do not fit each other, a name is missing, or a number is
-    not finite.
+    Raises ``ValueError`` where array shapes do not agree, a name is missing, or a number is not
+    finite.
     """
 
     weights: Mapping[str, NDArray[np.float64]]

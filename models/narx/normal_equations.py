@@ -1,8 +1,7 @@
 """The normal matrix of every network in a batch, for Levenberg-Marquardt, on a CPU or a GPU.
 
-On a CPU the compiled kernel takes one network after the other, its runs side by side: no padding,
-and a trial that is worse is given up as soon as that shows. On a GPU torch works on all networks at
-once.
+On a CPU the compiled kernel takes one network after the other, with its runs side by side: this
+needs no padding, and a worse trial is stopped early. On a GPU torch works on all networks at once.
 """
 
 from __future__ import annotations
@@ -27,8 +26,8 @@ _Runs = tuple[Indices, Indices]
 def normal_matrices(
     valves: Sequence[TrainingRecord], hidden: int, horizon: int, members: int, device: str
 ) -> tuple[Normal, Tensor]:
-    """What ``descend`` needs of the training segments of ``horizon`` samples: the normal matrices
-    as a function of weights (B, P), and the samples (B,) in them.
+    """For ``descend``: the normal matrices of the training segments of ``horizon`` samples as a
+    function of weights (B, P), and the number of samples (B,) in them.
 
     Networks are ordered valve by valve, each valve's members together.
     """
@@ -49,7 +48,7 @@ def by_kernel(device: torch.device) -> bool:
 
 
 def _longest_first(runs: _Runs) -> _Runs:
-    """Runs that go side by side in the kernel are then of about one length."""
+    """Sort runs by length, so that runs side by side in the kernel have about the same length."""
     starts, lengths = runs
     order = np.argsort(-lengths, kind="stable")
     return starts[order], lengths[order]

@@ -1,4 +1,4 @@
-"""The scales of one valve's network, from its training part, and signals laid on them."""
+"""The scales of one valve's network, from its training part, and its signals in these scales."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MARGIN = {"mv": 0.5, "error": 0.05, "change": 0.25, "drift": 0.25}
 _STRETCH = {"error": 0.5, "drift": 0.25}
 # The change scale is at least this share of the error scale; a quantised OP would make it tiny.
 _LEAST_CHANGE = 0.1
-# No reading is as large, and the square of a larger number leaves the range of floating point.
+# No reading is this large, and the square of a larger number overflows.
 _LARGEST = 1e15
 
 
@@ -43,9 +43,9 @@ def fit_scaling(
 
     A valve's position in percent follows a command in percent one to one, so ``gain`` is 1 where
     the spreads are within a factor of two; elsewhere MV has another unit (a flow, millimetres), or
-    runs the other way, and ``gain`` is the ratio of the spreads with the correlation's sign.
-    A ``start`` says itself how OP lies on MV's scale.
-    ``error_scale = std(e)``, ``change_scale = max(std(dv), 0.1 error_scale)``.
+    runs the other way, and ``gain`` is the ratio of the spreads with the correlation's sign. A
+    ``start`` gives gain and centres itself. ``error_scale = std(e)``, ``change_scale = max(std(dv),
+    0.1 error_scale)``.
     """
     u, y = op[usable], mv[usable]
     scaling = {"op_centre": float(np.mean(u)), "mv_centre": float(np.mean(y))}

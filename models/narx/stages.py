@@ -24,15 +24,15 @@ from stemwatch.models.narx.training_record import TrainingRecord
 from stemwatch.models.recording import Bools, Floats
 
 _UP, _DOWN, _GOES_ON_UP, _GOES_ON_DOWN, _DIRECTION = range(ELEMENT_UNITS)
-# Edges of the gate, as shares of fs: the wider, the more samples tell where it should lie; the
-# narrower, the less it leaks. The seeds take them in turn.
+# Widths of the gate's edge, as shares of fs: with a wider edge more samples determine its place; a
+# narrower one leaks less. The seeds take them in turn.
 _WIDTHS = (0.01, 0.05)
-_LEAST_LEVEL = 0.02  # of se: an element without friction has no edge to start from
+_LEAST_LEVEL = 0.02  # of se: an element with less friction has no edge to start from
 _GATE = 30.0  # a closed gate leaks exp(-30) per sample
 _CONSENSUS = 12.0  # slope of the units that see command and stem go the same way
 _LEAST_WATCHED = 30
-# The steep edges of a gate that is set from S and J are large weights, which the usual decay would
-# flatten.
+# A gate set from S and J has steep edges, that is large weights, which the usual decay would
+# shrink.
 _FITTED_DECAY = 1e-4
 
 _Trained = tuple[Floats, list[tuple[StageLog, ...]]]
@@ -60,7 +60,8 @@ def random_starts(settings: NarxSettings, members: int) -> Floats:
 def fitted_starts(
     start: StickSlipStart, unit_percent: float, settings: NarxSettings, members: int
 ) -> Floats:
-    """(members, P): the stick-slip element of ``start``, but for the edges of its gate.
+    """(members, P) the stick-slip element of ``start``; members differ in the width of the gate's
+    edge.
 
     ``unit_percent`` is the network's unit ``se`` in percent of OP.
     """
@@ -102,8 +103,8 @@ def train_members(
 ) -> _Trained:
     """Weights (valves, seeds, P) after the last stage, and each valve's log.
 
-    Either every valve has a start or none has. What starts from a fitted element is trained on the
-    longest horizon only: one-step error would teach it the measurement noise.
+    Either every valve has a start or none has. Members that start from a fitted element are trained
+    on the longest horizon only, because one-step errors would fit the measurement noise.
     """
     fitted = settings.fitted if valves[0].example.start is not None else 0
     stages = list(zip(settings.horizons, settings.steps, strict=True))

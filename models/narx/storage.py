@@ -13,14 +13,16 @@ import numpy as np
 from stemwatch.models.narx.architecture import FORMAT_VERSION, NO_ACTUATOR
 from stemwatch.models.recording import Floats
 
-# One metadata key: safetensors writes several in no fixed order, and equal networks should be
-# equal bytes.
+# A single metadata key: safetensors writes several in no fixed order, and equal networks should
+# give equal bytes.
 _KEY = "stemwatch.narx"
 _LENGTH_BYTES = 8  # a safetensors file begins with the length of its JSON header
 
 
 def pack(facts: Mapping[str, Any], weights: Mapping[str, Floats]) -> bytes:
-    """A network's arrays and what JSON can hold of it as bytes, with a digest that finds damage."""
+    """A network's arrays and its other fields (as JSON) as bytes, with a digest to
+    detect damage.
+    """
     from safetensors.numpy import save
 
     arrays = dict(weights)
@@ -29,8 +31,9 @@ def pack(facts: Mapping[str, Any], weights: Mapping[str, Floats]) -> bytes:
 
 
 def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Floats]]:
-    """What ``pack`` was given, in this version's form; ``ValueError`` with a sentence for anything
-    else."""
+    """The arguments of ``pack``, converted to this version; ``ValueError`` with a sentence for
+    other bytes.
+    """
     facts = _facts(data)
     version = facts.get("format_version")
     if version not in (1, FORMAT_VERSION):
@@ -54,7 +57,7 @@ def unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Floats]]:
 def _of_this_version(
     facts: dict[str, Any], weights: dict[str, Floats]
 ) -> tuple[dict[str, Any], dict[str, Floats]]:
-    """A network of version 1, which saw OP as it was and weighed no fourth input."""
+    """A network of version 1, which had no actuator and no fourth input."""
     new = dict(weights)
     for name in ("hidden", "value"):  # the fourth input stands before the bias
         new[name] = np.insert(weights[name], -1, 0.0, axis=-1)
@@ -62,7 +65,7 @@ def _of_this_version(
 
 
 def _facts(data: bytes) -> dict[str, Any]:
-    """What the header says. Read here because the library returns arrays only."""
+    """The fields in the header. Read here because the library returns arrays only."""
     try:
         (length,) = struct.unpack_from("<Q", data)
         header = json.loads(data[_LENGTH_BYTES : _LENGTH_BYTES + length])

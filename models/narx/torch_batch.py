@@ -22,7 +22,7 @@ from stemwatch.models.narx.run_plan import Indices, segments
 from stemwatch.models.narx.training_record import TrainingRecord
 from stemwatch.models.recording import Floats
 
-# Far beyond what a useful gradient reaches: a diverging run must not fill the matrix with inf.
+# Far beyond any useful gradient: a diverging run must not fill the matrix with inf.
 LIMIT = 1e4
 
 
@@ -77,7 +77,7 @@ class Weights:
 
     @property
     def outputs(self) -> Tensor:
-        """(B, H + 5, 2): what makes the value and the gate's opening out of ``[h, x, 1]``."""
+        """(B, H + 5, 2): the linear map from ``[h, x, 1]`` to the value and the gate's opening."""
         gate = torch.zeros_like(self.value)
         hidden = self.rows.shape[1]
         gate[:, :hidden], gate[:, -1] = self.gate[:, :hidden], self.gate[:, hidden]
@@ -138,8 +138,9 @@ def _unclamped(values: Tensor, low: Tensor, high: Tensor) -> Tensor:
 def jacobian(block: SegmentBlock, run: SimulatedBlock, weights: Weights, clamps: Clamps) -> Tensor:
     """(B, T R, P + 1): ``d y(t) / d w``, and in the last column the residual ``y(t) - MV(t)``.
 
-    With ``g`` what a weight does to one step, and ``d1``, ``d2`` what the two last positions do,
-    ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``, carried forward from 0 at each segment's start.
+    With ``g`` the derivative of one step by a weight, and ``d1``, ``d2`` those by the last two
+    positions, ``s(t) = g(t) + d1 s(t-1) + d2 s(t-2)``, carried forward from 0 at each segment's
+    start.
     """
     nets, steps, rows = block.level.shape
     s, d1, d2 = _one_step(block, run, weights, clamps)
@@ -205,7 +206,7 @@ def _by_weights(
 def _through_hidden(
     run: SimulatedBlock, weights: Weights, by_value: Tensor, by_gate: Tensor
 ) -> Tensor:
-    """(B, T, R, H): what each hidden unit's sum does to the position."""
+    """(B, T, R, H): the derivative of the position by each hidden unit's sum."""
     hidden = weights.rows.shape[1]
     h = run.units[..., :hidden]
     through = by_value[..., None] * weights.value[:, None, None, :hidden]
@@ -215,7 +216,7 @@ def _through_hidden(
 
 # Samples in a block for each network. The size depends on the horizon alone, never on the batch:
 # padding then adds exact zeros to sums of the same order, and a valve's result does not depend on
-# the company it is trained in.
+# the other valves in the batch.
 _BLOCK_SAMPLES = 1200
 _MOST_ROWS = 256
 

@@ -28,8 +28,8 @@ from stemwatch.models.recording import Bools, Floats
 DEFAULTS = NarxSettings()
 AUTO = "auto"
 LEAST_ON_GPU = 8  # valves in a batch; a smaller one leaves a GPU idle
-# Random members follow what they were trained on more closely than what comes after it, by about
-# this factor more than members started from a fitted element (128 simulated records).
+# The error of random members grows from the training part to the held-out part by about this factor
+# more than that of members started from a fitted element (128 simulated records).
 _DOUBT = 1.3
 # A member whose error is more than so many times the best one's is left out of the mean.
 _NEAR = 1.3
@@ -62,7 +62,9 @@ def train(batch: Sequence[NarxExample], settings: NarxSettings = DEFAULTS) -> li
 
 
 def _parts(ready: list[_Ready], largest: int) -> Iterator[list[_Ready]]:
-    """At most so many together, valves with a start apart from those without one."""
+    """Batches of at most ``largest`` records; valves with a start are not mixed with
+    those without.
+    """
     for started in (True, False):
         same_start = [item for item in ready if (item[1].example.start is not None) is started]
         for first in range(0, len(same_start), largest):
@@ -85,7 +87,7 @@ def _train_part(valves: Sequence[TrainingRecord], settings: NarxSettings) -> lis
     device = device_for(len(valves), settings.device)
     try:
         return _train_on(device, valves, settings)
-    except (RuntimeError, AssertionError):  # what torch raises where a GPU is full or unusable
+    except (RuntimeError, AssertionError):  # torch raises these where a GPU is full or unusable
         if settings.device != AUTO or device == "cpu":
             raise
         return _train_on("cpu", valves, settings)
@@ -145,8 +147,9 @@ def _held_out(
 
 
 def _reference_rmse(network: NarxNetwork, valve: TrainingRecord) -> float:
-    """The error later scores are divided by, so never 0: on the whole record, the held-out part
-    included, because a valve's error on what it was trained on is too small to compare with."""
+    """The error by which later scores are divided, never 0. It includes the held-out part, because
+    the error on the training part alone is too small for comparison.
+    """
     horizon = network.reference_horizon
     run = network.free_run(valve.op, valve.mv, valve.usable, horizon=horizon)
     error = _rmse(run, valve.mv, plan_run(valve.usable) == PlanStep.RUN)
@@ -178,7 +181,7 @@ def _network(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> 
         ranges=valve.ranges,
         interval_s=valve.example.interval_s,
         actuator=valve.example.start.actuator if valve.example.start else NO_ACTUATOR,
-        reference_rmse=1.0,  # until the network exists to be run
+        reference_rmse=1.0,  # replaced as soon as the network can be run
         reference_horizon=settings.reference_horizon,
         seed=settings.seed,
     )

@@ -1,4 +1,4 @@
-"""Can a network be trained on this record? Its scaled signals, or the reason why not."""
+"""A record prepared for training, or the reason why it cannot be trained on."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class TrainingRecord:
 
 
 def prepare(example: NarxExample, settings: NarxSettings) -> TrainingRecord | str:
-    """The record made ready, or the sentence that says why it cannot be trained on."""
+    """The prepared record, or a sentence on why it cannot be trained on."""
     usable = believable(example.op, example.mv, example.usable)
     early = np.arange(usable.size) < example.train_until
     reason = _objection(example, usable, early)

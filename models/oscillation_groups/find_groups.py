@@ -1,11 +1,11 @@
-"""Which loops oscillate together: coherent at a common period, by more than chance makes alike.
+"""Which loops oscillate together: they are coherent at a common period by more than chance.
 
 The strongest oscillation of a loop that is not explained yet is the first reference. Loops whose
 spectra around its period are coherent with it join; the reference becomes what the members have in
-common (the first principal component of their spectra). Loads that travel from loop to loop do the
-same, though less: by the size of the common part, the regularity of the periods, and whether a
-member looks as if its valve sticks, it is a group or it is left. What a group explains is taken out
-of all loops, and the search goes on. So a loop may belong to several.
+common (the first principal component of their spectra). Loads that travel from loop to loop look
+similar, but weaker: the size of the common part, the regularity of the periods, and signs of a
+sticking valve decide whether the candidate is a group. The part that a group explains is subtracted
+from all loops, and the search goes on. So a loop may belong to several groups.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from stemwatch.models.oscillation_groups.loop_spectra import (
 from stemwatch.models.recording import Bools, Floats
 
 BAND = 0.25  # half width of a group's band, relative: limit cycles wander
-_SMOOTH = 4  # terms of the way from what is common to a loop, over the band
+_SMOOTH = 4  # terms of the smooth transfer function from the reference to a loop, over the band
 _ALIKE = 0.15  # relative difference of periods of one oscillation
 _MOST_GROUPS = 40
 _HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 _HARMONIC_MATCH = 0.025
-_BOUND = 0.8  # coherence from which on a harmonic is bound to the phase
+_BOUND = 0.8  # coherence, from which a harmonic is phase-locked
 _LEAST_REGULARITY = 0.3
 
 
@@ -43,16 +43,16 @@ class FoundGroup:
     """Loops that oscillate with one period.
 
     ``members`` (k,) their numbers; ``shares`` (k,) of each one's variance that the oscillation
-    makes; ``coherence`` (k,) with what they have in common, in the band; ``reference`` (bins,) that
-    common spectrum, of unit length; ``statistics`` (4,) what speaks for its being more than
-    chance, in the order of the weights.
+    makes; ``coherence`` (k,) with the reference, in the band; ``reference`` (bins,) the common
+    spectrum, of unit length; ``statistics`` (4,) the evidence against chance, in the order of the
+    weights.
     """
 
     frequency: float
     members: tuple[int, ...]
     shares: tuple[float, ...]
     coherence: tuple[float, ...]
-    regularity: float  # the middle one of the members that show it by themselves
+    regularity: float  # median over the members that oscillate by themselves
     reference: Complexes
     band: slice
     statistics: Floats
@@ -68,9 +68,10 @@ def find_groups(
     sticking: Mapping[int, float] = NOT_ASKED,
     of_each_loop: Sequence[LoopOscillation] | None = None,
 ) -> list[FoundGroup]:
-    """The groups, the strongest first. ``sticking``: the log odds that a loop's valve sticks by its
-    OP and PV, where they are known. ``of_each_loop``: ``oscillations(spectra)`` where it is
-    known."""
+    """The groups, the strongest first. ``sticking``: the log odds from OP and PV that a loop's
+    valve sticks, where they are known. ``of_each_loop``: ``oscillations(spectra)`` where it is
+    known.
+    """
     seen = list(of_each_loop or oscillations(spectra))
     remaining = spectra.spectra.copy()
     open_ = sorted(
@@ -106,8 +107,9 @@ def candidate(
     limits: GroupLimits,
     sticking: Mapping[int, float],
 ) -> FoundGroup | None:
-    """What loops have in common with an oscillation in ``remaining`` (m, f), whether or not it is
-    more than chance; ``None`` where no second loop has."""
+    """The candidate group around an oscillation in ``remaining`` (m, f), whether or not it is more
+    than chance; ``None`` where no second loop joins.
+    """
     band = spectra.within(first.frequency * (1.0 - BAND), first.frequency * (1.0 + BAND))
     parts = remaining[:, band]
     power = np.maximum((np.abs(parts) ** 2).sum(axis=1), 1e-30)
@@ -147,15 +149,18 @@ def candidate(
 
 
 def _beyond_noise(along: Floats, power: Floats, shape: tuple[int, ...]) -> Floats:
-    """(m,) power along a basis of (bins, terms) beyond what noise as strong as the rest has."""
+    """(m,) power along a basis of (bins, terms) beyond the power expected from noise as strong as
+    the rest.
+    """
     bins, terms = shape
     noise = (power - along) * (terms / max(bins - terms, 1))
     return np.asarray(np.maximum(along - noise, 0.0))
 
 
 def _statistics(shares: Floats, regularity: float, sticking: Sequence[float | None]) -> Floats:
-    """(4,) what speaks for a group, in the order of the weights. The number of members does not:
-    a load that all have in common is no oscillation."""
+    """(4,) the evidence for a group, in the order of the weights. The number of members is not
+    among it, because a load common to all loops is not an oscillation.
+    """
     known = [odds for odds in sticking if odds is not None]
     return np.array(
         [
@@ -168,8 +173,9 @@ def _statistics(shares: Floats, regularity: float, sticking: Sequence[float | No
 
 
 def _basis(reference: Complexes) -> Complexes:
-    """(bins, 4) orthonormal: the reference, and it times the frequency's first powers. What lies
-    in their span has passed a smooth transfer function, such as a lag or a dead time."""
+    """(bins, 4) orthonormal: the reference times the first powers of the frequency. Their span
+    contains the reference behind any smooth transfer function, such as a lag or a dead time.
+    """
     grid = np.linspace(-1.0, 1.0, reference.size)
     powers = np.stack([reference * grid**k for k in range(min(_SMOOTH, reference.size))], axis=1)
     q, _ = np.linalg.qr(powers)
@@ -177,15 +183,16 @@ def _basis(reference: Complexes) -> Complexes:
 
 
 def _take_out(remaining: Complexes, group: FoundGroup) -> None:
-    """What the group explains, of all loops."""
+    """Subtract the part that the group explains from all loops."""
     basis = _basis(group.reference)
     part = remaining[:, group.band]
     remaining[:, group.band] = part - (part @ basis.conj()) @ basis.T
 
 
 def _with_harmonics(spectra: LoopSpectra, remaining: Complexes, group: FoundGroup) -> FoundGroup:
-    """The group with the share that its harmonics make, which are taken out of all loops too:
-    waves that are 2 to 7 times as quick and bound to its phase."""
+    """The group with the share of its harmonics, which are subtracted from all loops too: waves of
+    2 to 7 times the frequency, locked to its phase.
+    """
     _take_out(remaining, group)
     wave = spectra.time(group.reference[None, :], group.band)[0]
     size = np.abs(wave)
@@ -217,7 +224,7 @@ def _is_harmonic(group: FoundGroup, other: FoundGroup) -> bool:
 
 
 def labels(groups: Sequence[FoundGroup], loops: int) -> list[int]:
-    """The group that makes most of each loop's variance, -1 for none."""
+    """The group that causes most of each loop's variance, -1 for none."""
     best, label = np.zeros(loops), np.full(loops, -1)
     for number, group in enumerate(groups):
         for member, share in zip(group.members, group.shares, strict=True):

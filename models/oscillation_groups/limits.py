@@ -1,4 +1,4 @@
-"""What counts as an oscillation that loops have in common, and what speaks for a source.
+"""Limits of a common oscillation, and weights of the evidence for a source.
 
 ``stemwatch study-oscillations --fit`` prints the numbers from drawn plants.
 """
@@ -13,9 +13,9 @@ class GroupLimits:
     """``share`` of a loop's variance that a member has in common with the others, and ``coherence``
     with them in the band.
 
-    ``weights`` of what speaks for a group (constant, ln of the largest share, ln of the largest
-    regularity, the largest log odds of sticking by OP and PV), a logit; ``evidence``, what chance
-    alone reaches in one quiet plant of twenty.
+    ``weights`` of the evidence for a group (constant, ln of the largest share, ln of the largest
+    regularity, the largest log odds of sticking by OP and PV), a logit; ``evidence``, the logit
+    that chance alone reaches in one quiet plant of twenty.
     """
 
     share: float
@@ -36,7 +36,8 @@ class SourceWeights:
 
 # `study-oscillations --fit 5151,6161,7171,8181 --plants 40`: 160 drawn plants, 39 of them quiet.
 LIMITS = GroupLimits(share=0.11, coherence=0.55, weights=(1.21, 2.18, 0.58, 0.9), evidence=-0.38)
-# What a verdict from a measured position weighs is set by hand: the drawn loops have none.
+# The weight of a verdict from a measured position is set by hand, because the drawn loops have
+# none.
 WEIGHTS = SourceWeights(
     member=(0.03, 0.69, -2.78, 3.07, 3.23, 0.69, 3.0, 3.04),
     none=(-0.04, 3.59, 1.51, -0.07, -3.0, 2.4, -2.68),

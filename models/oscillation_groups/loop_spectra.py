@@ -19,14 +19,14 @@ _GRID = 0.03  # relative step of the frequencies at which peaks are looked for
 _HALF_WIDTH = 0.15  # of a peak's band, relative
 _MOST_PEAKS = 3  # oscillations of one loop
 _CLIP = 6.0  # robust standard deviations; a spike is no oscillation
-_CROSSINGS = 11  # zero crossings of the autocorrelation that tell regularity
+_CROSSINGS = 11  # zero crossings of the autocorrelation from which regularity is computed
 _LEAST_SHARE = 0.05
 _SHORTEST = 128  # samples of a record that shows a period
 
 
 @dataclass(frozen=True)
 class LoopOscillation:
-    """What one loop shows by itself at one frequency.
+    """An oscillation of one loop by itself at one frequency.
 
     ``share`` of the variance within 15 % of the frequency; ``regularity`` of the zero crossings of
     the filtered autocorrelation, T / (3 s) with the spread s of the periods.
@@ -54,7 +54,7 @@ class LoopSpectra:
         return slice(int(first), max(int(last), int(first) + 1))
 
     def time(self, spectra: Complexes, band: slice) -> Complexes:
-        """(k, n) analytic signals of what (k, bins) spectra say in ``band``."""
+        """(k, n) analytic signals of (k, bins) spectra in ``band``."""
         full_spectrum = np.zeros((*spectra.shape[:-1], self.size), dtype=np.complex128)
         full_spectrum[..., band] = 2.0 * spectra
         return np.asarray(np.fft.ifft(full_spectrum, axis=-1) * np.sqrt(self.size))
@@ -62,7 +62,7 @@ class LoopSpectra:
 
 def loop_spectra(values: Floats, interval_s: float) -> LoopSpectra:
     """The spectra of ``values`` (m, n), samples of m loops on one even clock; NaN where there is
-    none. A loop that stands still has the spectrum 0.
+    none. A loop that does not move has the spectrum 0.
 
     The squares of a spectrum add up to 1 over the frequencies of at least ``FEWEST_CYCLES`` in the
     record.

@@ -9,8 +9,8 @@ from datetime import datetime, timedelta
 
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 
-LINKED_WITHIN = timedelta(days=7)  # an oscillation that was away longer begins anew
-SAME_LOOPS = 0.5  # of all loops of both groups, from which on they are the same
+LINKED_WITHIN = timedelta(days=7)  # an oscillation that was absent longer counts as a new one
+SAME_LOOPS = 0.5  # of all loops of both groups (Jaccard index), from which they are the same
 SAME_PERIOD = math.log(1.25)  # the width within which loops of one window are grouped
 
 

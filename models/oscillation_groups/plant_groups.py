@@ -30,11 +30,11 @@ from stemwatch.models.recording import Floats, Recording, Role
 
 LONGEST = 8640  # samples of a loop that are kept: a day at 10 s
 FEWEST = 200  # samples that two loops must have in common
-WINDOWS = 24  # of the record, in which the strength is told
+WINDOWS = 24  # of the record, for each of which the strength is given
 BANDS = 60  # of the heat map
 _OVERLAP = 0.5  # of the shorter window, that loops were recorded together
-_ACTIVE = 0.5  # of the usual strength, from which on a group oscillates
-_SAID = 0.3  # of evidence above the group's mean, from which on it is said
+_ACTIVE = 0.5  # of the usual strength, from which a group counts as oscillating
+_SAID = 0.3  # of evidence above the group's mean, from which it is mentioned
 Small = NDArray[np.float32]
 NO_UNITS: Mapping[str, str] = MappingProxyType({})
 NO_FEEDS: Mapping[str, Sequence[str]] = MappingProxyType({})
@@ -71,7 +71,8 @@ class ThinnedLoop:
 @dataclass(frozen=True, kw_only=True)
 class GroupMember:
     """A loop of a group: the share of its PV's variance that the oscillation makes, the probability
-    that it begins here, and what speaks for that."""
+    that it begins here, and the evidence for that.
+    """
 
     loop: str
     share: float
@@ -85,7 +86,7 @@ class OscillationGroup:
 
     ``outside`` is the probability that it begins in none of them. ``strength`` (24,) over the
     record, its mean square 1; ``since`` the start of the window from which on it oscillates,
-    ``None`` where it always did or the source does not date. ``spectra`` (members, 60) powers on
+    ``None`` where it always did or the source has no dates. ``spectra`` (members, 60) powers on
     ``periods_s`` (60,), each loop's largest 1. ``windows`` in which the same oscillation was found,
     this one included; ``first_found`` the start of the first of them, ``None`` where it is this.
     """
@@ -118,7 +119,7 @@ class OscillationGroup:
 def thinned_loop(
     recording: Recording, sticks: bool | None = None, score: float | None = None
 ) -> ThinnedLoop | None:
-    """What a recording has for the search; ``None`` without PV or with too few samples."""
+    """The signals of a recording for the search; ``None`` without PV or with too few samples."""
     pv, sp = recording.get(Role.PV), recording.get(Role.SP)
     if pv is None or len(recording) < FEWEST:
         return None
@@ -251,8 +252,9 @@ def log_odds(score: float) -> float:
 def _by_number(
     loops: Sequence[ThinnedLoop], feeds: Mapping[str, Sequence[str]]
 ) -> dict[int, list[int]]:
-    """Which loops each loop acts on, by their places in ``loops``; others of the plant, which ways
-    may pass through, have places behind them."""
+    """Which loops each loop acts on, by their index in ``loops``; other loops of the plant, through
+    which paths may lead, have higher indices.
+    """
     places = {loop.loop: i for i, loop in enumerate(loops)}
     for name, fed in feeds.items():
         for each in (name, *fed):
@@ -304,8 +306,8 @@ def _group_result(
 def _evidence_sentences(
     evidence: MemberEvidence, ranking: SourceRanking
 ) -> dict[int, tuple[str, ...]]:
-    """What speaks for each of the first two, the weightiest first."""
-    # What counts against a source the more there is of it is weighed and not told.
+    """The evidence for each of the first two, the weightiest first."""
+    # Evidence with a negative weight is used but not mentioned.
     weighed = compared(evidence) * np.maximum(WEIGHTS.member, 0.0)
     out = {}
     for i in ranking.members[:2]:
@@ -316,7 +318,9 @@ def _evidence_sentences(
 
 
 def _neighbours(names: Mapping[int, str], member: int, units: Mapping[str, str]) -> tuple[str, ...]:
-    """That other loops of the group are of its unit: what begins there reaches them first."""
+    """That other loops of the group are in its unit, which an oscillation that begins there reaches
+    first.
+    """
     unit = units.get(names[member], "")
     others = [units.get(name, "") for i, name in names.items() if i != member]
     near = sum(one == unit for one in others)

@@ -1,8 +1,8 @@
-"""Where the oscillation of a group likely begins: each member's evidence, and what weighs how much.
+"""Where the oscillation of a group likely begins: each member's evidence and its weights.
 
-What begins an oscillation shows more of it, more of its harmonics (each process on the way is a
-low pass), has least noise of its own beside it, wanders in phase before the others do, where its
-valve sticks looks so by OP and PV, and acts on the others rather than they on it.
+The loop in which an oscillation begins shows more of it and more of its harmonics (each process on
+the way is a low pass), has the least other noise, and leads the others in phase. Where its valve
+sticks, its OP and PV show signs of it. It acts on the others rather than they on it.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ NO_CONNECTIONS: Mapping[int, Sequence[int]] = MappingProxyType({})
 
 @dataclass(frozen=True, kw_only=True)
 class MemberEvidence:
-    """(k, 8) what speaks for each member, in the order of ``NAMES``, as it is (not compared).
+    """(k, 8) the evidence for each member, in the order of ``NAMES``, before comparison with the
+    others.
 
     ``connected`` is whether connections of these loops are known.
     """
@@ -141,8 +142,9 @@ def _harmonics(spectra: LoopSpectra, group: FoundGroup, members: Sequence[int]) 
 
 
 def _lead(spectra: LoopSpectra, group: FoundGroup, members: Sequence[int]) -> Floats:
-    """By how many periods the wandering of a member's phase comes before that of the others: the
-    delay at which its band agrees best with the reference's, whose sign no gain turns round."""
+    """By how many periods the phase variations of a member lead those of the others: the delay at
+    which its band agrees best with the reference's. The sign does not depend on gains.
+    """
     cross = spectra.spectra[members][:, group.band] * group.reference.conj()
     delays = np.linspace(-_MOST_LEAD, _MOST_LEAD, 81)
     turns = np.exp(2j * np.pi * np.outer(spectra.frequencies[group.band] / group.frequency, delays))
@@ -151,7 +153,8 @@ def _lead(spectra: LoopSpectra, group: FoundGroup, members: Sequence[int]) -> Fl
 
 
 def rank_sources(evidence: MemberEvidence, weights: SourceWeights) -> SourceRanking:
-    """The members in the order of their probability of being the source, beside none of them.
+    """The members in the order of their probability of being the source, and the probability of
+    none.
 
     Probabilities are those of a multinomial logit over the members and "none".
     """
@@ -174,14 +177,14 @@ def compared(evidence: MemberEvidence) -> Floats:
 
 
 def without_connections(evidence: MemberEvidence) -> MemberEvidence:
-    """The evidence as it is where no connection is known."""
+    """The evidence without connections, as where none are known."""
     values = evidence.values.copy()
     values[:, NAMES.index("nearness")] = 0.0
     return replace(evidence, values=values, connected=False)
 
 
 def of_none(evidence: MemberEvidence) -> Floats:
-    """(7,) what speaks for a source outside the group."""
+    """(7,) the evidence for a source outside the group."""
     values = evidence.values
     return np.array(
         [

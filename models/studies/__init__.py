@@ -1,4 +1,4 @@
-"""Studies of the method: models of the literature, a simulator, a published study done again.
+"""Studies of the method: models of the literature, simulators, a published study reproduced.
 
 Nothing that runs in a plant needs them.
 """

@@ -1,6 +1,6 @@
 """Published detectors of stiction, as our own implementations of the published formulas.
 
-They judge oscillating loops by OP and PV alone; a loop that does not oscillate is none of theirs.
+They judge oscillating loops by OP and PV alone and do not apply to a loop that does not oscillate.
 """
 
 from __future__ import annotations

@@ -1,1 +1,3 @@
-"""What OP and PV alone tell of a valve without a measured position: a suspicion, no verdict."""
+"""The evidence of OP and PV alone on a valve without a measured position: a suspicion, no
+verdict.
+"""

@@ -1,4 +1,6 @@
-"""The evidence of one loop as numbers: what a stick-slip element gains, by chance, and shapes."""
+"""The evidence of one loop as numbers: the gain by a stick-slip element, against chance, and wave
+shapes.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,8 @@ _COARSE_RATIOS = np.array([0.3, 1.0])
 _COARSE_DELAYS = 2
 _SPREAD_FLOOR = 0.005
 
-# Few and robust on purpose: with fifty numbers of shape more, a network learned the simulator it
-# was trained on, and told loops of another one worse apart.
+# Few and robust on purpose: with fifty more numbers of shape, a network learned the simulator it
+# was trained on and separated the loops of another one worse.
 NAMES = (
     *(
         f"{what} at {blocks} to a period"
@@ -46,8 +48,10 @@ NAMES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
-    """What OP and PV show. ``values`` are in the order of ``NAMES``; period in samples; amplitude
-    and S in percent of OP; ``beyond`` the gain in standard deviations of the loop's surrogates."""
+    """The evidence of OP and PV. ``values`` are in the order of ``NAMES``; period in samples;
+    amplitude and S in percent of OP; ``beyond`` the gain in standard deviations of the loop's
+    surrogates.
+    """
 
     values: Floats
     period: float
@@ -65,7 +69,8 @@ def dominant_period(op: Floats) -> float:
     spectrum = np.abs(np.fft.rfft(op - np.linspace(op[0], op[-1], n))) ** 2
     order = np.arange(spectrum.size)
     low, high = FEWEST_PERIODS, max(n // 4, FEWEST_PERIODS)
-    # A spectrum smoothed over a sixth of an octave: a wave that wanders is one peak.
+    # The spectrum is smoothed over a sixth of an octave, so that a wave with a wandering period is
+    # one peak.
     weighted = np.cumsum(np.concatenate([[0.0], spectrum * order]))
     left_edge = np.maximum((order * 0.94).astype(np.int64), 0)
     right = np.minimum((order * 1.06).astype(np.int64) + 1, spectrum.size)
@@ -87,7 +92,8 @@ def evidence(op: Floats, pv: Floats, *, seed: int = 1) -> Evidence:
     """
     if op.size < _FEWEST_BLOCKS or np.ptp(op) <= 0.0 or np.ptp(pv) <= 0.0:
         raise ValueError("too short or still: nothing can be compared")
-    # The controller's own action on PV tells which way it acts; from there on PV rises as OP falls.
+    # The correlation of PV and OP shows the controller's direction; afterwards PV rises as OP
+    # falls.
     if float(np.diff(op) @ np.diff(pv)) > 0.0:
         pv = -pv
     period = dominant_period(op)
@@ -142,14 +148,18 @@ def _of_scale(gains: HeldOut, amplitude: float) -> list[float]:
 
 
 def _squeezed(value: float) -> float:
-    """Small values spread out: a gain of 0.03 can be certain, one of 3 is no more so than of 1."""
+    """Compress large values: a gain of 0.03 can be certain, and one of 3 is no more certain than
+    one of 1.
+    """
     return float(np.arcsinh(value / 0.03))
 
 
 def _beyond_surrogates(
     op: Floats, pv: Floats, block_length: int, sizes: Floats, seed: int
 ) -> list[float]:
-    """Gains of both and of sticking beyond those of surrogates, in standard deviations."""
+    """Gains of the models "both" and "sticking" beyond those of surrogates, in standard
+    deviations.
+    """
     rng = np.random.default_rng(seed)
 
     def gains(u: Floats, y: Floats) -> tuple[float, float]:
@@ -167,10 +177,10 @@ def common_phase_surrogate(
 ) -> tuple[Floats, Floats]:
     """``op`` and ``pv`` (n,) with the same random phases added to both spectra.
 
-    Spectra and cross spectrum, and with them every linear model between the two, stay; what a
-    stick-slip element would explain does not. The line through the ends goes first, because a
-    spectrum sees it as a jump, and comes back afterwards. Prichard and Theiler (1994),
-    doi:10.1103/PhysRevLett.73.951.
+    Spectra and cross spectrum, and with them every linear model between the two, stay the same;
+    what only a stick-slip element would explain is destroyed. The line through the ends is
+    subtracted first, because a spectrum sees it as a jump, and added afterwards. Prichard and
+    Theiler (1994), doi:10.1103/PhysRevLett.73.951.
     """
     n = op.size
     phases = rng.uniform(0.0, 2.0 * np.pi, n // 2 + 1)

@@ -1,4 +1,5 @@
-"""Does a stick-slip element between OP and PV predict unseen PV better than the linear loop alone?
+"""Whether a stick-slip element between OP and PV predicts unseen PV better than the linear loop
+alone.
 
 With y = PV, u = OP, x = the element driven by OP, d a delay and t the time, all as means over
 blocks of samples, three models are fitted by least squares:
@@ -87,8 +88,8 @@ def past_values(values: Floats, first: int, delay: int) -> Floats:
 def _fold_losses(gram: Floats, columns: slice | list[int]) -> Floats:
     """(..., FOLDS) squared error on each fold of a fit to the others.
 
-    ``gram`` (..., FOLDS, w, w) are the products of all columns within each fold, y last. A column
-    that adds nothing new is held by a ridge.
+    ``gram`` (..., FOLDS, w, w) are the products of all columns within each fold, y last. A small
+    ridge keeps redundant columns solvable.
     """
     others = gram.sum(axis=-3, keepdims=True) - gram
     a = others[..., columns, :][..., columns]

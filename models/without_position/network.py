@@ -1,4 +1,5 @@
-"""Two small networks that weigh the evidence of a loop, run without torch, which only trains them.
+"""Two small networks that weigh the evidence of a loop. They run without torch, which only trains
+them.
 
 The first reads the numbers of ``features``; the second, convolutional, reads the curves themselves
 (``windows``). Their logits are added with trained weights. The first also estimates S.
@@ -16,7 +17,7 @@ import numpy as np
 from stemwatch.models.recording import Floats
 
 KERNELS = ((9, 2), (7, 2), (5, 2), (3, 1))  # width and stride of each convolution
-MOST_AWAY = 3.0  # standard deviations by which a number counts at most
+MOST_AWAY = 3.0  # standard deviations at which an input is clipped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +35,7 @@ class LoopScore:
 def packed(arrays: Mapping[str, Floats]) -> tuple[dict[str, tuple[int, ...]], str]:
     """The shapes of ``arrays`` and their numbers in half precision as text.
 
-    Eleven bits are more than the training determines, and the text is half as long.
+    The eleven significant bits are more than the training determines, and the text is half as long.
     """
     flat = np.concatenate([np.ravel(array) for array in arrays.values()]).astype("<f2")
     return {name: np.shape(array) for name, array in arrays.items()}, b85encode(

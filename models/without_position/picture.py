@@ -1,4 +1,4 @@
-"""What a person sees of a suspicion: the element between OP and PV, and PV by both models."""
+"""The traces that show a suspicion: the element between OP and PV, and PV by both models."""
 
 from __future__ import annotations
 

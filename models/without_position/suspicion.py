@@ -1,7 +1,8 @@
-"""``Judge``: what OP and PV alone say of the valve. Suspected, no sign, or cannot tell.
+"""``Judge``: what OP and PV alone show of the valve: sticking suspected, no sign of it, or
+undecided.
 
-Never a verdict and never a J: loops without a position show J only as an unsure share of S. What
-may be said is limited by loops in which the truth is known (``SuspicionLimits``).
+Never a verdict and never a J: loops without a position show J only as an uncertain share of S. The
+limits come from simulated loops whose truth is known (``SuspicionLimits``).
 """
 
 from __future__ import annotations
@@ -30,14 +31,15 @@ from stemwatch.models.without_position.picture import ElementTraces, element_tra
 from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 200
-ENOUGH_PERIODS = 8  # in a record of fewer swings most signs are too weak
-MOST_SAMPLES = 8000  # the last ones of a long record, after means over a four hundredth of a period
+ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
+# of a long record the last ones, after averaging to at most 400 samples a period
+MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
 MOST_HELD = 0.75  # of PV repeating its last value
-MOST_BELOW_SHUT = 0.25  # of OP below -0.5: it is centred or scaled, and no percentage
+MOST_BELOW_SHUT = 0.25  # of OP below -0.5: then it is centred or scaled and not in percent
 FEWEST_MOVES = 30  # changes of OP
 LEAST_MOVED_PERCENT = 0.3
 BEYOND = float(np.arcsinh(1.0))  # a standard deviation of the loop's own surrogates
@@ -57,7 +59,7 @@ _SCALE = "Give OP's values at 0 and 100 % in the plant file (low, high), and scr
 
 
 class Suspicion(StrEnum):
-    """What OP and PV allow to be said."""
+    """The result from OP and PV."""
 
     SUSPECTED = "suspected"
     NO_SIGN = "no_sign"
@@ -66,11 +68,11 @@ class Suspicion(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class WithoutPosition:
-    """What OP and PV say of the valve, for a person to act on.
+    """The result from OP and PV with its reason and advice.
 
     ``score`` (0 to 1) is the probability of sticking where half of all loops stick; ``apparent_S``
-    in percent of OP; ``shows_from`` the S from which on sticking would have
-    been seen; ``rivals`` other causes that the data cannot exclude.
+    in percent of OP; ``shows_from`` the S from which sticking would have been detected; ``rivals``
+    other causes that the data cannot exclude.
     """
 
     verdict: Suspicion
@@ -106,7 +108,7 @@ class SeenLoop:
 
 
 def look_at_loop(recording: Recording) -> SeenLoop:
-    """What ``recording`` shows by OP and PV, whether or not there is a position."""
+    """OP and PV of ``recording`` prepared for the networks, whether or not there is a position."""
     unit = _unit_of_op(recording.op)
     doubt = _doubt(recording)
     if doubt is not None:
@@ -123,13 +125,13 @@ def look_at_loop(recording: Recording) -> SeenLoop:
 
 
 def _unit_of_op(op: Signal) -> str:
-    """The unit of OP; of one that was taken for percent and runs far below 0, none is known."""
+    """The unit of OP; unknown where it is said to be percent but goes far below 0."""
     below = np.mean(op.values[op.usable] < -0.5) if op.usable.any() else 0.0
     return "" if op.unit == PERCENT and below > MOST_BELOW_SHUT else op.unit
 
 
 def suspect(recording: Recording, judge: Judge) -> WithoutPosition:
-    """What OP and PV of ``recording`` say of the valve, with traces for a picture of a suspicion.
+    """The result from OP and PV of ``recording``, with traces for a picture of a suspicion.
 
     Never raises for what a recording holds.
     """
@@ -139,7 +141,7 @@ def suspect(recording: Recording, judge: Judge) -> WithoutPosition:
         if suspicion.verdict is not Suspicion.SUSPECTED or seen.shown is None:
             return suspicion
         return replace(suspicion, traces=_traces(recording, seen, seen.shown))
-    except Exception as error:  # a cross-check must not cost the verdict
+    except Exception as error:  # a failing cross-check must not prevent the verdict
         reason = f"the comparison broke down ({type(error).__name__}: {error})"
         return _cannot_tell(reason, "Report this with the recording.")
 
@@ -169,7 +171,7 @@ class Judge:
     limits: SuspicionLimits
 
     def says(self, seen: SeenLoop) -> WithoutPosition:
-        """What may be said of a loop."""
+        """The result for a loop."""
         if seen.doubt is not None or seen.shown is None or seen.windows is None:
             return _cannot_tell(*(seen.doubt or ("nothing was seen", _FASTER)))
         answer = self.network.answer(seen.shown.values, seen.windows)
@@ -332,7 +334,7 @@ def _answer(
 
 
 def _rivals(loop_evidence: Evidence) -> tuple[str, ...]:
-    """Causes that make the same picture, the likeliest first."""
+    """Other causes with the same picture, the likeliest first."""
     rivals = [
         "a PV sensor or its linkage that sticks or has play",
         "a neighbouring loop whose valve sticks and whose swing arrives here",

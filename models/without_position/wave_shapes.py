@@ -1,4 +1,5 @@
-"""The shapes by which the literature tells a sticking valve from OP and PV alone, as numbers.
+"""The wave shapes by which the literature detects a sticking valve from OP and PV alone, as
+numbers.
 
 None of them decides: a trained network weighs them (``models.without_position.network``).
 """

@@ -7,7 +7,7 @@ import numpy as np
 from stemwatch.models.recording import Floats
 
 LENGTH = 256
-PER_PERIOD = (32, 80)  # places in a period: eight cycles, and three of them in more detail
+PER_PERIOD = (32, 80)  # samples a period: eight cycles, and three cycles in more detail
 MOST = 4  # stretches of each length
 _FINEST = 0.5  # of a sample
 
@@ -16,8 +16,8 @@ def windows(op: Floats, pv: Floats, sp: Floats | None, period: float) -> Floats:
     """(w, 3, LENGTH) stretches of OP, PV and SP, spread over the record.
 
     ``period`` is in samples. OP and PV have mean 0 and size 1 in each, SP its own moves in sizes of
-    PV, or zeros. A record too short for a stretch is one, stretched. PV is turned so that it falls
-    where OP rises.
+    PV, or zeros. A record that is too short for a stretch is stretched in time. PV is given the
+    sign with which it falls as OP rises.
     """
     if float(np.diff(op) @ np.diff(pv)) > 0.0:
         pv, sp = -pv, None if sp is None else -sp

@@ -1,4 +1,4 @@
-"""What OP and PV alone say of valves, in words: its title, and which loops to look at first."""
+"""The suspicion from OP and PV alone in words: its title, and which loops to test first."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
@@ -52,10 +53,23 @@ def worth_a_test_sentence(screening: Screening) -> str:
     return f"{suspicion_title(suspicion)}{score}. Test it before other loops without a position."
 
 
+class AnsweredLoop(Protocol):
+    """A valve with what S and J say of its stem, and what OP and PV alone say."""
+
+    @property
+    def valve(self) -> str: ...
+
+    @property
+    def verdict(self) -> Verdict: ...
+
+    @property
+    def without_position(self) -> WithoutPosition | None: ...
+
+
 @dataclass(frozen=True, kw_only=True)
 class NextStep:
-    """What to do next at loops of which OP and PV alone say the same: ``answer`` and ``why`` in
-    words, ``step``, and the ``loops``, those that look most like sticking first."""
+    """What to do next at loops with the same answer from OP and PV alone: ``answer`` and ``why`` in
+    words, ``step``, and the ``loops``, the likeliest to stick first."""
 
     verdict: Suspicion
     answer: str
@@ -64,19 +78,23 @@ class NextStep:
     loops: tuple[str, ...]
 
     @property
-    def listed(self) -> str:
-        """The loops by name, as many as a line holds; the tables beside the page have all."""
-        named = ", ".join(self.loops[:MOST_NAMED])
+    def named(self) -> tuple[str, ...]:
+        """As many loops as a line holds."""
+        return self.loops[:MOST_NAMED]
+
+    @property
+    def unnamed(self) -> str:
+        """How many more there are; empty where all are named."""
         more = len(self.loops) - MOST_NAMED
-        return f"{named} and {more} more" if more > 0 else named
+        return f" and {more} more" if more > 0 else ""
 
 
-def next_steps(screenings: Iterable[Screening]) -> tuple[NextStep, ...]:
+def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
     """What to do at the valves without a verdict, those to test first at the front, then by how
     many loops each step helps; what needs nothing last.
 
-    A valve counts once. Of several recordings at least half must let it be suspected, since one in
-    many does so by chance; else what most of them say counts.
+    A valve counts once. It is suspected only if at least half of its recordings raise the
+    suspicion, since one in many does so by chance; otherwise the commonest answer counts.
     """
     by_valve: dict[str, list[WithoutPosition]] = {}
     judged: set[str] = set()
@@ -124,7 +142,7 @@ def _sameness(answer: WithoutPosition) -> tuple[Suspicion, str, str]:
 
 
 def _why(answer: WithoutPosition) -> str:
-    """Why nothing can be told, without the words that all such reasons begin with."""
+    """Why no answer is possible, without the words that all such reasons begin with."""
     return answer.reason.partition(": ")[2] if answer.verdict is Suspicion.CANNOT_TELL else ""
 
 

@@ -15,12 +15,12 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.wear_forecast import WearForecast, forecast_wear
 
-WEEKS = 12  # that are looked back
+WEEKS = 12  # of history that enter the trend
 DAYS_A_MONTH = 365.25 / 12.0
 FEWEST_DAYS = 4  # with a screening that knows S
 SHORTEST_DAYS = 7.0  # from the first to the last of them
-LIKELY_RISING = 0.9  # probability from which a rise that is not claimed is not denied either
-SMALLEST_PERCENT = 0.2  # over the time that was seen; less than a plant's data can show
+LIKELY_RISING = 0.9  # probability from which a rise, though not significant, is not excluded either
+SMALLEST_PERCENT = 0.2  # over the whole time; a plant's data cannot show a smaller change
 SMALLEST_SHARE = 0.1  # of the size of an effect, over that time
 
 
@@ -42,7 +42,7 @@ class TrendOverWeeks:
 
     @property
     def is_change(self) -> bool:
-        """Whether the interval leaves no rate of 0, and what came together could be seen at all."""
+        """Whether the interval excludes 0 and the total change is large enough to be visible."""
         total_change = abs(self.per_month) * self.days / DAYS_A_MONTH
         return not self.low <= 0.0 <= self.high and total_change >= self.smallest
 
@@ -53,8 +53,8 @@ class TrendOverWeeks:
         return Estimate(value=self.per_month, low=self.low, high=self.high, unit=unit)
 
     def foresees_within(self, weeks: float) -> bool | None:
-        """Whether S more likely than not reaches the limit within ``weeks``; ``None`` where that is
-        not plain: within twice as many, or S rises and nobody can say when it is there."""
+        """Whether S more likely than not reaches the limit within ``weeks``. ``None`` where that is
+        uncertain: it may take up to twice as many, or S rises and the date is not known."""
         if self.forecast is None:
             return False
         until = self.forecast.until.value
@@ -79,8 +79,9 @@ def trend_over_weeks(
     days: Sequence[float], values: Sequence[float], limit: float | None = None
 ) -> TrendOverWeeks | None:
     """The slope of ``values`` (n,) of S, a day's mean each, over ``days`` (n,), by least squares
-    with Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing. Where S
-    rises towards ``limit``, percent, when it will reach it. ``replace`` says what else it is of."""
+    with Student's t for n - 2 degrees of freedom; ``None`` where there are too few days. Where S
+    rises towards ``limit``, percent, the trend says when it will reach it. For another quantity
+    than S, ``dataclasses.replace`` sets number and unit."""
     t, y = np.asarray(days, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.size < FEWEST_DAYS or np.ptp(t) < SHORTEST_DAYS:
         return None

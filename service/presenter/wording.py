@@ -12,7 +12,7 @@ from stemwatch.models.verdict import Verdict
 
 NOTHING = "–"
 
-# A symbol beside each word, so that no meaning hangs on colour alone.
+# A symbol beside each word, so that no meaning depends on colour alone.
 VERDICT_SYMBOL = {
     Verdict.STICKY: "■",
     Verdict.DEFECTIVE: "◆",
@@ -27,7 +27,7 @@ VERDICT_MEANING = {
     Verdict.UNDETERMINED: "the recording does not allow a verdict; the reason is given",
     Verdict.HEALTHY: "the stem follows the controller",
 }
-# Undetermined stands before healthy: nobody knows yet that such a valve is well.
+# Undetermined comes before healthy, since such a valve may be faulty.
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 
@@ -77,7 +77,8 @@ def span_percent(value: float | None) -> str:
 def share(value: float | None) -> str:
     """A share of one as whole percent."""
     number = finite(value)
-    return NOTHING if number is None else f"{100 * number:.0f} %"
+    # A rounded 0.0 has a sign of its own; adding zero takes it away.
+    return NOTHING if number is None else f"{round(100 * number) + 0:d} %".replace("-", "−")
 
 
 def interval(estimate: Estimate) -> str:
@@ -99,7 +100,7 @@ def prose(text: str) -> str:
 
 
 def not_yet_said(sentences: Iterable[str], text: str) -> list[str]:
-    """Those of ``sentences`` that ``said`` does not already contain, word for word."""
+    """Those of ``sentences`` that ``text`` does not already contain, word for word."""
     text_folded = text.casefold()
     return [
         sentence for sentence in sentences if sentence.strip(" .").casefold() not in text_folded

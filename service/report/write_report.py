@@ -111,7 +111,8 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
 
 
 def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
-    """Write beside, then rename, so that nobody opens half a report. Returns what went wrong."""
+    """Write to a temporary file beside ``path``, then rename, so that nobody opens half a report.
+    Returns the error, if any."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with temporary.open("wb") as file:

@@ -64,7 +64,11 @@ from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoin
 from stemwatch.service.store.screenings.oscillations import KeptOscillation
 from stemwatch.service.store.screenings.pictures import AroundWork
 from stemwatch.service.store.screenings.previous import read_previous
-from stemwatch.service.store.screenings.ranking import RankingFilter, RankingPage
+from stemwatch.service.store.screenings.ranking import (
+    LoopWithoutVerdict,
+    RankingFilter,
+    RankingPage,
+)
 from stemwatch.service.store.screenings.records import (
     Baseline,
     DescribedValve,
@@ -85,7 +89,7 @@ from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
 NO_COSTS: Mapping[str, float] = MappingProxyType({})
-_GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
+_GIVE_UP_AFTER = 3  # failed saves in a row after which the database counts as unavailable
 
 
 def open_store(url: str | DatabaseUrl, *, synced: bool = False) -> Store:
@@ -263,7 +267,7 @@ class Store:
                     )
                     pictures.write_pictures(session, number, packed)
                 saved, unanswered = saved + 1, 0
-            except Exception as error:  # whatever is wrong with one valve must not cost another
+            except Exception as error:  # an error with one valve must not affect the others
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
                 reason = error_text(error, self.address)
                 failures.append(SaveFailure(valve=screening.valve, reason=reason))
@@ -339,6 +343,11 @@ class Store:
         for an order by it."""
         with self.transactions.reading() as session:
             return ranking.read_ranking(session, ranking_filter, costs)
+
+    def without_verdict(self) -> list[LoopWithoutVerdict]:
+        """The valves whose latest screening has no verdict, with what OP and PV alone say."""
+        with self.transactions.reading() as session:
+            return ranking.read_without_verdict(session)
 
     def made_by_sticking(self, valves: Sequence[str]) -> dict[str, dict[str, TrendPoint]]:
         """The indicators of what the sticking of each of ``valves`` makes of its loop, by its

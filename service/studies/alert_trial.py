@@ -1,9 +1,9 @@
-"""An alert system after three months: a simulated plant, a window a day, through the real schedule,
+"""Trial of the alerts over months: a simulated plant, one window a day, through the real schedule,
 queue, run, store and rules, with a simulated clock.
 
-Alerts are counted against what happened to each valve (``models.studies.simulator.valve_life``). An
-alert has a cause where, on its day or the two before, S of the valve was at least the limit of
-watch or a defect was there; any other is false.
+Alerts are compared with what happened to each valve (``models.studies.simulator.valve_life``). An
+alert is right where, on its day or one of the two days before, S of the valve was at least the
+limit of watch or a defect was present; any other alert is false.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from stemwatch.service.studies.simulated_archive import ROLES, ArchivePlan, Piec
 
 BEGAN = datetime(2020, 1, 6, tzinfo=UTC)  # the simulated clock must not overtake the real one
 RECORDED_AT = timedelta(hours=6)
-WITHIN = 3  # windows after the crossing in which an alert is wanted
+WITHIN = 3  # windows after S crosses the limit, within which an alert is expected
 LOOKS_BACK = 2  # windows before the newest that a rule looks at
 DAYS_A_MONTH = 365.25 / 12.0
 
@@ -67,7 +67,7 @@ class PlayedAlert:
 
     @property
     def right_since(self) -> int | None:
-        """The day from which it told of a cause; ``None`` where it never did."""
+        """The day since which the alert is right; ``None`` where it never was."""
         return self.raised if self.has_cause else self.renamed
 
 
@@ -212,7 +212,7 @@ def play(
 
 
 class TrialFailed(ConnectorError):
-    """A day's run did not screen every valve: what it did not see cannot be counted."""
+    """A day's run did not screen every valve, so that its alerts cannot be counted."""
 
 
 def _must_be_done(store: Store, number: int, valves: int) -> None:

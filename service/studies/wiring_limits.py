@@ -63,8 +63,8 @@ MIXED_UP = (*OF_ANOTHER, *FOR_ANOTHER, *APART, SWAPPED, MANUAL, EXCHANGED, COPY,
 
 @dataclass(frozen=True)
 class WiringShown:
-    """What one recording shows the checks; NaN where it shows nothing of the kind, or where a curve
-    from OP to stroke would be looked for first.
+    """The values of the wiring checks on one recording; NaN where a check does not apply, or where
+    a curve from OP to stroke would be sought first.
 
     ``left`` is what OP leaves of the loss of a stem that never moves, the others what something
     else leaves as a share of what is left as it is mapped; ``told`` where its slips show that the
@@ -94,7 +94,7 @@ class WiringShown:
 
 
 def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
-    """What the checks see in a ``recording``, which was stored in one way."""
+    """The values of the checks on a ``recording``, stored in the way ``way``."""
     offsets = [offset for offset, _, _ in fitting_ranges(recording)]
     recording = on_own_clock(in_percent(recording))
     summed = summed_command(recording)

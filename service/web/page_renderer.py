@@ -31,8 +31,8 @@ PAGES = (
 )
 
 
-# What a page says after something was done; the address holds the key and no text, so that nobody
-# can put words into a page by a link.
+# Messages after an action. The address holds only the key, so that a link cannot put text into a
+# page.
 DONE = {
     "acknowledged": "The alert is acknowledged.",
     "snoozed": "The alert is snoozed until the time you gave.",
@@ -79,7 +79,7 @@ class PageRenderer:
         """``template`` with ``values``, who reads it, the token of its forms, and the place of the
         site. Without a session the token belongs to a cookie of its own."""
         current_user = current_user_of(request)
-        # Whom a proxy names has no session: the forms have a cookie of their own.
+        # Users signed in by a proxy have no session: their forms have a cookie of their own.
         by_form = current_user is None or current_user.signed_in_by == HOW
         cookie = forms.cookie_of(request) if by_form else ""
         text = self._env.get_template(template).render(

@@ -1,4 +1,4 @@
-"""Each obstacle to a verdict says in one sentence what was found, and in one what would help."""
+"""Each obstacle to a verdict has a sentence on what was found and one on the remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can still be said without a verdict."""
+"""Facts about a recording without a verdict."""
 
 from __future__ import annotations
 

@@ -39,12 +39,17 @@ class ViscousDrag(OneNumberTerm):
             title="stem slides slowly",
             steps=check_steps(
                 (
-                    "look: Look for old grease, deposits and cold on stem and bonnet; is the "
-                    "tracing on?"
+                    "look: The air first: watch a gauge on the actuator while the stem moves. "
+                    "Pressure that comes slowly is the air line, the filter or a missing booster, "
+                    "and the packing stays closed."
                 ),
                 (
                     "look: Check that the vent of the spring chamber is open, and a damper or "
                     "snubber set as meant."
+                ),
+                (
+                    "look: Look for old grease, deposits and cold on stem and bonnet; is the "
+                    "tracing on?"
                 ),
                 (
                     "manual: Step OP by 5 % with a gauge on the actuator: pressure at once and "

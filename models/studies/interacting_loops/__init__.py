@@ -1,1 +1,1 @@
-"""Simulated plants of loops that act on each other; where oscillation begins is known."""
+"""Simulated plants of interacting loops in which the source of each oscillation is known."""

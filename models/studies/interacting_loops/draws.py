@@ -31,13 +31,13 @@ Ints = NDArray[np.int64]
 SCAN_S = 2.0
 EVERY = 5  # scans between samples: 10 s
 LEAST_SHARE = 0.1  # of a loop's variance that makes it a member of an oscillation
-_CALM = 0.3  # of noise and loads, so that a sticking valve is still set going
+_CALM = 0.3  # share of noise and loads that is left, so that a sticking valve still starts to cycle
 _FASTEST_SEEN = 6.0 * EVERY  # scans: a period of fewer samples is not recorded
 _MOST_SCANS = 21_600  # twelve hours
 
 
 class SourceKind(StrEnum):
-    """What makes a group oscillate."""
+    """The cause of a group's oscillation."""
 
     STICKING = "sticking valve"
     TIGHT = "tight loop"
@@ -69,12 +69,12 @@ class DrawnPlant:
 
 @dataclass(frozen=True, kw_only=True)
 class RunPlant:
-    """What was recorded and what is true.
+    """The recorded signals of a plant and the truth behind them.
 
-    ``sp``, ``pv``, ``op`` (m, n). ``shares`` (sources, m): of each PV's variance what is gone from
-    around the source's frequency without it, or what it adds by itself to a calmer plant, whichever
-    is more. ``label`` (m,): the source with the largest share of at least
-    ``LEAST_SHARE``, -1 for none; sources that move fewer than two loops make no group. ``feeds``
+    ``sp``, ``pv``, ``op`` (m, n). ``shares`` (sources, m): the share of each PV's variance near the
+    source's frequency that disappears without the source, or that the source alone adds to a calmer
+    plant, whichever is larger. ``label`` (m,): the source with the largest share of at least
+    ``LEAST_SHARE``, -1 for none; sources that affect fewer than two loops make no group. ``feeds``:
     the loops that each loop acts on.
     """
 
@@ -90,7 +90,7 @@ class RunPlant:
 
 
 def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPlant:
-    """A plant of 10 to 40 loops with 0 to 3 sources, or as many as ``sources`` says."""
+    """A plant of 10 to 40 loops with 0 to 3 sources, or with ``sources`` of them."""
     m = int(rng.integers(10, 41))
     source_count = int(rng.integers(0, 4)) if sources is None else sources
     units = np.sort(rng.integers(0, max(2, m // 6), m))
@@ -111,8 +111,9 @@ def draw_plant(rng: np.random.Generator, sources: int | None = None) -> DrawnPla
 
 
 def run_drawn(plant: DrawnPlant) -> RunPlant:
-    """The plant as it is recorded, without each of its sources, and, with a third of its noise and
-    loads, with none and with each of them by itself."""
+    """Run the plant as it is recorded, without each of its sources, and, with a third of its noise
+    and loads, without any and with each source alone.
+    """
     all_sources = range(len(plant.sources))
     pv, op = _run(plant, all_sources)
     variance = np.var(_moving(pv), axis=1) + 1e-12
@@ -186,7 +187,7 @@ def _labels(shares: Floats) -> tuple[int, ...]:
 
 
 def _moving(values: Floats) -> Floats:
-    """Without what is slower than two hours, which is drift and no oscillation."""
+    """Remove everything slower than two hours, which is drift and no oscillation."""
     width = 720
     padded = np.pad(values, ((0, 0), (width // 2, width - 1 - width // 2)), mode="edge")
     total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
@@ -256,8 +257,9 @@ def _links(rng: np.random.Generator, units: Ints, loops: Floats) -> Floats:
 
 
 def _damped(loops: Floats, links: Floats) -> Floats:
-    """The links, weaker where the plant without any source would not come to rest with a margin:
-    controllers a quarter and links by half stronger."""
+    """The links, weakened until the plant without any source is stable with a margin: with
+    controller gains a quarter and links a half larger.
+    """
     m, scans = loops.shape[0], 9000
     pulse = np.zeros((m, scans))
     pulse[:, :50] = 3.0 * np.where(np.arange(m) % 2, 1.0, -1.0)[:, None]
@@ -300,7 +302,7 @@ def _loads(rng: np.random.Generator, loops: Floats) -> Floats:
 
 
 def _with_source(rng: np.random.Generator, plant: DrawnPlant) -> DrawnPlant:
-    """One source more, in a loop that has none and that acts on others."""
+    """Add a source, in a loop that has none and that acts on others."""
     used_loops = {source.loop for source in plant.sources}
     out = np.bincount(plant.links[:, 0].astype(np.int64), minlength=plant.loops.shape[0])
     acting = set(np.flatnonzero(out >= 2).tolist()) - used_loops
@@ -338,7 +340,7 @@ def _with_source(rng: np.random.Generator, plant: DrawnPlant) -> DrawnPlant:
 
 
 def _present(rng: np.random.Generator) -> Floats:
-    """All the time, or in one source of four for a part of it."""
+    """When a source acts: all the time, or in one source of four for a part of it."""
     out = np.ones(_MOST_SCANS)
     if rng.random() < 0.25:
         first, last = np.sort(rng.uniform(0.0, 1.0, 2))
@@ -366,7 +368,7 @@ def _wave(rng: np.random.Generator, plant: DrawnPlant) -> Floats:
 
 
 def _ultimate(loop: Floats) -> tuple[float, float]:
-    """The controller gain at which the loop alone does not come to rest, and its period then."""
+    """The ultimate gain of the loop's controller and the ultimate period."""
     w = np.exp(np.linspace(np.log(1e-4), np.log(np.pi), 8000))
     z = np.exp(1j * w)
     if loop[INTEGRATING]:

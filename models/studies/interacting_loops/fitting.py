@@ -1,4 +1,6 @@
-"""Limits and weights of ``models.oscillation_groups``, by drawn plants whose truth is known."""
+"""Fit the limits and weights of ``models.oscillation_groups`` to drawn plants whose truth is
+known.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ from stemwatch.models.studies.interacting_loops.draws import RunPlant
 from stemwatch.models.studies.interacting_loops.score_plant import suspicions
 
 QUIET = 0.95  # of quiet plants have no candidate above the limit
-_SAME, _OTHER = 0.4, 0.2  # Jaccard index with a true group: is one, is none
+# Jaccard index with a true group, from which a candidate counts as one, and below which as none
+_SAME, _OTHER = 0.4, 0.2
 _RIDGE = 0.5
 _STICKING, _NEARNESS = 6, 7  # places in a member's weights
 _OF_NONE_KNOWN = 5  # places of "none" that need no connections
@@ -36,9 +39,10 @@ _OF_NONE_KNOWN = 5  # places of "none" that need no connections
 
 @dataclass(frozen=True, kw_only=True)
 class PlantEvidence:
-    """What one plant shows. ``candidates`` (c, 4) what speaks for each; ``alike`` (c,) their
-    Jaccard index with the true group that is most alike; ``groups`` the evidence of the candidate
-    most like each true group, and its source (-1: outside)."""
+    """The evidence from one plant. ``candidates`` (c, 4) are the statistics of each candidate;
+    ``alike`` (c,) its Jaccard index with the most similar true group; ``groups`` the evidence of
+    the candidate most similar to each true group, and the true source (-1: outside).
+    """
 
     quiet: bool
     candidates: Floats
@@ -47,7 +51,7 @@ class PlantEvidence:
 
 
 def plant_evidence(plant: RunPlant) -> PlantEvidence:
-    """The candidates of a plant before anything is taken out of it."""
+    """The candidate groups of a plant before any group is removed from it."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     suspicion, seen = suspicions(plant), oscillations(errors)
@@ -76,8 +80,9 @@ def plant_evidence(plant: RunPlant) -> PlantEvidence:
 
 
 def fit_limits(plants: Sequence[PlantEvidence]) -> GroupLimits:
-    """Weights by a logistic regression, true groups against what is none, each plant's candidates
-    weighed down by their number; the limit from the quiet plants."""
+    """Weights by a logistic regression of true groups against false ones, with each plant's
+    candidates weighted by one over their number; the limit from the quiet plants.
+    """
     rows = np.concatenate([plant.candidates for plant in plants])
     alike = np.concatenate([plant.alike for plant in plants])
     weigh = np.concatenate(
@@ -102,7 +107,9 @@ def fit_limits(plants: Sequence[PlantEvidence]) -> GroupLimits:
 
 
 def fit_sources(plants: Sequence[PlantEvidence]) -> SourceWeights:
-    """A multinomial logit without connections; then what these weigh beside it."""
+    """Fit a multinomial logit without connections, then the weights of the connections on top of
+    it.
+    """
     groups = [group for plant in plants for group in plant.groups]
     members, none = np.array(WEIGHTS.member), np.array(WEIGHTS.none)
     members[_NEARNESS], none[_OF_NONE_KNOWN:] = 0.0, 0.0
@@ -123,7 +130,7 @@ def _improve(
     of_none_: list[int],
     groups: Sequence[tuple[MemberEvidence, int]],
 ) -> None:
-    """The likeliest values of some of the weights, the others as they are; in place."""
+    """Fit some of the weights by maximum likelihood, in place, with the others fixed."""
     terms = [(compared(shown), of_none(shown), _place(shown, source)) for shown, source in groups]
 
     def loss(free: Floats) -> float:

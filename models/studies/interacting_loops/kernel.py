@@ -1,8 +1,9 @@
-"""The compiled kernel of a plant of loops: controllers, valves, processes, and what flows between.
+"""The compiled kernel of a plant of loops: controllers, valves, processes, and the links between
+them.
 
 All in percent, one step for each scan. Each loop's process is a lag of the first order behind a
-dead time (or an integrator), pushed by its own stem, by loads, and by the PVs and stems of other
-loops through lags of their own. Nothing of it is used by what finds groups.
+dead time (or an integrator), driven by its own stem, by loads, and by the PVs and stems of other
+loops through lags of their own. It shares no code with the search for groups.
 """
 
 from __future__ import annotations

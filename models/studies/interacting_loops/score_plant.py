@@ -24,9 +24,10 @@ from stemwatch.models.without_position.suspicion import look_at_loop, trained_ju
 
 @dataclass(frozen=True, kw_only=True)
 class ScoredGroup:
-    """A group that was found: what most of its members really oscillate with, and where the true
-    source stands in the ranking. ``place`` 0 is first, -1 not among the candidates;
-    ``place_by_connections`` is that where the plant file names connections."""
+    """A group that was found: the true kind of source of most of its members, and the rank of the
+    true source. ``place`` 0 is first, -1 not among the candidates; ``place_by_connections`` is the
+    rank where the plant file names connections.
+    """
 
     kind: str  # of the source; empty where no source moves these loops
     place: int = -1
@@ -49,13 +50,14 @@ class ScoredPlant:
 
 
 def plant_of(seed: int, number: int) -> RunPlant:
-    """Plant ``number`` of ``seed``; the same whichever others are made."""
+    """Plant ``number`` of ``seed``; it does not depend on which others are drawn."""
     return run_drawn(draw_plant(np.random.default_rng((seed, number))))
 
 
 def suspicions(plant: RunPlant) -> dict[int, float]:
-    """The log odds of sticking by OP and PV of each loop of which they tell anything, as a run of
-    ``screen`` has them."""
+    """The log odds of sticking from OP and PV, for each loop where they can be judged, as in a run
+    of ``screen``.
+    """
     judge = trained_judge()
     scores = {
         i: judge.says(look_at_loop(_recording(plant, i))).score for i in range(len(plant.units))
@@ -72,7 +74,7 @@ def _recording(plant: RunPlant, loop: int) -> Recording:
 
 
 def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
-    """The groups of a plant and the ranking of each, against what is true."""
+    """Find the groups of a plant, rank their sources, and compare with the truth."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     suspicion = suspicions(plant)

@@ -34,7 +34,7 @@ def run_choudhury(op: Floats, S: float, J: float, y0: float, as_drawn: bool, out
                 if as_drawn or not stuck:
                     xss = op[k - 1]
                 if v == 0.0:
-                    # It rests and is taken to go on in the same direction: J is enough.
+                    # A stem at rest that goes on in the same direction needs J only.
                     threshold = threshold if stuck else J
                 elif before != 0.0:
                     threshold = S

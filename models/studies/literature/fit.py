@@ -37,11 +37,10 @@ class ModelFit:
     """A model fitted to the samples before ``train_until``, or the reason why it could not be.
 
     ``parameters`` by name, with 95 % intervals where a simulation is cheap. ``values`` (k,) are the
-    same numbers in the model's order, ``zero`` what the position reads where the stem is at 0,
+    same numbers in the model's order, ``zero`` the reading of the position where the stem is at 0,
     percent. ``simulated`` (n,) is the free run over the whole record, started from the measurement
     at its beginning, after each hole and at ``train_until``; NaN where nothing could be run.
-    ``outcome`` is empty, or a sentence: why there is no fit, or what to doubt about the one there
-    is.
+    ``outcome`` is empty, or a sentence: why there is no fit, or why the fit is doubtful.
     """
 
     model: str
@@ -104,7 +103,7 @@ def cut(problem: FitProblem, train_until: int) -> FitStretches:
     edges = np.unique([*ends, *blocks[blocks > first]])
     short = tuple((int(a), int(b)) for a, b in pairwise(edges))
     is_scored = problem.scored.copy()
-    # As after any start, the stem's history is not known until it has slipped.
+    # As after any start, the stem's state is not known until it has slipped.
     is_scored[train_until : train_until + _warm_up(problem)] = False
     return FitStretches(
         problem=problem, stretches=pairs, short=short, counted=is_scored, train_until=train_until
@@ -123,9 +122,9 @@ def fit_model(
 
     The mean square error of the free run is minimised over the model's parameters and the zero of
     the position reading, without derivatives: a slip that moves from one sample to the next makes a
-    step in it. The search begins on runs of one block of time (about 90 s): where every slip
-    depends on the one before, the error of a long run is no guide until the parameters are nearly
-    right. Seeded, so that the same recording gives the same numbers. A
+    step in it. The search begins on runs of one block of time (about 90 s), because every slip
+    depends on the one before, so that the error of a long run gives no direction until the
+    parameters are nearly right. Seeded, so that the same recording gives the same numbers. A
     recording that cannot be fitted is a result with an outcome. Raises ``ValueError`` where
     ``train_until`` is not within the recording.
     """
@@ -253,7 +252,7 @@ def _doubts(cube: Cube, best: Floats, training: FitScore | None) -> str:
 
 
 def _at_end(cube: Cube, best: Floats, end: str) -> list[str]:
-    """Parameters at an end of their range that is no natural one, such as no friction at all."""
+    """Parameters at an end of their range, except natural ends such as no friction at all."""
     names = []
     for parameter, share in zip(cube.model.parameters, best[:-1].tolist(), strict=True):
         natural = parameter.per_percent is not None or parameter.lower == 0.0

@@ -17,9 +17,9 @@ Run = Callable[[Floats, Floats, float, float, Floats], None]
 class Parameter:
     """One number of a model, with its unit and what it means.
 
-    ``per_percent`` is set for a friction level: so many of its units span one percent of OP, and a
-    fit then looks no further than the command's own swing. ``logarithmic``: its decade is unknown,
-    and a fit searches its logarithm.
+    ``per_percent`` is set for a friction level: the number of its units in one percent of OP. A fit
+    then searches up to the command's own swing only. ``logarithmic``: its decade is unknown, and a
+    fit searches its logarithm.
     """
 
     name: str
@@ -42,11 +42,11 @@ class Parameter:
 
 
 class DescribedModel(Protocol):
-    """What stiction models and networks say of themselves."""
+    """The description that stiction models and networks give of themselves."""
 
     @property
     def name(self) -> str:
-        """The name by which a comparison is asked for it."""
+        """The name used to select it in a comparison."""
         ...
 
     @property
@@ -109,7 +109,7 @@ class KernelModel:
     """A ``ValveModel`` made of a description and a compiled kernel.
 
     ``run(op, parameters, interval_s, y0, out)`` fills ``out`` (n,). ``relation`` is the objection
-    to parameters that are each within their bounds but do not go together.
+    to parameters that are each within their bounds but inconsistent together.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """A model's parameters in the unit cube, and the search for the best of them.
 
 Derivative-free and seeded: a Latin hypercube, then the cross-entropy descent of the stick-slip fit
-from the best of it. Losses that a model refuses are infinite.
+from the best of it. Parameters that a model refuses have an infinite loss.
 """
 
 from __future__ import annotations

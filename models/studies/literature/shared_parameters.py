@@ -5,7 +5,7 @@
 
     fs = (S + J)/2    fd = (S - J)/2    S = fs + fd    J = fs - fd
 
-``S`` is the newer use of the letter (Choudhury, Kano); older work means the stick band alone.
+This is the newer meaning of ``S`` (Choudhury, Kano); in older work it is the stick band alone.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ def breakaway() -> Parameter:
 
 
 def sliding() -> Parameter:
-    """fd, percent of OP; below 0 the stem runs ahead of its command, as no friction can make it."""
+    """fd, percent of OP; below 0 the stem runs ahead of its command, which friction cannot
+    cause.
+    """
     meaning = "kinetic friction level: imbalance while the stem slides; below 0 an overshoot"
     return _level("fd", 1.5, meaning, lower=-MOST)
 

@@ -1,4 +1,4 @@
-"""Stenman, Gustafsson and Forsman (2003): one parameter, stay or jump all the way."""
+"""Stenman, Gustafsson and Forsman (2003): one parameter; the stem stays or jumps all the way."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Simulated control loops as plants have them without a valve position: OP, PV and SP alone."""
+"""Simulated control loops without a valve position: OP, PV and SP alone."""

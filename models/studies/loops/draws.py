@@ -10,8 +10,8 @@ from scipy.signal import lfilter, sawtooth
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.loops.kernel import LoopNumbers, run_scans
 
-# What acts on a loop, and how often it is drawn. Every one of them comes with a sticking stem and
-# with a sound one, so that the disturbance itself tells nothing.
+# Disturbances of a loop, and how often each is drawn. Every one occurs with a sticking and with a
+# sound stem, so that the disturbance itself is no evidence.
 STORIES = {
     "quiet": 0.06,
     "load": 0.16,
@@ -201,7 +201,9 @@ def _disturbances(
 
 
 def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
-    """What a neighbouring loop with a sticking valve sends over: its PV's deviation, unit size."""
+    """The disturbance from a neighbouring loop with a sticking valve: its PV's deviation, unit
+    size.
+    """
     lag = max(period * float(rng.uniform(0.1, 0.6)), 2.0)
     settle = 0.3 * lag + 2.0
     S = float(rng.uniform(2.0, 8.0))
@@ -239,7 +241,7 @@ def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
 
 
 def _slewed(values: Floats, most_step: float) -> Floats:
-    """The values followed at no more than ``most_step`` a scan."""
+    """The values behind a rate limit of ``most_step`` a scan."""
     followed = values.copy()
     for k in range(1, values.size):
         followed[k] = followed[k - 1] + np.clip(values[k] - followed[k - 1], -most_step, most_step)
@@ -281,7 +283,7 @@ def wave(time: Floats, period: float, rng: np.random.Generator) -> Floats:
         shape = np.tanh(rng.uniform(1.5, 12.0) * np.sin(phase))
     else:
         shape = sawtooth(phase, 0.5 if kind == "triangle" else rng.uniform(0.55, 0.95))
-    if rng.random() < 0.3:  # its size wanders
+    if rng.random() < 0.3:  # its amplitude wanders
         shape = shape * np.exp(0.4 * coloured(time.size, 5.0 * own_period, rng))
     return np.asarray(shape * now_and_then(time.size, 10.0 * own_period, rng))
 
@@ -322,8 +324,9 @@ def _thinned(values: Floats, stride: int, count: int, averaged: bool) -> Floats:
 
 
 def _compressed(values: Floats, rng: np.random.Generator) -> Floats:
-    """Kept only where it left the last kept value by more than a deviation; between, held or, as a
-    historian answers that interpolates, on a straight line."""
+    """Exception reporting: a value is kept where it differs from the last kept one by more than a
+    deviation; between, values are held or, as from an interpolating historian, on a straight line.
+    """
     if rng.random() > _COMPRESSED:
         return values
     deviation = float(rng.uniform(0.02, 0.25)) * float(np.std(values))

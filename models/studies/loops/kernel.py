@@ -2,8 +2,8 @@
 
 All in percent. It is coarser than the simulator of ``models.studies.simulator`` (one step is a scan
 of the controller, the stem has no mass) and hundreds of times quicker: a network is trained on
-thousands of its loops. The stem sticks by two force levels whose upper one is drawn anew at every
-stop, behind a lag of the air.
+thousands of its loops. The stem has two force levels, of which the upper one is drawn anew at every
+stop, behind an air lag.
 """
 
 from __future__ import annotations

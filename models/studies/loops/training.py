@@ -17,7 +17,7 @@ _HIDDEN = (16, 12)
 _CHANNELS = (24, 48, 64, 64)
 _EPOCHS, _WINDOW_EPOCHS = 40, 12
 _BATCH = 128
-_HELD_BACK = 5  # one loop of five weighs the two networks and is not trained on
+_HELD_BACK = 5  # one loop of five is used to weight the two networks and not to train them
 
 
 class _Convolutional(nn.Module):
@@ -50,8 +50,8 @@ def train(
     one seed, one result on one machine.
 
     Loss: cross entropy of the label, and for sticking loops the Gaussian likelihood of
-    ln(S/amplitude). One example of ``_HELD_BACK`` only weighs the two networks against each other
-    and sets the spread of S.
+    ln(S/amplitude). One example of ``_HELD_BACK`` is used only to weight the two networks and to
+    set the spread of S.
     """
     torch.manual_seed(seed)
     in_training = np.arange(len(examples)) % _HELD_BACK != 0
@@ -143,8 +143,9 @@ def _train_convolutional(
 
 
 def _varied(windows: Tensor) -> Tensor:
-    """Windows upside down, with PV the other way round, without SP, with noise: a loop sticks as
-    much as before."""
+    """Data augmentation that does not change whether a loop sticks: windows upside down, PV
+    reversed, without SP, with noise.
+    """
     count = len(windows)
 
     def random_rows(share: float) -> Tensor:
@@ -167,9 +168,10 @@ def _weighed(
     log_S: Floats,
     in_training: np.ndarray,
 ) -> LoopNetwork:
-    """Half of each network, since either alone is the better one on some simulator; a logistic
-    regression on what neither was trained on makes a probability of it, and the spread of S is
-    widened until it holds 95 % of those."""
+    """Equal weights for both networks, because each is the better one on some simulator. A logistic
+    regression on the loops that neither was trained on turns the sum into a probability, and the
+    spread of S is widened until it holds 95 % of these.
+    """
     network = LoopNetwork(arrays)
     held_back = np.flatnonzero(~in_training).tolist()
     heads = np.array([network.dense(examples[k].values) for k in held_back])

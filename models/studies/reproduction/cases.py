@@ -10,11 +10,11 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.verdict import Shape
 
-# The paper states neither S, J, amplitude nor sampling. These S and J, for a sine of amplitude 1,
-# make each shape plainly; the errors of static maps then are about two thirds of the paper's.
+# The paper gives neither S, J, amplitude nor sampling. These S and J, for a sine of amplitude 1,
+# show each shape clearly; the errors of static maps are then about two thirds of the paper's.
 AMPLITUDE = 1.0
 SAMPLES_PER_PERIOD = 150
-PERIODS = 4  # after a first one to forget the start; all are alike
+PERIODS = 4  # after a first one, in which the initial state decays; all are alike
 INTERVAL_S = 1.0
 
 

@@ -48,7 +48,7 @@ class Segments:
 
     @classmethod
     def cut(cls, u: Floats, y: Floats, horizon: int) -> Segments:
-        """Runs of ``horizon`` samples from a record (n,); what is left at its end is not used."""
+        """Runs of ``horizon`` samples from a record (n,); a remainder at its end is not used."""
         starts = np.arange(SEEDS, u.size - horizon + 1, horizon)
         index = starts[None, :] + np.arange(-SEEDS, horizon)[:, None]
         return cls(u=torch.from_numpy(u[index]), y=torch.from_numpy(y[index]))
@@ -69,7 +69,7 @@ def fit_stage(
 def fit_segments(
     step: NetworkStep, weights: Floats, cut: Segments, stage: TrainingStage, *, relative: bool
 ) -> Floats:
-    """(B, P) weights after the stage; each network has its own damping and its own end.
+    """(B, P) weights after the stage; each network has its own damping and its own stop.
 
     The search is over each weight's change, and decay pulls this change to 0, not the weight: a
     steep edge keeps its large weights, and a saturated unit, which the data do not determine, stays
@@ -113,8 +113,9 @@ def normal_matrix(step: NetworkStep, weights: Tensor, cut: Segments) -> Tensor:
 
 
 def _squared(step: Compiled, weights: Floats, cut: Segments) -> Tensor:
-    """(P + 1, P + 1) of one network; at horizon 1 an answer is not held, so that its error shows
-    the way back."""
+    """(P + 1, P + 1) of one network; at horizon 1 the output is not clamped, so that its error
+    still has a gradient.
+    """
     limit = LIMIT if cut.u.shape[0] > SEEDS + 1 else np.inf
     J = step.jacobian(weights, cut.u.numpy(), cut.y.numpy(), limit, _SENSITIVITY_LIMIT)
     return torch.from_numpy(J.T) @ torch.from_numpy(J)
@@ -177,6 +178,6 @@ def segment_errors(step: NetworkStep, weights: Floats, cut: Segments) -> Floats:
 
 
 def keep_best(step: NetworkStep, best: Floats, weights: Floats, u: Floats, y: Floats) -> Floats:
-    """(B, P) of each network the weights whose free run over the training record is better."""
+    """(B, P) for each network the weights with the better free run over the training record."""
     better = run_errors(step, weights, u, y) < run_errors(step, best, u, y)
     return np.where(better[:, None], weights, best)

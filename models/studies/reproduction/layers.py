@@ -55,9 +55,9 @@ NARX = {
     Shape.OVERSHOOT: (_LIN, _TAN, _LIN),
 }
 
-# Places in ``step.LAGS``. The feedforward network has the command alone: the paper does not say,
-# but its errors and its CDC are those of a static map. NARX as in the paper's equation (1), which
-# has no u(t), with two lags each.
+# Places in ``network_step.LAGS``. The paper does not give the inputs of the feedforward network; it
+# has the command alone here, because the paper's errors and CDC are those of a static map. NARX as
+# in the paper's equation (1), which has no u(t), with two lags each.
 FEEDFORWARD_INPUTS = (0,)
 NARX_INPUTS = (1, 2, 3, 4)
 
@@ -67,8 +67,8 @@ class ThreeLayers:
     """``y = f3(W3 f2(W2 f1(W1 x + b1) + b2) + b3)``, signals scaled by ``reach`` = max |y| or |u|.
 
     Inputs are scaled to -1 ... 1. The target is scaled to -0.8 ... 0.8, or to 0.1 ... 0.9 where the
-    last layer is a log sigmoid, which cannot answer outside 0 ... 1. Weights: [W1, b1], [W2, b2],
-    [W3, b3], flattened.
+    last layer is a log sigmoid, whose output lies within 0 ... 1. Weights: [W1, b1], [W2, b2], [W3,
+    b3], flattened.
     """
 
     transfers: tuple[Transfer, Transfer, Transfer]

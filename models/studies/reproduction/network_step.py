@@ -40,7 +40,7 @@ class Compiled(Protocol):
     def jacobian(
         self, weights: Floats, u: Floats, y: Floats, limit: float, steepest: float
     ) -> Floats:
-        """(R (T - 2), P + 1): what each weight does to the runs, and last the residuals."""
+        """(R (T - 2), P + 1): derivatives of the runs by each weight, and last the residuals."""
         ...
 
 

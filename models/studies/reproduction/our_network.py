@@ -28,8 +28,8 @@ class GatedStep:
 
     ``x = [e/se, tanh(du/(eps se)), tanh(dy1/(eps se))]``; ``e = u(t) - y(t-1)``, ``du = u(t) -
     u(t-1)``, ``dy1 = y(t-1) - y(t-2)``. ``se`` = std(e) of the training record. The two saturated
-    regressors give the direction of command and stem, however slowly they go: near a turning point
-    a motion taken for rest would cost the next slip. Weights: rows [W, b], gate, value [wv, c, bv],
+    regressors give the direction of command and stem at any speed: near a turning point, a motion
+    mistaken for rest would make the next slip fail. Weights: rows [W, b], gate, value [wv, c, bv],
     flattened.
     """
 
@@ -60,7 +60,7 @@ def error_scale(u: Floats, y: Floats) -> float:
 
 
 def start_from(S: float, J: float, se: float, width: float) -> Floats:
-    """(35,) weights that reproduce the element with this S and J, but for edges of ``width``.
+    """(35,) weights that reproduce the element with this S and J, except for edges of ``width``.
 
     With ``fs = (S + J)/2`` and ``fd = (S - J)/2``: one unit opens the gate where ``e > fs``, one
     where ``e < -fs``, two where command and stem both go on in one direction; the fifth is the
@@ -95,7 +95,7 @@ def random_start(rng: np.random.Generator) -> Floats:
 
 
 def sharpened(weights: Floats, factor: float) -> Floats:
-    """The weights with both breakaway edges so many times as steep, where they are."""
+    """The weights with both breakaway edges ``factor`` times as steep, at the same place."""
     sharp = weights.copy()
     sharp[:, : 2 * (INPUTS + 1)] *= factor
     return sharp
@@ -103,8 +103,8 @@ def sharpened(weights: Floats, factor: float) -> Floats:
 
 PERCENT_PER_AMPLITUDE = 25.0  # the records as percent of span, for the product's own fit
 EPS = 5e-5  # of the saturated regressors, when training ends
-# Widths of the gate's edges that seeds start with in turn, amplitudes: a wider one mends a larger
-# error of the fitted S and J, a narrower one is disturbed by fewer samples.
+# Widths of the gate's edges that seeds start with in turn, in amplitudes: a wider one can correct a
+# larger error of the fitted S and J, a narrower one affects fewer samples.
 START_WIDTHS = (3e-3, 1e-2, 1e-3)
 START_SPREAD = 1e-3  # relative, of the seeds' S and J about the fitted ones
 _FITTED_SEED, _RANDOM_SEED = 4, 5
@@ -119,7 +119,8 @@ class GatedStage:
     sharper: float = 1.0
 
 
-# A wide edge sees the samples on either side of it and moves between them; then it is sharpened.
+# A wide edge has a gradient from the samples on either side and moves between them; then it is
+# sharpened.
 FROM_FITTED = (
     GatedStage(stage=TrainingStage(horizon=1, steps=20)),
     *4 * (GatedStage(stage=TrainingStage(horizon=1, steps=12), sharper=3.0),),

@@ -1,4 +1,4 @@
-"""The inputs: the paper's sine, a rich training record, and families that nothing is trained on.
+"""The inputs: the paper's sine, a rich training record, and families of inputs for testing only.
 
 All are in units of the sine's amplitude, one sample a step. Training and unseen inputs come from
 random streams that share no seed.
@@ -16,7 +16,7 @@ from stemwatch.models.studies.reproduction.cases import AMPLITUDE, PERIODS, SAMP
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 
 LENGTH = 1500  # samples of each unseen input and of most parts of the training record
-_TRAINING, _UNSEEN = 1, 2  # first number of every seed: the streams never meet
+_TRAINING, _UNSEEN = 1, 2  # first number of every seed: the streams never overlap
 _RAMP = 60  # samples between two parts of the training record
 _LARGEST = 1.5
 _WARM_UP_S = 120.0
@@ -106,7 +106,7 @@ def _swept(shortest: float, longest: float, n: int) -> Floats:
 
 
 def _growing(n: int) -> Floats:
-    period = np.sqrt(2.0) * SAMPLES_PER_PERIOD / 2.0  # never the same samples twice
+    period = np.sqrt(2.0) * SAMPLES_PER_PERIOD / 2.0  # irrational, so that samples do not repeat
     return np.asarray(np.linspace(0.0, _LARGEST, n) * np.sin(_phase(np.full(n, period))))
 
 

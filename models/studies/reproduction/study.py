@@ -46,8 +46,8 @@ def rmse(simulated: Floats, truth: Floats) -> Floats:
 def cdc_percent(simulated: Floats, truth: Floats) -> Floats:
     """``100 mean(D)`` over the last axis: the share of steps in which both go the same way.
 
-    ``D(t) = 1`` where ``(y(t) - y(t-1)) (yhat(t) - yhat(t-1)) > 0``, 0 where not, also where either
-    stands still.
+    ``D(t) = 1`` where ``(y(t) - y(t-1)) (yhat(t) - yhat(t-1)) > 0``, else 0, also where either is
+    at rest.
 
     The paper defines CDC only by a reference. With "> 0" even a perfect model scores no more than
     the share of samples at which the stem moves, about 60 % in these cases, which is what the
@@ -80,7 +80,7 @@ class Unseen:
 @dataclass(frozen=True, kw_only=True)
 class Result:
     """One kind of network in one case. ``rmse`` and ``cdc_percent`` are of the free run over the
-    paper's sine, by seed; ``chosen`` is the seed with the best free run on what it was trained on.
+    paper's sine, by seed; ``chosen`` is the seed with the best free run on its training record.
     """
 
     network: str
@@ -95,7 +95,8 @@ class Result:
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
     """``moving_percent``: the share of the sine's samples at which the stem moves, the highest CDC
-    that there is. ``fitted`` and ``fitted_sine`` are S and J as fitted to the two records."""
+    possible. ``fitted`` and ``fitted_sine`` are S and J as fitted to the two records.
+    """
 
     case: PaperCase
     moving_percent: float
@@ -232,8 +233,9 @@ MEDIAN_OVERSHOOT = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """The RMSE ``found`` on the inputs ``what``, which was to be at most ``limit``; both in
-    amplitudes of the sine. The names are those of ``stemwatch reproduce paper --json``."""
+    """The RMSE ``found`` on the inputs ``what`` and the target ``limit`` for it, both in amplitudes
+    of the sine. The names are those of ``stemwatch reproduce paper --json``.
+    """
 
     shape: Shape
     what: str

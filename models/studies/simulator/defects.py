@@ -16,9 +16,9 @@ class AirLine:
     ``vent_lag_s`` is the time constant of venting where it differs from that of filling.
     ``fill_percent_per_s`` and ``vent_percent_per_s`` are the most that a restriction lets in and
     out. ``ring_rad_per_s`` and ``ring_damping`` are natural frequency and damping ratio of a relay
-    that swings about its command; 0 is a relay without delay. ``sag_share`` is what the supply
-    loses for each percent by which the chamber rises, and ``sag_s`` the time in which it recovers;
-    what the supply is short of, the chamber does not get.
+    that swings about its command; 0 is a relay without delay. ``sag_share`` is the loss of supply
+    pressure for each percent by which the chamber rises, and ``sag_s`` its recovery time; the
+    chamber pressure falls short by the same amount.
     """
 
     vent_lag_s: float | None = None
@@ -37,13 +37,13 @@ class PackingDefects:
     ``J_skew`` a makes the jump ``J (1 + a)`` when opening and ``J (1 - a)`` when closing at the
     same S; ``S_skew`` does that to S at the same J. ``bump_percent`` is added to both levels at
     ``bump_at_percent`` of travel and falls off like a Gaussian of ``bump_width_percent``
-    (``exp(-1)`` there). After a rest of t seconds the breakaway level is higher by
-    ``dwell_percent ln(1 + t/dwell_s)`` or, where it ``dwell_settles``, by
-    ``dwell_percent (1 - exp(-t/dwell_s))``. A standing stem creeps by ``creep_percent_per_s``.
-    ``presliding_percent`` is how far the stem gives before it breaks away: above zero the friction
-    is LuGre's with bristles that bend that far; at zero it is Karnopp's, which stands still. A
-    LuGre packing lets go a little before its breakaway level (0.002 %: slips 7 % lower), and a
-    deflection above 0.003 % rounds its slips off.
+    (``exp(-1)`` there). After a rest of t seconds the breakaway level is higher by ``dwell_percent
+    ln(1 + t/dwell_s)`` or, where it ``dwell_settles``, by ``dwell_percent (1 - exp(-t/dwell_s))``.
+    A standing stem creeps by ``creep_percent_per_s``. ``presliding_percent`` is the elastic
+    deflection before breakaway: above zero the friction is LuGre's with bristles that bend that
+    far; at zero it is Karnopp's, without deflection. A LuGre packing breaks away a little below its
+    breakaway level (0.002 %: slips 7 % smaller), and a deflection above 0.003 % rounds its slips
+    off.
     """
 
     J_skew: float = 0.0
@@ -79,8 +79,8 @@ class BodyDefects:
 class Upsets:
     """Changes over time: a factor on both friction levels, and forces on the stem.
 
-    Friction: ``growth`` is what the levels gain evenly over the record, as a share; a slow wave of
-    share ``wave`` and period ``wave_s``; episodes of a factor ``binding`` that come every
+    Friction: ``growth`` is the linear growth of the levels over the record, as a share; a slow wave
+    of share ``wave`` and period ``wave_s``; episodes of a factor ``binding`` that come every
     ``binding_every_s`` on average and last ``binding_lasts_s``. Forces: a vibration of amplitude
     ``vibration_percent`` at ``vibration_hz``; first-order noise of standard deviation
     ``rough_percent`` and correlation time ``rough_s``; pushes by hand of ``push_percent``, every

@@ -1,4 +1,4 @@
-"""``demo_plant``: fifteen valves of an invented refinery, one for each thing worth showing."""
+"""``demo_plant``: fifteen valves of an invented refinery, one for each finding to demonstrate."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class _Nameplate(NamedTuple):
 
 
 class _Story(NamedTuple):
-    """What a loop is there to show; ``S`` and ``J`` as read off the OP-MV loop, percent."""
+    """What a loop demonstrates; ``S`` and ``J`` as read off the OP-MV loop, percent."""
 
     text: str
     change: Change | None = None
@@ -65,8 +65,8 @@ def demo_plant(seed: int) -> list[PlantLoop]:
 
     Healthy (three, one of them with bad data), the four shapes of stiction, badly tuned,
     oscillating disturbance, too few movements, frozen position transmitter, compressed archive,
-    manual mode, a sticking valve without position transmitter, and one whose hidden physics S and J
-    alone take for a sticking stem: it vents slowly and its command comes late.
+    manual mode, a sticking valve without position transmitter, and one that vents slowly and whose
+    command comes late, which looks like a sticking stem to a fit of S and J alone.
     """
     return [
         _loop(nameplate, story, 101 + index, np.random.default_rng([seed, index, 2]))
@@ -124,8 +124,9 @@ def _set_points(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 
 
 def _between_rests(loop: PlantLoop, _: np.random.Generator) -> PlantLoop:
-    """One early step that starts the limit cycle: a level's carries OP across the dead band, any
-    other's ends where no rest of the stuck stem can hold it."""
+    """One early set-point step that starts the limit cycle. On a level it moves OP across the dead
+    band; on other loops it ends at a value that no position of the stuck stem can hold.
+    """
     step = 0.45 * max(loop.valve.J_read, 1.0) * loop.process.gain
     if loop.process.integrating:
         step = 1.5 * loop.valve.S_read / loop.controller.gain
@@ -151,7 +152,7 @@ def _compressed(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 
 
 def _slow_venting(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
-    """A restricted exhaust and a command that comes late, in a loop that is moved."""
+    """A restricted exhaust and a late command, in a loop with set-point moves."""
     actuator = replace(loop.valve.actuator, air_lag_s=0.15, dead_time_s=2.5)
     valve = replace(loop.valve, actuator=actuator, air_line=AirLine(vent_percent_per_s=0.5))
     return _set_points(replace(loop, valve=valve), rng)
@@ -191,7 +192,7 @@ def _bad_data(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 
 _FLOW, _LEVEL = ProcessKind.FLOW, ProcessKind.LEVEL
 _PRESSURE, _TEMPERATURE = ProcessKind.PRESSURE, ProcessKind.TEMPERATURE
-# Made up: money for an hour with PV one unit away from its set point.
+# Invented: money for an hour with PV one unit away from its set point.
 _PRICES = {_FLOW: 9.0, _LEVEL: 0.4, _PRESSURE: 40.0, _TEMPERATURE: 1.5}
 _PLANT = (
     _Nameplate(_FLOW, "Reforming", "300", 3, "Naphtha feed to the reactor"),
@@ -212,7 +213,7 @@ _PLANT = (
     _Nameplate(_LEVEL, "Utilities", "900", 2, "Condensate drum to the deaerator"),
     _Nameplate(_FLOW, "Vacuum distillation", "200", 3, "Reflux to the vacuum column"),
 )
-# What each of them is there to show, in the same order.
+# What each of them demonstrates, in the same order.
 _STORIES = (
     _Story("healthy, smart positioner", _set_points, positioner_gain=10.0),
     _Story("healthy, no positioner", _set_points, S=0.5, J=0.1),

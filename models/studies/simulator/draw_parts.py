@@ -63,7 +63,7 @@ def draw_actuator(
 ) -> Actuator:
     """An actuator with a drawn nameplate, air lag and, in one of two, a dead time up to the limit.
 
-    Bench sets are 0.2 to 1.0 bar and 0.4 to 1.8 bar, supplies as usual with them.
+    Bench sets are 0.2 to 1.0 bar and 0.4 to 1.8 bar, with the usual supply pressures.
     """
     low, high, supply = [(20_700.0, 103_400.0, 140_000.0), (41_000.0, 180_000.0, 240_000.0)][
         int(rng.integers(2))

@@ -53,8 +53,8 @@ def draw_sticky(n: int, seed: int) -> list[PlantLoop]:
     """``n`` loops with a sticking valve, 30 to 90 minutes at 1 s, the four shapes in turn.
 
     S 1.5 to 10 %, J up to 1.3 S, scatter 3 to 10 %, noise 0.02 to 0.3 %, air lag 0.05 to 1.5 s.
-    Overshoot comes half from a positioner that drives past and half from a negative kinetic level
-    (see ``SimulatedValve``).
+    Half of the overshoot shapes come from a positioner that overdrives the stem, half from a
+    negative kinetic level (see ``SimulatedValve``).
     """
     return [_sticky(index, np.random.default_rng([seed, index, 1])) for index in range(n)]
 
@@ -164,7 +164,7 @@ def _sticky_valve(shape: Shape, rng: np.random.Generator) -> SimulatedValve:
     gain = 0.0
     if shape is Shape.OVERSHOOT and rng.random() < 0.5:
         gain = float(rng.uniform(1.0, 2.0))
-        # The slip has to outrun the air for the positioner to drive past.
+        # The slip must be faster than the air for the positioner to overdrive the stem.
         actuator = replace(actuator, air_lag_s=max(actuator.air_lag_s, 0.5))
     return SimulatedValve.showing(S, J, positioner_gain=gain, scatter=scatter, actuator=actuator)
 
@@ -173,7 +173,7 @@ def _sticky_kind(shape: Shape, story: str, rng: np.random.Generator) -> ProcessK
     if story != "limit cycle":
         return _KINDS[int(rng.integers(len(_KINDS)))]
     if shape is Shape.DEADBAND:
-        # A dead band alone makes a PI loop cycle only where the process integrates too.
+        # With a dead band alone a PI loop cycles only where the process integrates too.
         return ProcessKind.LEVEL
     return _QUICK[int(rng.integers(len(_QUICK)))]
 
@@ -181,8 +181,8 @@ def _sticky_kind(shape: Shape, story: str, rng: np.random.Generator) -> ProcessK
 def _between_slips(loop: PlantLoop, rng: np.random.Generator) -> tuple[float, float]:
     """An early set-point step to a value that no position of the stuck stem can hold.
 
-    On a level, which any position near balance holds for long, one whose proportional action
-    carries OP across the dead band.
+    On a level, which any position near balance holds for long, the step is one whose proportional
+    action moves OP across the dead band.
     """
     share = float(rng.uniform(0.3, 0.7))
     jump = max(loop.valve.J_read, 1.0)

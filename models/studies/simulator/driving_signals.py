@@ -69,7 +69,7 @@ _SHAPES = {
 }
 
 
-_RAMP_S = 2.0  # a push by hand is not there at once
+_RAMP_S = 2.0  # rise time of a push by hand
 
 
 def upsets_at(

@@ -32,9 +32,9 @@ def swinging_door(values: Floats, deviation: float) -> Bools:
     """(n,) True at the samples a swinging door keeps.
 
     From the last kept sample two doors open to ``deviation`` above and below each new sample; when
-    they no longer leave a straight way through, the sample before is kept and the doors start
-    anew there. Every dropped sample then lies within ``deviation`` of the line between the kept
-    ones. The first and the last sample are always kept.
+    no straight line fits between them, the sample before is kept and the doors start anew there.
+    Every dropped sample then lies within ``deviation`` of the line between the kept ones. The first
+    and the last sample are always kept.
     """
     is_kept = np.zeros(values.size, dtype=np.bool_)
     is_kept[0] = True
@@ -110,7 +110,7 @@ def _sampled(
         if archive.average_s > 0.0:
             block = max(round(archive.average_s / archive.interval_s), 1) * READS
             sums = np.concatenate([[0.0], np.cumsum(fine)])
-            # What is stored is the mean over the last complete block, none before the first.
+            # The mean over the last complete block is stored, and nothing before the first.
             stop = np.maximum(sample_places // block * block, 1)
             start = np.maximum(stop - block, 0)
             sampled[role] = (sums[stop] - sums[start]) / (stop - start)
@@ -144,7 +144,7 @@ def _measured(
     transmitters = loop.transmitters
     measured = dict(columns)
     position = measured.pop(Role.MV)
-    # Drawn whether or not it is used, so that later draws do not depend on it.
+    # Drawn even where it is not used, so that later draws do not depend on it.
     noise = rng.standard_normal(position.size) * transmitters.position_noise
     if transmitters.has_position:
         reading = reading_of(transmitters, position) + noise

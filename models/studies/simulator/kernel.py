@@ -43,8 +43,9 @@ def stem_speed(
     dt: float,
     stem: StemNumbers,
 ) -> float:
-    """Speed after one step: Karnopp's standing band, drag implicit; a reversal within the step
-    ends at rest, for the stem would otherwise never stick again."""
+    """Speed after one step: Karnopp's standing band, drag implicit; a reversal within the step ends
+    at rest, because the stem would otherwise never stick again.
+    """
     is_standing = abs(speed) <= stem.rest_band_m_per_s
     if is_standing and abs(force) <= breakaway_n:
         return 0.0
@@ -69,10 +70,10 @@ def bristle_speed(
 ) -> tuple[float, float, float]:
     """(speed, deflection, way) after one step of LuGre friction.
 
-    Canudas de Wit, Olsson, Astrom and Lischinsky (1995), doi:10.1109/9.376053.
-    ``z' = v - s0 |v| z / g(v)`` and ``m v' = force - s0 z - s1 z' - c v``, both by the implicit
-    Euler rule, in two halves of the step, for the bristles are stiff at a millisecond. ``g`` and
-    ``|v|`` come from the last guess of the speed, which three rounds settle.
+    Canudas de Wit, Olsson, Astrom and Lischinsky (1995), doi:10.1109/9.376053. ``z' = v - s0 |v| z
+    / g(v)`` and ``m v' = force - s0 z - s1 z' - c v``, both by the implicit Euler rule, in two
+    halves of the step, because the bristles are stiff at a millisecond. ``g`` and ``|v|`` come from
+    the last estimate of the speed, in three fixed-point iterations.
     """
     stiff, damp = packing.bristle_n_per_m, packing.bristle_n_s_per_m
     part = 0.5 * dt
@@ -123,8 +124,9 @@ def packing_levels(
 
 @njit(cache=True)
 def plug_force(x: float, hysteresis: float, stem: StemNumbers, body: BodyNumbers) -> float:
-    """Newton on the stem from the fluid, ``U (1 - sin(pi (x/stroke)^power))``, least where the
-    plug takes the most flow; and from the inner friction of spring and diaphragm."""
+    """Force on the stem in newton from the fluid, ``U (1 - sin(pi (x/stroke)^power))``, least where
+    the plug takes the most flow; and from the inner friction of spring and diaphragm.
+    """
     force = -body.hysteresis_n * hysteresis
     if body.flow_n != 0.0:
         opening = min(max(x / stem.stroke_m, 0.0), 1.0)
@@ -270,7 +272,7 @@ def between(values: Floats, step: int, steps: int) -> float:
     return float(values[index] + (step / steps - index) * (values[index + 1] - values[index]))
 
 
-# Inlined: passing all these numbers at each step would take longer than the step.
+# Inlined, because passing all these numbers at each step takes longer than the step.
 @njit(cache=True, inline="always")
 def valve_step(
     command: float,
@@ -351,12 +353,12 @@ def run_loop(
     pv = read = filtered = process.pv_percent
     integral = op - c.gain * (scans[0, 0] - pv)
     first, second, scan, record, standings, slot = 0.0, 0.0, 0, 0, 0, 0
-    # A Karnopp stem comes to rest at zero; bristles settle for ever.
+    # A Karnopp stem comes to rest at zero; bristles creep on for ever.
     rest_band = stem.rest_band_m_per_s if valve.packing.bristle_n_per_m > 0.0 else 0.0
     for i in range(steps.total):
         if i % steps.record == steps.record_phase:
             sensed = 100.0 * linked / stem.stroke_m
-            # One by one: a whole row would compile the words of an error about shapes as well.
+            # One by one: assigning a whole row would compile numba's error about shapes too.
             row = records[record]
             row[0], row[1], row[2], row[3], row[4] = 100.0 * x / stem.stroke_m, op, read, pv, sensed
             record += 1

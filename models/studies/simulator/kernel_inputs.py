@@ -128,7 +128,7 @@ class Steps(NamedTuple):
 
 # Far below the Stribeck speed and far above the rounding of speeds, percent of travel per second.
 _REST_BAND_PERCENT_PER_S = 1e-5
-# Bristles settle for ever; below this speed a stem that hangs in them counts as standing.
+# Bristles creep on for ever; below this speed the stem counts as at rest.
 _BRISTLE_REST_PERCENT_PER_S = 2e-3
 _BRISTLE_DAMPING = 1.0  # of the critical one
 

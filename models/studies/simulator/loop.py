@@ -11,7 +11,7 @@ from stemwatch.models.studies.simulator.valve import SimulatedValve
 
 
 class ProcessKind(StrEnum):
-    """What the loop controls."""
+    """The kind of process variable."""
 
     FLOW = "flow"
     PRESSURE = "pressure"
@@ -102,8 +102,9 @@ class ManualSpan:
 
 @dataclass(frozen=True, kw_only=True)
 class Transmitters:
-    """What the measurements add: white noise (standard deviation), errors and resolution, all in
-    percent. The position reads ``span (x - 50) + 50 + zero``. A ``step`` of 0 is no rounding.
+    """Errors of the measurements: white noise (standard deviation), zero and span errors, and
+    resolution, all in percent. The position reads ``span (x - 50) + 50 + zero``. A ``step`` of 0 is
+    no rounding.
 
     ``position_play`` is the lost motion between stem and sensor, percent of travel from end to end
     of the play; ``position_bow`` the height of an S-shaped error of the linkage that vanishes at
@@ -199,7 +200,7 @@ class PlantLoop:
     unit: str = ""
     price_per_unit_hour: float | None = None  # for an hour with PV one unit away from its set point
     criticality: int = 2
-    story: str = ""  # what the loop is there to show: "healthy, quiet", "sticky, undershoot"
+    story: str = ""  # what the loop demonstrates: "healthy, quiet", "sticky, undershoot"
     valve: SimulatedValve = field(default_factory=SimulatedValve)
     process: Process = field(default_factory=Process)
     controller: Controller = field(default_factory=Controller)

@@ -27,8 +27,9 @@ from stemwatch.models.studies.simulator.truth import Truth, truth_of
 
 STEP_S = 0.001
 _SCATTER_DRAWS = 8192  # breakaways before the drawn levels repeat
-_SCATTER_LIMIT = 3.0  # standard deviations; a level of zero or below would be no friction at all
-# Upsets have a random stream of their own: switching one on leaves noise, load and scatter alone.
+_SCATTER_LIMIT = 3.0  # standard deviations, so that no drawn level is zero or below
+# Upsets have a random stream of their own: switching one on does not change noise, load and
+# scatter.
 _UPSETS = 1
 
 
@@ -84,7 +85,7 @@ def _run(loop: PlantLoop, seed: int, rng: np.random.Generator, step_s: float, re
     load_times = _clock(-(-steps.total // steps.load), LOAD_STEP_S)
     noise = rng.standard_normal(scan_times.size) * loop.transmitters.pv_noise
     scatter = np.clip(rng.standard_normal(_SCATTER_DRAWS), -_SCATTER_LIMIT, _SCATTER_LIMIT)
-    # One place more than the load, so that there is a line to the end.
+    # One value more than the load, for interpolation up to the end.
     upset_times = _clock(load_times.size + 1, LOAD_STEP_S) - loop.warmup_s
     upsets = upsets_at(
         loop.upsets, upset_times, loop.duration_s, np.random.default_rng([seed, _UPSETS])

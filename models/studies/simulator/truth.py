@@ -16,7 +16,7 @@ Plain = float | int | str | bool | None
 
 # With this many air lags between two scans of the controller, the stem comes to rest between them.
 _RESTING_SCAN_LAGS = 3.0
-# A slip that takes a second or more is seen at 1 s; every valve drawn as usual is far below.
+# A slip that takes a second or more shows at 1 s; every ordinarily drawn valve is far below this.
 _DRAGGING_S = 0.5
 _RESTICKING_PERCENT_PER_S = 0.1
 # A loop oscillates where the intervals between crossings differ by less than this share.
@@ -138,8 +138,8 @@ def oscillation_period_s(error: Floats, interval_s: float) -> float | None:
     """Mean interval between upward crossings of zero, seconds, or ``None``.
 
     A crossing counts once the error has left a band of half its standard deviation on the other
-    side, so that noise does not count; the intervals must be alike (coefficient of variation below
-    0.35) and at least seven.
+    side, so that noise does not count; there must be at least seven intervals with a coefficient of
+    variation below 0.35.
     """
     centred = error - np.mean(error)
     band = 0.5 * np.std(centred)

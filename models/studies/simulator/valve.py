@@ -61,9 +61,9 @@ class SimulatedValve:
     Friction cannot give ``S < J``: it would have to push. Two mechanisms give the overshoot shape.
 
     * Physical: a proportional positioner of gain G on a packing that lets go suddenly. The slip is
-      quicker than the air, so the stem jumps nearly its full J before the positioner can answer,
-      and ends beyond its command. It then stands still until the command has moved on by J, or
-      back by S, so that a turn which does not follow a slip at once needs up to S + J.
+      quicker than the air, so the stem jumps nearly its full J before the positioner responds, and
+      ends beyond its command. It then stands still until the command has moved on by J, or back by
+      S, so that a turn which does not follow a slip at once needs up to S + J.
     * Phenomenological: ``S < J`` on the packing itself, that is, a negative kinetic level. The
       moving stem is pushed ahead of its command by ``(J - S)/2`` all the while it slides.
 

@@ -1,4 +1,4 @@
-"""Months of a simulated valve: what happens to it, and the loop as it is on each day."""
+"""Months of a simulated valve: wear, defects and repairs, and the loop on each day."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ from stemwatch.models.studies.simulator.loop import (
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 
 CROSSES_PERCENT = 1.5  # the limit of a sticky valve, of S
-IS_A_CAUSE_PERCENT = 0.75  # from this S on an alert has a cause: the limit of watch
+IS_A_CAUSE_PERCENT = 0.75  # from this S on an alert is justified: the watch limit
 WORN_S_PERCENT = (2.5, 5.0)
-_FIRST_WEAR, _LAST_WEAR = 0.1, 0.3  # when wear begins, as a share of the time that is played
+_FIRST_WEAR, _LAST_WEAR = 0.1, 0.3  # when wear begins, as a share of the simulated time
 _WEARS_OVER = 0.4
 _REPAIRED_AFTER = 10  # days after S crossed its limit
 _HELPLESS_AFTER = 6
@@ -73,8 +73,9 @@ IN_TURN = (
 class ValveLife:
     """One valve over ``days`` days. ``loop`` is the healthy one of the first day; ``begins`` is the
     first day of wear or defect, ``worn`` S (percent of span) at its end, ``repaired`` the day on
-    which it is well again and ``worked`` the days of recorded work; ``None`` and empty where there
-    are none."""
+    which it is healthy again and ``worked`` the days of recorded work; ``None`` and empty where
+    there are none.
+    """
 
     tag: str
     life: Life
@@ -104,7 +105,9 @@ class ValveLife:
         return vents or self.S(day) >= IS_A_CAUSE_PERCENT
 
     def will_have_cause(self, day: int) -> bool:
-        """Whether it wears on ``day`` and will cross its limit, so that foreseeing it is right."""
+        """Whether it wears on ``day`` and will cross its limit, so that a forecast of it is
+        right.
+        """
         crosses = self.crosses
         begun = self.begins is not None and day >= self.begins
         return begun and crosses is not None and day <= crosses
@@ -179,7 +182,8 @@ def _life(index: int, days: int, rng: np.random.Generator) -> ValveLife:
     actuator = draw_actuator(rng, (0.1, 0.5), 0.3)
     valve = SimulatedValve(S=S, J=0.25 * S, scatter=0.04, actuator=actuator)
     controller = draw_controller(process, valve, rng)
-    # A healthy transmitter reads within what one names: a larger zero or span error is a defect.
+    # A healthy transmitter has zero and span errors below those that are named; larger ones are
+    # defects.
     transmitters = replace(
         draw_transmitters(
             controller.gain,
@@ -231,7 +235,7 @@ def _campaign(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
 
 
 def _shut(loop: PlantLoop) -> PlantLoop:
-    """The loop in manual, the valve closed but for a rest."""
+    """The loop in manual, with the valve almost closed."""
     span = ManualSpan(
         start_s=-loop.warmup_s,
         stop_s=loop.duration_s + 60.0,

@@ -1,19 +1,20 @@
-"""The pictures that must convince a sceptic of what was named: strokes, shift, loop, signature.
+"""The pictures that show the evidence for named effects: strokes, shift, loop, signature.
 
-All are made where the samples are, from the recording, the free runs of both models, and the
-numbers that the page says beside them.
+They are made while the samples are in memory, from the recording, the free runs of both models, and
+the numbers that the page gives beside them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals, swing
 from stemwatch.models.mismatch.effect_signature import (
     EffectSignature,
@@ -21,16 +22,19 @@ from stemwatch.models.mismatch.effect_signature import (
     effect_signature,
     later,
 )
-from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch
+from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch, Stiction
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.stroke_curve import in_travel
 from stemwatch.service.presenter.physics_words import effect_name
-from stemwatch.service.presenter.wording import figure
+from stemwatch.service.presenter.wording import figure, finite, span_percent
+from stemwatch.service.report.charts.loop_shapes import BAND, stick_band
 from stemwatch.service.report.charts.small_plot import Note, PlottedLine, SmallPlot
 from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
+from stemwatch.service.report.charts.valve_charts import FLOW
 
 STROKES = 3
-LEAST_BEHIND, LEAST_STROKE = 0.05, 0.25  # of OP's swing: how far the stem is behind, and a move
+# The least lag of the stem behind OP, and the least size of a move, as shares of OP's swing.
+LEAST_BEHIND, LEAST_STROKE = 0.05, 0.25
 SMALLEST_STROKE_PERCENT = 0.3
 NEAR_AGAIN = 0.2  # of the farthest
 MOST_POINTS = 350  # of a cloud
@@ -56,7 +60,8 @@ class Picture:
 
 @dataclass(frozen=True)
 class _Seen:
-    """What all pictures of a recording share: (n,) percent, times in seconds."""
+    """The data that all pictures of a recording share: signals (n,) in percent, times in
+    seconds."""
 
     op: Floats
     mv: Floats
@@ -64,10 +69,11 @@ class _Seen:
     interval_s: float
     late_s: float
     recording: Recording
+    position: str  # what is drawn as the position
 
     @property
     def command(self) -> Floats:
-        """OP, later by the dead time that was named."""
+        """OP, delayed by the named dead time."""
         return later(self.op, self.late_s, self.interval_s) if self.late_s else self.op
 
 
@@ -79,7 +85,9 @@ def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Pi
         return ()
     if runs.naive.size != len(recording):
         return ()
+    recording, scale = runs.followed(recording), 1.0
     if mismatch.stroke_curve is not None:
+        scale = abs(mismatch.stroke_curve.slope)
         recording = in_travel(recording, mismatch.stroke_curve)
     assert recording.mv is not None
     late = next((effect for effect in mismatch.effects if effect.slug == "dead_time"), None)
@@ -90,11 +98,12 @@ def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Pi
         interval_s=recording.interval_s,
         late_s=0.0 if late is None else _value(late, "theta"),
         recording=recording,
+        position="MV" if runs.position is None else FLOW,
     )
     return (
         *_strokes(seen, mismatch.effects),
         *_shifted(seen),
-        *_loops(seen),
+        *_loops(seen, (mismatch.naive, mismatch.restated), scale),
         *(picture for effect in mismatch.effects for picture in _signature(seen, effect)),
     )
 
@@ -140,9 +149,9 @@ class _Stroke:
 
 
 def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
-    """Three moves of the command on which the stem stayed farthest behind, in the part that was not
-    fitted if it has three; of a valve that is slower one way, moves that way. Where the stem is
-    nowhere far behind, the largest moves."""
+    """The three moves of the command on which the stem lagged most, from the held-out part if it
+    has three. For a valve that is slower in one direction, moves in that direction. Where the stem
+    nowhere lags much, the largest moves."""
     limit = _limit(effects)
     direction = 0
     if limit is not None and limit.rising != limit.falling:
@@ -191,8 +200,8 @@ def _largest(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
 def _farthest_behind(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
     """The moves of OP after ``begin`` on which MV stayed farthest behind, in the order of time.
 
-    ``way`` is 1 for rising ones, -1 for falling ones, 0 for either. A move lasts from where MV
-    leaves OP by a fifth of the farthest to where it is as near again.
+    ``way`` is 1 for rising ones, -1 for falling ones, 0 for either. A move lasts from where the lag
+    first exceeds a fifth of its maximum to where it falls below that again.
     """
     behind = seen.op - seen.mv
     behind = behind - np.nanmedian(behind)
@@ -229,7 +238,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
         PlottedLine("op", "OP", time, seen.op[sample_index]),
         PlottedLine("naive", NAIVE, time, seen.runs.naive[sample_index], dashed=True),
         PlottedLine("extended", EXTENDED, time, seen.runs.extended[sample_index]),
-        PlottedLine("mv", "MV, recorded", time, seen.mv[sample_index]),
+        PlottedLine("mv", f"{seen.position}, recorded", time, seen.mv[sample_index]),
     ]
     notes = []
     if seen.late_s:
@@ -241,7 +250,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
         )
     if limit is not None and math.isfinite(limit.of(direction)):
         slope = limit.of(direction)
-        # From where the stem itself turns, to where the command ends.
+        # From where the stem turns to where the command ends.
         after = first + np.arange(round(seen.late_s / seen.interval_s) + TURNS_WITHIN)
         turn = int(after[np.argmin(direction * seen.mv[after[after < end]])])
         start, start_s = float(seen.mv[turn]), (turn - first) * seen.interval_s
@@ -283,7 +292,7 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
             PlottedLine(
                 "sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[sample_index]
             ),
-            PlottedLine("mv", "MV, recorded", time, seen.mv[sample_index]),
+            PlottedLine("mv", f"{seen.position}, recorded", time, seen.mv[sample_index]),
         ],
         width=740,
     )
@@ -309,18 +318,22 @@ def _stretch(seen: _Seen) -> tuple[int, int]:
 # The loop before and after
 
 
-def _loops(seen: _Seen) -> Iterator[Picture]:
+def _loops(seen: _Seen, stictions: tuple[Stiction, Stiction], scale: float) -> Iterator[Picture]:
+    """Both loops with the band of the S and J that each goes with; ``scale`` is percent of travel
+    for a percent of OP."""
     first, last = _stretch(seen)
     part = slice(first, last)
     runs = (("naive", NAIVE, seen.runs.naive), ("extended", EXTENDED, seen.runs.extended))
     all_values = np.concatenate([seen.mv[part], *(run[part] for _, _, run in runs)])
     limits = (*_around(seen.op[part]), *_around(all_values))
-    for kind, name, run in runs:
+    for (kind, name, run), stiction in zip(runs, stictions, strict=True):
+        band = _band_of(seen, part, stiction, scale)
         plot = SmallPlot(
             x_label="OP, %",
-            y_label="MV, %",
-            description=f"MV against OP, recorded and {name}.",
+            y_label=f"{seen.position}, %",
+            description=f"{seen.position} against OP, recorded and {name}.",
             lines=[
+                *band,
                 PlottedLine("mv", "recorded", seen.op[part], seen.mv[part]),
                 PlottedLine(kind, name, seen.op[part], run[part]),
             ],
@@ -331,8 +344,37 @@ def _loops(seen: _Seen) -> Iterator[Picture]:
         yield Picture(
             title=f"MV against OP: {name}",
             plot=plot,
-            caption="A typical stretch; one percent is as long along both axes.",
+            caption=(
+                f"A typical stretch; one percent is as long along both axes. {_sizes(stiction)}"
+            ),
         )
+
+
+def _band_of(seen: _Seen, part: slice, stiction: Stiction, scale: float) -> tuple[PlottedLine, ...]:
+    """The loop that S and J alone would draw where OP usually turns, closed; nothing where OP does
+    not move enough to leave it."""
+    both_finite = np.isfinite(seen.op[part]) & np.isfinite(seen.mv[part])
+    if not both_finite.any():
+        return ()
+    op, mv = seen.command[part][both_finite], seen.mv[part][both_finite]
+    S, J = (_scaled(estimate, scale) for estimate in (stiction.S, stiction.J))
+    corners = stick_band(S, J, op, mv, op)
+    if corners is None:
+        return ()
+    closed = np.vstack((corners, corners[:1]))
+    return (PlottedLine("band", BAND, closed[:, 0], closed[:, 1]),)
+
+
+def _scaled(estimate: Estimate, scale: float) -> Estimate:
+    return replace(estimate, value=None if estimate.value is None else scale * estimate.value)
+
+
+def _sizes(stiction: Stiction) -> str:
+    """S and J of the band, as they are said beside it; empty where one is not known."""
+    if finite(stiction.S.value) is None or finite(stiction.J.value) is None:
+        return ""
+    S, J = span_percent(stiction.S.value), span_percent(stiction.J.value)
+    return f"S {S} % is the band's flat part, J {J} % its upright step."
 
 
 def _around(values: Floats) -> tuple[float, float]:
@@ -408,7 +450,7 @@ def _points(seen_signature: EffectSignature) -> Iterator[PlottedLine]:
 
 
 def _course(seen_signature: EffectSignature, reference: EffectSignature) -> tuple[Floats, Floats]:
-    """Medians of a cloud over even parts of what the recording covers."""
+    """Medians of a point cloud in equal bins of the range that the recording covers."""
     if seen_signature.joined:
         return seen_signature.x, seen_signature.y
     edges = np.linspace(*_bulk(reference.x), BINS + 1)
@@ -422,7 +464,7 @@ def _course(seen_signature: EffectSignature, reference: EffectSignature) -> tupl
 
 
 def _bulk(values: Floats) -> tuple[float, float]:
-    """Limits that hold all but the last percent at each end."""
+    """Limits that contain all values but one percent at each end."""
     low, high = (float(bound) for bound in np.percentile(values, [1.0, 99.0]))
     margin = 0.06 * (high - low) or max(abs(high), 1.0) * 0.05
     return low - margin, high + margin

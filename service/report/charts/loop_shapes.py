@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import reversals
 from stemwatch.models.recording import Floats
 from stemwatch.models.screening_result import Screening
@@ -52,10 +53,10 @@ def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
         return LoopShapes()
     op, mv = op[both_finite], mv[both_finite]
     if curve is None:
-        return LoopShapes(band=_band(screening, op, mv, op))
+        return LoopShapes(band=stick_band(screening.S, screening.J, op, mv, op))
     command = curve.command(op)
-    # Where the stem lies between its slides says how far the whole is shifted.
-    band = _band(screening, command, mv, op, curve)
+    # The stem's mean position between its slides gives the offset of the whole band.
+    band = stick_band(screening.S, screening.J, command, mv, op, curve)
     low, high = np.percentile(op, [1.0, 99.0])
     knots = np.array(curve.op)
     op_grid = np.unique(np.concatenate(([low], knots[(knots > low) & (knots < high)], [high])))
@@ -89,8 +90,13 @@ def _turns(command: Floats, S: float) -> tuple[float, float]:
     return (bottom, top) if top - bottom > S else (low, high)
 
 
-def _band(
-    screening: Screening, command: Floats, mv: Floats, op: Floats, curve: StrokeCurve | None = None
+def stick_band(
+    of_S: Estimate,
+    of_J: Estimate,
+    command: Floats,
+    mv: Floats,
+    op: Floats,
+    curve: StrokeCurve | None = None,
 ) -> Floats | None:
     """(m, 2) corners of the loop that S and J describe between the usual turns of OP, percent.
 
@@ -98,7 +104,7 @@ def _band(
     after a turn it rests until the command has moved S, and then jumps J to the other side.
     ``None`` where S or J is not known or OP's swing is too small to leave the band.
     """
-    S, J = finite(screening.S.value), finite(screening.J.value)
+    S, J = finite(of_S.value), finite(of_J.value)
     if S is None or J is None:
         return None
     scale = 1.0 if curve is None else abs(curve.slope)

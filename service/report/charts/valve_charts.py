@@ -73,7 +73,7 @@ def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Ch
 
 
 def _suspected(screening: Screening) -> ElementTraces | None:
-    """The traces of a suspicion, where nothing better is known of the stem."""
+    """The traces of the suspicion from OP and PV, where the stem was not measured."""
     suspicion = screening.without_position
     has_stiction_fit = screening.traces.stiction is not None or suspicion is None
     return None if has_stiction_fit or suspicion is None else suspicion.traces
@@ -175,6 +175,7 @@ def _suspected_loop(recording: Recording, element: ElementTraces) -> Chart:
 
 
 NAIVE, EXTENDED = "S and J alone", "extended model"
+FLOW = "flow, as a position"
 
 
 def overlay_of(recording: Recording | None, runs: FreeRuns | None) -> Chart | None:
@@ -186,17 +187,20 @@ def overlay_of(recording: Recording | None, runs: FreeRuns | None) -> Chart | No
         return None
     if not np.isfinite(recording.op.values).any():
         return None
+    recording = runs.followed(recording)
+    assert recording.mv is not None
     frame = frame_of(recording, runs.naive, runs.heldout_from)
     models = [("naive", NAIVE, runs.naive)]
     if not np.array_equal(runs.naive, runs.extended, equal_nan=True):
         models.append(("extended", EXTENDED, runs.extended))
     mv = recording.mv
+    name = "MV" if runs.position is None else FLOW
     left_axis = [
-        series(role, f"MV − {label}", difference(mv, run), frame) for role, label, run in models
+        series(role, f"{name} − {label}", difference(mv, run), frame) for role, label, run in models
     ]
     shapes = [
         series("op", "OP", recording.op.values, frame),
-        series("mv", "MV, recorded", mv.values, frame),
+        series("mv", f"{name}, recorded", mv.values, frame),
         *[series(role, label, run, frame) for role, label, run in models],
     ]
     panels: list[Chart | None] = [

@@ -50,9 +50,9 @@ class AlertSeverity(StrEnum):
 class RaisedAlert:
     """An alert to be raised; alerts with the same ``cause`` are the same alert.
 
-    ``formerly`` are causes under which the same trouble may stand open: the oldest of those becomes
-    this alert, with what people did to it, and the others are closed as part of it. False alarms
-    are left as they are: somebody said that there was no such trouble.
+    ``formerly`` are causes under which an alert about the same problem may be open. The oldest of
+    these becomes this alert and keeps its acknowledgements; the others are closed as part of it.
+    Alerts marked as false alarms are left unchanged.
     """
 
     cause: str
@@ -220,8 +220,8 @@ def _row(session: Session, alert: int) -> AlertRow:
 
 
 def _raise(session: Session, alert: RaisedAlert) -> int | None:
-    """Open the alert and return its number; ``None`` where one of the same trouble is open, which
-    then says what is known now: that the stem sticks where it said less, or the new name."""
+    """Open the alert and return its number; ``None`` where an alert about the same problem is open.
+    That one is then updated to the present finding."""
     now = datetime.now(UTC)
     if alert.valve is not None:
         ensure_valve(session, alert.valve)
@@ -265,8 +265,8 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
 
 
 def _say_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
-    """The standing alert ``row`` of the trouble that ``alert`` tells. It says no less than before;
-    one that became more urgent is told to people once more."""
+    """Update the open alert ``row`` about the same problem as ``alert``. Its text never becomes
+    weaker; an alert that became more urgent is sent to people once more."""
     row.seen = now
     renamed = row.cause != alert.cause
     if renamed or (alert.kind is AlertKind.STICKY and row.kind != alert.kind.value):

@@ -1,5 +1,5 @@
-"""S and J of each valve by day over the last weeks, for their trends: a row a day, however often a
-plant is screened."""
+"""Daily means of S and J of each valve over the last weeks, for their trends: one row a day,
+however often a plant is screened."""
 
 from __future__ import annotations
 

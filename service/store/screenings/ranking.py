@@ -19,6 +19,7 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import WORST_FIRST, Shape, Verdict
+from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.plant_path import (
     LEVELS,
     PartOfPlant,
@@ -39,6 +40,7 @@ from stemwatch.service.presenter.work_decision import (
 )
 from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
 from stemwatch.service.store.screenings.previous import read_previous_of
+from stemwatch.service.store.screenings.rows import without_position_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id
 from stemwatch.service.store.screenings.tables import ScreeningRow, ValveRow
 
@@ -72,6 +74,15 @@ class RankingFilter:
     def part(self) -> PartOfPlant:
         """The sites, areas and units."""
         return PartOfPlant(sites=self.sites, areas=self.areas, units=self.units)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopWithoutVerdict:
+    """A valve whose latest screening has no verdict, and what OP and PV alone say there."""
+
+    valve: str
+    verdict: Verdict
+    without_position: WithoutPosition | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,6 +321,22 @@ def read_work_states(session: Session, until: datetime) -> dict[WorkState, int]:
         if verdict is not None:
             states[STATE_OF[verdict]] += 1
     return states
+
+
+def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
+    """The valves whose latest screening has no verdict and says what OP and PV alone tell."""
+    statement = _joined(ValveRow.id, ScreeningRow.without_position).where(
+        ScreeningRow.verdict == Verdict.UNDETERMINED.value
+    )
+    return [
+        LoopWithoutVerdict(
+            valve=row.id,
+            verdict=Verdict.UNDETERMINED,
+            without_position=without_position_of(row.without_position),
+        )
+        for row in session.execute(statement)
+        if row.without_position is not None
+    ]
 
 
 def _lines(

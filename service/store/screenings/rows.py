@@ -106,7 +106,7 @@ def stored_screening(row: ScreeningRow, *, with_mismatch: bool = True) -> Stored
         quality=DataQuality(grade=row.grade, reasons=tuple(row.grade_reasons)),
         still_seen=tuple(row.still_seen),
         provenance=_provenance(row),
-        without_position=_without_position(row.without_position),
+        without_position=without_position_of(row.without_position),
         histograms=_histograms(row.histograms),
         mismatch=mismatch_of(row.mismatch) if with_mismatch else None,
         held_back=remark_of(row.mismatch) if with_mismatch else "",
@@ -164,7 +164,8 @@ def _without_position_json(suspicion: WithoutPosition | None) -> dict[str, Any] 
     }
 
 
-def _without_position(stored: dict[str, Any] | None) -> WithoutPosition | None:
+def without_position_of(stored: dict[str, Any] | None) -> WithoutPosition | None:
+    """What OP and PV alone say, as it is stored."""
     if stored is None:
         return None
     value, low, high = stored["S"]

@@ -124,7 +124,7 @@ def _numbers(stored: Mapping[str, Any] | None) -> StictionNumbers:
     return StictionNumbers(S=values["S"], J=values["J"])
 
 
-CHUNK = 12  # files of one process, so that its start costs little
+CHUNK = 12  # files of one process, so that its start-up time matters little
 _LONGEST_MESSAGE = 2000  # characters of a failing process's messages
 
 

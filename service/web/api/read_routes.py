@@ -13,6 +13,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.service.access.permissions import Operation
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, money_of
 from stemwatch.service.presenter.plant_path import PartOfPlant, levels_of
+from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.store.alerts.alerts import StoredAlert, state_of
 from stemwatch.service.store.screenings.ranking import MOST_PAGE, PAGE, RankingFilter, RankingLine
 from stemwatch.service.store.screenings.records import StoredRun
@@ -146,6 +147,18 @@ def oscillations(deps: Deps) -> list[shapes.OscillationAnswer]:
             over=kept.over,
         )
         for kept in deps.store.oscillations(deps.now)
+    ]
+
+
+@router.get("/next-steps")
+def steps_without_verdict(deps: Deps) -> list[shapes.NextStepAnswer]:
+    """Which loops deserve a position transmitter or a test first, and what to do at the other
+    valves whose latest window has no verdict."""
+    return [
+        shapes.NextStepAnswer(
+            verdict=step.verdict.value, why=step.why, step=step.step, loops=list(step.loops)
+        )
+        for step in next_steps(deps.store.without_verdict())
     ]
 
 

@@ -96,6 +96,17 @@ class OscillationAnswer(BaseModel):
     over: bool = Field(description="a later run over the same loops did not find it again")
 
 
+class NextStepAnswer(BaseModel):
+    """What to do next at loops of which OP and PV alone say the same, those to test first first."""
+
+    verdict: str = Field(
+        description="suspected, cannot_tell or no_sign; not a verdict on the valve"
+    )
+    why: str = Field(description="why nothing can be told; empty where something can")
+    step: str = Field(description="what to do")
+    loops: list[str] = Field(description="those that look most like sticking first")
+
+
 class Trace(BaseModel):
     """Points of one signal; null breaks the line."""
 

@@ -14,6 +14,11 @@ from fastapi.responses import HTMLResponse
 from markupsafe import Markup
 
 from stemwatch.service.presenter.stale_data import DueSchedule, SilentSource, stale_data
+from stemwatch.service.presenter.suspicion_words import (
+    loops_to_test,
+    next_steps,
+    suspected_sentence,
+)
 from stemwatch.service.presenter.trend_over_weeks import WEEKS
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.change_since_last_run import change_since_last_run
@@ -41,7 +46,7 @@ class Week:
 
 
 class _CountsOfWeeks:
-    """Counts of weeks, kept until another run is over: each is a look at all valves."""
+    """Weekly counts, kept until another run is over, since each count reads all valves."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[int, int, datetime], WorkCounts] = OrderedDict()
@@ -73,6 +78,7 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
     last = next((run for run in runs if not is_alive(run)), None)
     weeks = weeks_of(deps, 0 if last is None else last.id)
     trends = deps.store.trends([line.valve for line in ranking.lines], deps.site.limits)
+    steps = next_steps(deps.store.without_verdict())
     worst = [line for line in ranking.lines if line.verdict is not None]
     return deps.renderer.page(
         request,
@@ -87,6 +93,8 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
         coming=_coming(schedules),
         weeks=weeks,
         picture=picture_of(weeks),
+        suspected=suspected_sentence(loops_to_test(steps)),
+        next_steps=steps,
         oscillations=[
             oscillation.group
             for oscillation in deps.store.oscillations(deps.now)

@@ -14,6 +14,11 @@ from starlette.datastructures import QueryParams
 
 from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.presenter.cost_of_sticking import money_of, total_in_words
+from stemwatch.service.presenter.suspicion_words import (
+    loops_to_test,
+    next_steps,
+    suspected_sentence,
+)
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.store.screenings.ranking import (
@@ -65,6 +70,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         ranking=page,
         costs=costs,
         cost=total_in_words(costs),
+        suspected=suspected_sentence(loops_to_test(next_steps(deps.store.without_verdict()))),
         unknown=page.unknown(ranking_filter),
         work=WorkCounts.of_states(page.states),
         trends=[
@@ -85,7 +91,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
 
 
 def wanted_of(query: QueryParams) -> RankingFilter:
-    """What an address asks for; what it cannot mean is left at its default, never an error."""
+    """The filter in an address; invalid parts keep their default and are never an error."""
     sort = query.get("sort", "")
     page = query.get("page", "")
     levels = [text for text in query.getlist("criticality") if text in ("1", "2", "3")]

@@ -80,7 +80,7 @@ def test_only_one_file_of_the_connector_knows_the_library() -> None:
 
 
 @given(st.integers(0, 255), st.booleans())
-def test_the_gate_lets_two_functions_through(function: int, rtu: bool) -> None:
+def test_only_functions_3_and_4_pass_the_frame_check(function: int, rtu: bool) -> None:
     """Of all 256, as a TCP frame and as an RTU frame."""
     frame = bytes([1, function]) if rtu else bytes([0, 1, 0, 0, 0, 6, 1, function])
     if function in (3, 4):
@@ -146,7 +146,7 @@ def test_a_server_that_records_sees_functions_3_and_4_only() -> None:
     assert asyncio.run(run()) == {3, 4}
 
 
-def test_a_closed_line_reads_nothing() -> None:
+def test_reading_a_closed_connection_is_a_fault() -> None:
     """Asking before opening is a fault like any other."""
     with pytest.raises(ReadFault, match="no connection"):
         asyncio.run(Connection(tcp(1)).read(1, Table.HOLDING, 0, 1))

@@ -1,4 +1,4 @@
-"""The plants that judge groups of oscillating loops: what is true of them is known."""
+"""The simulated plants for testing groups of oscillating loops, whose truth is known."""
 
 from __future__ import annotations
 
@@ -22,14 +22,16 @@ from stemwatch.models.studies.interacting_loops.score_plant import (
 
 
 def test_partitions_agree_whatever_their_names() -> None:
-    """1 for the same, 0 for one that says nothing; a published example."""
+    """The index is 1 for equal partitions and 0 for an uninformative one; and a published
+    example.
+    """
     assert adjusted_rand_index([0, 0, 1, 1], [5, 5, -1, -1]) == 1.0
     assert adjusted_rand_index([0, 0, 1, 1], [0, 0, 0, 0]) == 0.0
     assert adjusted_rand_index([0, 0, 1, 1], [0, 0, 1, 2]) == pytest.approx(0.5714, abs=1e-4)
 
 
 def test_a_plant_is_the_same_by_seed_and_number() -> None:
-    """Whichever others are made."""
+    """It does not depend on which others are drawn."""
     item, other = plant_of(5151, 3), plant_of(5151, 3)
     assert np.array_equal(item.pv, other.pv)
     assert item.label == other.label
@@ -57,7 +59,7 @@ def test_a_source_moves_its_own_loop() -> None:
 
 
 def test_a_loop_of_a_source_that_moves_no_other_belongs_to_its_next_source() -> None:
-    """It is moved by that one all the same."""
+    """Its label is the next of its sources."""
     shares = np.array([[0.9, 0.0, 0.05], [0.3, 0.4, 0.2]])
     assert _labels(shares) == (1, 1, 1)
     assert _labels(shares[:1]) == (-1, -1, -1)

@@ -123,7 +123,7 @@ def test_the_wait_grows_up_to_a_bound(count: int) -> None:
         ("testclient", "other", False),
     ],
 )
-def test_one_machine_is_one_address(item: str, other: str, same: bool) -> None:
+def test_ipv6_addresses_of_one_network_count_as_one(item: str, other: str, same: bool) -> None:
     """Of IPv6 the whole network that a machine may pick from."""
     assert (login.key_of_address(item) == login.key_of_address(other)) is same
 

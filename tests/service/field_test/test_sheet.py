@@ -48,7 +48,7 @@ def test_sheet_says_what_is_told_apart_how_surely_and_that_a_person_sets_op():
 
 
 @pytest.mark.parametrize("plan", [plan_that_tells, plan_of_a_bump])
-def test_legs_hold_every_value_in_order_and_end_where_op_began(plan):
+def test_op_moves_hold_every_value_in_order_and_end_where_op_began(plan):
     """Legs put values together and lose none."""
     programme = plan().test.programme
     legs = op_moves_of(programme, plan().op)
@@ -60,7 +60,7 @@ def test_legs_hold_every_value_in_order_and_end_where_op_began(plan):
     assert all(leg.at_s in starts for leg in legs)
 
 
-def test_looks_are_where_the_rivals_differ():
+def test_readings_are_where_the_rivals_differ():
     """Every instant that the operator watches tells the rivals apart by a multiple of the noise."""
     sheet = sheet_of(plan_that_tells(), "FIC-1")
     assert sheet.readings

@@ -183,7 +183,7 @@ def test_a_mail_that_is_too_large_is_refused(tmp_path: Path) -> None:
     assert caught(tmp_path, send).caught == []
 
 
-def test_the_fitter_comes_once_for_each_record(tmp_path: Path) -> None:
+def test_each_recorded_maintenance_is_reported_once(tmp_path: Path) -> None:
     """Not for what was recorded before he came, and not for valves that are not there."""
     with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
         now = datetime.now(UTC)

@@ -95,7 +95,7 @@ def test_the_pdf_has_a_page_for_each_valve_after_the_list(whole):
     assert pdf.count(b"/Title") >= len(whole.sheets)
 
 
-def test_the_pdf_is_the_same_for_the_same_book(whole):
+def test_the_pdf_is_the_same_for_the_same_work_list(whole):
     """Two reports of one run can be compared byte for byte."""
     assert work_list_pdf(whole) == work_list_pdf(whole)
 

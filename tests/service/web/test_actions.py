@@ -168,7 +168,7 @@ PLACES = (
 
 
 @pytest.mark.parametrize("path", PLACES)
-def test_a_form_without_its_mark_changes_nothing(live, client, path):
+def test_a_form_without_its_token_changes_nothing(live, client, path):
     """Whoever cannot read our pages cannot send our forms."""
     fields = {"alert": "1", "valve": STICKY, "text": "x", "run": "1", "how": "acknowledge"}
     assert client.post(path, data=fields).status_code == 403

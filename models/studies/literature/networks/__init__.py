@@ -1,1 +1,3 @@
-"""Networks beside the stiction models: trained and marked on a recording by one call."""
+"""Networks that are compared with the stiction models: trained and scored on a recording by one
+call.
+"""

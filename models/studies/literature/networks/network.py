@@ -22,8 +22,8 @@ class TrainingInput:
     """A recording prepared for training: the samples to learn from and the stretches to run over.
 
     ``stretches`` are (first, last) of runs without a hole, cut at ``train_until``. ``learned`` (n,)
-    are the samples of the training part that may be fitted. ``element`` is the canonical
-    stick-slip element fitted to the same samples.
+    are the samples of the training part that may be fitted. ``element`` is the canonical stick-slip
+    element fitted to the same samples.
     """
 
     recording: Recording
@@ -47,12 +47,14 @@ class TrainedNetwork:
 class Network(DescribedModel, Protocol):
     """A network from command to stem position, both in percent.
 
-    ``learn`` must look at no position outside ``lesson.learned`` but for those a free run starts
-    from, give the same numbers for the same recording, and refuse with a sentence.
+    ``learn`` must use no position outside ``lesson.learned`` except those that a free run starts
+    from, must give the same numbers for the same recording, and must refuse with a sentence.
     """
 
     def learn(self, lesson: TrainingInput) -> TrainedNetwork:
-        """Weights from the samples that may be learned from and a free run, or why not."""
+        """The weights fitted to the samples of ``lesson.learned`` and a free run, or why there are
+        none.
+        """
         ...
 
 

@@ -28,7 +28,9 @@ SHARED_LIMITS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Range:
-    """Signals to about -1 ... 1: less the middle, by the larger half range of the training part."""
+    """Scaling of signals to about -1 ... 1: the middle is subtracted, then divided by the larger
+    half range of the training part.
+    """
 
     op_middle: float
     mv_middle: float
@@ -36,7 +38,7 @@ class Range:
 
     @classmethod
     def of(cls, op: Floats, mv: Floats) -> Range:
-        """Of the samples (n,) that are trained on, percent."""
+        """The scaling from the samples (n,) of the training part, percent."""
         half = max(float(np.ptp(op)), float(np.ptp(mv))) / 2.0
         middles = [float(x.max() + x.min()) / 2.0 for x in (op, mv)]
         return cls(op_middle=middles[0], mv_middle=middles[1], half=half)
@@ -62,7 +64,7 @@ class TableOne:
         return self.text
 
     def learn(self, lesson: TrainingInput) -> TrainedNetwork:
-        """Several seeds, trained side by side; the one best on the watched block of time."""
+        """Train several seeds side by side and keep the best one on the watched block of time."""
         from stemwatch.models.studies.literature.networks import (
             training,  # torch takes two seconds to import
         )

@@ -77,8 +77,9 @@ def _watched(u: Floats, y: Floats, late: list[Bools]) -> Segments:
 
 
 def segments(u: Floats, y: Floats, runs: list[Bools], horizon: int) -> Segments:
-    """Runs of ``horizon`` samples in which every sample may be learned from; of many, as many
-    as hold ``MOST_SAMPLES``, spread evenly."""
+    """Runs of ``horizon`` samples that may all be trained on; at most ``MOST_SAMPLES`` in all,
+    spread evenly.
+    """
     length = horizon + SEEDS
     starts: list[int] = []
     for run in runs:

@@ -37,7 +37,7 @@ def _euler(
     """One linearly implicit step of ``h`` s under the actuator force at its end."""
     drop = (c[2] - c[3]) * np.exp(-((v / c[5]) ** 2))
     g = (c[3] + drop) / c[6]
-    wear = abs(v) / g  # how fast the bristles forget, 1/s
+    wear = abs(v) / g  # relaxation rate of the bristles, 1/s
     # d(wear)/dv, with g' = -2 v drop / (vs^2 s0)
     d_wear = np.sign(v) / g + abs(v) * 2.0 * v * drop / (c[5] * c[5] * c[6] * g * g)
     z_dot = v - wear * z
@@ -84,8 +84,8 @@ def run_bristle(
 ) -> None:
     """Stem position (n,) in percent of ``stroke_m`` into ``out``, from rest at ``y0`` percent.
 
-    ``op`` (n,) percent is a straight line between samples. At the start the bristles carry what the
-    spring does not, as far as they can: a start from rest.
+    ``op`` (n,) percent is linear between samples. At the start the bristles carry the force that
+    the spring does not balance, up to their limit: a start from rest.
     """
     x, v = 0.01 * y0 * stroke_m, 0.0
     most_deflection = c[2] / c[6]

@@ -1,12 +1,12 @@
 """Kernel of a stem under Coulomb friction with a Stribeck drop: classical and Karnopp's form.
 
-A resting stem is not integrated at all: within a sampling interval the pressure is taken as a
-straight line, so that the instant at which it lets go has a closed form. A moving stem is
-integrated by the linearly implicit Euler rule, a full step against two half steps, extrapolated to
-second order; the difference of the two controls the step. The rule is stable for any viscous drag
-and any spring, so that a smooth slide takes one step a sample and a slip takes as many as it needs.
-The instant at which the velocity changes its sign is searched by shortening the step, and there the
-stem rests: that is the test ``v == 0`` that a solver of fixed step cannot make.
+A resting stem is not integrated: within a sampling interval the pressure is taken as linear, so
+that the instant of the breakaway has a closed form. A moving stem is integrated by the linearly
+implicit Euler rule, a full step against two half steps, extrapolated to second order; the
+difference of the two controls the step. The rule is stable for any viscous drag and any spring, so
+that a smooth slide takes one step a sample and a slip takes as many as it needs. The instant at
+which the velocity changes sign is found by shortening the step, and there the stem rests: a solver
+with a fixed step cannot make this test ``v == 0``.
 
 Order of ``c`` (12,): mass, spring rate, static level, kinetic level, viscous coefficient, Stribeck
 speed, Karnopp's band, lower and upper stop (m), tolerance of position (m), force at u = 0, force
@@ -41,7 +41,7 @@ def _euler(
     drop = (c[2] - c[3]) * np.exp(-((v / c[5]) ** 2))
     slope = 2.0 * abs(v) * drop / (c[5] * c[5]) - c[4]
     net = force - c[1] * x - side * (c[3] + drop) - c[4] * v
-    # A falling friction level is an unstable slope; past this the step is too long for it anyway.
+    # A falling friction level is an unstable slope; beyond this value the step is too long anyway.
     slope = min(slope, 0.5 * c[0] / h)
     dv = h * (net - h * c[1] * v) / (c[0] - h * slope + h * h * c[1])
     return x + h * (v + dv), v + dv
@@ -84,7 +84,8 @@ def _interval(
     """Position and velocity after one sampling interval of ``length`` s."""
     t, h = 0.0, length
     least = 1e-12 * length
-    calm = c[9] / np.sqrt(c[0] / c[1])  # a velocity that the tolerance cannot tell from rest
+    # below this velocity the tolerance cannot distinguish motion from rest
+    calm = c[9] / np.sqrt(c[0] / c[1])
     side, resting = (1.0 if v > 0.0 else -1.0), v == 0.0
     while length - t > least:
         if resting:
@@ -135,7 +136,7 @@ def run_coulomb(
 def air_lag(op: Floats, interval_s: float, lag_s: float, out: Floats) -> None:
     """First-order lag of the air, exact at the samples for an OP that is straight between them.
 
-    ``p' = (u - p)/T``; ``out`` (n,) percent. ``lag_s`` of 0 hands ``op`` (n,) on.
+    ``p' = (u - p)/T``; ``out`` (n,) percent. With a ``lag_s`` of 0 it copies ``op`` (n,).
     """
     out[0] = op[0]
     if lag_s <= 0.0:

@@ -1,4 +1,4 @@
-"""LuGre friction: bristles that bend, give way, and drag less the faster they go."""
+"""LuGre friction: elastic bristles with a Stribeck curve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The detailed force balance, after Mueller (1994): air lag, flow force and end stops besides."""
+"""The detailed force balance, after Mueller (1994), with air lag, flow force and end stops."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The published parameter sets a, b and c, with their origin and what had to be assumed.
 
-The catalogue's force balances use set b. Sets a and c are for those who build one for another
-valve, such as ``karnopp(SET_C)``.
+The catalogue's force balances use set b. Sets a and c serve to build one for another valve, such as
+``karnopp(SET_C)``.
 """
 
 from __future__ import annotations

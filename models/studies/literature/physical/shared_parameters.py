@@ -1,4 +1,4 @@
-"""The parameters that physical models share, and the force balance that they state."""
+"""The parameters and the force balance that the physical models share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ USUAL = ParameterSet(
 # Local error of one step of the integration. Errors grow where a stem creeps on the falling part of
 # the friction curve: 0.04 % was the most that a finer tolerance changed on the valves tested.
 TOLERANCE_PERCENT = 1e-3
-LEAST_N = 1.0  # a friction level of 0 would leave bristles without a length
+LEAST_N = 1.0  # with a friction level of 0 the bristles would have no length
 
 BALANCE = "m x'' = Sa P - k x - Finit - Ff. "
 STRIBECK = "[Fc + (Fs - Fc) exp(-(v/vs)^2)] sign(v) + Fv v"

@@ -1,4 +1,6 @@
-"""Loops in which physics beyond S and J is hidden on purpose, for calibration and for proof."""
+"""Loops with physics beyond S and J hidden on purpose, for calibration and for the proof of
+naming.
+"""
 
 from stemwatch.models.studies.simulator.hidden.case import EXCITED_PERCENT as EXCITED_PERCENT
 from stemwatch.models.studies.simulator.hidden.case import HiddenCase as HiddenCase

@@ -97,7 +97,8 @@ AIR = (
         apply=lambda loop, sizes: with_air_line(
             loop, ring_rad_per_s=sizes["ring_rad_per_s"], ring_damping=sizes["damping"]
         ),
-        # The resonance 1/(2 zeta) stays below unit gain of the loop when it is this slow.
+        # Tuned with this delay, the loop gain at the resonance, raised by 1/(2 zeta), stays below
+        # 1.
         delay_s=lambda sizes: 1.0 / (sizes["ring_rad_per_s"] * sizes["damping"]),
     ),
     HiddenEffect(

@@ -13,7 +13,7 @@ from stemwatch.models.studies.simulator.simulate import SimulatedLoop, simulate_
 
 # An effect that moves the reading by less than this (RMS) is not in the record, percent of span.
 EXCITED_PERCENT = 0.15
-# Record effects are told by inspection of the values, and smaller ones too.
+# Record effects show in the values themselves, so smaller ones count too.
 EXCITED_RECORD_PERCENT = 0.03
 _SETTLE_S = 5.0
 
@@ -23,7 +23,7 @@ class HiddenCase:
     """One loop of the population, and what is hidden in it.
 
     ``plain`` is the same loop with nothing hidden. ``hidden`` are the names of what ``loop`` has
-    beyond it, ``effects`` the right answer: the same as slugs of the catalogue, or "unknown".
+    beyond it, ``effects`` the correct answer: the same as slugs of the catalogue, or "unknown".
     ``sizes`` are the drawn numbers as ``name.size``; ``simulate_hidden`` fills in ``excitation``,
     by how much each hidden effect moves the reading (RMS, percent of span).
     """
@@ -58,8 +58,8 @@ def simulate_hidden(case: HiddenCase) -> tuple[HiddenCase, SimulatedLoop]:
 def _excitation(case: HiddenCase, name: str, run: SimulatedLoop) -> float:
     """RMS difference that effect ``name`` makes to the reading, percent of span.
 
-    The commands that the valve received are simulated with and without the effect, without scatter:
-    a breakaway drawn differently would make the two runs differ for another reason.
+    The valve is simulated on the same commands with and without the effect. There is no scatter,
+    because another draw of breakaways would make the two runs differ too.
     """
     other_loop = case.plain
     for other in case.hidden:
@@ -87,7 +87,7 @@ def _replayed(loop: PlantLoop, output: Floats, seed: int) -> Floats:
     knots = (*lead, *zip(times.tolist(), output.tolist(), strict=True))
     span = ManualSpan(start_s=-loop.warmup_s, stop_s=loop.duration_s + interval_s, knots=knots)
     quiet = replace(loop.transmitters, position_noise=0.0, position_step=0.0)
-    # Bristles take ten times as long and make no difference to a difference.
+    # Bristles take ten times as long to simulate and hardly affect the difference.
     packing = replace(loop.valve.packing, presliding_percent=0.0)
     replay = replace(
         loop,

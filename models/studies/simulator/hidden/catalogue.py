@@ -17,7 +17,7 @@ RECORD = tuple(effect.slug for effect in RECORD_EFFECTS)
 EFFECTS: Mapping[str, HiddenEffect] = {
     effect.slug: effect for effect in (*AIR, *FRICTION, *SENSING, *RECORD_EFFECTS)
 }
-# Two of one group cannot be told apart, or set the same number of the nameplate.
+# Two effects of one group cannot be separated, or set the same number of the valve.
 _GROUPS = (
     {"actuator_lag", "asymmetric_lag", "underdamped_positioner", "viscous_drag"},
     {"rate_limit", "asymmetric_rate_limit", "supply_sag"},
@@ -38,7 +38,7 @@ def effect_named(name: str) -> HiddenEffect:
 
 
 def go_together(first: str, second: str) -> bool:
-    """Whether two effects can be told apart when both are hidden in one valve."""
+    """Whether two effects can be separated when both are hidden in one valve."""
     return first != second and not any({first, second} <= group for group in _GROUPS)
 
 

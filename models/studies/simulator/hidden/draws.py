@@ -1,4 +1,4 @@
-"""Populations of loops with hidden effects; each loop depends on its place and the seed alone."""
+"""Populations of loops with hidden effects; each loop depends on its index and the seed alone."""
 
 from __future__ import annotations
 
@@ -74,7 +74,9 @@ def draw_unknown(n: int, seed: int, concealment: str = "routine") -> list[Hidden
 
 
 def _in_turn(index: int) -> str:
-    """The concealment of a place; shifted at each round, or every effect would meet the same."""
+    """The concealment of an index; shifted at each round, so that an effect does not always have
+    the same one.
+    """
     return CONCEALMENTS[(index + index // len(EFFECTS)) % len(CONCEALMENTS)]
 
 
@@ -137,8 +139,9 @@ def _case(
 
 def windows_of(case: HiddenCase, n: int) -> list[HiddenCase]:
     """``n`` windows of one valve, each as long as the case and ``case`` itself the first: the same
-    nameplate, controller and hidden effects, with movements and chance of their own. The first k
-    do not depend on ``n``."""
+    nameplate, controller and hidden effects, with other movements and random numbers. The first k
+    do not depend on ``n``.
+    """
     return [
         case if window_number == 0 else _later(case, window_number) for window_number in range(n)
     ]

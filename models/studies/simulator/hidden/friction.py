@@ -18,7 +18,7 @@ from stemwatch.models.studies.simulator.hidden.hidden_effect import (
 )
 from stemwatch.models.studies.simulator.loop import PlantLoop
 
-# The jump of the heavier side stays this share of S, or its kinetic level would push.
+# The jump of the heavier side is at most this share of S, or its kinetic level would be negative.
 _MOST_J_OF_S = 0.95
 
 
@@ -26,7 +26,8 @@ def _skew(rng: np.random.Generator, loop: PlantLoop) -> Sizes:
     valve = loop.valve
     most_skew = min(_MOST_J_OF_S * valve.S / valve.J - 1.0, 0.8) if valve.J > 0.0 else 0.8
     J_skew = either_sign(rng, min(0.35, most_skew), most_skew)
-    # Half of the skewed packings have a skewed width too, which no recording tells from a zero.
+    # Half of the skewed packings have a skewed S too, which a recording cannot separate from a zero
+    # shift.
     S_skew = float(rng.uniform(-0.2, 0.2)) if rng.random() < 0.5 else 0.0
     return {"J_skew": J_skew, "S_skew": S_skew}
 
@@ -52,7 +53,7 @@ def _dwell(rng: np.random.Generator, _: PlantLoop) -> Sizes:
     rise = log_uniform(rng, 0.15, 0.6)
     if rng.random() < 0.75:
         return {"percent": rise, "time_s": 5.0, "settles": 0.0}
-    # A level that settles reaches about what the logarithm has after three minutes.
+    # A level that saturates reaches about the value of the logarithm after three minutes.
     return {"percent": 3.5 * rise, "time_s": float(rng.uniform(20.0, 80.0)), "settles": 1.0}
 
 

@@ -32,12 +32,12 @@ def by_name(
 
 
 def either_sign(rng: np.random.Generator, low: float, high: float) -> float:
-    """Between ``low`` and ``high`` in size, of either sign."""
+    """Drawn between ``low`` and ``high`` in size, with either sign."""
     return float(rng.uniform(low, high) * rng.choice([-1.0, 1.0]))
 
 
 def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """Between ``low`` and ``high``, small ones as often as large ones."""
+    """Drawn between ``low`` and ``high``, evenly in the logarithm."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 

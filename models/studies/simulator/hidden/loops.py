@@ -1,4 +1,6 @@
-"""The loops in which effects are hidden: their movement, and what makes the effects hard to see."""
+"""The loops in which effects are hidden: their movement, and the concealments that make effects
+hard to see.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,7 @@ from stemwatch.models.studies.simulator.tuning import delay_s, sound_settings
 from stemwatch.models.studies.simulator.valve import SimulatedValve
 
 _LOW, _HIGH = 8.0, 92.0
-_STEP_S = 0.5  # an operator's step is not instant
+_STEP_S = 0.5  # duration of an operator's step
 _START = 50.0
 
 
@@ -103,7 +105,7 @@ def _step(last: tuple[float, float], rng: np.random.Generator) -> list[tuple[flo
     return [(time + _STEP_S, target), (time + _STEP_S + float(rng.uniform(20.0, 120.0)), target)]
 
 
-# Taken in turn. "positioner" is drawn only where it is asked for.
+# Taken in turn. "positioner" is drawn on request only.
 CONCEALMENTS = (
     "routine",
     "rich",
@@ -124,18 +126,19 @@ _SCANS = (0.1, 0.2, 0.25, 0.5)
 _LAGS_PER_SCAN = 1.0
 # Low, so that re-sticking on slow ramps is there only where it is hidden on purpose.
 _STRIBECK_PERCENT_PER_S = (0.002, 0.01)
-# Noise of PV that the controller hands on, percent of OP: what is left behind its filter. More
-# would let the stem stop and start within each second, which is low-speed re-sticking too.
+# Noise of PV that passes the controller's filter into OP, percent of OP. With more noise the stem
+# would stop and start within each second, which looks like low-speed re-sticking.
 _TREMBLE_PERCENT = (0.002, 0.012)
 _OPENINGS = (25.0, 75.0)
-# How far a set-point step moves the valve at once, as a share of where it ends.
+# The immediate move of the valve at a set-point step, as a share of its final move.
 _MOST_KICK = 0.8
 
 
 def draw_loop(
     rng: np.random.Generator, tag: str, concealment: str, *, scatter: float | None = None
 ) -> PlantLoop:
-    """A loop with nothing hidden but S and J, as ``concealment`` has it; to be tuned by ``tuned``.
+    """A loop with S and J and no hidden effect, with ``concealment``; ``tuned`` tunes it
+    afterwards.
 
     S 2 to 8 %, J 0.15 to 0.7 S, breakaway scatter 5 % (5 to 12 % in three of ten), air lag 0.05 to
     0.4 s, dead time at most 0.3 s, drag 0.05 s; no zero and no span error. One packing in five
@@ -175,7 +178,7 @@ def _some_valve(
         stribeck_percent_per_s=float(rng.uniform(*_STRIBECK_PERCENT_PER_S)),
     )
     gain = float(rng.uniform(0.5, 2.5))
-    # Every fifth packing gives a little before it lets go: LuGre, the others Karnopp.
+    # Every fifth packing deflects a little before it breaks away (LuGre); the others are Karnopp's.
     gives = float(rng.uniform(0.001, 0.003)) if rng.random() < 0.2 else 0.0
     return SimulatedValve(
         S=S,
@@ -194,7 +197,9 @@ def _some_noise(rng: np.random.Generator, concealment: str) -> float:
 
 
 def _some_loads(process: Process, rng: np.random.Generator, concealment: str) -> tuple[Load, ...]:
-    """A coloured load; on a level the valve only travels where the load takes it, in steps too."""
+    """A coloured load; on a level also load steps, because there the valve only travels with the
+    load.
+    """
     size = (0.8, 2.0) if concealment == "quiet" else (0.2, 1.2)
     loads = coloured_load(process, rng, size)
     if not process.integrating or concealment == "quiet":
@@ -241,8 +246,9 @@ def tuned(loop: PlantLoop, extra_s: float, rng: np.random.Generator) -> PlantLoo
 
 
 def moved_anew(loop: PlantLoop, rng: np.random.Generator) -> PlantLoop:
-    """``loop`` in another window: the same valve and controller, moved by other set points, or by
-    hand otherwise where it is moved by hand."""
+    """``loop`` in another window: the same valve and controller with other set points, or with
+    other manual moves where it is in manual.
+    """
     if loop.manual:
         return replace(loop, manual=(draw_manual(loop.duration_s, loop.warmup_s, rng),))
     return replace(loop, setpoints=_some_moves(loop, rng)) if loop.setpoints else loop

@@ -1,4 +1,4 @@
-"""Effects outside the catalogue: systematic, and no term of it explains them."""
+"""Effects outside the catalogue: systematic, but no term explains them."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def test_only_named_proxies_are_believed(proxies, text, seen) -> None:
         assert httpx.get(base, headers=text).text == seen
 
 
-def test_a_proxy_that_is_not_named_is_said(live: Site, client_of, tmp_path, caplog) -> None:
+def test_an_untrusted_proxy_is_logged(live: Site, client_of, tmp_path, caplog) -> None:
     """Else everybody behind it would share one address, and one count of failed logins."""
     (tmp_path / "plain.toml").write_text("[plant]\n", encoding="utf-8")
     (tmp_path / "named.toml").write_text(

@@ -82,7 +82,7 @@ def test_a_wrong_login_says_one_sentence_and_waits_after_some(stranger: Browser)
     assert NAME not in stranger.client.cookies
 
 
-def test_a_session_that_was_laid_down_is_not_taken_over(stranger: Browser) -> None:
+def test_a_login_never_adopts_a_session_cookie_set_before(stranger: Browser) -> None:
     """Whatever cookie a browser brings, a login gives it a new one."""
     stranger.client.cookies.set(NAME, "laid-down")
     given = stranger.sign_in("Ann").headers["set-cookie"]
@@ -113,7 +113,7 @@ def test_a_browser_is_known_after_a_login(stranger: Browser, live: Site, client_
     assert stranger.sign_in("Ann").status_code == 303
 
 
-def test_a_login_form_needs_its_own_mark(stranger: Browser) -> None:
+def test_a_login_form_needs_its_own_token(stranger: Browser) -> None:
     """No other page can sign a browser in under a name of its choosing."""
     fields = {"name": "Ann", "password": PASSWORD}
     assert stranger.client.post("/login", data=fields).status_code == 403
@@ -237,7 +237,9 @@ def test_a_token_is_shown_once_and_revoked(stranger: Browser, live: Site) -> Non
     assert repeated.status_code == 401
 
 
-def test_nobody_makes_or_revokes_what_is_not_theirs(stranger: Browser, live: Site) -> None:
+def test_users_neither_make_tokens_above_their_role_nor_revoke_those_of_others(
+    stranger: Browser, live: Site
+) -> None:
     """A scope above one's role, a lifetime that is none, somebody else's token."""
     stranger.sign_in("Ann")
     base = {"name": "x", "days": "30"}
@@ -332,7 +334,7 @@ def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of
         assert len(set(places[1])) > 1
 
 
-def test_the_first_use_of_a_page_after_long_is_the_login(live: Site, client_of) -> None:
+def test_an_unused_session_ends_and_leads_to_the_login(live: Site, client_of) -> None:
     """A session that nobody used ends by itself."""
     client = client_of(live)
     assert client.get("/").status_code == 200

@@ -13,12 +13,18 @@ import pytest
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.stale_data import DueSchedule, SilentSource, stale_data
+from stemwatch.service.presenter.suspicion_words import (
+    loops_to_test,
+    next_steps,
+    suspected_sentence,
+)
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
+from tests.service.report.test_without_position import no_sign, suspected
 from tests.service.web import example_plant
 from tests.service.web.example_plant import NOW, STICKY
 from tests.service.web.signed_in import cookie_of
@@ -140,3 +146,42 @@ def test_a_finished_run_appears_without_a_reload(live: Site, browser) -> None:
         assert page.evaluate("window.stayed")
         assert not [text for text in complaints if "Content Security Policy" in text]
         context.close()
+
+
+def test_what_to_do_at_valves_without_a_verdict_is_that_of_the_report(
+    live: Site, client: httpx.Client
+) -> None:
+    """Overview, ranking and API have the loops that deserve a test, from the function that the
+    report uses; a valve that got a verdict since is in none of them."""
+    run = live.store.begin_run(command="test", software_version="test", settings_digest="")
+    for valve, answer in {
+        "FIC-7": suspected(0.9),
+        "FIC-8": no_sign(),
+        "FIC-9": suspected(),
+    }.items():
+        blind = example_plant.screening(valve, Verdict.UNDETERMINED, None, None)
+        live.store.save(replace(blind, without_position=answer), run)
+    judged = example_plant.screening(
+        "FIC-9", Verdict.HEALTHY, 0.1, 0.0, at=NOW + timedelta(hours=1)
+    )
+    live.store.save(judged, run)
+    steps = next_steps(live.store.without_verdict())
+    assert loops_to_test(steps) == ("FIC-7",)
+    sentence = suspected_sentence(("FIC-7",))
+    page = client.get("/overview").text
+    text = text_of(page)
+    assert text.count(sentence) == 1
+    for step in steps:
+        assert step.step in text
+        for loop in step.loops:
+            assert f'<a href="/valve?id={loop}"><bdi>{loop}</bdi></a>' in page
+    assert sentence in text_of(client.get("/").text)
+    assert [one["loops"] for one in client.get("/api/v1/next-steps").json()] == [
+        list(step.loops) for step in steps
+    ]
+
+
+def test_where_every_valve_has_a_verdict_there_is_no_table(client: httpx.Client) -> None:
+    """No heading over nothing."""
+    assert "Valves without a verdict" not in client.get("/overview").text
+    assert client.get("/api/v1/next-steps").json() == []
