@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.fall_of_stiction import history_since_fall
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.wear_forecast import WearForecast, forecast_wear
 
@@ -28,7 +29,8 @@ SMALLEST_SHARE = 0.1  # of the size of an effect, over that time
 class TrendOverWeeks:
     """The rate of S in percent of OP span a month, with its 95 % interval, over ``days``; or of
     another ``number`` in its ``unit``. ``smallest`` change over that time can be seen at all. ``J``
-    is the trend of J beside that of S."""
+    is the trend of J beside that of S. ``unsettled``: S has fallen, and too few days ago to tell
+    whether it stays there, so that nothing is foreseen and nothing denied."""
 
     per_month: float
     low: float
@@ -39,6 +41,7 @@ class TrendOverWeeks:
     smallest: float = SMALLEST_PERCENT
     forecast: WearForecast | None = None
     J: TrendOverWeeks | None = None
+    unsettled: bool = False
 
     @property
     def is_change(self) -> bool:
@@ -54,7 +57,10 @@ class TrendOverWeeks:
 
     def foresees_within(self, weeks: float) -> bool | None:
         """Whether S more likely than not reaches the limit within ``weeks``. ``None`` where that is
-        uncertain: it may take up to twice as many, or S rises and the date is not known."""
+        uncertain: it may take up to twice as many, S rises and the date is not known, or S has just
+        fallen."""
+        if self.unsettled:
+            return None
         if self.forecast is None:
             return False
         until = self.forecast.until.value
@@ -79,9 +85,14 @@ def trend_over_weeks(
     days: Sequence[float], values: Sequence[float], limit: float | None = None
 ) -> TrendOverWeeks | None:
     """The slope of ``values`` (n,) of S, a day's mean each, over ``days`` (n,), by least squares
-    with Student's t for n - 2 degrees of freedom; ``None`` where there are too few days. Where S
-    rises towards ``limit``, percent, the trend says when it will reach it. For another quantity
-    than S, ``dataclasses.replace`` sets number and unit."""
+    with Student's t for n - 2 degrees of freedom; ``None`` where there are too few days. With a
+    ``limit``, percent, of S: over the days since S last fell, and where S rises towards the limit,
+    the trend says when it will reach it. For another quantity than S, ``dataclasses.replace`` sets
+    number and unit."""
+    unsettled = False
+    if limit is not None:
+        present = history_since_fall(days, values)
+        days, values, unsettled = present.days, present.S, present.unsettled
     t, y = np.asarray(days, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.size < FEWEST_DAYS or np.ptp(t) < SHORTEST_DAYS:
         return None
@@ -97,8 +108,9 @@ def trend_over_weeks(
         low=DAYS_A_MONTH * (slope - reach),
         high=DAYS_A_MONTH * (slope + reach),
         days=float(np.ptp(t)),
+        unsettled=unsettled,
     )
-    if limit is None or not trend.is_change or slope <= 0.0:
+    if limit is None or unsettled or not trend.is_change or slope <= 0.0:
         return trend
     return replace(trend, forecast=forecast_wear(days, values, limit))
 

@@ -20,6 +20,7 @@ from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.plant_path import PartOfPlant
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
@@ -380,6 +381,13 @@ class Store:
     def trends(self, valves: Sequence[str], limits: Limits) -> dict[str, TrendOverWeeks]:
         """How S of each of ``valves`` changes over weeks, where that is known, and when it will
         reach the limit of sticky."""
+        return self.trends_and_falls(valves, limits)[0]
+
+    def trends_and_falls(
+        self, valves: Sequence[str], limits: Limits
+    ) -> tuple[dict[str, TrendOverWeeks], dict[str, UnexplainedFall]]:
+        """``trends``, and for those of ``valves`` whose S fell in the last weeks without recorded
+        work, that."""
         with self.transactions.reading() as session:
             return daily_stiction.read_trends(session, valves, limits.sticky_S_percent)
 

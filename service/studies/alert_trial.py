@@ -54,7 +54,9 @@ class AlertPlan:
 class PlayedAlert:
     """One alert: the days (from 0) on which it was raised and closed, ``None`` while it is open;
     ``valves`` it speaks of, ``has_cause`` whether one of them had any. An alert without a cause
-    that took another name when there was one is right since the day ``renamed``."""
+    that took another name when there was one is right since the day ``renamed``. ``opened_again``
+    are the days on which it was opened again after it had closed, ``again_without_cause`` how many
+    of these had no cause."""
 
     cause: str
     kind: AlertKind
@@ -64,6 +66,8 @@ class PlayedAlert:
     text: str
     closed: int | None = None
     renamed: int | None = None
+    opened_again: tuple[int, ...] = ()
+    again_without_cause: int = 0
 
     @property
     def right_since(self) -> int | None:
@@ -87,8 +91,17 @@ class Played:
 
     @property
     def false_alerts(self) -> tuple[PlayedAlert, ...]:
-        """The alerts without a cause."""
-        return tuple(alert for alert in self.alerts if not alert.has_cause)
+        """The alerts without a cause; one that was opened again without a cause once for that."""
+        return tuple(
+            alert
+            for alert in self.alerts
+            for _ in range((not alert.has_cause) + alert.again_without_cause)
+        )
+
+    @property
+    def opened_again(self) -> int:
+        """How many times an alert that had closed was opened again."""
+        return sum(len(alert.opened_again) for alert in self.alerts)
 
     def false_by_kind(self) -> dict[str, int]:
         """How many false alerts there are of each kind."""
@@ -151,7 +164,12 @@ class Played:
             )
         per_cause = self.alerts_per_cause()
         if per_cause is not None:
-            sentences.append(f"{per_cause:.2f} alerts for each cause that had any")
+            again = self.opened_again
+            times = {0: "none of them", 1: "one"}.get(again, f"{again}")
+            sentences.append(
+                f"{per_cause:.2f} alerts for each cause that had any, {times} opened again after "
+                "it had closed"
+            )
         closed, total, days = self.closed_after_repair()
         if total:
             sentences.append(
@@ -243,6 +261,15 @@ class _AlertHistory:
                 now_told = self._played(alert, day)
                 renamed = day if now_told.has_cause else None
                 self.alerts[alert.id] = played = replace(played, renamed=renamed)
+            again = len(alert.evidence.get("reopened", ()))
+            if again > len(played.opened_again):
+                self.alerts[alert.id] = played = replace(
+                    played,
+                    closed=None,
+                    opened_again=(*played.opened_again, day),
+                    again_without_cause=played.again_without_cause
+                    + (not self._played(alert, day).has_cause),
+                )
             if alert.closed is not None and played.closed is None:
                 self.alerts[alert.id] = replace(played, closed=day)
 

@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from stemwatch.models.fall_of_stiction import history_since_fall
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.wear_forecast import WEEK, WearForecast, forecast_wear
@@ -123,7 +124,8 @@ def _case(wear: WearKind, rng: np.random.Generator) -> ForecastCase | None:
     days = days[measured_days[days]]
     if not days.size:
         return None
-    forecast = forecast_wear(days.tolist(), measured[days].tolist(), LIMIT)
+    present = history_since_fall(days.tolist(), measured[days].tolist())
+    forecast = forecast_wear(present.days, present.S, LIMIT)
     weeks = (crosses - days[-1]) / WEEK if beyond_limit.any() else np.inf
     return ForecastCase(wear=wear, forecast=forecast, weeks=float(weeks))
 
