@@ -52,7 +52,7 @@ class ProcessModel:
     at: Floats
     spread: Floats
 
-    def drawn(self, rng: np.random.Generator, x: Floats, pv: Floats) -> ProcessModel:
+    def draw_alternative(self, rng: np.random.Generator, x: Floats, pv: Floats) -> ProcessModel:
         """Draw another process that explains ``x`` and ``pv`` about as well."""
         mean = np.append(self.at, self.gain)
         spread = WIDER**2 * self.spread

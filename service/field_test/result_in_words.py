@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stemwatch.models.field_test.judgement import DRAWN, TestJudgement, TestOutcome
+from stemwatch.models.field_test.judgement import RESPONSES_DRAWN, TestJudgement, TestOutcome
 from stemwatch.service.field_test.sheet import outcome_of, rival_name
 from stemwatch.service.presenter.physics_words import joined
 from stemwatch.service.presenter.wording import finite
@@ -157,7 +157,7 @@ def _as_far(judgement: TestJudgement, index: int) -> str:
     words."""
     if index == judgement.best:
         return ""
-    return f"{round(judgement.as_far[index] * (DRAWN + 1))} in {DRAWN + 1}"
+    return f"{round(judgement.as_far[index] * (RESPONSES_DRAWN + 1))} in {RESPONSES_DRAWN + 1}"
 
 
 def _sentence_of_model(judgement: TestJudgement, index: int) -> str:

@@ -18,8 +18,8 @@ from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.signal_pairing import (
     copied_share,
+    lag_one_correlation,
     moved_without_command,
-    neighbours_alike,
     summed_command,
 )
 from stemwatch.models.stickslip import stored_range
@@ -122,7 +122,7 @@ def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
         rightly=rightly,
         related=related(recording) if swing(recording.op.values) > 2.0 else np.nan,
         moved_alone=moved_without_command(recording),
-        neighbours=neighbours_alike(recording),
+        neighbours=lag_one_correlation(recording),
         copied=copied_share(recording),
         summed=summed.explained,
         towards_command=summed.towards_command,

@@ -211,7 +211,7 @@ def test_each_drawn_loop_has_its_own_breakaway_levels() -> None:
     loop = fit_loop(recording(made), valve)
     assert not isinstance(loop, str)
     assert loop.breakaways.tolist() == [1.0]
-    levels = loop.drawn(np.random.default_rng(1)).breakaways
+    levels = loop.draw_alternative(np.random.default_rng(1)).breakaways
     assert np.std(levels) == pytest.approx(0.1, rel=0.1)
     scattered, even = replace(loop, breakaways=levels).run(), loop.run()
     assert np.max(np.abs(scattered.x - even.x)) > 1.0
