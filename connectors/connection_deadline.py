@@ -1,4 +1,4 @@
-"""A time limit for all that is exchanged on a connection, however slowly the other side answers."""
+"""A time limit for a whole exchange on a connection, however slowly the other side answers."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from contextlib import contextmanager, suppress
 def close_after(
     seconds: float, link: Callable[[], socket.socket | None]
 ) -> Iterator[threading.Event]:
-    """End what is said on ``link()`` when the block takes longer, and set the event.
+    """Shut down the socket ``link()`` when the block takes longer, and set the event.
 
-    One that sends a byte now and then would hold the line for hours, whatever the time-out of each
-    read is; and some libraries have none.
+    A server that sends a byte now and then would otherwise hold the connection for hours, whatever
+    the time-out of each read; and some libraries have no time-out at all.
     """
     was_cut = threading.Event()
 
@@ -23,7 +23,8 @@ def close_after(
         was_cut.set()
         with suppress(OSError):
             if (open_link := link()) is not None:
-                # Not the method of an encrypted socket, which takes its state away under a reader.
+                # Not the method of the TLS socket, which would discard its state while another
+                # thread reads.
                 socket.socket.shutdown(open_link, socket.SHUT_RDWR)
 
     ending = threading.Timer(seconds, cut)

@@ -84,7 +84,7 @@ class TagInfo:
     description: str = ""
     samples: int = 0
     proposed_role: Role | None = None  # only where tag and description leave no doubt
-    proposed_valve: str = ""  # the loop the tag seems to belong to
+    proposed_valve: str = ""  # the loop that the tag seems to belong to
     remark: str = ""  # why a role was or was not proposed
     facts: Mapping[str, float] = field(default_factory=dict)  # RANGE_LOW, own_interval_s, ...
 

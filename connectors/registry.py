@@ -38,7 +38,7 @@ def settings_of(kind: str) -> type[SourceSettings] | None:
     (point,) = points
     try:
         connector = point.load()
-    except Exception as error:  # another package's code: whatever it raises costs its sources only
+    except Exception as error:  # another package's code may raise anything
         raise ConnectorError(
             f"the connector for kind {kind!r}, {point.value} of {_package(point)}, cannot be "
             f"loaded ({type(error).__name__}: {error}); install that package again"

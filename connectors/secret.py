@@ -25,7 +25,8 @@ _SECRET_OPTION = re.compile(r"^(?P<before>-{1,2}[\w-]*(?:password|passwd|secret|
 
 @dataclass(frozen=True, kw_only=True)
 class Secret:
-    """Text that is given, or that an environment variable or a file holds where it is used.
+    """A text given directly, or the content of an environment variable or file, read where it is
+    used.
 
     ``repr`` and ``str`` show the name of the variable or file, never the text. Work that goes to
     another machine carries the name: the variable or file must be there.

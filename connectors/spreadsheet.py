@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 
-# Control codes that Python takes for blanks and no spreadsheet writes: the separators of files,
-# groups, records and units. A row that holds one is damaged, not empty.
+# Control codes that Python counts as blanks and no spreadsheet writes: the separators of files,
+# groups, records and units. A row with one of them is damaged, not empty.
 _SEPARATOR_CODES = "\x1c\x1d\x1e\x1f"
 
 

@@ -321,14 +321,22 @@ def _combined(
     return mean, sum(score.t for score in known_scores) / math.sqrt(len(known_scores))
 
 
+def windows_to_be_gone(before: Sequence[bool]) -> int:
+    """Windows on end without a finding, at most ``MEMORY``, from which chance hardly explains that
+    it is not there: with a share s = found / (n + 1) of the n windows ``before``, the least k with
+    (1 - s)^k <= ``LEFT_OUT_BY_CHANCE``. 0 where it was in none of them."""
+    share = sum(before) / (len(before) + 1.0)
+    if share <= 0.0:
+        return 0
+    return min(math.ceil(math.log(LEFT_OUT_BY_CHANCE) / math.log(1.0 - share)), MEMORY)
+
+
 def _is_gone(slug: str, windows: Sequence[WindowEvidence], names: Sequence[bool]) -> bool:
     """Whether so many windows at the end do not name the effect that chance hardly explains it, and
     they do not gain by it together either."""
     windows_without = next((k for k, named in enumerate(reversed(names)) if named), len(names))
     before = names[: len(names) - windows_without][-MEMORY:]
-    share = sum(before) / (len(before) + 1.0)
-    enough_windows = math.log(LEFT_OUT_BY_CHANCE) / math.log(max(1.0 - share, 1e-9))
-    if windows_without < min(max(math.ceil(enough_windows), FEWEST_WITHOUT), MEMORY):
+    if windows_without < max(windows_to_be_gone(before), FEWEST_WITHOUT):
         return False
     return not gain_together(slug, windows[len(windows) - windows_without :][-MEMORY:])
 

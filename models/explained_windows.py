@@ -29,7 +29,7 @@ from stemwatch.models.evidence_over_windows import (
     lasting_findings,
     pooled_stiction,
 )
-from stemwatch.models.fit_window import FitWindow, telling_windows
+from stemwatch.models.fit_window import FitWindow, windows_with_most_movement
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.recording import Recording
 
@@ -71,7 +71,7 @@ def explain_windows(
     ``explain`` explains a part of it, and ``shown_by`` once more the one that is shown, where that
     may cost more.
     """
-    windows = telling_windows(recording, samples, MOST)
+    windows = windows_with_most_movement(recording, samples, MOST)
     if len(windows) < FEWEST:
         return None
     explanations = [explain(recording.part(window.first, window.last)) for window in windows]

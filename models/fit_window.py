@@ -66,7 +66,9 @@ def choose_fit_window(recording: Recording, samples: int) -> FitWindow | None:
     return movement.window(int(first[int(np.argmax(movement.worth(first, samples)))]), samples)
 
 
-def telling_windows(recording: Recording, samples: int, most_windows: int) -> tuple[FitWindow, ...]:
+def windows_with_most_movement(
+    recording: Recording, samples: int, most_windows: int
+) -> tuple[FitWindow, ...]:
     """The record cut into equal windows of ``samples`` samples and a little more, in order of time;
     of more than ``most_windows`` those with the most useful movement of OP, as
     ``choose_fit_window`` measures it. Empty where OP is not known.
@@ -149,6 +151,6 @@ __all__ = [
     "FitWindow",
     "choose_fit_window",
     "on_whole_clock",
-    "telling_windows",
     "window_sentence",
+    "windows_with_most_movement",
 ]

@@ -70,7 +70,7 @@ def at_loop_pace(recording: Recording, samples: int) -> Recording:
         recording = _at_scans_of_op(recording)
     stride = _between_turns(recording, samples)
     reason = "OP turns round so slowly that nothing of its way is lost, and more of it is fitted"
-    return recording if stride == 1 else _read(recording, 0, stride, reason)
+    return recording if stride == 1 else _thinned(recording, 0, stride, reason)
 
 
 def _at_scans_of_op(recording: Recording) -> Recording:
@@ -79,10 +79,10 @@ def _at_scans_of_op(recording: Recording) -> Recording:
     if period < LEAST_APART or len(recording) < FEWEST_SCANS * period:
         return recording
     reason = "OP is held as long between the scans of its controller"
-    return _read(recording, (change - 1) % period, period, reason)
+    return _thinned(recording, (change - 1) % period, period, reason)
 
 
-def _read(recording: Recording, first: int, stride: int, reason: str) -> Recording:
+def _thinned(recording: Recording, first: int, stride: int, reason: str) -> Recording:
     """Every ``stride``-th sample from ``first`` on."""
     part = recording.part(first, len(recording))
     signals = {
@@ -114,10 +114,10 @@ def _between_turns(recording: Recording, samples: int) -> int:
     turns = reversals(op, least)
     if turns.size >= FEWEST_TURNS:
         longest_stride = min(longest_stride, int(np.median(np.diff(turns))) // LEFT_OF_A_TURN)
-    return _round(longest_stride) if longest_stride >= LEAST_APART else 1
+    return _rounded_stride(longest_stride) if longest_stride >= LEAST_APART else 1
 
 
-def _round(largest: int) -> int:
+def _rounded_stride(largest: int) -> int:
     """The largest of 1, 2, 5, 10, 20 and so on that is not above ``largest``."""
     decade = int(10 ** (len(str(largest)) - 1))
     return max(step * decade for step in STEPS if step * decade <= largest)

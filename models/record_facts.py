@@ -74,7 +74,7 @@ def _limits(recording: Recording) -> list[str]:
     return sentences
 
 
-def still_seen(recording: Recording) -> tuple[str, ...]:
+def facts_without_verdict(recording: Recording) -> tuple[str, ...]:
     """Sentences that hold without a verdict: movement, oscillation, limits, archive."""
     sentences = [
         f"OP moved over {swing(recording.op.values):.3g}{_unit(recording.op)} in "

@@ -47,7 +47,7 @@ from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
-from stemwatch.models.record_facts import still_seen
+from stemwatch.models.record_facts import facts_without_verdict
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
@@ -381,7 +381,7 @@ def _screening(
             indicator.name: indicator
             for indicator in indicators.in_seconds(numbers, fitted.recording)
         },
-        still_seen=still_seen(recording) if seen else (),
+        still_seen=facts_without_verdict(recording) if seen else (),
         baseline_note=fitted.case.baseline_note,
         recording=recording,
         provenance=recording.provenance,

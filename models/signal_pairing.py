@@ -102,7 +102,7 @@ def command_is(recording: Recording) -> Role | None:
     return None
 
 
-def tells_two_places(recording: Recording) -> bool:
+def is_limit_switch(recording: Recording) -> bool:
     """True where the position has two or three values only, as a limit switch has."""
     assert recording.mv is not None
     values = recording.mv.values[recording.mv.usable]
@@ -111,10 +111,10 @@ def tells_two_places(recording: Recording) -> bool:
 
 def samples_exchanged(recording: Recording) -> bool:
     """True where OP and position change places from one sample to the next."""
-    return neighbours_alike(recording) < EXCHANGED
+    return lag_one_correlation(recording) < EXCHANGED
 
 
-def neighbours_alike(recording: Recording) -> float:
+def lag_one_correlation(recording: Recording) -> float:
     """The correlation of OP - MV with itself a sample later, -1 to 1; 0 with too few samples."""
     op, mv = _pairs(recording)
     if op.size < LEAST_COPIED:

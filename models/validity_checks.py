@@ -20,10 +20,10 @@ from stemwatch.models.signal_pairing import (
     correlation,
     delayed_correlation,
     is_copy,
+    is_limit_switch,
     moved_without_command,
     samples_exchanged,
     sums_its_command,
-    tells_two_places,
 )
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
@@ -121,7 +121,7 @@ def _content_obstacles(recording: Recording) -> list[Obstacle]:
     """
     assert recording.mv is not None
     mv = recording.mv
-    if tells_two_places(recording):
+    if is_limit_switch(recording):
         values = np.unique(mv.values[mv.usable])
         seen = " and ".join(f"{value:g}" for value in values)
         return [
@@ -361,7 +361,7 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
 def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[Obstacle]:
     """A position that the transmitter froze or the historian interpolated for too long."""
     obstacles = []
-    if frozen > 0.5:
+    if frozen > limits.max_bad_share:
         obstacles.append(
             Obstacle(
                 "position_frozen",

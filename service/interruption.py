@@ -1,10 +1,10 @@
 """Ctrl-C and SIGTERM end a command wherever it is, but not in the middle of a transaction.
 
 Python raises ``KeyboardInterrupt`` between any two instructions of the main thread. Raised inside a
-commit it leaves a connection that keeps the lock of the database; raised just behind one it leaves
-a run of which nobody knows that it is theirs to end; raised in a finaliser or in a callback of C it
-is dropped. So what must be whole is done with ``interrupts_held``: a signal waits until the end of
-the block, and what was dropped is raised again.
+commit, it leaves a connection that keeps the lock of the database. Raised just after one, it leaves
+a run that nobody ends. Raised in a finaliser or a C callback, it is dropped. So code that must not
+be interrupted runs inside ``interrupts_held``: a signal waits until the end of the block, and a
+dropped one is raised again.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Terminated(KeyboardInterrupt):
 
 
 class _Interrupts:
-    """What the main thread holds back. Only the main thread, in which Python runs its handlers of
-    signals, reads and writes it."""
+    """Signals that are held back. Only the main thread, in which Python runs signal handlers, uses
+    this object."""
 
     def __init__(self) -> None:
         self.held = False
@@ -41,10 +41,10 @@ class _Interrupts:
         self._asking: threading.Timer | None = None
 
     def take(self, number: int, _frame: FrameType | None) -> None:
-        """The handler of both signals: raise, or wait for the end of what must be whole.
+        """The handler of both signals: raise, or wait until the end of a held block.
 
-        Whoever asks again later than ``SAME_REQUEST_S`` does not want to wait, be it for a database
-        that does not answer.
+        A second signal later than ``SAME_REQUEST_S`` raises at once: the user does not want to
+        wait, for example for a database that does not answer.
         """
         interrupt = Terminated() if number == signal.SIGTERM else KeyboardInterrupt()
         self.terminated = self.terminated or isinstance(interrupt, Terminated)
@@ -60,7 +60,7 @@ class _Interrupts:
         raise interrupt
 
     def ask_again(self, dropped: KeyboardInterrupt) -> None:
-        """Have what Python has dropped raised a moment later, or where something held ends."""
+        """Raise what Python has dropped a moment later, or at the end of a held block."""
         number = signal.SIGTERM if isinstance(dropped, Terminated) else signal.SIGINT
         self.waiting = dropped
         self._asking = threading.Timer(_ASK_AGAIN_S, os.kill, (os.getpid(), number))
@@ -116,9 +116,9 @@ def ending_on_signals() -> Iterator[None]:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """What stands in this block is not interrupted: Ctrl-C and SIGTERM are raised at its end.
+    """The block is not interrupted: Ctrl-C and SIGTERM are raised at its end.
 
-    Without effect in other threads than the main one, where nothing is raised.
+    Without effect outside the main thread, where no signal is raised.
     """
     yield from _with_held(True)
 

@@ -1,5 +1,5 @@
-"""Rules for our processes: no traceback on Ctrl-C while starting, an orderly end, an end with the
-parent; how workers are created; and whether the process of a stored name has ended.
+"""Process lifecycle: no traceback on Ctrl-C while starting, an orderly end, an end with the parent;
+how workers are created; and whether the process with a stored name has ended.
 
 A terminal sends Ctrl-C to the whole process group. A process that is still importing would print a
 traceback, and one whose parent was killed would wait for work for ever.
@@ -117,9 +117,9 @@ def _until_gone(sentinel: int) -> None:
 def on_stop_signal(stop: Callable[[], object], *, last: bool = False) -> Iterator[None]:
     """SIGTERM and Ctrl-C call ``stop``, once, from a thread of its own.
 
-    A handler runs in the midst of whatever the main thread is doing: an event that it set could be
-    the one whose lock the main thread holds at that moment, and both would wait for ever. Where
-    this is the ``last`` thing that the process does, asking again does not disturb its end.
+    A handler interrupts the main thread anywhere: if it set an event whose lock the main thread
+    holds at that moment, both would wait for ever. Where this is the ``last`` thing that the
+    process does, a repeated signal does not disturb its end.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread receives signals

@@ -1,4 +1,5 @@
-"""``DataFrameSource``: a pandas DataFrame as a source, read by the rules of every connector."""
+"""``DataFrameSource``: a pandas DataFrame as a source, read by the same rules as other
+connectors."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ class ScreenAs(ExplainAs, total=False):
     limits: Mapping[str, float] | None
 
 
-# Where the simulated loop is recorded: any Monday morning will do.
+# The start of simulated recordings: an arbitrary Monday morning.
 _START = datetime(2026, 3, 2, 6, tzinfo=UTC)
 
 

@@ -47,7 +47,7 @@ class ScreenedValve:
     """Whether its named effects stand among all valves of the call; ``None`` where none was
     named."""
     remark: str = ""
-    """Why they do not, in a sentence."""
+    """Why they do not stand, in a sentence; empty where they do."""
 
     @cached_property
     def _finding(self) -> PresentedFinding:

@@ -1,4 +1,4 @@
-"""``HttpReader``: nothing but GET from a historian's HTTP interface, with patience and limits."""
+"""``HttpReader``: GET requests to a historian's HTTP interface, with retries and limits."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 Parameter = tuple[str, str | int | float | bool | None]
 Parameters = Mapping[str, str] | Sequence[Parameter]
 
-ATTEMPTS = 4  # of a request that the server could not answer now
+ATTEMPTS = 4  # attempts for a request that the server cannot answer now
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.5, 30.0
-# An answer may take so many times the time-out while it comes, and hold so many bytes: the server,
-# or whoever stands between, is not trusted with our time and memory.
+# The longest time of a whole answer, as a multiple of the time-out, and its largest size in bytes.
+# A faulty or hostile server must not take unlimited time or memory.
 LONGEST_ANSWER = 10
 ANSWER_BYTES, VALUE_BYTES = 64 * 1024**2, 1000
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
@@ -49,7 +49,7 @@ class HttpReader:
         self._link: socket.socket | None = None
 
     def get(self, path: str, parameters: Parameters, values: int, too_large: str) -> HttpAnswer:
-        """What the server answers; one that is busy is asked again, with growing waits.
+        """The server's answer; a busy server is asked again after growing waits.
 
         Raises ``ConnectorError`` where the server cannot be asked, and with the words ``too_large``
         for an answer larger than one of ``values`` can be.
@@ -73,7 +73,7 @@ class HttpReader:
         raise AssertionError("the last attempt returns or raises")
 
     def _answer(self, path: str, parameters: Parameters, values: int, too_large: str) -> HttpAnswer:
-        """One answer, whole; ``httpx.ReadTimeout`` for one that dribbles."""
+        """One whole answer. Raises ``httpx.ReadTimeout`` for an answer that arrives too slowly."""
         import httpx
 
         most = ANSWER_BYTES + VALUE_BYTES * values
@@ -95,7 +95,7 @@ class HttpReader:
             except httpx.HTTPError:
                 if not was_cut.is_set():
                     raise
-            if was_cut.is_set():  # an answer without a length only seems to be at its end
+            if was_cut.is_set():  # an answer without a length may end early, as if it were complete
                 raise httpx.ReadTimeout("the answer does not come to an end")
             return HttpAnswer(
                 answer.status_code, answer.headers, b"".join(parts), answer.is_redirect
@@ -133,7 +133,7 @@ def token_of(name: str, secret: Secret) -> str:
     """The token that ``secret`` holds. Raises ``ConnectorError`` where no header can hold it."""
     token = secret.reveal()
     if not (token.isascii() and token.isprintable()) or " " in token:
-        # What the library says of such a header would show it.
+        # The library's message about such a header would contain the token.
         raise ConnectorError(
             f"{name}: the token that {secret} holds has blanks, line ends or signs "
             "outside ASCII; expected one token and nothing else"
@@ -142,7 +142,8 @@ def token_of(name: str, secret: Secret) -> str:
 
 
 def one_line(said: str) -> str:
-    """What a server says, for messages and logs: one line without control signs, not endless."""
+    """A server's text for messages and logs: one line of limited length without control
+    characters."""
     return masked(" ".join("".join(c if c.isprintable() else " " for c in said[:3000]).split()))[
         :300
     ]

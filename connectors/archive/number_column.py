@@ -27,7 +27,7 @@ class Codes:
     index: NDArray[np.int64]
     name: str = "quality"  # of the column, for messages
     family: Family = "unknown"
-    good: tuple[str, ...] = ()  # what the user said is good
+    good: tuple[str, ...] = ()  # codes that the user declared good
 
 
 def number_of(cell: Any) -> float:
@@ -55,8 +55,8 @@ def number_column(
     ``values`` NaN where there is none.
 
     A value that is not there is MISSING, or BAD where its code says so; an infinite one is BAD;
-    with ``as_mode`` anything but 0 and 1 is a CODE. What is bad is told by ``codes``, or by ``bad``
-    with ``reasons`` where the source's own codes leave no doubt. Raises ``UnreadableSource`` where
+    with ``as_mode`` anything but 0 and 1 is a CODE. ``codes`` say which values are bad, or ``bad``
+    with ``reasons`` where the source's own codes are unambiguous. Raises ``UnreadableSource`` where
     codes of unknown meaning differ.
     """
     notes, reason_counts = ReadingNotes(), Counter(reasons or {})

@@ -21,7 +21,7 @@ from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models.recording import Bools, Role
 
 Bounds = tuple[int | None, int | None]
-_ALWAYS = (Role.OP, Role.MV)  # read, and said to be missing, whether or not they are there
+_ALWAYS = (Role.OP, Role.MV)  # always read, and reported where they are missing
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class ValveColumns:
         return total.hexdigest()
 
     def read_ahead(self, tags: Iterable[str]) -> None:
-        """Nothing is left to be read: an archive is asked once for a valve."""
+        """Does nothing: all tags of a valve were read together from the archive."""
 
     def column(self, tag: str, *, as_mode: bool = False) -> Column:
         """The tag's samples; a mode was read as a mode."""
@@ -76,8 +76,9 @@ def bounds_of(window: Window, before_s: float = 0.0) -> Bounds:
 def with_existing(
     valve: ValveTags, existing: Callable[[frozenset[str]], Collection[str]]
 ) -> ValveTags:
-    """``valve`` without the roles beside OP and MV whose tag is not among the ``existing`` ones of
-    those that are asked for; where there are no such roles nothing is asked."""
+    """``valve`` without the optional roles (all but OP and MV) whose tags do not exist.
+    ``existing`` is called with the optional tags and returns those that exist; it is not called
+    without any."""
     optional = frozenset(m.tag for role, m in valve.tags.items() if role not in _ALWAYS)
     if not optional:
         return valve
@@ -114,7 +115,7 @@ def empty_column(tag: str) -> Column:
 
 
 def within_bounds(column: Column, bounds: Bounds) -> Column:
-    """Only what lies between the bounds: a source may give more than it was asked for."""
+    """Only the samples between the bounds, since a source may return more than was requested."""
     start, stop = bounds
 
     def within(ns: Ints) -> Bools:

@@ -105,8 +105,7 @@ class TextExportSettings(SourceSettings):
         return self
 
     def read_options(self) -> dict[str, Any]:
-        """What the file says of reading, under the names of ``ReadOptions``; the rest is left to
-        the reader."""
+        """The given options under the names of ``ReadOptions``; the reader decides the others."""
         options = self.model_dump(exclude={"name", "kind", "path", "folder"}, exclude_none=True)
         if "good_quality" in options:
             options["good_quality"] = tuple(options["good_quality"])

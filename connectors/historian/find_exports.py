@@ -1,4 +1,4 @@
-"""What a user typed - file, folder or pattern - to the files to read, and why others are not."""
+"""From a file, folder or pattern to the files to read, with the reason why others are skipped."""
 
 from __future__ import annotations
 

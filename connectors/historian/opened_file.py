@@ -35,8 +35,8 @@ from stemwatch.connectors.historian.values.decimal_mark import decide_decimal
 from stemwatch.connectors.historian.values.stored_text import StoredText, has_been_read
 from stemwatch.models.recording import Role
 
-_NUMBERS_AT_ONCE = 8_000_000  # that one pass over a large file reads: as texts some 160 MB
-_NUMBERS_KEPT = 12_000_000  # of converted columns, some 30 bytes each
+_NUMBERS_AT_ONCE = 8_000_000  # numbers that one pass over a large file reads; as texts about 160 MB
+_NUMBERS_KEPT = 12_000_000  # numbers of converted columns, about 30 bytes each
 
 
 @dataclass
@@ -53,7 +53,7 @@ class OpenedFile:
     notes: ReadingNotes
     _columns: dict[tuple[str, bool], Column] = field(default_factory=dict)
     _times: Timeline | None = None  # of the tag that was converted last
-    _all: bool = False  # every tag is looked at, one after the other
+    _all: bool = False  # used when every tag is inspected in turn
     _roles: list[Candidate] | None = None
 
     @property
@@ -133,7 +133,8 @@ class OpenedFile:
             self._read([self._by_tag[tag] for tag in tags if (tag, False) not in self._columns])
 
     def expect(self, tags: Sequence[str] | None) -> None:
-        """These tags will be asked for, or with ``None`` all: what is read first reads them too."""
+        """Announce the tags that will be requested (``None``: all), so that the first pass reads
+        them too."""
         self._all = self._all or tags is None
         self.read_ahead(self.known(tags or ()))
 
@@ -209,7 +210,7 @@ def _opened(source: LayoutInput, table: RawTable, wanted: Sequence[str] | None) 
     decimal = _decimal(table, options, source.name, notes)
     first = _in_file(_at_once([c for c in table.columns if wanted is None or c.tag in wanted]))
     if first:
-        first[0].columns.read_next(first, decimal)  # in the pass that reads the times
+        first[0].columns.read_next(first, decimal)  # read in the same pass as the times
     opened = OpenedFile(
         path=source.document.path,
         options=options,
@@ -240,7 +241,7 @@ def _in_file(columns: Sequence[RawColumn]) -> list[StoredText]:
 
 
 def _mark_used(opened: OpenedFile, options: ReadOptions) -> None:
-    """The options whose use shows in what was read."""
+    """Mark the options that were used, as far as the result shows it."""
     table, used = opened.table, opened.notes.used
     used.add("encoding")
     if any(column.quality_codes is not None for column in table.columns):
@@ -263,7 +264,7 @@ def _decimal(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
 
 
 def _refuse_empty(opened: OpenedFile) -> None:
-    """Not one number in any tag: the reader has not understood the file, or there is nothing."""
+    """Raise where no tag has a number: the file was misread, or it has no data."""
     first = opened.table.columns[0]
     example = next((cell for cell in first.cells if cell.strip()), "")
     raise UnreadableSource(

@@ -64,7 +64,7 @@ class ReadOptions:
 
 
 def given_options(options: ReadOptions) -> dict[str, Any]:
-    """What the user said, by name: the options that are not as they are by themselves."""
+    """The options that the user gave, by name: those that differ from the defaults."""
     default = ReadOptions()
     named = {field.name: getattr(options, field.name) for field in fields(options)}
     return {name: value for name, value in named.items() if value != getattr(default, name)}

@@ -70,8 +70,8 @@ class ProposedTag:
 
 @dataclass(frozen=True)
 class ProposedSource:
-    """One source: its name, its path or pattern, what was seen in its files, and by ``options`` how
-    a person said that they are read."""
+    """One source: its name, its path or pattern, the inspections of its files, and the reading
+    ``options`` that the user gave."""
 
     name: str
     path: str
@@ -82,9 +82,9 @@ class ProposedSource:
 def sources_of(
     seen: Sequence[tuple[Path, Inspection]], folder: Path, options: Mapping[str, Any]
 ) -> list[ProposedSource]:
-    """The sources for the files ``seen`` in ``folder``: a pattern for all that end alike, so that
-    tomorrow's file is read too; a source for each file where one tag is another valve in another
-    file."""
+    """The sources for the files ``seen`` in ``folder``: one pattern for all files with one ending,
+    so that later files are read too; or a source for each file where the same tag belongs to
+    different valves."""
     paths: dict[str, list[Inspection]] = {}
     one_valve = _tags_have_one_valve([inspection for _, inspection in seen])
     subfolders = "" if all(path.parent == folder for path, _ in seen) else "**/"
@@ -113,8 +113,8 @@ def _tags_have_one_valve(inspections: Sequence[Inspection]) -> bool:
 
 
 def plant_toml(sources: Sequence[ProposedSource], curves: Mapping[str, str] = NO_CURVES) -> str:
-    """The text. ``curves`` are lines for valves whose OP is not percent for percent of their
-    position. A valve that several sources have is of the first."""
+    """The text of the plant file. ``curves`` are lines for valves whose position is not
+    proportional to OP. A valve in several sources is listed under the first."""
     lines: list[str] = []
     for source in sources:
         lines += ["", "[[sources]]", f"name = {_text(source.name)}", f"path = {_text(source.path)}"]
@@ -175,7 +175,7 @@ def _zone_line(inspections: Sequence[Inspection]) -> str:
 
 
 def _option_lines(options: Mapping[str, Any]) -> list[str]:
-    """How a person said that the file is read; the zone has a line of its own."""
+    """The reading options that the user gave; the zone has a line of its own."""
     return [
         f"{name} = {json.dumps(value, ensure_ascii=False)}"
         for name, value in options.items()
@@ -236,7 +236,7 @@ def _ask_position(tags: Sequence[ProposedTag], valve: str) -> list[str]:
 
 
 def questions_toml(tags: Sequence[ProposedTag]) -> list[str]:
-    """Loops without a certain OP, so that a person sees what was left open."""
+    """Loops without a certain OP, listed so that a person sees what is missing."""
     certain = set(valves_of(tags))
     open_tags = [t for t in tags if t.valve and t.valve not in certain]
     if not open_tags:

@@ -1,4 +1,4 @@
-"""What was said about a source and made no difference: each such option becomes a sentence."""
+"""Options that made no difference to a source: each is reported in a sentence."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ _IS_NOT_USED = " is not used: "
 def say_unused(options: ReadOptions, notes: ReadingNotes, reasons: Mapping[str, str]) -> None:
     """A sentence for each option that the user gave and that nobody marked as used.
 
-    ``reasons`` has the reason by option; one without a reason is said all the same, so that an
-    option added later cannot be silent.
+    ``reasons`` has the reason by option; an option without a reason is reported too, so that an
+    option added later is never ignored silently.
     """
     for name, value in given_options(options).items():
         if name not in notes.used:
@@ -32,7 +32,7 @@ def unused_sentences(decisions: tuple[str, ...]) -> list[str]:
 
 
 def why_not_in_text(table: RawTable, instants: Instants) -> dict[str, str]:
-    """Why an option may have nothing to do in a text export that was read."""
+    """Why an option may have no effect on a text export that was read."""
     column = f"column {table.times.name!r}"
     untimed = "there is no time column"
     layout = f"the file was read as {table.layout}"

@@ -114,12 +114,13 @@ class InfluxQuery:
                     codes.append("" if row.get("q") is None else str(row["q"]))
             if len(page) < self.server.page:
                 return Points(ns=np.array(ns, dtype=np.int64), values=np.array(values), codes=codes)
-            # Several points may stand at one instant: go on behind those that were read.
+            # Several points may have one time: continue after those already read.
             start = ns[-1]
             already_read = sum(1 for at in ns if at == start)
 
     def _check_next(self, page: Sequence[Mapping[str, Any]], start: int) -> None:
-        """Raise ``ConnectorError`` for a page that does not lead on: reading would never end."""
+        """Raise ``ConnectorError`` for a page that makes no progress, since reading would never
+        end."""
         if self._time(page[0]) < start:
             raise self._not_heeded()
         if len(page) >= self.server.page and self._time(page[-1]) == start:

@@ -1,4 +1,4 @@
-"""``Backoff``: how long to wait before asking again what did not answer."""
+"""``Backoff``: how long to wait before trying again after a failure."""
 
 from __future__ import annotations
 

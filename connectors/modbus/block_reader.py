@@ -77,7 +77,7 @@ class _Alike:
         chosen_words = words[self._index]
         if self._swaps:
             chosen_words = chosen_words.byteswap()
-        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like any other
+        with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any other NaN
             raw = chosen_words.astype(">u2").view(self._dtype)[:, 0].astype(np.float64)
         with np.errstate(over="ignore", invalid="ignore"):
             values = raw * self._scale + self._offset

@@ -15,7 +15,7 @@ from stemwatch.connectors.modbus.register_address import Table
 MAX_WORDS = 125  # the protocol's own limit for functions 3 and 4
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity: a plan uses the same block again
+@dataclass(frozen=True, eq=False)  # compared by identity, since a plan reuses its blocks
 class Block:
     """One request: registers of one unit and table, in the order of their addresses."""
 

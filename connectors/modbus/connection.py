@@ -39,7 +39,7 @@ _LOST = "the connection was closed by the other side"
 
 
 class OnlyReading(Exception):
-    """An attempt to send a function other than 3 and 4; nothing was sent."""
+    """Something tried to send a function other than 3 and 4; nothing was sent."""
 
 
 def only_reading(frame: bytes, *, rtu: bool) -> bytes:
@@ -69,7 +69,7 @@ class Connection:
     def __init__(self, link: Link) -> None:
         self.link = link
         self._client: Client | None = None
-        self._why = ""  # why the last opening failed
+        self._why = ""  # why the last attempt to connect failed
         self._heard = 0  # bytes received since the last request
         self._silences = 0  # time-outs in a row
         self._request: SentRequest | None = None  # the open one
@@ -96,7 +96,7 @@ class Connection:
 
     async def reopen(self) -> bool:
         """Connect again at once where the connection was closed because an answer may come late, so
-        that the other units are read. Returns whether there is a connection now."""
+        that the other units can be read. Returns whether there is a connection now."""
         if self._closed_in_doubt and not self.connected:
             with contextlib.suppress(ReadFault):
                 await self.open()
@@ -119,7 +119,7 @@ class Connection:
         ``ReadFault`` with the reason where there are no words.
         """
         request = SentRequest(unit_id, table, first, count)
-        # An answer to an earlier request of the same words is as good as to this one.
+        # An answer to an earlier request for the same words is as good as one to this request.
         looks_alike = any(request.looks_alike(other) for other in self._unanswered)
         if looks_alike and self.link.is_rtu:
             raise not_asked(self.link.timeout_s)
@@ -189,10 +189,11 @@ class Connection:
         return silent(self.link.timeout_s)
 
     def _close_if_unusable(self, fault: ReadFault) -> None:
-        """Close a TCP connection that is out of step or has timed out several times.
+        """Close a TCP connection whose frame boundaries are lost or that has timed out several
+        times.
 
-        After an invalid answer the frame boundaries of a TCP stream are unknown. A serial line is
-        in step again after the next silence, and other units answer on it.
+        After an invalid answer the frame boundaries of a TCP stream are unknown. A serial line
+        recovers with the next silence, and other units answer on it.
         """
         out_of_step = fault.kind is FaultKind.NONSENSE and self.link.kind is LinkKind.TCP
         deaf = self._silences >= _SILENCES_BEFORE_CLOSING and self.link.kind is LinkKind.TCP

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-_KEPT = 3600  # polls that the percentiles are taken over: an hour at 1 s
+_KEPT = 3600  # polls for the percentiles: an hour at 1 s
 
 
 @dataclass

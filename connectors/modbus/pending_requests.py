@@ -1,9 +1,10 @@
-"""Requests without an answer yet: a late answer must not be taken for that to another request.
+"""Requests without an answer yet, kept because a late answer must not be taken for the answer to
+another request.
 
 Modbus TCP numbers its requests. An RTU frame bears the unit, the function and a length, and no
-number: an answer that comes after its time-out fits the next request of the same unit, function
-and length (Modbus over Serial Line 1.02, section 2.5.1; the frame has no transaction identifier).
-Words are therefore good only where no other answer that looks alike can still come.
+number: an answer that comes after its time-out fits the next request of the same unit, function and
+length (Modbus over Serial Line 1.02, section 2.5.1; the frame has no transaction identifier). Words
+are therefore good only where no other answer that looks alike can still come.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class PendingRequests:
                 return
 
     def forget(self) -> None:
-        """No answer can come any more: the connection that numbered them is gone."""
+        """Forget all requests: their connection is closed, so no answer can arrive."""
         self._sent.clear()
 
     def counts(self, unit_id: int, table: Table) -> frozenset[int]:

@@ -26,7 +26,7 @@ from stemwatch.connectors.modbus.read_fault import FaultKind, ReadFault, no_conn
 from stemwatch.connectors.modbus.sample_batch import SampleBatch, one_instant
 from stemwatch.models.recording import Quality
 
-# A poll that begins later than this after its instant would bear a wrong time.
+# A poll that begins later than this after its instant would carry a wrong time.
 LATEST_S = 0.25
 _MICRO = 1_000_000
 
@@ -73,11 +73,11 @@ class PollSchedule:
         """Wait for the next slot that can be kept, and return at its beginning."""
         slot = self.plan(self.now_us())
         while (left_us := slot.at_us - self.now_us()) > 0 or -left_us > self._latest_us:
-            if left_us > 2 * self.every_us + _MICRO:  # the clock was set back while we slept
+            if left_us > 2 * self.every_us + _MICRO:  # the clock was set back during the wait
                 slot = self.plan(self.now_us())
             elif left_us > 0:
                 await asyncio.sleep(left_us / _MICRO)
-            else:  # the program or its machine stood still: what is read now is of another instant
+            else:  # the program or its machine was suspended: it is too late for this instant
                 slot = self._instead_of(slot)
         return slot
 
@@ -202,7 +202,7 @@ class DevicePoller:
         return batch
 
     async def _poll_without_raising(self, at_us: int) -> SampleBatch:
-        """A poll that raises nothing: an unforeseen error costs only its samples."""
+        """A poll that never raises: an unforeseen error affects only this poll's samples."""
         began_us = self._schedule.now_us()
         try:
             batch = await self.poll(at_us)

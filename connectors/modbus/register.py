@@ -66,7 +66,7 @@ class Register:
     def read(self, words: Sequence[int]) -> Reading:
         """The reading of ``words`` (as many as ``kind`` takes), in engineering units."""
         raw = decode(words, self.kind, self.order)
-        # A NaN is in no set, and the words settle what a float's comparison cannot.
+        # A NaN equals nothing, so words are compared where a comparison of floats cannot decide.
         if raw in self.invalid or (self.invalid_words and tuple(words) in self.invalid_words):
             return Reading(math.nan, Quality.BAD, INVALID)
         if self.kind.is_float:

@@ -12,7 +12,7 @@ from stemwatch.models.recording import Floats, QualityCodes
 
 Instants = NDArray[np.int64]
 
-# A sample with this reason takes the place of the one that is there: neither is certain.
+# A sample with this reason replaces the existing one with its time, since neither is certain.
 CAME_TWICE = "the computer's clock was set back: this time came twice"
 
 

@@ -37,7 +37,7 @@ LAYOUT = "OPC UA, raw history of a node for each tag"
 ZONE = "The server gives instants in UTC."
 _FIRST, _LAST = datetime(1970, 1, 2, tzinfo=UTC), datetime(2262, 1, 1, tzinfo=UTC)
 # OPC UA part 4 and part 11: severity in the two top bits; in the low bits, where they describe a
-# value, that the archive made it up.
+# value, that the archive interpolated or calculated it.
 _SEVERITY, _DESCRIBES_VALUE, _INTERPOLATED, _CALCULATED = 0xC0000000, 0x400, 0x2, 0x1
 
 

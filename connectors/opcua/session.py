@@ -15,7 +15,7 @@ from stemwatch.connectors.secret import Secret, masked
 PAGE = 50_000
 
 MOST_TAGS = 20_000
-_DEPTH = 12  # levels that are browsed: a server may refer in a circle
+_DEPTH = 12  # levels that are browsed, since a server's references may form a cycle
 _HISTORY_READ = 0b100  # the bit of an access level
 _MISSING = (
     "reading OPC UA needs the package asyncua, which is not installed; expected the extra: "

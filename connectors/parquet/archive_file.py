@@ -101,7 +101,7 @@ class ArchiveFile:
         return fragment
 
     def layout(self, options: ReadOptions) -> ColumnLayout:
-        """Which column is what. Raises ``UnreadableSource``."""
+        """The roles of the columns. Raises ``UnreadableSource``."""
         if options not in self._layouts:
             stem = self.path.replace("\\", "/").rsplit("/", 1)[-1].rsplit(".", 1)[0]
             self._layouts[options] = decide_layout(

@@ -188,7 +188,7 @@ class ParquetArchive:
         need_samples(columns[op], window, self.path, contents)
         layouts = {file.layout(self.options).kind for file in files if file.is_open}
         for option in ("time_column", "tag_column", "value_column", "quality_column"):
-            notes.use(option)  # one that is not there was an error
+            notes.use(option)  # a missing tag was reported as an error before
         say_unused(self.options, notes, _WHY_NOT | {"zone": zone.rstrip(".") or "no time is local"})
         return ValveColumns(
             source_name=self.path,

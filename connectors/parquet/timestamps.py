@@ -20,7 +20,7 @@ from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Bools
 
 _UNIT_NS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
-# Local clocks are put on by an hour, and a policy may place a row an hour later than it says.
+# Daylight saving shifts local clocks by an hour, and an option may move a row by another hour.
 _MARGIN_NS = 3 * 3_600_000_000_000
 
 

@@ -82,7 +82,7 @@ def _readable(text: str) -> bool:
 def _bad(
     values: Sequence[Mapping[str, Any]], good: Collection[str]
 ) -> tuple[Bools, Mapping[str, int]]:
-    """(n,) True where a value is not to be used, and how often for which reason."""
+    """(n,) True where a value must not be used, and the count of each reason."""
     reasons: Counter[str] = Counter()
     bad = np.zeros(len(values), dtype=bool)
     for index, value in enumerate(values):

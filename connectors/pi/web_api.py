@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SignIn = Literal["basic", "bearer", "kerberos", "anonymous"]
 
 LEAST_PAGE = 100
-WEB_ID = "webid:"  # before a tag that is a WebId and no name
+WEB_ID = "webid:"  # prefix of a tag that is a WebId and not a name
 _IS_WEB_ID = re.compile(r"[A-Za-z0-9_-]+")
 _MISSING = (
     "reading PI needs the package httpx, which is not installed; expected the extra: "
@@ -151,7 +151,8 @@ class PiWebApi:
         return values_of_point
 
     def _read_on(self, web_id: str, values: list[Any], end: str) -> None:
-        """Add what follows a full page; values at the instant where it ended come again."""
+        """Add the values after a full page; values at the instant where the page ended are sent
+        again."""
         while True:
             last = str(values[-1].get("Timestamp"))
             already_read = sum(value.get("Timestamp") == last for value in values)
@@ -229,7 +230,7 @@ class PiWebApi:
         status = answer.status
         try:
             body = json.loads(answer.body)
-        except (ValueError, RecursionError):  # no JSON, or numbers and lists without end
+        except (ValueError, RecursionError):  # not JSON, or with endless numbers or nesting
             body = None
         errors = _errors(body)
         if status == 404 and missing:
@@ -257,7 +258,7 @@ class PiWebApi:
         return body
 
     def _check(self, body: Mapping[str, Any]) -> None:
-        """Raise ``ConnectorError`` for errors inside an answer that is called a success."""
+        """Raise ``ConnectorError`` for errors inside an answer with status 200."""
         if errors := _errors(body):
             raise ConnectorError(f"{self.server}: the server answered with an error: {errors}")
 

@@ -31,8 +31,8 @@ class Database:
     """A database that is only read.
 
     Each reading has a connection and a transaction of its own, read only where the engine can,
-    which ends in a rollback. PostgreSQL that says nothing for ``timeout_s`` is given up; other
-    engines have the time-outs that their drivers take from the URL.
+    which ends in a rollback. A query to PostgreSQL without an answer for ``timeout_s`` is given up;
+    other engines have the time-outs that their drivers take from the URL.
     """
 
     def __init__(self, url: Secret, name: str, timeout_s: float) -> None:
@@ -133,7 +133,7 @@ def _parts(
 
 @contextmanager
 def _not_silent(connection: Connection) -> Iterator[None]:
-    """Cut the connection where the block takes longer than the time for an answer."""
+    """Close the connection where the block takes longer than the time-out."""
     from sqlalchemy.exc import SQLAlchemyError
 
     timeout_s = connection.info[_TIMEOUT_S]

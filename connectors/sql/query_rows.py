@@ -91,7 +91,7 @@ class Samples:
 
     times: list[Any] = field(default_factory=list)
     values: list[np.ndarray[tuple[int], np.dtype[np.float64]]] = field(default_factory=list)
-    texts: list[str] | None = None  # of every row, once one value was a text
+    texts: list[str] | None = None  # texts of every row, once one value was a text
     index: list[int] = field(default_factory=list)
     words: dict[str, int] = field(default_factory=dict)
     has_quality: bool = False

@@ -184,7 +184,7 @@ class FittedLoop:
         )
         return replace(recorded, op=op, x=zero + self.valve.slope * x, pv=pv)
 
-    def drawn(self, rng: np.random.Generator) -> FittedLoop:
+    def draw_alternative(self, rng: np.random.Generator) -> FittedLoop:
         """Draw a loop whose process and valve explain the recording about as well, with other
         breakaways, which differ from day to day. Unchanged, it must reproduce the recorded
         variance, as the fitted loop must.
@@ -198,7 +198,7 @@ class FittedLoop:
         lag = samples * recorded.interval_s
         loop = replace(self, valve=replace(valve, S=S, J=J, hidden_lag_s=lag), breakaways=levels)
         for _ in range(TRIES):
-            process = self.process.drawn(rng, recorded.x, recorded.pv)
+            process = self.process.draw_alternative(rng, recorded.x, recorded.pv)
             drawn = replace(loop, process=process)
             if REPLAYED[0] <= drawn.replayed <= REPLAYED[1]:
                 return drawn

@@ -82,6 +82,30 @@ def whitened(values: Floats, weights: Floats, out: Floats) -> None:
 
 
 @njit(cache=True)
+def later_costs(answer: Floats, pv: Floats, delays: Floats, out: Floats) -> None:
+    """What a process leaves of ``pv`` where its answer comes later by whole samples, into ``out``
+    (d,): the sum of squares, with the gain that makes it least.
+
+    ``answer`` (n,) is the whitened answer without a delay, which is 0 before its first sample;
+    ``pv`` (m,) the last samples of the whitened PV, less their mean; ``delays`` (d,) in samples.
+    """
+    first, whole = answer.size - pv.size, 0.0
+    for k in range(pv.size):
+        whole += pv[k] * pv[k]
+    for place in range(delays.size):
+        late = int(delays[place])
+        total, squares, with_pv = 0.0, 0.0, 0.0
+        for k in range(max(late - first, 0), pv.size):
+            moved = answer[first + k - late]
+            total += moved
+            squares += moved * moved
+            with_pv += moved * pv[k]
+        # PV has a mean of 0, so that of the answer is of no account in their product.
+        spread = squares - total * total / pv.size
+        out[place] = whole - with_pv * with_pv / max(spread, 1e-30)
+
+
+@njit(cache=True)
 def run_loop(
     set_point: Floats,
     disturbance: Floats,

@@ -9,6 +9,7 @@ loop). Times count in samples.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -51,7 +52,7 @@ class ProcessModel:
     at: Floats
     spread: Floats
 
-    def drawn(self, rng: np.random.Generator, x: Floats, pv: Floats) -> ProcessModel:
+    def draw_alternative(self, rng: np.random.Generator, x: Floats, pv: Floats) -> ProcessModel:
         """Draw another process that explains ``x`` and ``pv`` about as well."""
         mean = np.append(self.at, self.gain)
         spread = WIDER**2 * self.spread
@@ -96,6 +97,10 @@ def _model(
     )
 
 
+def _coordinates(lag: float, second_lag: float, delay: float) -> Floats:
+    return np.array([np.log(lag + NEAR_ZERO), np.log(second_lag + NEAR_ZERO), delay])
+
+
 def _times(at: Floats, integrates: bool) -> tuple[float, float, float]:
     lag = 0.0 if integrates else max(float(np.exp(at[0])) - NEAR_ZERO, 0.0)
     second = max(float(np.exp(at[1])) - NEAR_ZERO, 0.0)
@@ -126,6 +131,27 @@ class _Whitened:
         left = self.residual(at)[0]
         return float(left @ left)
 
+    def best_of_grid(self, lags: Sequence[float]) -> Floats:
+        """The cheapest process of the grid of ``lags``, second lags and delays.
+
+        A delay of whole samples moves the answer and changes nothing else, so that it is computed
+        once for each pair of lags.
+        """
+        pv = self._pv[self._from :]
+        about, delays, costs = pv - pv.mean(), np.array(DELAYS), np.empty(len(DELAYS))
+        best, least = _coordinates(0.0, 0.0, 0.0), np.inf
+        for lag, second in product(lags, SECOND_LAGS):
+            if second > lag and not self._integrates:
+                continue
+            times = _times(_coordinates(lag, second, 0.0), self._integrates)
+            kernel.process_answer(self._x, *times, self._integrates, self._answer)
+            kernel.whitened(self._answer, self._weights, self._filtered)
+            kernel.later_costs(self._filtered, about, delays, costs)
+            place = int(np.argmin(costs))
+            if costs[place] < least:
+                best, least = _coordinates(lag, second, DELAYS[place]), float(costs[place])
+        return best
+
     def slopes(self, at: Floats, left: Floats) -> Floats:
         """(m, 3) the derivative of the residual by each coordinate."""
         columns = []
@@ -140,15 +166,12 @@ def _fitted(x: Floats, pv: Floats, integrates: bool) -> tuple[float, Floats, flo
     """Mean square of the residual, coordinates, gain and their covariance, and ``integrates``."""
     weights = np.ones(1)  # at first the disturbance is assumed to be a random walk
     lags = (0.0,) if integrates else tuple(lag for lag in LAGS if lag < x.size / 4)
-    grid = [
-        np.array([np.log(lag + NEAR_ZERO), np.log(second + NEAR_ZERO), delay])
-        for lag, second, delay in product(lags, SECOND_LAGS, DELAYS)
-        if integrates or second <= lag
-    ]
     problem = _Whitened(x, pv, weights, integrates)
-    at = grid[0]
+    at = problem.best_of_grid(lags)
     for turn in range(ROUNDS):
-        at = _descended(problem, min([*grid, at], key=problem.cost) if turn < GRIDS else at)
+        if 0 < turn < GRIDS:
+            at = min(problem.best_of_grid(lags), at, key=problem.cost)
+        at = _descended(problem, at)
         gain = problem.residual(at)[1]
         weights = _autoregression(_model(x, pv, at, gain, integrates, np.eye(4)).disturbance)
         problem = _Whitened(x, pv, weights, integrates)

@@ -116,11 +116,11 @@ class Prediction:
         was = getattr(self.recorded, name)
         return self._against(name, lambda one: was - one, self.predicted[name].unit)
 
-    def _against(self, name: str, told: Callable[[float], float], unit: str) -> Estimate:
+    def _against(self, name: str, change: Callable[[float], float], unit: str) -> Estimate:
         was, will = getattr(self.recorded, name), self.predicted[name]
         if was is None or will.value is None or will.low is None or will.high is None:
             return Estimate.unknown(will.reason or "nothing was recorded to compare with", unit)
-        value, high, low = (told(one) for one in (will.value, will.low, will.high))
+        value, high, low = (change(figure) for figure in (will.value, will.low, will.high))
         return Estimate(value=value, low=low, high=high, unit=unit)
 
 
@@ -170,7 +170,7 @@ def predict(loop: FittedLoop, change: LoopChange, target_band: float | None = No
     as_it_is = figures(loop.run())
     run = changed(loop)
     rng = np.random.default_rng(SEED)
-    drawn = [figures(changed(loop.drawn(rng))) for _ in range(DRAWS)]
+    drawn = [figures(changed(loop.draw_alternative(rng))) for _ in range(DRAWS)]
     told = figures(run)
     predicted = {
         name: _estimate(

@@ -29,7 +29,7 @@ from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 from stemwatch.models.recording import Floats
 
 MOST_MOVES = 6
-LOOKED_AT = 8  # the best single moves, which are tried as further ones
+BEST_SINGLE_MOVES = 8  # the best single moves, which are tried as further ones
 REPLICATES = 20  # responses drawn from each rival
 MOST_SAMPLES = 2400  # of a programme; more are thinned
 
@@ -73,7 +73,7 @@ def _worst(gains: Floats) -> float:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _TestSite:
     """The operating point and the clock of the test."""
 
     question: OpenQuestion
@@ -128,34 +128,33 @@ def design(
 ) -> DesignedTest | None:
     """The best programme from ``op`` (percent) within ``limits``, of moves of ``kinds``; ``None``
     where no move fits."""
-    bench = _Place(question, models, limits, op)
+    site = _TestSite(question, models, limits, op)
     down, up = limits.room(op)
-    moves = possible_moves(down, up, limits.duration_s, bench.interval_s)
-    single_moves = [
-        _looked_at(bench, Programme().plus(move)) for move in moves if move.kind in kinds
-    ]
+    moves = possible_moves(down, up, limits.duration_s, site.interval_s)
+    single_moves = [_scored(site, Programme().plus(move)) for move in moves if move.kind in kinds]
     fitting = sorted(
         (candidate for candidate in single_moves if candidate is not None),
-        key=lambda candidate: candidate.worst_last,
+        key=lambda candidate: candidate.sort_key,
     )
     if not fitting:
         return None
-    best, first = fitting[0], [candidate.programme.moves[0] for candidate in fitting[:LOOKED_AT]]
+    best, first = (
+        fitting[0],
+        [candidate.programme.moves[0] for candidate in fitting[:BEST_SINGLE_MOVES]],
+    )
     while len(best.programme.moves) < MOST_MOVES:
         longer = [
-            candidate
-            for candidate in _longer(bench, best.programme, first)
-            if candidate is not None
+            candidate for candidate in _longer(site, best.programme, first) if candidate is not None
         ]
-        richer = min(longer, key=lambda candidate: candidate.worst_last, default=None)
-        if richer is None or richer.worst_last >= best.worst_last:
+        richer = min(longer, key=lambda candidate: candidate.sort_key, default=None)
+        if richer is None or richer.sort_key >= best.sort_key:
             break
         best = richer
-    return _concluded(bench, best)
+    return _with_probabilities(site, best)
 
 
 @dataclass(frozen=True)
-class _Looked:
+class _ScoredProgramme:
     """A programme with the gains of its pairs."""
 
     programme: Programme
@@ -168,25 +167,27 @@ class _Looked:
         return _worst(self.gains)
 
     @property
-    def worst_last(self) -> tuple[float, float]:
+    def sort_key(self) -> tuple[float, float]:
         """Sort key of programmes: the worst pair decides, the others count a little, and of equal
         ones the shortest is the best.
         """
-        telling_power = _worst(self.gains) + 0.05 * float(self.gains.mean())
-        return -round(telling_power, 2), self.programme.duration_s
+        separation = _worst(self.gains) + 0.05 * float(self.gains.mean())
+        return -round(separation, 2), self.programme.duration_s
 
 
-def _looked_at(bench: _Place, programme: Programme) -> _Looked | None:
+def _scored(site: _TestSite, programme: Programme) -> _ScoredProgramme | None:
     """The programme with its gains; ``None`` where it upsets PV more than is allowed."""
-    runs = bench.runs(programme)
-    predicted = np.array([runs.predicted(model) for model in bench.models])
-    upset, allowed = bench.upset(predicted), allowed_upset(bench.question, bench.limits)
+    runs = site.runs(programme)
+    predicted = np.array([runs.predicted(model) for model in site.models])
+    upset, allowed = site.upset(predicted), allowed_upset(site.question, site.limits)
     if upset is not None and allowed is not None and upset > allowed:
         return None
-    return _Looked(programme, predicted, bench.gains(runs, predicted), upset)
+    return _ScoredProgramme(programme, predicted, site.gains(runs, predicted), upset)
 
 
-def _longer(bench: _Place, programme: Programme, moves: list[Move]) -> Iterator[_Looked | None]:
+def _longer(
+    site: _TestSite, programme: Programme, moves: list[Move]
+) -> Iterator[_ScoredProgramme | None]:
     """``programme`` and one more of ``moves``, where time is left for it.
 
     Each move is used once: no model is exact, and a move that discriminates by a model error would
@@ -196,21 +197,21 @@ def _longer(bench: _Place, programme: Programme, moves: list[Move]) -> Iterator[
         if move in programme.moves:
             continue
         longer = programme.plus(move)
-        if longer.duration_s <= bench.limits.duration_s + 1e-9:
-            yield _looked_at(bench, longer)
+        if longer.duration_s <= site.limits.duration_s + 1e-9:
+            yield _scored(site, longer)
 
 
-def _concluded(bench: _Place, best: _Looked) -> DesignedTest:
-    runs = bench.runs(best.programme)
+def _with_probabilities(site: _TestSite, best: _ScoredProgramme) -> DesignedTest:
+    runs = site.runs(best.programme)
     rng = np.random.default_rng(1975)
-    wins = np.zeros((len(bench.models),) * 2)
-    for (i, model), _ in product(enumerate(bench.models), range(REPLICATES)):
-        wins[i, int(np.argmin(runs.costs(runs.answered(model, rng))))] += 1.0 / REPLICATES
+    wins = np.zeros((len(site.models),) * 2)
+    for (i, model), _ in product(enumerate(site.models), range(REPLICATES)):
+        wins[i, int(np.argmin(runs.costs(runs.draw_response(model, rng))))] += 1.0 / REPLICATES
     return DesignedTest(
         programme=best.programme,
-        models=bench.models,
-        interval_s=bench.interval_s,
-        change=best.programme.changes(bench.interval_s),
+        models=site.models,
+        interval_s=site.interval_s,
+        change=best.programme.changes(site.interval_s),
         predicted=best.predicted,
         gains=best.gains,
         wins=wins,

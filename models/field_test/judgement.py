@@ -27,11 +27,13 @@ from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.clock_shift import brought_forward, find_op_late
 from stemwatch.models.stickslip.stored_range import in_percent
 
-DRAWN = 39  # responses of each rival: if one is as far as the recorded one, the p value is 2/40
+# Responses of each rival: if one is as far as the recorded one, the p value is 2/40.
+RESPONSES_DRAWN = 39
 RULED_OUT = 0.05
 MOST_SAMPLES = 2400  # of a recording; a longer one is thinned to every second, third, ... sample
 FEWEST_SAMPLES = 30
-SHOWS = 0.5  # of the first recording's length: a test this long can show effects that grow over it
+# Of the first recording's length: a test this long can show effects that grow over it.
+LEAST_LENGTH_FOR_GROWTH = 0.5
 LEAST_USABLE = 0.8
 # Largest cost of the best rival, over the median cost of its own responses: no stem is exactly the
 # element, and 6 to 8 is usual where the lag's true size lies a little beyond its known range.
@@ -101,7 +103,7 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
     if recording.mv is not None and recording.mv.unit != PERCENT:
         read = as_position(recording)
         recording = recording if read is None else read[0]
-    reason = _cannot(recording)
+    reason = _why_not_judged(recording)
     if reason:
         return TestJudgement(outcome=TestOutcome.NOT_TESTABLE, models=models, reason=reason)
     assert recording.mv is not None
@@ -115,10 +117,10 @@ def judge_test(question: OpenQuestion, recording: Recording) -> TestJudgement:
     fits = tuple(runs.fit(model, mv) for model in models)
     best = int(np.argmin([fit.cost for fit in fits]))
     # An effect that grows over a whole record is nearly constant in a test of minutes.
-    short = op.size * interval_s < SHOWS * question.duration * question.unit_s
+    short = op.size * interval_s < LEAST_LENGTH_FOR_GROWTH * question.duration * question.unit_s
     slow = SLOW if short else frozenset()
     rng = np.random.default_rng(1970)
-    own_costs = [_own_cost(runs, models[best], rng) for _ in range(DRAWN)]
+    own_costs = [_own_cost(runs, models[best], rng) for _ in range(RESPONSES_DRAWN)]
     leaves = fits[best].cost / float(np.median(own_costs))
     costs = np.array([fit.cost for fit in fits])
     # A residual that no rival explains supports none of them: the margin is in units of that
@@ -152,7 +154,7 @@ def _outcome(judgement: TestJudgement) -> TestOutcome:
 
 
 def _own_cost(runs: RivalRuns, model: RivalModel, rng: np.random.Generator) -> float:
-    return runs.fit(model, runs.answered(model, rng)).cost
+    return runs.fit(model, runs.draw_response(model, rng)).cost
 
 
 def _as_far(
@@ -162,16 +164,16 @@ def _as_far(
     the recorded response counts as one of them.
     """
     beyond_count = 1
-    for _ in range(DRAWN):
-        answer = runs.answered(runs.models[rival], rng)
+    for _ in range(RESPONSES_DRAWN):
+        answer = runs.draw_response(runs.models[rival], rng)
         cost_difference = (
             runs.fit(runs.models[rival], answer).cost - runs.fit(runs.models[best], answer).cost
         )
         beyond_count += cost_difference >= margin
-    return beyond_count / (DRAWN + 1.0)
+    return beyond_count / (RESPONSES_DRAWN + 1.0)
 
 
-def _cannot(recording: Recording) -> str:
+def _why_not_judged(recording: Recording) -> str:
     """Why the recording cannot be judged, as a sentence without its full stop; empty
     where it can.
     """

@@ -13,7 +13,7 @@ from stemwatch.models.field_test.programme import MoveKind, TestLimits
 from stemwatch.models.mismatch.open_question import OpenQuestion, RivalModel
 
 # Share of the distance from chance to certainty that the probability of a useful test must cover.
-TELLS = 0.5
+LEAST_OVER_CHANCE = 0.5
 LEAST_PAIR = 0.7  # probability below which two rivals are not separated
 MIDDLE = 50.0  # percent; where OP is not known, the sheet gives changes from the present value
 MOST_AMPLITUDE = 20.0  # percent, up to which limits are widened in search of a useful test
@@ -125,16 +125,16 @@ def _planned(
         for i, j in pairs
         if test.pair_probability(i, j) < LEAST_PAIR
     )
-    if is_likely_to_tell(test):
+    if is_worth_its_time(test):
         return replace(plan, kind=PlanKind.TELLS, test=test, undecided=undecided)
     short = replace(plan, kind=PlanKind.CANNOT_TELL, test=test, undecided=undecided)
     return _with_wider(short, models, kinds)
 
 
-def is_likely_to_tell(test: DesignedTest) -> bool:
+def is_worth_its_time(test: DesignedTest) -> bool:
     """Whether the right rival wins so often that the test is worth its time."""
     chance = 1.0 / len(test.models)
-    return test.probability >= chance + TELLS * (1.0 - chance)
+    return test.probability >= chance + LEAST_OVER_CHANCE * (1.0 - chance)
 
 
 def _no_room(plan: FieldTestPlan) -> str:
@@ -166,6 +166,6 @@ def _with_wider(
     for amplitude, duration_s in dict.fromkeys(wider_plans):
         wider = replace(limits, amplitude=amplitude, duration_s=duration_s)
         test = None if wider == limits else design(plan.question, models, wider, plan.op, kinds)
-        if test is not None and is_likely_to_tell(test):
+        if test is not None and is_worth_its_time(test):
             return replace(plan, wider=wider, wider_probability=test.probability)
     return plan

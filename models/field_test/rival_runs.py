@@ -195,7 +195,7 @@ class RivalRuns:
         layout = self.layout(self.free, model)
         return self.free.simulate(layout, 0.5 * (layout.bounds.low + layout.bounds.high))
 
-    def answered(self, model: RivalModel, rng: np.random.Generator) -> Floats:
+    def draw_response(self, model: RivalModel, rng: np.random.Generator) -> Floats:
         """(n,) a response drawn from ``model``: parameters within their uncertainty, scattering
         breakaways, noise.
         """

@@ -39,13 +39,14 @@ class Forces:
     start: Marks
     interval_s: float
     rows: Floats
-    _spare: Floats
+    _spare: Floats  # (2, n): one to write to, and the command by the last delay
+    _delay: list[float] = field(default_factory=list)  # the last one, in samples
     _made: dict[_Key, int] = field(default_factory=dict)
 
     @classmethod
     def none_yet(cls, op: Floats, start: Marks, interval_s: float, rows: int) -> Forces:
         """An empty cache with room for ``rows`` forces."""
-        return cls(op, start, interval_s, np.empty((rows, op.size)), np.empty(op.size))
+        return cls(op, start, interval_s, np.empty((rows, op.size)), np.empty((2, op.size)))
 
     def of(self, shapings: Iterable[tuple[Shaping, Floats]]) -> Samples:
         """(m,) the row of each candidate's force. ``shapings`` holds, for each set of terms, the
@@ -77,12 +78,24 @@ class Forces:
 
     def _make(self, row: int, terms: Sequence[tuple[Term, slice]], values: Floats) -> int:
         """The force of coordinates ``values`` (k,) into ``row``."""
+        late = values[0] / self.interval_s
+        if not terms:
+            delayed(self.op, self.start, late, self.rows[row])
+            return row
+        p = self._late(late)
         # The two take turns, so that the last is written to the row.
-        p, spare = self.rows[row], self._spare
-        if len(terms) % 2:
-            p, spare = spare, p
-        delayed(self.op, self.start, values[0] / self.interval_s, p)
+        target, other = self.rows[row], self._spare[0]
+        if len(terms) % 2 == 0:
+            target, other = other, target
         for term, coordinate_slice in terms:
-            term.shape(p, self.start, self.interval_s, values[coordinate_slice], spare)
-            p, spare = spare, p
+            term.shape(p, self.start, self.interval_s, values[coordinate_slice], target)
+            p, target, other = target, other, target
         return row
+
+    def _late(self, samples: float) -> Floats:
+        """(n,) the command later by a delay, of which candidates in a row mostly have the same."""
+        kept: Floats = self._spare[1]
+        if self._delay != [samples]:
+            delayed(self.op, self.start, samples, kept)
+            self._delay[:] = [samples]
+        return kept

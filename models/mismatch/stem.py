@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from stemwatch.models.recording import Floats
 
@@ -55,7 +56,6 @@ PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 
 _NEUTRAL = np.zeros(N_NUMBERS)
 _NEUTRAL[[GAIN, STOP_LOW, STOP_HIGH, TOP_SPEED]] = 1.0, -np.inf, np.inf, np.inf
-_FLAGS = slice(BY_PLACE, BY_TIME + 1)  # that switch the tables on
 EVENT = 3.0  # weight of a breakaway, in samples
 
 
@@ -95,6 +95,21 @@ class Stem:
         return Stems.neutral(1, samples, interval_s).each[0]
 
 
+@njit(cache=True)
+def _clear(
+    numbers: Floats, friction: Floats, force: Floats, breakaway: Floats, wander: Floats
+) -> None:
+    """Reset the stems of ``numbers`` (m, 18) to neutral, and the tables that their flags name."""
+    for row in range(numbers.shape[0]):
+        if numbers[row, BY_PLACE] != 0.0:
+            friction[row], force[row] = 0.0, 0.0
+        if numbers[row, BY_REST] != 0.0:
+            breakaway[row] = 0.0
+        if numbers[row, BY_TIME] != 0.0:
+            wander[row] = 0.0
+        numbers[row] = _NEUTRAL
+
+
 @dataclass(frozen=True)
 class Stems:
     """Stems that run side by side: each is a view of a row of ``numbers`` (m, 18) and tables."""
@@ -115,15 +130,7 @@ class Stems:
 
     def clear(self, count: int) -> None:
         """Reset the first ``count`` stems to neutral; tables only where they were used."""
-        q, tables = self.numbers[:count], self.tables
-        if not q[:, _FLAGS].any():
-            q[:] = _NEUTRAL
-            return
-        switched = (tables.friction, tables.force), (tables.breakaway,), (tables.wander,)
-        for row, flag in np.argwhere(q[:, _FLAGS]):
-            for table in switched[flag]:
-                table[row] = 0.0
-        q[:] = _NEUTRAL
+        _clear(self.numbers[:count], *self.tables)
 
     def first(self, count: int) -> tuple[Floats, Tables]:
         """Numbers and tables of the first ``count``."""

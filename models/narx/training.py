@@ -30,9 +30,9 @@ AUTO = "auto"
 LEAST_ON_GPU = 8  # valves in a batch; a smaller one leaves a GPU idle
 # The error of random members grows from the training part to the held-out part by about this factor
 # more than that of members started from a fitted element (128 simulated records).
-_DOUBT = 1.3
+_RANDOM_START_FACTOR = 1.3
 # A member whose error is more than so many times the best one's is left out of the mean.
-_NEAR = 1.3
+_MOST_ERROR_RATIO = 1.3
 _Ready = tuple[int, TrainingRecord]
 
 
@@ -100,14 +100,14 @@ def _train_on(
     with one_thread(), torch.inference_mode():
         weights, logs = train_members(valves, settings, device)
     fits = [
-        _judged(valve, members, log, settings)
+        _fit_of_best_members(valve, members, log, settings)
         for valve, members, log in zip(valves, weights, logs, strict=True)
     ]
     seconds = (time.perf_counter() - started) / len(valves)
     return [replace(fit, seconds=seconds, device=device) for fit in fits]
 
 
-def _judged(
+def _fit_of_best_members(
     valve: TrainingRecord, weights: Floats, log: tuple[StageLog, ...], settings: NarxSettings
 ) -> NarxFit:
     """The ensemble of the best members, run over the whole record."""
@@ -161,9 +161,9 @@ def _best(valve: TrainingRecord, weights: Floats, settings: NarxSettings) -> Flo
     plan = plan_run(valve.trained | valve.watched, valve.usable.size)
     errors = member_errors(valve, weights, plan, settings.hidden)
     if valve.example.start is not None:
-        errors[: settings.seeds - settings.fitted] *= _DOUBT
+        errors[: settings.seeds - settings.fitted] *= _RANDOM_START_FACTOR
     best = np.argsort(errors, kind="stable")[: settings.kept]
-    close = best[~(errors[best] > _NEAR * errors[best[0]])]
+    close = best[~(errors[best] > _MOST_ERROR_RATIO * errors[best[0]])]
     return np.asarray(weights[close])
 
 

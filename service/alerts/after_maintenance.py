@@ -1,15 +1,19 @@
-"""After work on a valve: S before the work and now, and whether the two differ."""
+"""After work on a valve: S before the work and now, and whether the two differ; and the question
+whether there was work, where S fell and none is recorded."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime, time, timedelta
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.screenings.records import Remark, StoredScreening
 from stemwatch.service.store.store import Store
 
 WRITER = "stemwatch"
+_SAME_FALL = timedelta(days=5)  # by which its day may be moved by what is seen later
 _LOOK_BACK = 50  # screenings in which the last one before the work is looked for
 
 
@@ -28,6 +32,14 @@ def note_result_of_work(store: Store, valve: str) -> str | None:
     if sentence is not None:
         store.add_note(valve, last.at, sentence, WRITER)
     return sentence
+
+
+def note_fall(store: Store, valve: str, fall: UnexplainedFall) -> None:
+    """Keep a note on ``valve`` that asks for the work that is not recorded, once for a fall."""
+    at = datetime.combine(fall.on, time(), UTC)
+    own = [note for note in store.notes(valve) if note.who == WRITER]
+    if not any(abs(note.at - at) <= _SAME_FALL for note in own):
+        store.add_note(valve, at, fall.sentence, WRITER)
 
 
 def compare(screenings: Sequence[StoredScreening], work: Remark) -> str | None:

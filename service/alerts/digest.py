@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 from urllib.parse import urlencode
+from zoneinfo import ZoneInfo
 
 from stemwatch.service.config import Plant
+from stemwatch.service.presenter.alert_history import kind_words, opened_again
+from stemwatch.service.presenter.wording import instant, window
 from stemwatch.service.store.alerts.alerts import AlertSeverity, StoredAlert
 from stemwatch.service.store.store import Store
 
@@ -26,33 +30,42 @@ def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> 
         severe_enough = [alert for alert in alerts if _ORDER.index(alert.severity) <= least]
         if severe_enough:
             messages[notifier.name] = message_of(
-                severe_enough, plant.name, run_id, plant.service.address
+                severe_enough,
+                plant.name,
+                run_id,
+                address=plant.service.address,
+                zone=plant.zone or "UTC",
             )
     numbers = sorted(alert.id for alert in alerts)
     key = f"alerts-{numbers[0]}-{numbers[-1]}-{len(numbers)}"
-    # An alert that became more urgent is sent again, in another message.
-    if again := sum(len(alert.evidence.get("formerly", ())) for alert in alerts):
+    # An alert that became more urgent, or came back, is sent again, in another message.
+    told_of = ("formerly", "reopened")
+    if again := sum(len(alert.evidence.get(of, ())) for alert in alerts for of in told_of):
         key += f"-{again}"
     return store.deliveries.put(messages, key, numbers)
 
 
 def message_of(
-    alerts: Sequence[StoredAlert], plant: str, run_id: int | None, address: str = ""
+    alerts: Sequence[StoredAlert],
+    plant: str,
+    run_id: int | None,
+    *,
+    address: str = "",
+    zone: str = "UTC",
 ) -> dict[str, Any]:
     """The message about ``alerts``: ``subject``, ``text``, and each alert as JSON.
 
-    ``address`` is where people reach the pages; without it the message holds no links.
+    ``address`` is where people reach the pages; without it the message holds no links. Times are
+    those of ``zone``, which is named.
     """
     plant_prefix = f"{plant}: " if plant else ""
-    first = alerts[0].text.split(". ")[0]
-    count_text = f"{len(alerts)} new alerts, the first: " if len(alerts) > 1 else ""
-    lines = [_line(alert, address) for alert in alerts[:SHOWN]]
+    lines = [_line(alert, address, zone) for alert in alerts[:SHOWN]]
     if len(alerts) > SHOWN:
         lines.append(f"... and {len(alerts) - SHOWN} more, on the page of alerts.")
     if address:
         lines.append(f"Acknowledge, snooze or mark as false: {address.rstrip('/')}/alerts")
     return {
-        "subject": _cut(f"{plant_prefix}{count_text}{first}"),
+        "subject": _cut(f"{plant_prefix}{_in_short(alerts)}"),
         "text": "\n\n".join(lines) + "\n",
         "plant": plant,
         "run": run_id,
@@ -66,6 +79,9 @@ def message_of(
                 "text": alert.text,
                 "link": _link(alert, address),
                 "opened": alert.opened.isoformat(),
+                "opened_again": None
+                if alert.opened_again is None
+                else alert.opened_again.isoformat(),
                 "evidence": dict(alert.evidence),
             }
             for alert in alerts
@@ -73,10 +89,36 @@ def message_of(
     }
 
 
-def _line(alert: StoredAlert, address: str) -> str:
-    """The text of an alert, with the link to its page where there is one."""
+def _in_short(alerts: Sequence[StoredAlert]) -> str:
+    """What a message is about: what one alert says first; of several the valves, the most urgent
+    first, and how many are old ones."""
+    again = sum(alert.opened_again is not None for alert in alerts)
+    if len(alerts) == 1:
+        first = alerts[0].text.split(". ")[0]
+        return f"opened again: {first}" if again else first
+    about = [alert.valve or alert.source or kind_words(alert.kind.value) for alert in alerts]
+    names = ", ".join(dict.fromkeys(about))
+    new = len(alerts) - again
+    parts = [f"{count} {what}" for count, what in ((new, "new"), (again, "opened again")) if count]
+    return f"{' and '.join(parts)} alerts: {names}"
+
+
+def _line(alert: StoredAlert, address: str, zone: str) -> str:
+    """The text of an alert, who acknowledged it, and the link to its page where there is one."""
+    start, end = (
+        None if moment is None else datetime.fromisoformat(moment)
+        for moment in alert.evidence.get("window") or (None, None)
+    )
+    found = f"Found in the window {window(start, end, ZoneInfo(zone), zone)}." if end else ""
+    parts = [alert.text, found, opened_again(alert.evidence, ZoneInfo(zone), zone)]
+    if alert.acknowledged is not None:
+        comment = f": {alert.comment}" if alert.comment else ""
+        by = alert.acknowledged_by or "somebody"
+        when = instant(alert.acknowledged, ZoneInfo(zone))
+        parts.append(f"Acknowledged {when} ({zone}) by {by}{comment}.")
     link = _link(alert, address)
-    return f"[{alert.severity.value}] {alert.text}" + (f"\n{link}" if link else "")
+    text = "\n".join(part for part in parts if part)
+    return f"[{alert.severity.value}] {text}" + (f"\n{link}" if link else "")
 
 
 def _link(alert: StoredAlert, address: str) -> str:

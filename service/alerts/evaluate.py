@@ -9,10 +9,20 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from zoneinfo import ZoneInfo
 
-from stemwatch.service.alerts.after_maintenance import WRITER, note_result_of_work
-from stemwatch.service.alerts.rules import RATIO, ValveRecord, apply_rules, faded, one_per_cause
+from stemwatch.models.evidence_over_windows import FRICTION_GONE
+from stemwatch.service.alerts.after_maintenance import WRITER, note_fall, note_result_of_work
+from stemwatch.service.alerts.rules import (
+    RATIO,
+    ValveRecord,
+    apply_rules,
+    come_again,
+    faded,
+    one_per_cause,
+)
+from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
+from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.alerts.alerts import JOINED, AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
@@ -44,11 +54,11 @@ def gathered(
     """What is known of each of ``valves``, in their order; ``by_window`` is that of ``over_weeks``.
     Raises ``StoreError``."""
     zone = ZoneInfo(plant.zone or "UTC")
-    depth = max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3
+    depth = max(max(plant.alerts.of_runs, plant.alerts.clear_after_runs) * 3, WINDOWS_BACK)
     for first in range(0, len(valves), AT_ONCE):
         part = valves[first : first + AT_ONCE]
         histories = store.recent(part, depth, RATIO)
-        weeks = store.trends(part, plant.limits)
+        weeks, falls = store.trends_and_falls(part, plant.limits)
         for valve in part:
             recent = histories[valve]
             of_weeks, stands = by_window.get(valve, (None, False))
@@ -62,8 +72,18 @@ def gathered(
                 by_window=of_weeks,
                 stands=stands,
                 weeks=weeks.get(valve),
+                fall=_repair_seen(falls.get(valve), plant),
+                sticky_limit=plant.limits.sticky_S_percent,
                 zone=zone,
             )
+
+
+def _repair_seen(fall: UnexplainedFall | None, plant: Plant) -> UnexplainedFall | None:
+    """A fall that looks like a repair that nobody recorded: of a valve that was on watch at least,
+    to half its S or less."""
+    if fall is None or fall.before < plant.limits.watch_S_percent:
+        return None
+    return fall if fall.after <= FRICTION_GONE * fall.before else None
 
 
 def awaiting_aftermath(store: Store, valves: Sequence[str]) -> list[str]:
@@ -103,17 +123,20 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     valves_done = store.queue.valves_done(run_id)
     open_before = store.alerts.open_causes()
     raised: list[RaisedAlert] = []
-    ended: list[str] = []
+    ended: dict[str, str] = {}
     joined_now: list[str] = []
     for seen in gathered(store, plant, valves_done, over_weeks(store, run_id, valves_done)):
         raised_now, closed = apply_rules(seen, plant.alerts)
         of_valve, spoken_for = one_per_cause(
             raised_now, open_before - set(closed), faded(seen, plant.alerts)
         )
-        raised += of_valve
+        raised += [come_again(seen, alert) for alert in of_valve]
         renamed = {former for alert in of_valve for former in alert.formerly}
         joined_now += [one for one in spoken_for if one in open_before - renamed]
-        ended += [one for one in closed if one in open_before]
+        why = CLEARED if seen.fall is None else f"{CLEARED}: {seen.fall.sentence}"
+        ended |= {one: why for one in closed if one in open_before}
+        if seen.fall is not None:
+            note_fall(store, seen.valve.id, seen.fall)
     for valve in awaiting_aftermath(store, valves_done):
         note_result_of_work(store, valve)
     groups = _groups(raised, plant)
@@ -122,11 +145,14 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     causes_before = {
         cause for cause in open_before if cause.startswith(AlertKind.COMMON.value + ":")
     }
-    ended += sorted(_ended_causes(causes_before - causes_now, set(valves_done), plant))
+    common_ended = _ended_causes(causes_before - causes_now, set(valves_done), plant)
+    ended |= dict.fromkeys(sorted(common_ended), CLEARED)
     in_common = {alert.cause for group in groups.values() for alert in group}
     joined_now += [one for alert in raised if alert.cause in in_common for one in alert.formerly]
-    for first in range(0, len(ended), _AT_ONCE):
-        store.alerts.clear(ended[first : first + _AT_ONCE], CLEARED)
+    for why in dict.fromkeys(ended.values()):
+        over = [one for one, reason in ended.items() if reason == why]
+        for first in range(0, len(over), _AT_ONCE):
+            store.alerts.clear(over[first : first + _AT_ONCE], why)
     for first in range(0, len(joined_now), _AT_ONCE):
         store.alerts.clear(joined_now[first : first + _AT_ONCE], JOINED)
     # An alert that is now part of a common cause is reported once, by the common alert.

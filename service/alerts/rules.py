@@ -2,7 +2,7 @@
 
 Screenings come newest first; those without a verdict neither raise nor close anything, because they
 say nothing. A finding is raised when it was there in N of the last M, closed when it was not there
-in K in a row, and otherwise left as it is.
+in K in a row, or in more where it was there now and then only, and otherwise left as it is.
 """
 
 from __future__ import annotations
@@ -13,13 +13,15 @@ from datetime import UTC, datetime, tzinfo
 from enum import Enum
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.evidence_over_windows import OF_FRICTION
+from stemwatch.models.evidence_over_windows import OF_FRICTION, LastingFinding
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.alerts.when_over import begins, is_over, may_still_stick, same_since
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import baseline_left, stiction_grown
 from stemwatch.service.presenter.plant_path import levels_of
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
@@ -42,7 +44,8 @@ class ValveRecord:
     ``ratios`` the baseline ratio of each screening of ``screenings`` that has one, by its id;
     ``worked_at`` when the valve was worked on; ``by_window`` what its windows of the last weeks say
     together of effects beside friction, and ``stands`` whether that is more than chance among all
-    valves of the run. ``weeks`` is how its S goes over weeks. Days are said in ``zone``.
+    valves of the run. ``weeks`` is how its S goes over weeks, ``fall`` that it fell without
+    recorded work, ``sticky_limit`` from which S it sticks, percent. Days are said in ``zone``.
     """
 
     valve: StoredValve
@@ -54,7 +57,28 @@ class ValveRecord:
     by_window: EvidenceOfWeeks | None = None
     stands: bool = False
     weeks: TrendOverWeeks | None = None
+    fall: UnexplainedFall | None = None
+    sticky_limit: float | None = None
     zone: tzinfo = UTC
+
+    @property
+    def began(self) -> datetime | None:
+        """When the stem that is there now began; ``None`` where it is the one there ever was."""
+        return begins(self.worked_at, self.fall)
+
+    @property
+    def confirmed(self) -> tuple[LastingFinding, ...]:
+        """The effects that the windows of weeks confirm; without one of friction itself that none
+        names since S fell, because that friction is gone."""
+        if self.by_window is None:
+            return ()
+        return tuple(
+            finding
+            for finding in self.by_window.confirmed
+            if self.fall is None
+            or finding.slug not in OF_FRICTION
+            or finding.last_seen.date() >= self.fall.on
+        )
 
 
 def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDecision:
@@ -88,14 +112,16 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
             None if _worked_on(record, screening) else present(screening) for screening in judged
         ]
         verdict = alert_decision(answers, rules)
+        if verdict is AlertDecision.CLEAR and not _is_over(record, kind, judged, answers, rules):
+            verdict = AlertDecision.LEAVE
         if kind is AlertKind.MISMATCH:
             verdict = _of_physics(record, answers, verdict)
         if kind is AlertKind.FORESEEN:
             verdict = _of_weeks(record, judged, answers, rules)
         if verdict is AlertDecision.RAISE:
             alert = _raised(record.valve, kind, text(judged[0]), judged[0])
-            if kind is AlertKind.MISMATCH and record.by_window is not None:
-                effects = [finding.slug for finding in record.by_window.confirmed]
+            if kind is AlertKind.MISMATCH:
+                effects = [finding.slug for finding in record.confirmed]
                 alert = replace(alert, evidence={**alert.evidence, "effects": effects})
                 if _is_friction(record):
                     alert = replace(alert, cause=cause(AlertKind.STICKY, record.valve.id))
@@ -111,11 +137,27 @@ def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAler
     return raised, closed
 
 
+def _is_over(
+    record: ValveRecord,
+    kind: AlertKind,
+    judged: Sequence[JudgedScreening],
+    answers: Sequence[bool | None],
+    rules: AlertRules,
+) -> bool:
+    """Whether the windows without the finding are enough to close its alert."""
+    if kind is AlertKind.STICKY:
+        answers = [
+            None if may_still_stick(one, record.sticky_limit) else answer
+            for one, answer in zip(judged, answers, strict=True)
+        ]
+    return is_over(judged, answers, record.began, rules.clear_after_runs)
+
+
 def _is_friction(record: ValveRecord) -> bool:
     """Whether what is confirmed beside S and J is how friction itself shows: it has the cause of a
     sticking stem, and its alert becomes that of one."""
-    confirmed = () if record.by_window is None else record.by_window.confirmed
-    return bool(confirmed) and {finding.slug for finding in confirmed} <= OF_FRICTION
+    slugs = {finding.slug for finding in record.confirmed}
+    return bool(slugs) and slugs <= OF_FRICTION
 
 
 def _of_weeks(
@@ -144,7 +186,7 @@ def _of_physics(
     all valves of the run; what was only seen once closes nothing either."""
     if not answers or answers[0] is None:
         return AlertDecision.LEAVE
-    if record.by_window is not None and record.by_window.confirmed:
+    if record.confirmed:
         return AlertDecision.RAISE if record.stands else AlertDecision.LEAVE
     first_seen = record.by_window is not None and record.by_window.first_seen
     return (
@@ -182,6 +224,28 @@ RENAMED = {
 }
 
 
+# Kinds of which one that comes back soon may be the trouble that another told.
+SAME_TROUBLE = {
+    kind: frozenset(
+        other
+        for other in LEADS
+        if other is kind
+        or kind in (*FOLLOWS.get(other, ()), *RENAMED.get(other, ()))
+        or other in (*FOLLOWS.get(kind, ()), *RENAMED.get(kind, ()))
+    )
+    for kind in LEADS
+}
+
+
+def come_again(record: ValveRecord, alert: RaisedAlert) -> RaisedAlert:
+    """The alert, with the causes under which the same trouble may have closed, and since when it
+    must have been there for that."""
+    newest = next(one for one in record.screenings if one.id == alert.evidence["screening"])
+    since = same_since(newest, record.began)
+    causes = tuple(cause(kind, record.valve.id) for kind in sorted(SAME_TROUBLE[alert.kind]))
+    return alert if since is None else replace(alert, again=causes, again_since=since)
+
+
 def faded(record: ValveRecord, rules: AlertRules) -> frozenset[AlertKind]:
     """The kinds of finding that the last windows do not tell any more (or never did): another name
     that they tell is a new one for the same trouble. After work on the valve it is another trouble,
@@ -207,7 +271,7 @@ def _named_lately(record: ValveRecord, of_runs: int) -> int:
     """How many of the last windows name an effect that is confirmed."""
     if record.by_window is None:
         return 0
-    slugs = [finding.slug for finding in record.by_window.confirmed]
+    slugs = [finding.slug for finding in record.confirmed]
     windows = record.by_window.windows[-of_runs:]
     return sum(any(window.names(slug) for slug in slugs) for window in windows)
 

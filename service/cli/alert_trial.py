@@ -107,6 +107,7 @@ def _as_json(played: Played) -> dict[str, Any]:
                 "valves": list(alert.valves),
                 "raised": alert.raised,
                 "closed": alert.closed,
+                "opened_again": list(alert.opened_again),
                 "has_cause": alert.has_cause,
                 "text": alert.text,
             }

@@ -46,7 +46,7 @@ def _compile(executor: Executor, stop: threading.Event) -> None:
     try:
         with closing(executor.hand_out(compile_kernels, batches, stop)) as answers:
             failures = [answer.failure for answer in answers if answer.failure is not None]
-    except OSError as error:  # no worker could be started, which the run itself will report
+    except OSError as error:  # no worker could be started: the run itself will report it
         log.warning("kernels could not be compiled ahead: %s", error)
         return
     for failure in failures:

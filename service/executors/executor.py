@@ -62,7 +62,7 @@ class Outcome(Generic[Item, Result]):
 
 
 class Executor(Protocol):
-    """Does ``work`` on batches of items: in this process, in others, or on other machines.
+    """Runs ``work`` on batches of items: in this process, in other processes, or on other machines.
 
     An implementation must answer each batch once, in any order, as soon as it is done; answer with
     a ``Failure`` where the work raised or its worker ended, and go on with the others; take batches

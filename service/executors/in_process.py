@@ -11,7 +11,7 @@ from stemwatch.service.executors.executor import Answer, Batches, Item, Result, 
 
 @dataclass(frozen=True)
 class InProcess:
-    """Does one batch after the other in this process, without protection against hangs and
+    """Runs one batch after the other in this process, without protection against hangs and
     crashes."""
 
     workers: int = 1

@@ -1,7 +1,8 @@
-"""``explain_one``: read a recording, fit it, train its ceiling, and ask what S and J leave out.
+"""``explain_one``: read and fit a recording, train a network on it, and find what S and J leave
+out.
 
-Nothing raises for what a recording holds: one that cannot be read or fitted is a mismatch that
-was not testable, with the reason.
+The content of a recording never raises an error: one that cannot be read or fitted gives a mismatch
+that was not testable, with the reason.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 class Explained:
     """One valve's recording and what was found; ``recording`` is ``None`` where none was read.
 
-    ``by_window`` is there where a long recording was explained as several windows.
+    ``by_window`` is set where a long recording was explained as several windows.
     """
 
     source: str  # the path as it was given
@@ -45,7 +46,7 @@ class Job:
     """One recording to be explained, as it is sent to a worker."""
 
     to_explain: RecordingToExplain
-    narx: bool = True  # train the network that says how much is systematic at all
+    narx: bool = True  # train the network that shows how much of the residual is systematic
     limits: Limits = field(default_factory=Limits)
 
 
@@ -88,7 +89,7 @@ def explain_recording(
 
     by_window, limits = None, limits or Limits()
     try:
-        # As a screening reads it; what is drawn beside the runs is so, too.
+        # Prepared as in a screening, so that the pictures fit the runs of the models.
         as_stored = recording
         recording = at_loop_pace(in_percent(as_stored), round(limits.fitted_samples))
         mismatch, by_window = _explained(as_stored, recording, narx, limits, known_curve)
@@ -116,8 +117,8 @@ def _explained(
     limits: Limits,
     known_curve: KnownCurve | None,
 ) -> tuple[Mismatch, EvidenceOfWeeks | None]:
-    """The mismatch of a recording, which is read at the pace of its loop, and what its windows say
-    together where it is a long one. S and J are those of the verdict in any case."""
+    """The mismatch of a recording, resampled to the pace of its loop, and for a long recording what
+    its windows say together. S and J are always those of the verdict."""
     from stemwatch.models.explained_windows import explain_windows
 
     samples = round(limits.fitted_samples)
@@ -161,12 +162,12 @@ def _explained(
 def _mismatch(
     recording: Recording, narx: bool, limits: Limits, known_curve: KnownCurve | None
 ) -> Mismatch:
-    """What its screening says of a recording, with the same S and J; where that cannot judge it,
-    why, and what can be looked for all the same."""
+    """The mismatch from the recording's screening, with the same S and J. Where the screening
+    cannot judge the recording: the reason, and what can be tested nevertheless."""
     from stemwatch.models.mismatch.explain import explain
 
     if narx:
-        import_module("stemwatch.models.narx.training")  # torch's two seconds are not the valve's
+        import_module("stemwatch.models.narx.training")  # so that timing excludes the import
     started = time.perf_counter()
     screening = _screened(recording, narx, limits, known_curve)
     mismatch = screening.mismatch
@@ -188,10 +189,12 @@ def _screened(
 
 
 def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:
-    """What was looked for in a recording that cannot be judged. An archive that compresses and a
-    flow that stands for the position hide no more than is said; a position that is frozen or mostly
-    missing, or told how fast to move, tells nothing, and that nothing else is needed can be said of
-    none."""
+    """The mismatch of a recording that cannot be judged.
+
+    A compressing archive, and a flow in place of the position, hide no more than is stated. A
+    position that is frozen, mostly missing, or really a commanded speed allows no finding. The
+    finding that nothing was left out is allowed only behind a compressing archive.
+    """
     untold = obstacle_kind(screening.reason) in (FROZEN, BAD) or SUMS_OP in screening.reason
     compressed = any(one.slug == "historian_compression" for one in mismatch.record_effects)
     told = f"{screening.reason} {screening.advice}"

@@ -1,4 +1,5 @@
-"""From what a user typed to tasks, one source at a time: one that names nothing costs no other."""
+"""From sources on the command line to tasks; a source that names nothing does not stop the
+others."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from stemwatch.service.run.task import Task
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingToExplain:
-    """One valve to explain, or a source that gives none. ``source`` is the path as it was given."""
+    """One valve to explain, or a source without one. ``source`` is the path as the user gave it."""
 
     source: str
     valve: str
@@ -24,14 +25,15 @@ class RecordingToExplain:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingsToExplain:
-    """What was asked for, in its order, and what a folder holds that is no recording: why not."""
+    """The requested recordings in order, and for other files of a folder why they are no
+    recordings."""
 
     valves: tuple[RecordingToExplain, ...]
     left_out: tuple[tuple[str, str], ...] = ()
 
 
 def recordings_to_explain(request: Request) -> RecordingsToExplain:
-    """Everything that ``request`` names; a file that is named twice stands once."""
+    """Everything that ``request`` names; a file that is named twice is listed once."""
     todo: dict[tuple[Path, str, str], RecordingToExplain] = {}
     left_out: dict[str, str] = {}
     for source, planned in _planned(request):
@@ -59,6 +61,6 @@ def _planned(request: Request) -> Iterator[tuple[str, Plan | str]]:
 
 
 def _named(task: Task, source: str) -> RecordingToExplain:
-    """``./a.csv`` stays ``./a.csv``: whoever asked for it looks for that."""
+    """The task under the path as it was typed: ``./a.csv`` stays ``./a.csv``."""
     path = source if source and Path(source) == Path(task.path) else task.path
     return RecordingToExplain(source=path, valve=task.tags.valve, task=task, reason=task.reason)

@@ -1,1 +1,1 @@
-"""The test that would tell, for people: the plan of a valve, its sheet as text, HTML, PDF, JSON."""
+"""The planned field test of a valve, and its sheet for the operator as text, HTML, PDF and JSON."""

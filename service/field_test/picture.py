@@ -1,5 +1,5 @@
-"""The pictures of a test: planned, with OP as it is set and MV as each rival would show it; and
-played, with what was recorded."""
+"""The pictures of a test: as planned, with OP and the MV that each rival predicts; and as carried
+out, with the recorded MV."""
 
 from __future__ import annotations
 

@@ -18,14 +18,15 @@ from stemwatch.service.presenter.work_decision import NO_POSITION, kinds_of
 from stemwatch.service.store.screenings.restored import screening_of
 from stemwatch.service.store.store import Store
 
-KEPT = 64  # plans of a page that is asked for again
-LOOKED_BACK = 50  # screenings, for the one that a test was planned from
+KEPT = 64  # plans kept for pages that are requested again
+LOOKED_BACK = 50  # screenings searched for the one from which the test was planned
 
 
 def plan_of(
     mismatch: Mismatch | None, limits: TestLimits, *, judged: bool = True, op: float | None = None
 ) -> FieldTestPlan:
-    """The plan for what was found, of a valve that was ``judged`` or got no verdict."""
+    """The plan for the rivals that ``mismatch`` left open; ``judged`` is false without a
+    verdict."""
     question = None if mismatch is None else mismatch.open_question
     is_judged = mismatch is not None and mismatch.finding is not Finding.NOT_TESTABLE
     plan = plan_test(question, limits, judged=judged or is_judged, op=op)
@@ -52,11 +53,11 @@ def plan_of_screening(
 def question_before(
     store: Store, valve: str, begin: datetime | None
 ) -> tuple[OpenQuestion, datetime] | None:
-    """What the last screening of ``valve`` whose window ended before ``begin`` left open, and the
-    end of that window; the last of all where the beginning is not known or none ended before.
-    ``None`` where the valve has no screening.
+    """The question left open by the last screening of ``valve`` that ended before ``begin``, and
+    the end of its window; of the very last screening where ``begin`` is not known or none ended
+    before. ``None`` where the valve has no screening.
 
-    One that holds the test itself may have settled what the test was planned for.
+    A screening whose window contains the test may already have answered the question.
     """
     screenings = store.screenings(valve, LOOKED_BACK)
     if not screenings:
@@ -69,8 +70,8 @@ def question_before(
 
 
 class PlanCache:
-    """Plans from a store. Each takes seconds, so those that were asked for last are kept; a new
-    screening of a valve is planned anew."""
+    """Plans for valves in a store. A plan takes seconds, so those used last are kept; a new
+    screening of a valve gets a new plan."""
 
     def __init__(self, largest: int = KEPT) -> None:
         self._most = largest

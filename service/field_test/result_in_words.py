@@ -1,5 +1,5 @@
-"""``TestResult``: what a recorded test says of the rivals, in every word and number that terminal,
-page and JSON show."""
+"""``TestResult``: which rival models a recorded test supports, in the words and numbers that
+terminal, page and JSON show."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stemwatch.models.field_test.judgement import DRAWN, TestJudgement, TestOutcome
+from stemwatch.models.field_test.judgement import RESPONSES_DRAWN, TestJudgement, TestOutcome
 from stemwatch.service.field_test.sheet import outcome_of, rival_name
 from stemwatch.service.presenter.physics_words import joined
 from stemwatch.service.presenter.wording import finite
@@ -23,8 +23,8 @@ WITH_THE_HOUR = (
 
 @dataclass(frozen=True, kw_only=True)
 class RivalSeen:
-    """One rival beside the recorded test: ``rms`` percent between MV and it, ``as_far`` in words,
-    and what is said of it."""
+    """One rival model compared with the recorded test: ``rms`` of MV less the model in percent,
+    ``as_far`` in words, and its sentence."""
 
     slug: str
     name: str
@@ -35,7 +35,8 @@ class RivalSeen:
 
 @dataclass(frozen=True, kw_only=True)
 class TestResult:
-    """What was found of ``valve``. Texts are whole sentences. ``rivals`` the nearest first."""
+    """The result for ``valve``. Texts are whole sentences; ``rivals`` are sorted, the nearest
+    first."""
 
     __test__ = False  # is no test of pytest's
 
@@ -152,10 +153,11 @@ def _rivals(judgement: TestJudgement) -> tuple[RivalSeen, ...]:
 
 
 def _as_far(judgement: TestJudgement, index: int) -> str:
-    """How many of the rival's own answers would speak for the best as much."""
+    """How often the rival's own response would support the best rival just as strongly, in
+    words."""
     if index == judgement.best:
         return ""
-    return f"{round(judgement.as_far[index] * (DRAWN + 1))} in {DRAWN + 1}"
+    return f"{round(judgement.as_far[index] * (RESPONSES_DRAWN + 1))} in {RESPONSES_DRAWN + 1}"
 
 
 def _sentence_of_model(judgement: TestJudgement, index: int) -> str:

@@ -18,8 +18,8 @@ from stemwatch.service.presenter.wording import finite
 
 VERSION = 1
 LAST_WORD = "stemwatch never writes to a plant: a person sets OP."
-READINGS = 4  # instants at which the rivals' readings are given
-READING_HOLDS_S = 4.0  # either way, for which the readings stay apart
+READINGS = 4  # instants for which the sheet gives the predicted readings
+READING_HOLDS_S = 4.0  # before and after, in which the predicted readings must differ too
 LEAST_APART_S = 20.0  # between two of them
 NAMES = {
     FREE: "a stem that moves freely",
@@ -34,7 +34,7 @@ MEANINGS = {
 
 @dataclass(frozen=True, kw_only=True)
 class OpMove:
-    """Values on the way from one corner to the next, or a rest.
+    """Successive values of OP in one direction, or a rest.
 
     From ``at_s`` on OP goes to ``to`` percent in ``values`` of ``step`` percent, each held
     ``hold_s``.
@@ -69,7 +69,8 @@ class OpMove:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingInstant:
-    """An instant at which the rivals differ: when, OP, and what MV each of them would show."""
+    """An instant at which the rivals predict different MV: time from the start, OP, and the MV of
+    each rival, percent."""
 
     at_s: float
     op: float
@@ -92,7 +93,8 @@ class RivalOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class TestSheet:
-    """What the operator gets. Texts are whole sentences; ``test`` is ``None`` without a test."""
+    """The operator's sheet. Texts are whole sentences; ``test`` is ``None`` where no test is
+    possible."""
 
     __test__ = False  # is no test of pytest's
 
@@ -116,12 +118,12 @@ class TestSheet:
 
     @property
     def rivals(self) -> tuple[str, ...]:
-        """The explanations that the test is to tell apart, in words."""
+        """The explanations between which the test decides, in words."""
         return tuple(rival_name(slug) for slug in self.plan.rivals)
 
 
 def rival_name(slug: str) -> str:
-    """A rival as people say it."""
+    """The name of a rival model in words."""
     return NAMES.get(slug) or rival_names([slug])[0]
 
 
@@ -207,8 +209,8 @@ def _headline(plan: FieldTestPlan, test: DesignedTest, names: tuple[str, ...]) -
 
 
 def sureness(test: DesignedTest) -> str:
-    """The probability in words; where every answer that was drawn went to the right one, what the
-    number of draws allows to say (rule of three, 95 %)."""
+    """The probability of a right decision in words; where every simulated test was decided rightly,
+    the bound that their number allows (rule of three, 95 %)."""
     runs_drawn = REPLICATES * len(test.models)
     if test.probability > 1.0 - 0.5 / runs_drawn:
         return f"more than {100.0 * (1.0 - 3.0 / runs_drawn):.0f} %"
@@ -263,7 +265,7 @@ def _wider(plan: FieldTestPlan) -> Iterator[str]:
 
 
 def _over_weeks(plan: FieldTestPlan) -> Iterator[str]:
-    """What would tell a rival that shows in no test of minutes."""
+    """How to detect a rival that is too slow for a test of minutes."""
     if plan.too_slow:
         yield (
             f"What would tell {joined(tuple(map(rival_name, plan.too_slow)))}: windows of weeks. "
@@ -321,7 +323,7 @@ def outcome_of(slug: str) -> RivalOutcome:
 
 
 def op_moves_of(programme: Programme, op: float) -> tuple[OpMove, ...]:
-    """The values of a programme, those on one way together."""
+    """The values of a test programme, successive ones in one direction together."""
     legs: list[OpMove] = []
     for begin, move in zip(programme.begins_s, programme.moves, strict=True):
         last, k = 0.0, 0
@@ -352,7 +354,7 @@ def _rounded(step: float) -> float:
 
 
 def _same_way(step: float, first: float) -> bool:
-    """Whether a step goes on as the first one did; steps of a stair differ by OP's resolution."""
+    """Whether a step continues the first one; steps of a staircase differ by OP's resolution."""
     if first == 0.0 or step == 0.0:
         return step == first
     return (step > 0.0) == (first > 0.0) and abs(step - first) <= 0.11
@@ -361,10 +363,11 @@ def _same_way(step: float, first: float) -> bool:
 def readings_of(plan: FieldTestPlan, test: DesignedTest) -> tuple[ReadingInstant, ...]:
     """The instants at which the rivals' readings lie farthest apart, in order of time."""
     predicted = test.predicted
-    # The two that are nearest to each other decide whether a look tells.
+    # A reading decides only if the two predictions nearest to each other differ.
     separation = np.min(np.diff(np.sort(predicted, axis=0), axis=0), axis=0)
     separation = separation + 0.2 * np.ptp(predicted, axis=0)
-    # A slip comes a little earlier or later than predicted: a look must tell for some seconds.
+    # A slip comes a little earlier or later than predicted, so predictions must differ for some
+    # seconds.
     around = max(round(READING_HOLDS_S / test.interval_s), 1)
     edges = np.pad(separation, around, constant_values=0.0)
     separation = np.lib.stride_tricks.sliding_window_view(edges, 2 * around + 1).min(axis=1)

@@ -1,4 +1,4 @@
-"""The sheet as one HTML page and as PDF, and the page of a judged test; none loads anything."""
+"""The sheet as one HTML page and as PDF, and the page of a test's result; none loads anything."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def write_sheet(sheet: TestSheet, context: ReportContext, folder: Path) -> tuple
 
 
 def page_values(sheet: TestSheet) -> dict[str, Any]:
-    """What the templates of the sheet want beside it."""
+    """The values that the sheet's templates need beside the sheet."""
     picture, test = picture_of_test(sheet), sheet.test
     return {
         "sheet": sheet,

@@ -50,7 +50,8 @@ class LiveDemo:
         where the service ends by itself."""
         folder = DemoFolder(self._out)
         try:
-            # Opened before the plant is started, which could not answer meanwhile.
+            # Opened before the plant is started: opening blocks, and the plant could not answer
+            # meanwhile.
             with open_store(folder.database) as store:
                 await self._run(folder, store, stop)
         finally:

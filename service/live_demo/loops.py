@@ -13,7 +13,7 @@ from stemwatch.models.studies.simulator.loop import (
 )
 
 WEARING = "FIC-101"
-INTERVAL_S = 0.2  # of the simulated registers; polls are slower
+INTERVAL_S = 0.2  # s between updates of the simulated registers; polls are less frequent
 STROKES = {WEARING: "40 mm", "FIC-102": "50 mm", "FIC-103": "30 mm"}  # full travel, by tag
 _FLOW = PvRange(unit="t/h", low=0.0, high=40.0)
 

@@ -16,9 +16,9 @@ _LOOK_S = 0.5
 
 
 class RecordedMaintenance:
-    """Finds out in ``store`` which of ``valves`` have newly recorded maintenance.
+    """Watches ``store`` for newly recorded maintenance of ``valves``.
 
-    What was recorded before this object was created does not count. Raises ``StoreError``.
+    Maintenance recorded before this object was created does not count. Raises ``StoreError``.
     """
 
     def __init__(self, store: Store, valves: Iterable[str]) -> None:

@@ -1,4 +1,4 @@
-"""The maintenance report: one page per valve for those who do the work, and the work orders."""
+"""The maintenance report: one page per valve for the technician, and the work orders."""
 
 from stemwatch.service.maintenance.valve_history import (
     NOTHING_KNOWN,

@@ -1,8 +1,8 @@
 """``Drawing``: lines, areas and words in points, which HTML and PDF draw alike.
 
-With it the axes of its panels, and the drawing as SVG for a page. Everything is black or grey. What
-tells two things apart is the width and the dash of a line, a hatch, a mark or a word, so that a
-copy of a copy still reads.
+The axes of panels, and the drawing as SVG for a page, are here too. Everything is black or grey.
+Lines differ by width and dash, areas by hatching, and all have a word beside them, so that even a
+copy of a copy is readable.
 """
 
 from __future__ import annotations
@@ -215,8 +215,8 @@ class Panel:
 
 
 def span(*traces: Floats) -> tuple[float, float]:
-    """The range of all finite values with a twentieth to spare; something to draw on where it is
-    a point or nothing."""
+    """The range of all finite values with a margin of a twentieth; a default range where there is
+    no value or only one."""
     finite = (
         np.concatenate([trace[np.isfinite(trace)] for trace in traces]) if traces else np.zeros(0)
     )
@@ -230,7 +230,7 @@ def span(*traces: Floats) -> tuple[float, float]:
 def equally_long(
     x: tuple[float, float], y: tuple[float, float], width_by_height: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Both ends wide enough that a percent is as long on either axis."""
+    """Both ranges, widened so that one percent has the same length on either axis."""
     wider = max(x[1] - x[0], width_by_height * (y[1] - y[0]))
     middle_x, middle_y = (x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0
     half_x, half_y = wider / 2.0, wider / width_by_height / 2.0

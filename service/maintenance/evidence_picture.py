@@ -29,7 +29,7 @@ WIDTH, HEIGHT = 515.0, 172.0
 TOP, FOOT, LEFT = 24.0, 24.0, 26.0
 LOOP_WIDTH = 138.0
 POINTS = 280
-LONGEST_S = 3600.0  # drawn where no stretch is typical
+LONGEST_S = 3600.0  # drawn where no typical stretch is found
 OP_DASH, MODEL_DASH, LOOP_DASH = (4.0, 2.0), (1.0, 1.6), (5.0, 1.5, 1.0, 1.5)
 NO_SAMPLES = "No picture: the samples of this window are not kept."
 NOTHING_TO_DRAW = "No picture: the recording holds no sample of the controller output."
@@ -78,7 +78,7 @@ def simulated_run(screening: Screening, recording: Recording) -> Floats | None:
 
 
 def part_drawn(recording: Recording, simulated: Floats | None) -> tuple[slice, str]:
-    """The samples that are drawn, and which ones these are, in words."""
+    """The samples that are drawn, and a sentence that says which."""
     stretch = typical_stretch_of(recording, simulated, None)
     if stretch is not None:
         return slice(stretch.first, stretch.last), f"{stretch.name} of the record"

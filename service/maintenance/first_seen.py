@@ -30,8 +30,8 @@ class FirstSeen:
 
 
 def first_seen(kind: str, earlier: Sequence[PreviousFinding]) -> FirstSeen:
-    """How far back ``kind`` goes without a break. Screenings that allowed no verdict neither
-    show nor deny anything of friction, and are passed over."""
+    """How far back ``kind`` goes without a break. Screenings without a verdict neither show nor
+    exclude friction and are skipped."""
     judged = earlier if _of_signal(kind) else [before for before in earlier if _is_judged(before)]
     run: list[PreviousFinding] = []
     for before in judged:

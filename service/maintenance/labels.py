@@ -1,4 +1,5 @@
-"""What people found as labels: a CSV with what had been said beside it, for training and audits.
+"""Feedback of people as labels: a CSV with the finding and their judgement, for training and
+audits.
 
 Times are UTC; S and J in percent of OP span; effects are slugs of the catalogue, joined by ``|``.
 """

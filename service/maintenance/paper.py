@@ -1,4 +1,4 @@
-"""What every PDF is set with: fonts, letters that they lack, paragraphs, pictures, a page."""
+"""The parts of every PDF: fonts, replacements for missing letters, paragraphs, pictures, pages."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def fonts() -> dict[str, Any]:
     from reportlab.pdfbase.cidfonts import UnicodeCIDFont
     from reportlab.pdfbase.ttfonts import TTFont
 
-    rl_config.useA85 = 0  # no channel is of seven bits any more, and the text form takes long
+    rl_config.useA85 = 0  # the ASCII form would be larger and take longer
     folder = files("stemwatch.service.maintenance").joinpath("fonts")
     faces = {name: TTFont(name, str(folder.joinpath(f"{name}.ttf"))) for name in (REGULAR, BOLD)}
     for font in (*faces.values(), UnicodeCIDFont(HAN), UnicodeCIDFont(HANGUL)):

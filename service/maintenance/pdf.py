@@ -72,7 +72,7 @@ LEGEND = (
     "Priority: severity x criticality x trend; 1 within a week, 2 within a month, 3 within three "
     "months, 4 at the next stop. Confirm with a stroke test before a valve is opened."
 )
-# Letters of a cell, which has to fit one page, and of a name.
+# The most letters of a table cell, which has to fit one page, and of a name.
 LONGEST_CELL, LONGEST_NAME = 1200, 200
 
 
@@ -116,7 +116,7 @@ class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no type
         folio(canvas, self._context)
 
     def _signed(self, canvas: Any, document: Any) -> None:
-        """Lines for the hand: a page that comes back from the valve is worth two that went."""
+        """Lines to write on: what the technician notes at the valve comes back with the page."""
         self._folio(canvas, document)
         shares = (0.0, 0.34, 0.68, 0.85, 1.0)
         titles = ("Found", "Done, parts used", "Name", "Date")
@@ -128,7 +128,7 @@ class _Document(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no type
 
 
 class _Bookmark(Flowable):  # type: ignore[misc]  # reportlab has no types
-    """Where a row of the list and the outline lead to."""
+    """The target of a row of the list and of the outline."""
 
     def __init__(self, number: int, sheet: WorkSheet) -> None:
         super().__init__()

@@ -1,5 +1,5 @@
-"""What the store tells of a plant: the screenings of a run, or the latest of each valve, and what
-came before them."""
+"""The maintenance report from the store: the screenings of a run, or the latest of each valve, with
+their history."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LONGEST_READ = timedelta(hours=4)
 
 
 def background_of(store: Store, plant: Plant | None = None, run: int | None = None) -> ValveHistory:
-    """What the store knows beside the screenings; pictures of valves whose samples it keeps."""
+    """The history of valves from the store, and their samples for pictures where it keeps them."""
 
     def earlier(screening: Screening) -> Sequence[PreviousFinding]:
         found = store.previous_findings(screening, limit=LOOK_BACK)
@@ -113,7 +113,7 @@ def read_samples(store: Store, plant: Plant | None, screening: Screening) -> Rec
     try:
         return source.read(plant.valve_tags(screening.valve), window)
     except (ConnectorError, StoreError):
-        return None  # removed by now: the page says that there is no picture
+        return None  # samples were removed meanwhile: the page says that there is no picture
 
 
 def report_of_store(
@@ -130,8 +130,8 @@ def report_of_store(
     """Write the report of ``run``, or without one of each valve's latest screening, into
     ``out_dir``; of ``valves`` only, where some are named, and of a ``part`` of the plant.
 
-    What stands beside friction is decided over all valves either way. Raises ``StoreError`` where
-    there is no such run, none of a valve that was named, or no such part.
+    Which effects beside friction stand is decided over all valves in either case. Raises
+    ``StoreError`` where there is no such run, none of a valve that was named, or no such part.
     """
     screenings = store.latest_screenings() if run is None else store.screenings_of_run(run)
     if not screenings and run is None:

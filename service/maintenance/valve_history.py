@@ -1,4 +1,5 @@
-"""What is known of a valve beside its present screening: earlier ones, work on it, its samples."""
+"""What is known of a valve beside its present screening: earlier screenings, work on it, its
+samples."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from stemwatch.service.store.screenings.records import Remark
 if TYPE_CHECKING:  # the front door loads no database library
     from stemwatch.service.store.screenings.pictures import AroundWork
 
-# A year of daily runs: "since when" goes back no further, and says so.
+# A year of daily runs: the search for the first screening with a finding goes back no further.
 LOOK_BACK = 400
 
 
@@ -35,7 +36,8 @@ def _no_samples(screening: Screening) -> Recording | None:
 
 @dataclass(frozen=True, kw_only=True)
 class ValveHistory:
-    """Where to ask. Each but ``compared`` is called only for valves that get a page.
+    """Functions that read a valve's history. All but ``compared`` are called only for valves that
+    get a page.
 
     ``earlier`` gives the screenings before this one, newest first, at most ``LOOK_BACK``; ``work``
     what was done at the valve, oldest first; ``samples`` what the picture is drawn from;

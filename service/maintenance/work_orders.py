@@ -26,7 +26,7 @@ from stemwatch.service.report.report_context import ReportContext
 from stemwatch.service.report.spreadsheet_columns import Cell, clean_cell
 from stemwatch.service.report.xlsx_file import write_cell
 
-SHORT_TEXT = 40  # letters of the short text of a notification in SAP PM
+SHORT_TEXT = 40  # letters of the short text of an SAP PM notification
 # Long enough for every page, short enough for one cell of a spreadsheet (32,767).
 LONG_TEXT = 8000
 
@@ -84,11 +84,11 @@ def long_text(sheet: WorkSheet) -> str:
 
 
 def reference(sheet: WorkSheet) -> str:
-    """A name that stays the same as long as the same finding goes on, so that a second import can
-    be told from a new finding: valve, kind, and since when."""
+    """An identifier that stays the same while the same finding continues, so that an import system
+    can recognise a repeated order: valve, kind, and since when."""
     first = sheet.since.first
     begin = first.at if first is not None else sheet.screening.window[1]
-    # A finding that goes back beyond what was read would get a new name with each run.
+    # Without this, a finding older than the records read would get a new identifier with each run.
     begin_text = "" if begin is None or sheet.since.at_least else f"{begin:%Y-%m-%dT%H:%M}"
     text = f"{sheet.screening.valve}|{sheet.kinds[0]}|{begin_text}"
     digest = hashlib.sha256(text.encode("utf-8", errors="replace")).hexdigest()

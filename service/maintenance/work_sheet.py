@@ -1,6 +1,6 @@
-"""``WorkSheet``: what stands on the page of one valve, in words; HTML, PDF and work orders draw it.
+"""``WorkSheet``: the content of one valve's page in words, which HTML, PDF and work orders lay out.
 
-With it how sure the finding is: its confidence, how often it was seen, how often such findings are
+It says how sure the finding is: its confidence, how often it was seen, how often such findings are
 wrong, and whether it stands among all valves of the run.
 """
 
@@ -34,13 +34,13 @@ from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.report.ranking import RankedValve
 
 WEIGHT_OF_CRITICALITY = {"1": 0.6, "2": 0.8, "3": 1.0}
-USUAL_CRITICALITY = "2"  # as the plant file has it where a valve says nothing
+USUAL_CRITICALITY = "2"  # the plant file's default for a valve without a criticality
 WEIGHT_OF_TREND = {"worse": 1.2, "better": 0.85}
 CLASSES = ((0.80, 1), (0.55, 2), (0.30, 3), (0.0, 4))
 WORDS = {1: "within a week", 2: "within a month", 3: "within three months", 4: "at the next stop"}
 DAYS = {1: 7, 2: 30, 3: 90, 4: 180}
 
-GENERAL_TEST = "Step OP by 1 %"  # how the step for all sticking valves begins
+GENERAL_TEST = "Step OP by 1 %"  # begins the step that is the same for all sticking valves
 MOST_PAST = 5  # earlier screenings in the table
 MEANING = {
     "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
@@ -74,7 +74,8 @@ class Priority:
 def priority(severity: float, criticality: str, trend: Change) -> Priority:
     """The class of a finding, with the three factors as its reason.
 
-    It is reckoned from the whole number that people read, so that they come to the same class.
+    It is calculated from the rounded score that is printed, so that a reader comes to the same
+    class.
     """
     severity = round(severity)
     level = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
@@ -221,7 +222,7 @@ def sizes_of(screening: Screening, stroke: str) -> tuple[tuple[Size, ...], str]:
 def _stroke(text: str) -> Stroke | None:
     try:
         return parse_stroke(text) if text else None
-    except ValueError:  # a plant file checks it; a caller of its own may not have
+    except ValueError:  # the plant file checks the stroke; another caller may not
         return None
 
 

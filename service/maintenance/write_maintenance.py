@@ -16,7 +16,7 @@ from stemwatch.service.report.write_report import put_all
 
 HTML, PDF = "maintenance.html", "maintenance.pdf"
 ORDERS_XLSX, ORDERS_CSV = "work-orders.xlsx", "work-orders.csv"
-# What they are, as the report beside them and the terminal name them.
+# What each file is, in the words of the report and the terminal.
 WORK_FILES = {
     PDF: "Pages for maintenance, to print (PDF)",
     HTML: "the same on screen",

@@ -1,8 +1,8 @@
-"""A plant to try things on: simulated valves behind a Modbus server, live, some of them wearing.
+"""A simulated plant for demonstrations and tests: valves behind a Modbus server, live, some
+wearing.
 
 ``PlantServer`` serves loops of the simulator (``stemwatch.models.studies.simulator``) as registers;
-``serve_plant`` does so
-until it is stopped and writes the plant file that reads them.
+``serve_plant`` does so until it is stopped and writes the plant file that reads them.
 """
 
 from stemwatch.service.modbus_plant.plant_file import plant_toml as plant_toml

@@ -23,7 +23,7 @@ from stemwatch.service.modbus_plant.wear import Wear
 from stemwatch.service.process_lifecycle import begin_child, starting_quietly
 
 STRETCH_S = 1800.0
-REPAIR_S = 5.0  # of plant time, in which a valve that is worked on shows no value
+REPAIR_S = 5.0  # of plant time, during which a valve under repair shows no value
 
 
 @dataclass
@@ -39,15 +39,15 @@ class _Running:
 
 
 class LivePlant:
-    """What every loop's signals are at a plant time that only goes forward.
+    """The signals of every loop at a plant time that only goes forward.
 
     ``wear`` names, by tag, the valves that get worse. The simulation runs ``stretch_s`` seconds of
     plant time at once in another process, so that serving never waits for it, and less where wear
     begins or ends in between. A stretch goes on from a state like the one before it ended in; only
     one in which wear grows begins in balance, which looks like a short upset of the loop.
 
-    Raises ``ValueError`` for no loops, for more than the registers hold, for a tag that is there
-    twice and for wear of a loop that is not there.
+    Raises ``ValueError`` without loops, for more loops than the registers hold, for a repeated tag,
+    and for wear of an unknown loop.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class LivePlant:
             max_workers=1, mp_context=context, initializer=_leave_ctrl_c
         )
         seeds = [seed + 100_003 * index for index in range(len(loops))]
-        with starting_quietly():  # it is here that the process begins
+        with starting_quietly():  # this starts the process
             first = [
                 self._pool.submit(
                     simulate_stretch,
@@ -91,15 +91,16 @@ class LivePlant:
         return tuple(running.loop for running in self._running.values())
 
     def rows(self, plant_s: float) -> list[Floats]:
-        """OP, MV, PV, SP and mode of each loop at ``plant_s``; sees to it that there is more."""
+        """OP, MV, PV, SP and mode of each loop at ``plant_s``; requests the next stretch in
+        time."""
         return [self._row(running, plant_s) for running in self._running.values()]
 
     def repair(self, tag: str, plant_s: float, *, lasting: bool = False) -> None:
-        """The valve of loop ``tag`` is worked on at ``plant_s``. For ``REPAIR_S`` it is out of
-        service and its loop shows no value, so that nobody takes the change for a movement of the
-        stem; from then on it is as new, and wears again or, where the repair is ``lasting``, never.
+        """Repair the valve of loop ``tag`` at ``plant_s``.
 
-        Raises ``KeyError`` for a tag that is not there.
+        For ``REPAIR_S`` seconds it is out of service and its loop shows no value, so that the
+        change is not taken for a movement of the stem. From then on it is as new, and wears again
+        unless the repair is ``lasting``. Raises ``KeyError`` for an unknown tag.
         """
         running = self._running[tag]
         running.ahead.append(
@@ -122,8 +123,8 @@ class LivePlant:
     def close(self) -> None:
         """Stop simulating, and wait for the end of the other process.
 
-        At the exit of Python 3.11 a pool that is still ending may find its pipe closed: a traceback
-        instead of a quiet end.
+        Waiting matters: at the exit of Python 3.11 a pool that is still ending may find its pipe
+        closed and print a traceback.
         """
         self._pool.shutdown(wait=True, cancel_futures=True)
 

@@ -46,11 +46,11 @@ class PlantServer:
         if speed <= 0.0:
             raise ValueError(f"speed must be above 0, received {speed}")
         self.plant, self.host, self.port, self.speed = plant, host, port, speed
-        # Plant seconds between two looks of the server at its plant.
+        # Plant seconds between two updates of the registers.
         self._tick_s = min(loop.archive.interval_s for loop in plant.loops)
         self._clock_s = clock_s
         self._began_s = clock_s()
-        self._shown: int | None = None  # the tick that the registers show
+        self._shown: int | None = None  # the tick whose values the registers hold
         self._server: Any = None  # a ModbusTcpServer, half of whose methods have no types
 
     @property
@@ -152,7 +152,7 @@ def serve_plant(
 
 
 async def _until(stop: asyncio.Event, beside_serving: Awaitable[object] | None) -> None:
-    """Wait for ``stop`` or for the end of ``beside_serving``, which may be that it fails."""
+    """Wait for ``stop``, or for the end or failure of ``beside_serving``."""
     stopping = asyncio.ensure_future(stop.wait())
     working = stopping if beside_serving is None else asyncio.ensure_future(beside_serving)
     await asyncio.wait({stopping, working}, return_when=asyncio.FIRST_COMPLETED)

@@ -38,7 +38,7 @@ class ServedRegister:
 
 
 def registers(loops: Sequence[PlantLoop]) -> Iterator[ServedRegister]:
-    """The registers of ``loops``, which stand one behind the other from 0 on."""
+    """The registers of ``loops``, consecutive from 0 on."""
     for index, loop in enumerate(loops):
         for role in signals(loop):
             yield ServedRegister(

@@ -13,8 +13,8 @@ from stemwatch.models.studies.simulator import PlantLoop, simulate_loop
 from stemwatch.service.modbus_plant.wear import Wear, worn
 
 ROLES = (Role.OP, Role.MV, Role.PV, Role.SP, Role.MODE)
-ALIKE = 5  # rows that a stretch has in common with the one before it, as far as chance gives them
-_SEARCHED_S = 600.0  # of simulation, for the place that goes on as the stretch before it ended
+ALIKE = 5  # rows by which a stretch is matched to the one before it
+_SEARCHED_S = 600.0  # of simulation, searched for a state like the end of the last stretch
 
 
 @dataclass(frozen=True)
@@ -40,14 +40,15 @@ def simulate_stretch(
     seed: int,
     before: Floats | None = None,
 ) -> Stretch:
-    """``length_s`` seconds of ``loop`` from plant time ``start_s``, its valve ``worn_s`` worn at
-    first and wearing on.
+    """``length_s`` seconds of ``loop`` from plant time ``start_s``, whose valve has worn for
+    ``worn_s`` seconds before and goes on wearing.
 
-    Chance differs from stretch to stretch, the set-point moves of the loop come again in each. PV
-    and SP are in the loop's engineering units, OP and MV in percent.
+    Random disturbances differ from stretch to stretch; the set-point moves of the loop are
+    repeated. PV and SP are in the loop's engineering units, OP and MV in percent.
 
-    With ``before``, the last ``ALIKE`` rows or more of what was served until then, the stretch goes
-    on from a state like theirs; while friction grows it cannot choose, and begins in balance.
+    With ``before``, the last ``ALIKE`` rows or more that were served, the stretch continues from a
+    similar state. While friction grows, no later place can be chosen, and the stretch begins in
+    balance.
     """
     now = worn(loop, wear, worn_s, length_s)
     joined = before is not None and len(before) >= ALIKE and now.upsets.growth == 0.0
@@ -61,7 +62,8 @@ def simulate_stretch(
 
 
 def _simulated(loop: PlantLoop, start_s: float, seed: int) -> tuple[Floats, float]:
-    """Rows (n, 5) of ``loop`` with the chance of plant time ``start_s``, and their interval."""
+    """Rows (n, 5) of ``loop``, with random numbers seeded by ``start_s``, and their interval in
+    s."""
     row = round(start_s / loop.archive.interval_s)
     recording = simulate_loop(loop, seed + 7919 * row).recording
     columns = []
@@ -79,9 +81,9 @@ def _going_on(rows: Floats, before: Floats) -> int:
     """The place in ``rows`` (n, 5), behind as many of them as ``before`` has, whose rows before it
     are most like ``before``.
 
-    What the loop remembers shows in them: OP, PV and SP give the controller's integral, MV the
-    stem, PV the process, and their way so far what is on its way between them. Each signal is
-    measured in its own spread; signals without a value in ``before`` do not count.
+    These rows determine the loop's state: OP, PV and SP the controller's integral, MV the stem, PV
+    the process, and their recent course the delays between them. Each signal is scaled by its
+    standard deviation; signals without a value in ``before`` do not count.
     """
     past = sliding_window_view(rows, len(before), axis=0)  # (n - ALIKE + 1, 5, ALIKE)
     finite = np.isfinite(before).T

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve
 
-_SHORTEST_S = 10.0  # a kink in the wear that is nearer is passed over: no stretch is that short
+_SHORTEST_S = 10.0  # shortest stretch: a nearer change of the wear's slope is ignored
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,8 @@ class Wear:
         return min(max((worn_s - self.after_s) / self.over_s, 0.0), 1.0)
 
     def even_for_s(self, worn_s: float) -> float:
-        """For how many seconds from ``worn_s`` on the wear keeps its slope; inf for ever."""
+        """For how many seconds from ``worn_s`` on the wear keeps its slope; inf where it never
+        changes."""
         kinks = (self.after_s, self.after_s + self.over_s)
         seconds_left = [kink - worn_s for kink in kinks if kink - worn_s >= _SHORTEST_S]
         return min(seconds_left, default=math.inf)

@@ -1,1 +1,1 @@
-"""What is said of a valve: one decision and one set of words, for every way in which it is told."""
+"""What is said of a valve: one decision and one set of words for every output."""

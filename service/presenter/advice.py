@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from stemwatch.models.mismatch.findings import Effect
     from stemwatch.models.mismatch.term import Words
 
-MOST_STEPS = 9  # a page holds no more, and nobody reads more at the valve
+MOST_STEPS = 9  # steps; a page holds no more, and nobody reads more at the valve
 LEVEL_NAME = {
     IsolationLevel.DESK: "desk",
     IsolationLevel.LOOK: "at the valve, in service",
@@ -65,7 +65,7 @@ ISOLATION = {
 @cache
 def catalogue() -> Mapping[str, FieldAdvice]:
     """The advice for every kind of finding, by its name."""
-    from stemwatch.models.mismatch.terms import catalogue as terms  # its kernels take a second
+    from stemwatch.models.mismatch.terms import catalogue as terms  # its kernels load slowly
 
     text = files("stemwatch.service.presenter").joinpath("advice.toml").read_text("utf-8")
     kinds = {kind: _advice(table) for kind, table in tomllib.loads(text).items()}
@@ -73,7 +73,8 @@ def catalogue() -> Mapping[str, FieldAdvice]:
 
 
 def advice_for(kind: str) -> FieldAdvice:
-    """The advice for ``kind``; that for an unknown movement where a newer version named it."""
+    """The advice for ``kind``; the advice for an unknown effect where a newer version named
+    ``kind``."""
     terms = catalogue()
     return terms.get(kind, terms["unknown"])
 
@@ -87,8 +88,8 @@ def term_words(slug: str) -> Words | None:
 
 
 def effect_test(effect: Effect) -> FieldTest | None:
-    """The test by hand that shows ``effect``, with what to expect from its own numbers; ``None``
-    where this version does not know it, or its numbers are others."""
+    """The manual test that shows ``effect``, with the response that its own parameters predict;
+    ``None`` where this version does not know the effect or its parameters."""
     from stemwatch.models.mismatch.terms import catalogue as terms
 
     term = terms().get(effect.slug)
@@ -101,7 +102,8 @@ def effect_test(effect: Effect) -> FieldTest | None:
 def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:
     """The steps of several kinds together, the cheapest first, none twice, ``MOST_STEPS`` at most.
 
-    All of the first kind's are there; the others fill what room is left, in turn.
+    All steps of the first kind are included; those of the other kinds fill the remaining places in
+    turn.
     """
     first, *queues = ([*advice_for(kind).steps] for kind in kinds)
     steps = first
@@ -114,14 +116,16 @@ def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:
 
 
 def parts_for(kinds: Iterable[str]) -> tuple[str, ...]:
-    """What to have at hand for several kinds, none twice; "none" only where it stands alone."""
+    """The parts to have at hand for several kinds, each once; "none" only where no kind needs
+    any."""
     parts = list(dict.fromkeys(part for kind in kinds for part in advice_for(kind).parts))
     needed = [part for part in parts if not part.startswith("none")]
     return tuple(needed or parts[:1])
 
 
 def isolation_for(steps: Iterable[CheckStep]) -> tuple[tuple[IsolationLevel, str], ...]:
-    """What each level that ``steps`` reach asks for, the cheapest first; the desk only alone."""
+    """The isolation for each level that ``steps`` reach, the cheapest first; that of desk work only
+    where there is no other."""
     levels = sorted({step.level for step in steps})
     away_from_desk = [level for level in levels if level > IsolationLevel.DESK]
     return tuple((level, ISOLATION[level]) for level in away_from_desk or levels)

@@ -1,4 +1,4 @@
-"""What the sticking of a valve costs its loop, in variance and travel, and in money where the plant
+"""The cost of a sticking valve to its loop, in variance and travel, and in money where the plant
 file has a price.
 
 The numbers are indicators of the screening (``indicators.of_repair``): the loop run again with a
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # the plant file knows prices, and reading it loads no kernel
 HOURS_A_MONTH = 730.0
 SHARE = "variance_from_sticking_percent"
 STD, REPAIRED = "control_error_std", "control_error_std_repaired"
-# What each price is paid for, and by how many of the indicator's units.
+# The indicator that each price applies to, and how many of its units make one unit of the price.
 PRICED = {
     "per_unit_hour": ("control_error_from_sticking", 1.0),
     "per_hour_off_target": ("off_target_from_sticking_percent", 100.0),
@@ -91,8 +91,8 @@ def money_in_words(money: Estimate, currency: str) -> str:
 def cost_of_sticking(
     indicators: Mapping[str, Indicator], prices: Prices | None, currency: str = ""
 ) -> CostOfSticking | None:
-    """What the sticking costs by the ``indicators`` of a screening; ``None`` where the loop could
-    not be run again."""
+    """The cost of the sticking from the ``indicators`` of a screening; ``None`` where the loop
+    could not be simulated without it."""
     share, repaired = indicators.get(SHARE), indicators.get(REPAIRED)
     if share is None or repaired is None:
         return None
@@ -129,7 +129,7 @@ def money_a_month(costs: Mapping[str, CostOfSticking]) -> str:
 
 
 def total(costs: Iterable[CostOfSticking]) -> Estimate:
-    """The money of all that is known, a month; the doubts of different loops are independent."""
+    """The sum of all known costs a month; the errors of different loops count as independent."""
     known = [cost.money for cost in costs if cost.money.value is not None]
     if not known:
         return Estimate.unknown("no loop has a price")
@@ -140,8 +140,8 @@ def total(costs: Iterable[CostOfSticking]) -> Estimate:
 
 
 def _money(indicators: Mapping[str, Indicator], prices: Prices | None, currency: str) -> Estimate:
-    """The prices times what the sticking makes; its parts come from one run, so that their ends
-    add up."""
+    """The prices times the deviations caused by sticking. They come from one simulation, so the
+    ends of their intervals add up."""
     if prices is None:
         return Estimate.unknown("the plant file has no price for this loop", currency)
     value, low, high, known = 0.0, 0.0, 0.0, False

@@ -1,4 +1,4 @@
-"""What the windows of weeks say of a valve together, in the words and for the picture that report,
+"""The joint evidence of a valve's windows over weeks, in the words and for the picture that report,
 pages, work orders and alerts share."""
 
 from __future__ import annotations
@@ -33,10 +33,11 @@ POOLED_NOT_USED = (
 
 @dataclass(frozen=True, kw_only=True)
 class EvidenceOfWeeks:
-    """``windows`` in order of time, those that count; ``findings`` those that hold first;
-    ``pooled`` S and J over the windows that name just what holds; ``recording_began`` where all
-    windows are parts of one recording: its beginning. ``by_whole`` has what that names as a whole
-    and its windows gain by."""
+    """``windows`` are those that count, in order of time; ``findings`` are sorted, those that hold
+    first; ``pooled`` is S and J over the windows that name exactly the effects that hold;
+    ``recording_began`` is the beginning of the recording where all windows are parts of one.
+    ``by_whole`` has the effects that this recording names as a whole and that its windows gain
+    by."""
 
     windows: tuple[WindowEvidence, ...]
     findings: tuple[LastingFinding, ...]
@@ -51,13 +52,13 @@ class EvidenceOfWeeks:
 
     @property
     def decides(self) -> bool:
-        """Whether the valve has a history: an effect was looked for in more windows than one, so
-        that work follows what they say together and not what the newest says alone."""
+        """Whether the valve has a history: an effect was tested in more than one window, so that
+        work follows the joint evidence and not the newest window alone."""
         return any(finding.of > 1 for finding in self.findings)
 
     @property
     def first_seen(self) -> tuple[LastingFinding, ...]:
-        """The findings that one window has named and no other has confirmed."""
+        """The findings that one window named and no other has confirmed."""
         return tuple(
             finding for finding in self.findings if finding.state is FindingState.FIRST_SEEN
         )
@@ -73,8 +74,8 @@ class EvidenceOfWeeks:
         return min((finding.p_value for finding in self.confirmed), default=None)
 
     def in_short(self, newest: Mismatch | None, zone: tzinfo = UTC) -> str:
-        """What is confirmed and what to check; in the words of the ``newest`` window, where that
-        names it too."""
+        """The confirmed effects and what to check, in the words of the ``newest`` window where it
+        names them too."""
         confirmed = self.confirmed
         sentences = [finding_sentence(finding, zone) for finding in confirmed]
         effects = {effect.slug: effect for effect in newest.effects} if newest is not None else {}
@@ -149,7 +150,8 @@ class EvidenceOfWeeks:
 
 
 def evidence_of_weeks(windows: Iterable[WindowEvidence]) -> EvidenceOfWeeks | None:
-    """What ``windows`` of one valve say together; ``None`` where no effect is followed."""
+    """The joint evidence of ``windows`` of one valve; ``None`` where no effect was tested in
+    them."""
     count_text = windows_that_count(windows)
     findings = lasting_findings(count_text)
     if not findings:

@@ -1,10 +1,12 @@
-"""Which of a run's effects stand when all its valves are looked at together, and how that is said.
+"""False-discovery control over the valves of a run: which effects stand, and the sentences about
+it.
 
-Among many valves chance alone names something on a few. Of the effects that stand, at most
-``LEVEL`` are expected to be due to chance (``models.false_discovery``); the others are held back.
+Among many valves, chance alone names effects on a few. Of the effects that stand, at most a share
+of ``LEVEL`` is expected to be due to chance (``models.false_discovery``); the others are held back.
 
-Where a valve has a history, its windows decide and not the newest of them: what they confirm brings
-its p value to the run, named in this window or not, and what only this window names is held back.
+Where a valve has a history, all its windows decide and not the newest alone: the p value of what
+they confirm enters the run, whether or not the newest window names it, and an effect that only the
+newest window names is held back.
 """
 
 from __future__ import annotations
@@ -25,11 +27,11 @@ LEVEL_PERCENT = f"{100.0 * LEVEL:g} %"
 class Discoveries:
     """What stands among all valves of a run.
 
-    ``standing`` has one entry for each mismatch that was asked about: true where its effects
-    stand, false where they are held back, ``None`` where nothing was named or is confirmed.
-    ``confirmed`` has beside each the slugs that stand because windows of weeks confirm them,
-    ``None`` where the valve has no history that decides. ``tested``, ``named`` and ``held_back``
-    count valves of the whole run.
+    ``standing`` has one entry for each mismatch that was passed in: true where its effects stand,
+    false where they are held back, ``None`` where nothing was named or is confirmed. ``confirmed``
+    has beside each the slugs that stand because windows of weeks confirm them, ``None`` where the
+    valve has no history that decides. ``tested``, ``named`` and ``held_back`` count valves of the
+    whole run.
     """
 
     standing: tuple[bool | None, ...]
@@ -77,12 +79,12 @@ def discoveries(
     elsewhere: Sequence[float | None] = (),
     by_window: Sequence[EvidenceOfWeeks | None] | None = None,
 ) -> Discoveries:
-    """What stands of ``mismatches``, one entry for each valve of a run.
+    """Which effects of ``mismatches`` stand; one mismatch for each valve of a run.
 
     ``elsewhere`` has the p values of the run's other valves that were tested, ``by_window`` the
-    history of each of these. A valve that was not fitted or not testable (``tested``) had no chance
-    to name anything and does not count. An effect without a p value, as an older version stored it,
-    is held back.
+    history of each of these. A valve that was not fitted or not testable (``tested``) could not
+    name anything and does not count. An effect without a p value, as an older version stored it, is
+    held back.
     """
     histories = [None] * len(mismatches) if by_window is None else by_window
     p_values = [
@@ -113,8 +115,9 @@ def discoveries(
 def p_in_run(
     newest: float | None, *, defects: bool, by_window: EvidenceOfWeeks | None
 ) -> float | None:
-    """The p value that a valve brings to its run: of what its windows confirm, and where it has no
-    history that decides, of what the ``newest`` window names. ``defects``: that names some."""
+    """The p value with which a valve enters its run: that of the effects its windows confirm or,
+    without a history that decides, of those that the ``newest`` window names. ``defects``: whether
+    that window names any defect."""
     if by_window is None or not by_window.decides:
         return newest
     if by_window.confirmed:
@@ -123,8 +126,8 @@ def p_in_run(
 
 
 def confirmed_slugs(by_window: EvidenceOfWeeks | None, *, stands: bool) -> tuple[str, ...] | None:
-    """What a valve's windows confirm, where that ``stands`` in its run; ``None`` where it has no
-    history that decides."""
+    """The slugs that a valve's windows confirm, where they stand in its run (``stands``); ``None``
+    without a history that decides."""
     if by_window is None or not by_window.decides:
         return None
     return tuple(finding.slug for finding in by_window.confirmed) if stands else ()

@@ -1,4 +1,4 @@
-"""``present``: a finding in the words that every reader gets, whatever the way it comes.
+"""``present``: a finding in the words that every output uses.
 
 HTML, PDF, work orders, tables, JSON, mail and terminal lay these texts out; none makes its own.
 """
@@ -33,14 +33,15 @@ from stemwatch.service.presenter.work_decision import WorkDecision, decide
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
 
-# Below a tenth of the sampling interval a time is not seen in samples but guessed between them.
+# Below a tenth of the sampling interval a time is not measured but interpolated.
 LEAST_SHARE_OF_INTERVAL = 0.1
-# A stem that crosses its travel in five seconds is no slow one, on a faster record in five samples.
+# A stem that crosses its travel in five seconds is not slow; on a faster record, in five samples.
 FASTEST_PERCENT = 20.0
-# From this S on a test by hand uses this step: three or more of them, each one to be seen.
+# From each S on, a manual test uses the step beside it: at least three steps, each large enough to
+# see.
 TEST_STEPS = ((3.0, 1.0), (1.5, 0.5), (0.0, 0.2))
-LEAST_TESTED = 0.6  # percent; a smaller S is not counted in steps by hand
-ALIKE_SHARE = 0.2  # two directions closer than this are said once
+LEAST_TESTED = 0.6  # percent; a smaller S cannot be measured in manual steps
+ALIKE_SHARE = 0.2  # times of both directions that differ by less are given as one
 NAIVE_SHARE = 1 / 3
 SMALLEST_NAIVE_STEP_PERCENT = 0.2
 _NAIVE_SAID = "S and J alone"
@@ -48,10 +49,11 @@ _NAIVE_SAID = "S and J alone"
 
 @dataclass(frozen=True, kw_only=True)
 class PresentedEffect:
-    """One effect beside friction. ``instead`` names those that the recording cannot tell from it,
-    ``decide`` is the test that would; both empty where there is none. ``test`` shows the effect in
-    the field, with what to expect from its own numbers; ``None`` for one of another version.
-    ``as_built`` says why it asks for no work; empty for a defect."""
+    """One effect beside friction. ``instead`` names the effects that the recording cannot
+    distinguish from it, ``decide`` is the test that can; both are empty where there is none.
+    ``test`` shows the effect in the field, with the response that its own parameters predict;
+    ``None`` for an effect of another version. ``as_built`` says why it asks for no work; empty for
+    a defect."""
 
     slug: str
     name: str
@@ -66,7 +68,7 @@ class PresentedEffect:
 
     @property
     def passes(self) -> str:
-        """What passes the test in the field, and that this finding does where it is no defect."""
+        """What passes the field test, and that this effect passes it where it is no defect."""
         if self.test is None:
             return ""
         passed = "; what this finding expects passes as well" if self.as_built else ""
@@ -141,7 +143,8 @@ def present(
 
 
 def _still_seen(screening: Screening) -> tuple[str, ...]:
-    """What can be seen where there is no verdict: what OP and PV alone let suspect first."""
+    """What can be seen where there is no verdict, beginning with the suspicion from OP and PV
+    alone."""
     if screening.verdict is not Verdict.UNDETERMINED:
         return ()
     return tuple(filter(None, (worth_a_test_sentence(screening), *screening.still_seen)))
@@ -163,8 +166,8 @@ def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
 
 
 def present_effect(effect: Effect) -> PresentedEffect:
-    """One effect in words. What to check and the test that tells stand with its term; a term of
-    another version is said as it was stored."""
+    """One effect in words. What to check and the deciding test come from its term; an effect of
+    another version is given as it was stored."""
     words = term_words(effect.slug)
     similar_effects = other_members(effect)
     decide = effect.decide if words is None else words.decide
@@ -183,7 +186,7 @@ def present_effect(effect: Effect) -> PresentedEffect:
 
 
 def _evidence(effect: Effect) -> str:
-    """What speaks for the effect: how much it removes where nothing was fitted."""
+    """The evidence for the effect: how much of the error it removes on held-out samples."""
     evidence = effect.evidence
     t = "" if finite(evidence.t) is None else f" (t {figure(evidence.t, 2)})"
     removed = (
@@ -193,8 +196,8 @@ def _evidence(effect: Effect) -> str:
 
 
 def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
-    """The screening's reason, each effect that stands, what other windows confirm, and which of the
-    effects are no defects."""
+    """The screening's reason, each effect that stands, effects that other windows confirm, and
+    which of them are no defects."""
     sentences, named_effects = [screening.reason], (*decision.effects, *decision.inherent)
     sentences += not_yet_said((effect.sentence for effect in named_effects), screening.reason)
     if decision.lasting:
@@ -217,7 +220,8 @@ def confirmed_by_others(slugs: Sequence[str]) -> str:
 
 
 def why_no_work(effects: Sequence[Effect]) -> str:
-    """Why ``effects`` ask for no work: they are how such a machine is made, or small enough."""
+    """Why ``effects`` need no work: they belong to the design of the machine, or are small
+    enough."""
     words = {effect.slug: term_words(effect.slug) for effect in effects}
     small = {slug: one.no_work for slug, one in words.items() if one is not None and one.no_work}
     as_built = [effect.slug for effect in effects if effect.slug not in small]
@@ -235,11 +239,11 @@ def _capital(text: str) -> str:
 
 
 def field_test(screening: Screening) -> str:
-    """A test by hand that can move this valve, with what to expect from its own S and J; empty
-    where they are not known or nothing is to be confirmed.
+    """A manual test with steps large enough to move this valve, and the response that its S and J
+    predict; empty where they are not known or there is nothing to confirm.
 
-    Steps back that add up to S are needed before the stick-slip element moves; by the last of them
-    it moves J and what they are more than S.
+    After a reversal the stick-slip element moves once the steps add up to S; with the last step it
+    moves J plus the excess of the steps over S.
     """
     S, J = finite(screening.S.value), finite(screening.J.value) or 0.0
     if screening.verdict not in (Verdict.STICKY, Verdict.WATCH) or S is None or S < LEAST_TESTED:
@@ -261,16 +265,17 @@ def field_test(screening: Screening) -> str:
 
 
 def _steps_for(S: float, step: float) -> int:
-    """How many steps back add up to S; a millionth less is S as well."""
+    """How many steps after a reversal add up to S, with a tolerance of a millionth."""
     return max(1, ceil(S / step - 1e-6))
 
 
 def _next_step(
     screening: Screening, decision: WorkDecision, groups: Sequence[OscillationGroup]
 ) -> str:
-    """The screening's advice. A valve that does not stick but has an effect that wants work gets
-    that effect's: to look for the cause elsewhere would be wrong. A healthy one that others make
-    oscillate sends there: its own recording alone cannot know it."""
+    """The next step: the screening's advice, with two exceptions. A valve that does not stick but
+    has a defect gets the advice for that defect, since the cause is not elsewhere. A healthy valve
+    that oscillates because of another loop is referred to that loop, which its own recording cannot
+    know."""
     if decision.verdict is Verdict.DEFECTIVE and decision.effects:
         return present_effect(decision.effects[0]).check
     if decision.verdict is Verdict.DEFECTIVE:
@@ -284,8 +289,8 @@ def _next_step(
 def _otherwise(
     mismatch: Mismatch | None, kinds: tuple[str, ...], stands: bool | None
 ) -> tuple[str, ...]:
-    """What else it could be: what looks alike, what this recording cannot tell apart, what was
-    held back, what it could not have shown."""
+    """Other explanations: effects that look alike, effects that this recording cannot distinguish,
+    effects that are held back, and effects that it could not have shown."""
     alternatives = list(advice_for(kinds[0]).otherwise)
     if mismatch is None:
         return tuple(alternatives)
@@ -322,7 +327,7 @@ def beside_friction(screening: Screening) -> str:
 
 
 def without_them(screening: Screening) -> str:
-    """What S and J alone would have read for S, where that differs by more than a third of S."""
+    """The S that a fit of S and J alone would give, where it differs by more than a third of S."""
     S, naive = finite(screening.S.value), _value(screening, "naive_S_percent")
     if S is None or naive is None or _NAIVE_SAID in screening.reason:
         return ""
@@ -341,7 +346,7 @@ def _interval_s(screening: Screening) -> float:
 
 
 def _time(screening: Screening, name: str) -> float | None:
-    """The time where the recording is fine enough to have shown it."""
+    """The time, where the recording is sampled finely enough to show it; else ``None``."""
     value = _value(screening, name)
     if value is None or value < LEAST_SHARE_OF_INTERVAL * _interval_s(screening):
         return None

@@ -1,4 +1,4 @@
-"""What is said of loops that oscillate together: of a group, and of one loop in it."""
+"""Sentences about loops that oscillate together: about a group, and about one loop in it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def headline(group: OscillationGroup) -> str:
 
 
 def source_clause(group: OscillationGroup) -> str:
-    """Where the oscillation likely begins, and how sure that is."""
+    """Where the oscillation likely originates, and how certain that is."""
     if not group.source:
         return (
             "most likely none of them is the source "
@@ -50,7 +50,7 @@ def cost_sentence(group: OscillationGroup) -> str:
 
 
 def begin_clause(group: OscillationGroup, zone: tzinfo) -> str:
-    """Since when it oscillates; empty where it always did or nobody knows."""
+    """Since when it oscillates; empty where it always did or this is not known."""
     if group.since is not None:
         return f"since {words.instant(group.since, zone)}"
     if group.first_found is not None:
@@ -99,8 +99,8 @@ def loop_sentences(groups: Sequence[OscillationGroup], loop: str, zone: tzinfo) 
 
 
 def where_to_look(groups: Sequence[OscillationGroup], loop: str) -> str:
-    """Where to look for what moves a ``loop`` whose valve follows; empty where it is in no group or
-    is the likeliest source itself."""
+    """Where to look for the cause of an oscillation in a ``loop`` whose valve is healthy; empty
+    where it is in no group or is the likeliest source itself."""
     of_it = [one for one in groups if any(member.loop == loop for member in one.members)]
     if not of_it or any(group.source == loop for group in of_it):
         return ""

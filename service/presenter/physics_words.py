@@ -1,4 +1,4 @@
-"""How a mismatch is said to a reader: its verdict, its effects, its facets."""
+"""The words for a mismatch: its verdict, its effects, its facets."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch, TriedOutcome
 from stemwatch.service.presenter.wording import figure, finite, share
 
-# A symbol beside each word, so that no meaning hangs on colour alone.
+# A symbol beside each word, so that no meaning depends on colour alone.
 FINDING_SYMBOL = {
     Finding.NAMED: "◆",
     Finding.CANDIDATES: "◇",
@@ -49,11 +49,11 @@ FACETS = {
 
 
 def effect_name(slug: str) -> str:
-    """A slug as people say it: ``actuator_lag`` is an actuator lag."""
+    """The name of an effect in words: ``actuator_lag`` is an actuator lag."""
     return slug.replace("_", " ")
 
 
-# What the numbers of an effect are; where two effects use one letter, by effect and letter.
+# What the parameters of an effect mean; where two effects use one letter, by effect and letter.
 PARAMETERS = {
     "A": "extra friction",
     "D": "drift over the record",
@@ -63,6 +63,7 @@ PARAMETERS = {
     "gain": "reading for 1 % of travel",
     "growth": "growth over the record",
     "late_s": "OP stored late by",
+    "delay_s": "MV follows OP by",
     "lost_motion.b": "play",
     "place": "at travel",
     "range": "range of the drift",
@@ -92,9 +93,9 @@ def parameter_name(name: str, slug: str = "") -> str:
     return PARAMETERS.get(f"{slug}.{name}") or PARAMETERS.get(name) or effect_name(name)
 
 
-# How the name of what recorder or archive did ends, and the unit that it then has.
+# Endings of the names of recorder and archive parameters, and the unit of each.
 RECORD_UNITS = {"_percent": "%", "_s": "s", "_samples": "samples"}
-FREE = 99.0  # %/s; a top speed from here on stands for none
+FREE = 99.0  # %/s; a top speed from here on means that there is no limit
 
 
 def record_parameter(name: str, value: float) -> str:
@@ -110,7 +111,7 @@ def record_parameter(name: str, value: float) -> str:
 
 
 def no_limit(estimate: Estimate) -> bool:
-    """Whether a top speed stands for a stem that is not held back."""
+    """Whether a top speed is so high that the stem has no speed limit."""
     return estimate.unit == "%/s" and (finite(estimate.value) or 0.0) >= FREE
 
 
@@ -130,8 +131,8 @@ def joined(names: tuple[str, ...], word: str = "and") -> str:
 
 
 def open_question_sentence(mismatch: Mismatch) -> str:
-    """That a test could tell what the recording left open, and which command plans it; empty where
-    nothing is left."""
+    """A sentence that a test can decide what the recording left open, with the command that plans
+    it; empty where nothing is left open."""
     question = mismatch.open_question
     if question is None or len(question.models) < 2:
         return ""
@@ -158,7 +159,8 @@ def other_members(effect: Effect) -> tuple[str, ...]:
 
 
 def left_out(mismatch: Mismatch) -> str:
-    """What a spreadsheet says: slugs strongest first, members of a class joined by ``|``."""
+    """The effects for a spreadsheet cell: slugs strongest first, members of a class joined by
+    ``|``."""
     return ", ".join("|".join((effect.slug, *other_members(effect))) for effect in mismatch.effects)
 
 

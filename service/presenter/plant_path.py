@@ -14,7 +14,7 @@ MOST_LISTED = 40  # names of a level that a message lists
 
 
 class HasPath(Protocol):
-    """What has a place in the plant: an entry of the plant file, a stored valve, a line of a
+    """Anything with a place in the plant: an entry of the plant file, a stored valve, a line of a
     ranking."""
 
     @property
@@ -29,7 +29,7 @@ class HasPath(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class PlantPath:
-    """The levels of one valve, each empty where nobody has said it."""
+    """The levels of one valve; an unknown level is empty."""
 
     site: str = ""
     area: str = ""

@@ -19,7 +19,8 @@ STANDARD = "ANSI/ISA-75.25.01 and ISA-TR75.25.02"
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseRow:
-    """One step: its size and way, then each figure as text; only ``moves`` where it does not."""
+    """One step: its size and direction, then each figure as text; only ``moves`` is set where the
+    stem does not move."""
 
     step: str
     moves: str
@@ -91,5 +92,5 @@ def _spread(estimate: Estimate) -> str:
 
 
 def _tidy(value: float | None) -> float | None:
-    """Nothing that is less than a millisecond or a thousandth."""
+    """The value without residues below a millisecond or a thousandth."""
     return 0.0 if value is not None and abs(value) < 1e-3 else value

@@ -1,4 +1,4 @@
-"""What makes a page of results old: sources that are silent, runs that did not begin or failed."""
+"""Why the results on a page are out of date: silent sources, runs that did not begin or failed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-OVERDUE = timedelta(minutes=15)  # after its instant a run has begun, its spread included
+# A run that has not begun so long after its instant, the schedule's spread included, is overdue.
+OVERDUE = timedelta(minutes=15)
 OLD_WITH_SCHEDULE = timedelta(days=2)
 OLD_WITHOUT = timedelta(days=31)
 

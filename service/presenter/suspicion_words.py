@@ -1,4 +1,4 @@
-"""What OP and PV alone say of valves, in words: its title, and which loops to look at first."""
+"""The suspicion from OP and PV alone in words: its title, and which loops to test first."""
 
 from __future__ import annotations
 
@@ -68,8 +68,8 @@ class AnsweredLoop(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class NextStep:
-    """What to do next at loops of which OP and PV alone say the same: ``answer`` and ``why`` in
-    words, ``step``, and the ``loops``, those that look most like sticking first."""
+    """What to do next at loops with the same answer from OP and PV alone: ``answer`` and ``why`` in
+    words, ``step``, and the ``loops``, the likeliest to stick first."""
 
     verdict: Suspicion
     answer: str
@@ -93,8 +93,8 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
     """What to do at the valves without a verdict, those to test first at the front, then by how
     many loops each step helps; what needs nothing last.
 
-    A valve counts once. Of several recordings at least half must let it be suspected, since one in
-    many does so by chance; else what most of them say counts.
+    A valve counts once. It is suspected only if at least half of its recordings raise the
+    suspicion, since one in many does so by chance; otherwise the commonest answer counts.
     """
     by_valve: dict[str, list[WithoutPosition]] = {}
     judged: set[str] = set()
@@ -142,7 +142,7 @@ def _sameness(answer: WithoutPosition) -> tuple[Suspicion, str, str]:
 
 
 def _why(answer: WithoutPosition) -> str:
-    """Why nothing can be told, without the words that all such reasons begin with."""
+    """Why no answer is possible, without the words that all such reasons begin with."""
     return answer.reason.partition(": ")[2] if answer.verdict is Suspicion.CANNOT_TELL else ""
 
 

@@ -12,15 +12,16 @@ import numpy as np
 from scipy.special import stdtrit
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.fall_of_stiction import history_since_fall
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.wear_forecast import WearForecast, forecast_wear
 
-WEEKS = 12  # that are looked back
+WEEKS = 12  # of history that enter the trend
 DAYS_A_MONTH = 365.25 / 12.0
 FEWEST_DAYS = 4  # with a screening that knows S
 SHORTEST_DAYS = 7.0  # from the first to the last of them
-LIKELY_RISING = 0.9  # probability from which a rise that is not claimed is not denied either
-SMALLEST_PERCENT = 0.2  # over the time that was seen; less than a plant's data can show
+LIKELY_RISING = 0.9  # probability from which a rise, though not significant, is not excluded either
+SMALLEST_PERCENT = 0.2  # over the whole time; a plant's data cannot show a smaller change
 SMALLEST_SHARE = 0.1  # of the size of an effect, over that time
 
 
@@ -28,7 +29,8 @@ SMALLEST_SHARE = 0.1  # of the size of an effect, over that time
 class TrendOverWeeks:
     """The rate of S in percent of OP span a month, with its 95 % interval, over ``days``; or of
     another ``number`` in its ``unit``. ``smallest`` change over that time can be seen at all. ``J``
-    is the trend of J beside that of S."""
+    is the trend of J beside that of S. ``unsettled``: S has fallen, and too few days ago to tell
+    whether it stays there, so that nothing is foreseen and nothing denied."""
 
     per_month: float
     low: float
@@ -39,10 +41,11 @@ class TrendOverWeeks:
     smallest: float = SMALLEST_PERCENT
     forecast: WearForecast | None = None
     J: TrendOverWeeks | None = None
+    unsettled: bool = False
 
     @property
     def is_change(self) -> bool:
-        """Whether the interval leaves no rate of 0, and what came together could be seen at all."""
+        """Whether the interval excludes 0 and the total change is large enough to be visible."""
         total_change = abs(self.per_month) * self.days / DAYS_A_MONTH
         return not self.low <= 0.0 <= self.high and total_change >= self.smallest
 
@@ -53,8 +56,11 @@ class TrendOverWeeks:
         return Estimate(value=self.per_month, low=self.low, high=self.high, unit=unit)
 
     def foresees_within(self, weeks: float) -> bool | None:
-        """Whether S more likely than not reaches the limit within ``weeks``; ``None`` where that is
-        not plain: within twice as many, or S rises and nobody can say when it is there."""
+        """Whether S more likely than not reaches the limit within ``weeks``. ``None`` where that is
+        uncertain: it may take up to twice as many, S rises and the date is not known, or S has just
+        fallen."""
+        if self.unsettled:
+            return None
         if self.forecast is None:
             return False
         until = self.forecast.until.value
@@ -79,8 +85,14 @@ def trend_over_weeks(
     days: Sequence[float], values: Sequence[float], limit: float | None = None
 ) -> TrendOverWeeks | None:
     """The slope of ``values`` (n,) of S, a day's mean each, over ``days`` (n,), by least squares
-    with Student's t for n - 2 degrees of freedom; ``None`` where so few days tell nothing. Where S
-    rises towards ``limit``, percent, when it will reach it. ``replace`` says what else it is of."""
+    with Student's t for n - 2 degrees of freedom; ``None`` where there are too few days. With a
+    ``limit``, percent, of S: over the days since S last fell, and where S rises towards the limit,
+    the trend says when it will reach it. For another quantity than S, ``dataclasses.replace`` sets
+    number and unit."""
+    unsettled = False
+    if limit is not None:
+        present = history_since_fall(days, values)
+        days, values, unsettled = present.days, present.S, present.unsettled
     t, y = np.asarray(days, dtype=np.float64), np.asarray(values, dtype=np.float64)
     if t.size < FEWEST_DAYS or np.ptp(t) < SHORTEST_DAYS:
         return None
@@ -96,8 +108,9 @@ def trend_over_weeks(
         low=DAYS_A_MONTH * (slope - reach),
         high=DAYS_A_MONTH * (slope + reach),
         days=float(np.ptp(t)),
+        unsettled=unsettled,
     )
-    if limit is None or not trend.is_change or slope <= 0.0:
+    if limit is None or unsettled or not trend.is_change or slope <= 0.0:
         return trend
     return replace(trend, forecast=forecast_wear(days, values, limit))
 

@@ -12,7 +12,7 @@ from stemwatch.models.verdict import Verdict
 
 NOTHING = "–"
 
-# A symbol beside each word, so that no meaning hangs on colour alone.
+# A symbol beside each word, so that no meaning depends on colour alone.
 VERDICT_SYMBOL = {
     Verdict.STICKY: "■",
     Verdict.DEFECTIVE: "◆",
@@ -27,7 +27,7 @@ VERDICT_MEANING = {
     Verdict.UNDETERMINED: "the recording does not allow a verdict; the reason is given",
     Verdict.HEALTHY: "the stem follows the controller",
 }
-# Undetermined stands before healthy: nobody knows yet that such a valve is well.
+# Undetermined comes before healthy, since such a valve may be faulty.
 
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 
@@ -100,7 +100,7 @@ def prose(text: str) -> str:
 
 
 def not_yet_said(sentences: Iterable[str], text: str) -> list[str]:
-    """Those of ``sentences`` that ``said`` does not already contain, word for word."""
+    """Those of ``sentences`` that ``text`` does not already contain, word for word."""
     text_folded = text.casefold()
     return [
         sentence for sentence in sentences if sentence.strip(" .").casefold() not in text_folded

@@ -1,12 +1,12 @@
-"""What a screening asks of maintenance: what is wrong, what to act on first, how bad it is, and
-whether the valve needs work. Every output asks here: report, tables, pages, PDF, mail, terminal.
+"""The maintenance decision on a screening: what is wrong, what to act on first, how severe it is,
+and whether the valve needs work. Every output uses it: report, tables, pages, PDF, mail, terminal.
 
 A valve needs work where its stem sticks, or where a material effect beside friction was named that
 stands among all valves of its run: it is then *defective*, whatever S and J say of its stem. Where
 the valve has a history, that is what its windows of the last weeks confirm, whatever the newest of
-them names. An effect that belongs to the machine, as a motor's lag, or is
-too small for work of its own, as a zero error of 1 %, is named and asks for nothing.
-Valves to watch and those that cannot be judged are counted apart.
+them names. An effect that belongs to the machine, as a motor's lag, or is too small for work of its
+own, as a zero error of 1 %, is named and asks for nothing. Valves to watch and those that cannot be
+judged are counted apart.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ WRONG, BAD = "wrong_position", "bad_signal"
 SIGNAL = frozenset({NO_POSITION, FROZEN, WRONG, BAD})
 WITHOUT_PAGE = frozenset({HEALTHY, RECORDING, WATCH})
 
-# What an undetermined verdict's reason says, as the models word it: a stored screening keeps the
-# sentence and not the obstacle. A test holds them together.
+# Words by which the reason of an undetermined verdict is recognised: a stored screening keeps the
+# models' sentence and not the kind of obstacle. A test keeps both in step.
 SAID_OF = (
     ("there is no valve position in this recording", NO_POSITION),
     ("the position did not change by one digit", FROZEN),
@@ -53,9 +53,9 @@ SAID_OF = (
     ("so S and J would mean nothing", UNEXPLAINED),
 )
 
-# A stem that may be stuck fast stands beside the worst sticky ones until somebody has looked.
+# A stem that may be stuck fast ranks with the worst sticky ones until somebody has checked it.
 SEVERITY_OF = {FROZEN: 90.0, UNEXPLAINED: 45.0}
-OTHER_SEVERITY = 35.0  # an effect beside friction, or a position that tells nothing
+OTHER_SEVERITY = 35.0  # an effect beside friction, or a position signal that cannot be used
 
 
 class WorkState(StrEnum):
@@ -88,8 +88,8 @@ class Ne107(StrEnum):
 
 # *Out of specification* is, for an actuator, a deviation from its set point that is larger than to
 # be expected; *maintenance required* a function that is still there and soon will not be. *Failure*
-# and *check function* are a device's own knowledge: in a historian's data a stem that is stuck fast
-# looks like a dead transmitter, which allows no verdict, and no verdict is no state.
+# and *check function* only the device itself can know: in historian data a stuck stem looks like a
+# dead transmitter, which allows no verdict, and without a verdict there is no state.
 NE107_OF = {
     Verdict.STICKY: Ne107.OUT_OF_SPECIFICATION,
     Verdict.DEFECTIVE: Ne107.OUT_OF_SPECIFICATION,
@@ -135,12 +135,13 @@ class WorkDecision:
 
     @property
     def needs_work(self) -> bool:
-        """Whether somebody should go to the valve and mend it."""
+        """Whether the valve should be repaired."""
         return self.state is WorkState.NEEDS_WORK
 
     @property
     def has_page(self) -> bool:
-        """Whether maintenance gets a page of it: there is something to look at or to find out."""
+        """Whether the valve gets a page in the maintenance report: there is something to inspect or
+        to find out."""
         return bool(set(self.kinds) - WITHOUT_PAGE)
 
     @property
@@ -191,23 +192,23 @@ def _class_of(effect: Effect) -> frozenset[str]:
 
 
 def overall_verdict(of_stem: Verdict, *, named: bool) -> Verdict:
-    """The verdict on the valve from that on its stem, which S and J give, and from whether a
-    defect beside friction was ``named`` that stands.
+    """The verdict on the valve from that on its stem, which S and J give, and from whether a defect
+    beside friction was ``named`` that stands.
 
-    All that ``needs work`` means stands here and in ``STATE_OF``.
+    ``needs_work`` is defined here and in ``STATE_OF`` only.
     """
     return Verdict.DEFECTIVE if named and of_stem is not Verdict.STICKY else of_stem
 
 
 def verdict_before(past: PreviousFinding) -> Verdict:
-    """The verdict on the valve that an earlier screening ended in."""
+    """The verdict on the valve in an earlier screening."""
     defects = past.effects if past.defects is None else past.defects
     return overall_verdict(past.verdict, named=bool(defects))
 
 
 def confidence_in(verdict: Verdict, of_stem: float | None) -> float | None:
-    """The confidence in the verdict on the valve, 0 to 1. Bootstrap draws of S tell nothing of an
-    effect beside friction: how sure that is stands with its evidence."""
+    """The confidence in the verdict on the valve, 0 to 1. Bootstrap draws of S say nothing about an
+    effect beside friction; its certainty is given with its evidence."""
     return None if verdict is Verdict.DEFECTIVE else of_stem
 
 
@@ -236,7 +237,7 @@ def kinds_of(
     if verdict is Verdict.WATCH:
         return (*named, *unknown, DEPARTED if shape is None else WATCH)
     if verdict is Verdict.HEALTHY:
-        # A difference that nothing explains, on a stem that follows, is no reason to go there.
+        # An unexplained difference on a stem that follows OP is no reason to inspect the valve.
         return named or (HEALTHY,)
     first = obstacle_kind(reason)
     return named or (first,) if first == RECORDING else (first, *named)
@@ -265,9 +266,10 @@ def _has_own_severity(kind: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkCounts:
-    """How many valves stand where. ``recordings`` is more than ``valves`` where a tag has several.
+    """How many valves are in each state of work. ``recordings`` exceeds ``valves`` where a tag has
+    several recordings.
 
-    ``orders`` of the valves that cannot be judged make a work order to find out why.
+    ``orders`` of the valves that cannot be judged get a work order to find out why.
     """
 
     recordings: int

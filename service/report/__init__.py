@@ -1,4 +1,4 @@
-"""The report of one run: a page that stands alone, and the same findings as CSV, XLSX and JSON."""
+"""The report of one run: a self-contained page, and the same findings as CSV, XLSX and JSON."""
 
 from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.report_context import ReportContext, SourceNotRead, ValveFacts

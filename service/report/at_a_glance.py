@@ -1,5 +1,5 @@
-"""What the first screen of a report says beside the verdicts, a line each: states by NE 107, the
-largest response figures, what gets worse over weeks, and what the sticking costs."""
+"""The lines on the first screen of a report beside the verdicts: states by NE 107, the largest
+response figures, valves that get worse over weeks, and the cost of sticking."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def at_a_glance(
     weeks: Mapping[str, TrendOverWeeks | None],
     cost: str,
 ) -> tuple[GlanceLine, ...]:
-    """The lines of those things of which anything is known; ``verdicts`` are on the valves of
-    ``screenings``, ``weeks`` by valve, ``cost`` is the plant's in words."""
+    """The lines for which there are data; ``verdicts`` are on the valves of ``screenings``,
+    ``weeks`` by valve, ``cost`` is the plant's in words."""
     lines = {
         "NE 107": _states(screenings, verdicts),
         "Response": _response(screenings),

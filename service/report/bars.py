@@ -41,7 +41,7 @@ def fit_bars(residuals: Mapping[str, Residual | None]) -> list[FitBar]:
 
 
 def spread_percent(residuals: Mapping[str, Residual | None]) -> float | None:
-    """Standard deviation of MV where the first model is judged: what a constant would miss."""
+    """Standard deviation of MV where the first model is judged: the error of a constant."""
     for model in MODEL_NAMES:
         residual = residuals.get(model)
         if residual is None:

@@ -15,8 +15,8 @@ from stemwatch.service.presenter.work_decision import verdict_before
 ARROWS = {"worse": "↗", "better": "↘", "same": "→", "new": "•", "unknown": "·"}
 _GRAVITY = {Verdict.HEALTHY: 0, Verdict.WATCH: 1, Verdict.DEFECTIVE: 2, Verdict.STICKY: 3}
 
-# A step in S counts only where the present interval excludes the earlier value and the step could
-# be seen at all in plant data; without an interval it has to be a tenth of the earlier value.
+# A step in S counts only where the present interval excludes the earlier value and the step is
+# large enough to show in plant data; without an interval it must be a tenth of the earlier value.
 SMALLEST_STEP_PERCENT = 0.2
 SMALLEST_SHARE = 0.1
 SMALLEST_SEVERITY_STEP = 10.0
@@ -55,8 +55,8 @@ def change_since_last_run(
     """The change from ``before`` to ``now``, whose verdict on the valve is ``verdict``: by verdict,
     else by the trend of S over ``weeks`` where it has one, else by S, else by severity.
 
-    S that rises by less than its interval from run to run still rises over weeks; where the verdict
-    changes the way that S goes over weeks, both are said.
+    S may rise over weeks by less than its interval from run to run. Where the verdict and the trend
+    of S change in the same direction, both are reported.
     """
     if before is None:
         return Change(direction="new", words="first look")

@@ -16,7 +16,7 @@ MOST_ROWS = 20  # loops of a heat map
 LEFT, CELL, ROW, TOP, BOTTOM = 150, 9, 18, 4, 20
 LONGEST_NAME = 22
 BAR, HEIGHT = 14, 46
-FEWEST_BARS = 24  # that a picture has room for, so that a few are not drawn as blocks
+FEWEST_BARS = 24  # bars that a picture has room for, so that a few are not drawn as wide blocks
 
 
 def spectra_map(group: OscillationGroup) -> Markup:

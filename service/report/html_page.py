@@ -1,7 +1,7 @@
-"""The report page: one HTML file with its styles, scripts and data inside, and no way out.
+"""The report page: one HTML file with its styles, scripts and data inside, which loads nothing.
 
-A content security policy allows exactly the scripts that were written here, by their digest, and
-no request at all, so that neither a tag's spelling nor a reader's network can change the page.
+A content security policy allows exactly the scripts in it, by their digest, and no request at all,
+so that neither a tag's spelling nor a reader's network can change the page.
 """
 
 from __future__ import annotations
@@ -180,8 +180,8 @@ def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchV
 
 
 class _Compiled(BytecodeCache):
-    """What templates were compiled to in this process: each page has an environment of its own, and
-    compiling takes longer than most pages do. A template that has changed is compiled anew."""
+    """The templates compiled in this process: each page has an environment of its own, and
+    compiling takes longer than rendering most pages. A changed template is compiled again."""
 
     def __init__(self) -> None:
         self._code: dict[str, bytes] = {}
@@ -260,7 +260,8 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
 
 
 def _finalize(value: Any) -> Any:
-    # Markup is ours; every other text came from outside and may hold what HTML cannot.
+    # Markup comes from our templates; every other text may contain characters that HTML does not
+    # allow.
     if isinstance(value, str) and not isinstance(value, Markup):
         return words.printable(value)
     return value

@@ -1,6 +1,5 @@
-"""What a page shows of one mismatch, worked out before the template writes it: pictures, bars, and
-where the residual lives, facet by facet, before and after.
-"""
+"""The values that a page shows of one mismatch: pictures, bars, and the residual in each part of
+the record (facet), before and after."""
 
 from __future__ import annotations
 
@@ -37,7 +36,7 @@ class MismatchView:
     """``mismatch`` with its pictures; ``anchor`` and ``tag`` name the valve in the page.
 
     ``S`` and ``J`` are those of the valve, the only ones that count on a page; ``alternatives`` are
-    others, each with why it is not used. ``held_back`` is why its effects do
+    other estimates, each with the reason why it is not used. ``held_back`` is why its effects do
     not stand among all valves of the run; empty where they do.
     """
 
@@ -57,13 +56,13 @@ class MismatchView:
 
     @property
     def brief(self) -> bool:
-        """Nothing was left out or nothing could be said: one sentence is enough."""
+        """Whether one sentence is enough: nothing was left out, or nothing could be tested."""
         return self.mismatch.finding in (Finding.NONE, Finding.NOT_TESTABLE)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """An S and J that do not count, and what they are of."""
+    """Estimates of S and J that do not count, and how they were obtained."""
 
     of: str
     stiction: Stiction
@@ -94,8 +93,8 @@ def mismatch_view(
     """The view of ``mismatch``; without ``recording`` with the ``overlay`` and the ``pictures``
     given, if any.
 
-    ``counts`` are the valve's S and J where a screening says them; else the mismatch does.
-    ``by_window`` is there where the recording was explained as several windows.
+    ``counts`` are the valve's S and J from a screening; without them those of the mismatch are
+    used. ``by_window`` is set where the recording was explained as several windows.
     """
     S, J = counts or (mismatch.restated.S, mismatch.restated.J)
     top = largest(mismatch.before, mismatch.after)
@@ -138,8 +137,9 @@ def alternatives_of(
 def residual_bars(mismatch: Mismatch) -> list[ResidualBar]:
     """Rmse before and after beside what is systematic at all and the noise; known ones only.
 
-    "After" is there where it differs. A model that comes nearer than the estimated noise shows that
-    the noise is less; a network that a model beats is no ceiling.
+    "After" is listed where it differs. A model with a smaller error than the estimated noise gives
+    an upper bound of the noise, which is shown instead; a network that a model beats is not called
+    a ceiling.
     """
     heldout = mismatch.heldout
     before, ceiling = finite(heldout.rmse_naive), finite(heldout.rmse_ceiling)
@@ -177,14 +177,14 @@ def residual_bars(mismatch: Mismatch) -> list[ResidualBar]:
 
 
 def _after(mismatch: Mismatch) -> str:
-    """What the model has that S and J alone lack."""
+    """What the model contains beside S and J."""
     return "with what was left out" if mismatch.effects else "with the reading's zero and gain"
 
 
 @dataclass(frozen=True, kw_only=True)
 class GainRow:
-    """What one effect, or all together, take off the error on blocks they were not fitted to, in
-    percent of it: ``alone`` over S and J, ``besides`` where all the others are there already."""
+    """By how much one effect, or all together, reduce the error on held-out blocks, in percent:
+    ``alone`` relative to S and J, ``besides`` relative to a model with all other effects."""
 
     name: str
     alone: Gain | None
@@ -236,7 +236,7 @@ class PlaceBar:
     """One cell: rms before and after in percent of span, and both as percent of a full bar.
 
     ``share`` of the squared residual before and ``weight`` of the samples, 0 to 1; ``hot`` where
-    the place holds significantly more of the residual than its size.
+    the place has significantly more of the residual than its share of samples.
     """
 
     label: str

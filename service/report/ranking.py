@@ -89,7 +89,7 @@ class RankedValve:
 
     @property
     def evidence(self) -> ValvePlots | None:
-        """What its plots draw, where its samples were let go; read when it is asked for."""
+        """The data of its plots, where its samples were released; read on access."""
         return self.plots()
 
 
@@ -97,9 +97,9 @@ class Ranking(Sequence[RankedValve]):
     """The valves of a report, worst first: by verdict, severity and tag; by cost where the context
     says so, and then worst first.
 
-    A valve is made when it is asked for, from whatever ``screenings`` is: where that reads from a
-    disk, only one valve is held at a time. ``evidence`` gives the plots of the screening at a place
-    of ``screenings``. ``discovered`` is what stands of all that was named in the run.
+    A valve is created on access from ``screenings``; where that sequence reads from a disk, only
+    one valve is held in memory at a time. ``evidence`` gives the plots of the screening at a
+    position of ``screenings``. ``discovered`` is the false-discovery control over the run.
     """
 
     def __init__(
@@ -157,6 +157,8 @@ class Ranking(Sequence[RankedValve]):
         self._recordings = Counter(note.valve for note in notes)
         used_anchors: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
+        # Texts only, so that they may stay in memory: every file of a report asks for each valve.
+        self._findings: dict[int, PresentedFinding] = {}
 
     def __len__(self) -> int:
         return len(self._order)
@@ -183,13 +185,15 @@ class Ranking(Sequence[RankedValve]):
         facts = self._context.facts(screening.valve)
         stands, confirmed = self.discovered.standing[rank], self.discovered.confirmed[rank]
         remark = self.discovered.remark(facts.by_window) if stands is False else ""
-        finding = present(
-            screening,
-            stands=stands,
-            confirmed=confirmed,
-            held_back=remark,
-            groups=self._context.groups,
-        )
+        finding = self._findings.get(rank)
+        if finding is None:
+            finding = self._findings[rank] = present(
+                screening,
+                stands=stands,
+                confirmed=confirmed,
+                held_back=remark,
+                groups=self._context.groups,
+            )
         return RankedValve(
             rank=rank + 1,
             anchor=self._anchors[rank],
@@ -209,7 +213,7 @@ class Ranking(Sequence[RankedValve]):
 
 
 def _a_month(cost: CostOfSticking | None) -> float:
-    """What it costs; 0 where that is not known, so that it comes after all that does cost."""
+    """Its cost a month; 0 where that is not known, so that it sorts behind all known costs."""
     return 0.0 if cost is None else max(cost.money.value or 0.0, 0.0)
 
 
@@ -221,7 +225,7 @@ def cost_in_words(ranked: Sequence[RankedValve]) -> str:
 
 
 def glance(ranked: Sequence[RankedValve]) -> tuple[GlanceLine, ...]:
-    """What the first screen says beside the verdicts."""
+    """The lines of the first screen beside the verdicts."""
     if isinstance(ranked, Ranking):
         return ranked.glance
     return at_a_glance(
@@ -260,7 +264,7 @@ def work_counts(ranked: Sequence[RankedValve]) -> WorkCounts:
 
 
 def reduced_for_ranking(screening: Screening) -> Screening:
-    """As much of a screening as it takes to rank it and to say which effects stand."""
+    """The screening reduced to what is needed to rank it and to decide which effects stand."""
     mismatch = screening.mismatch
     if mismatch is not None:
         empty_map = ResidualMap()

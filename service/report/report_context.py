@@ -1,4 +1,4 @@
-"""What a report knows beside its screenings: the plant, the run, each valve's facts."""
+"""What a report needs beside its screenings: the plant, the run, facts of each valve."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def software_name() -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class ValveFacts(PlantPath):
-    """What the plant says of a valve: its service, where it is, how much hangs on it.
+    """What is known of a valve: its service, its place in the plant, its criticality.
 
     ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
     ``previous`` is what was said of it before, ``weeks`` how its S changes, ``by_window`` what its

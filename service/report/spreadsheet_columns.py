@@ -1,4 +1,4 @@
-"""The columns that the CSV and the XLSX share: one row per valve, one header, one meaning."""
+"""The columns of CSV and XLSX: one row per valve, the same headers and meanings in both."""
 
 from __future__ import annotations
 

@@ -103,6 +103,7 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
             cost=valve.cost,
             path=valve.facts,
             weeks=valve.facts.weeks,
+            finding=valve.finding,
         )
         text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
         file.write((between + text.replace("\n", "\n ")).encode())
@@ -111,7 +112,8 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
 
 
 def _put(path: Path, write: Callable[[BinaryIO], None]) -> str:
-    """Write beside, then rename, so that nobody opens half a report. Returns what went wrong."""
+    """Write to a temporary file beside ``path``, then rename, so that nobody opens half a report.
+    Returns the error, if any."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with temporary.open("wb") as file:

@@ -61,7 +61,7 @@ class RunNow:
     out: Path
     limits: Limits = field(default_factory=Limits)
     command: tuple[str, ...] = ()
-    new_baseline: bool = False  # make this window each valve's baseline, replacing any other
+    new_baseline: bool = False  # makes this window the baseline of each valve, replacing any other
     rank_by: RankBy = RankBy.VERDICT
 
 
@@ -110,7 +110,7 @@ def screen_now(
     """
     plant, started = request.plant, datetime.now(UTC)
     planned = make_plan(request)
-    with interrupts_held():  # from its row on, the run is this function's to end
+    with interrupts_held():  # once the run is in the store, this function must record its end
         run = Run(
             store=how_to_run.store,
             number=how_to_run.store.begin_run(

@@ -32,10 +32,11 @@ PER_WORKER = 3  # chunks per worker into which the remaining items are divided
 
 T = TypeVar("T")
 
-# Valves that one worker takes at a time, at most. Their networks train together, which is quicker;
-# but every worker should have some, and progress should be visible.
+# The most valves that one worker takes at a time. Their networks train together, which is quicker;
+# but every worker should get some, and progress should be visible.
 CHUNK = 16
-# From this many valves on fitting takes far longer than parsing a file up to this many bytes again.
+# From this many valves on, fitting takes far longer than parsing a file of up to this many bytes
+# once more.
 SPLIT_FROM_VALVES, SPLIT_UP_TO_BYTES = 8, 32 * 2**20
 
 OnScreened = Callable[[Screening, int, int], None]  # (screening, how many are done, of how many)
@@ -149,7 +150,7 @@ def execute(
 
 
 def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:
-    """Screen tasks again for their plots, whose results are in the store; nothing is saved."""
+    """Screen tasks again whose results are in the store, to get their plots; nothing is saved."""
     first = len(executed.results)
     for finished in _screened(run, with_stored_context(tasks, run.store), stop):
         for outcome in finished:

@@ -103,7 +103,7 @@ def _write(
     failed: Exception | None = None
     try:
         _write_work_list(run, executed, context)
-    except Exception as error:  # alerts and the report itself matter more
+    except Exception as error:  # alerts and the report matter more than the work list
         failed = error
         if run.queued:
             text = "run %d: the maintenance report could not be written"
@@ -159,8 +159,8 @@ def _write_work_list(run: Run, executed: Executed, context: ReportContext) -> No
 
 
 def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
-    """Loops of the run that oscillate together, kept in the store with what earlier windows found;
-    none where looking for them fails, since all else matters more."""
+    """Groups of loops of the run that oscillate together, stored and linked with those of earlier
+    windows; none where the search fails, since everything else matters more."""
     try:
         valves = list(run.plant.valves.values()) if run.plant else []
         units = {valve.id: valve.unit for valve in valves}

@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 HEARTBEAT_S = SILENT_AFTER.total_seconds() / 6
 UNKNOWN = "the plant file does not describe this valve (any more)"
-_LOOK_S = 5.0  # between looks for runs that another process queued
+_LOOK_S = 5.0  # between checks for runs that another process queued
 _RETRY_S = 5.0  # while the database is not available
 _MOST_TRIALS = 12  # of a run whose executor cannot work, before it fails
 _PREFIX = "run-"
@@ -61,7 +61,7 @@ class QueueWorker:
         self._more = threading.Event()
 
     def wake(self) -> None:
-        """Look into the queue at once, since something was queued."""
+        """Check the queue at once, since something was queued."""
         self._more.set()
 
     def work(self, stop: threading.Event) -> None:
@@ -121,7 +121,8 @@ class QueueWorker:
         )
 
         def on_valve_done(valve: str, given_up: str) -> None:
-            """Only now that all is saved: a valve interrupted before is simply screened again."""
+            """Only after all is saved: a valve that was interrupted earlier is simply screened
+            again."""
             state = ValveState.SET_ASIDE if given_up else ValveState.DONE
             if given_up:
                 log_fields = {"run": stored.id, "valve": valve}
@@ -230,7 +231,7 @@ class _Heartbeat:
         self._thread.start()
 
     def end(self) -> None:
-        """Stop telling the store that this process works on the run; wait until that has ended."""
+        """Stop the heartbeat and wait for its thread to end."""
         self._over.set()
         self._thread.join()
 

@@ -137,7 +137,8 @@ class Saving:
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
     def _save_due_networks(self, result: PlacedScreening, spill: ResultSpill) -> None:
-        """Save the valve's networks in the order of its windows, up to the first missing one."""
+        """Save the valve's networks in the order of its windows, up to the first that has not
+        arrived."""
         valve = result.screening.valve
         to_come = self._to_come[valve]
         while to_come and to_come[0] in self._waiting:

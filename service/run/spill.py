@@ -15,7 +15,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import RankKey, worst_first
 
-MOST_LOOPS = 4000  # loops of a run that are compared with each other, 0.1 MB on the disk each
+MOST_LOOPS = 4000  # loops of a run that are compared with each other; each takes 0.1 MB of disk
 
 
 class _ReversedRank:
@@ -39,7 +39,7 @@ class ResultSpill(Sequence[Screening]):
 
     def __init__(self, plotted: int) -> None:
         self._file = tempfile.TemporaryFile(prefix="stemwatch-")  # noqa: SIM115  # see below
-        weakref.finalize(self, self._file.close)  # frees the disk space with the last reference
+        weakref.finalize(self, self._file.close)  # its disk space is freed with the last reference
         self._plotted = plotted
         self._where: dict[int, int] = {}  # place -> offset of the screening
         self._plots: dict[int, int] = {}  # place -> offset of its plots
@@ -65,15 +65,15 @@ class ResultSpill(Sequence[Screening]):
             self._plots.pop(dropped, None)
 
     def evidence(self, rank: int) -> ValvePlots | None:
-        """The plots of the screening at ``at`` of this sequence, where they are kept."""
+        """The plots of the screening at position ``rank``, where they are kept."""
         return self.evidence_at(self._places()[rank])
 
     def thinned_loops(self) -> Iterator[ThinnedLoop]:
-        """What the loops are compared by, in the order in which they came."""
+        """The thinned loops for comparison, in the order in which they arrived."""
         return (self._read(offset) for offset in self._thinned_loops)
 
     def at_place(self, index: int) -> Screening:
-        """The screening that was put at ``index``."""
+        """The screening that was stored at ``index``."""
         screening: Screening = self._read(self._where[index])
         return screening
 
@@ -124,7 +124,7 @@ class WorstScreenings(Sequence[Screening]):
         self._spill, self._places = spill, places
 
     def evidence(self, rank: int) -> ValvePlots | None:
-        """The plots of the screening at ``at`` of this sequence, where they are kept."""
+        """The plots of the screening at position ``rank``, where they are kept."""
         return self._spill.evidence_at(self._places[rank])
 
     def __len__(self) -> int:

@@ -193,7 +193,7 @@ def screen_tasks(
 ) -> list[Screening]:
     """A screening for each task, in order; for one that cannot be read, with the reason.
 
-    The ``networks`` of tasks that are done together are trained together.
+    The ``networks`` of these tasks are trained together.
     """
     from stemwatch.models.screening import Case, Options, screen
 
@@ -221,8 +221,8 @@ def given_up(task: Task, reason: str) -> Screening:
 
 
 def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
-    """The recording of a task with its valve's baseline, as ``Case``; a ``Screening`` with the
-    reason where it cannot be read."""
+    """The recording of a task and its valve's baseline as a ``Case``; where the recording cannot be
+    read, a ``Screening`` with the reason."""
     from stemwatch.models.screening import Case
 
     if task.reason:

@@ -12,7 +12,8 @@ from stemwatch.service.store.runs.schedule import ScreeningSchedule
 
 # Intervals are counted from a fixed midnight, so that a restart does not shift them.
 _ANCHOR = datetime(2000, 1, 3)
-# Counting the instants of a schedule of every minute further back than this takes too long.
+# Counting the instants of a schedule that is due every minute further back than this takes too
+# long.
 _LOOK_BACK = timedelta(days=32)
 _MOST = 100_000
 

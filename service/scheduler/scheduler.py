@@ -19,7 +19,8 @@ log = logging.getLogger(__name__)
 
 LONGEST_PAUSE_S = 20.0  # at the latest, since schedules may change and the clock may be set
 _SOON_S, _LONG_S = 0.05, 3600.0
-# Machines that serve one database differ by less; what lies further ahead a wrong clock noted.
+# Clocks of machines that serve one database differ by less; an instant further ahead comes from a
+# wrong clock.
 _AHEAD = timedelta(minutes=15)
 
 
@@ -86,7 +87,7 @@ class Scheduler:
         try:
             self.look()
             coming = [stored.next_due for stored in self._store.schedules.all()]
-        except Exception as error:  # whatever it is, the thread must go on
+        except Exception as error:  # whatever the error, the thread must go on
             if str(error) != self._logged:
                 expected = isinstance(error, StoreError)
                 text = "the schedules could not be looked at: %s"
@@ -124,7 +125,8 @@ class Scheduler:
         return number
 
     def _begin_anew(self, name: str, since: datetime, now: datetime) -> None:
-        """Plan a schedule from ``now`` on: it would rest until the clock comes to ``since``."""
+        """Plan a schedule from ``now`` on; otherwise it would wait until the clock reaches
+        ``since``."""
         log.warning(
             "schedule %s was looked at when the clock said %s; it has been set back, and the "
             "schedule goes on from %s",

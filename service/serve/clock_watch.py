@@ -1,4 +1,4 @@
-"""``ClockWatch``: notices that the computer's clock was set, and since when it has gone evenly.
+"""``ClockWatch``: notices that the computer's clock was set, and since when it has run steadily.
 
 Silence and age are differences of times. After a step of hours a device that answers would look
 silent, and after one of months every sample too old to keep.
@@ -13,16 +13,16 @@ from datetime import UTC, datetime, timedelta
 
 log = logging.getLogger(__name__)
 
-STEP = timedelta(seconds=60)  # less is the drift of a clock, or a machine that was held up
+STEP = timedelta(seconds=60)  # a smaller step is clock drift, or a machine that was suspended
 TRUSTED_AFTER = timedelta(days=1)
 _LONG_OFF = timedelta(days=7)  # since the store was last written to
 
 
 class ClockWatch:
-    """The clock of this computer beside one that nobody sets.
+    """Compares the computer's clock with a monotonic clock, which nobody sets.
 
-    ``last_noted`` is what the store knew of as the newest when this process began. A clock that is
-    behind that, or a week ahead, is doubted: the computer may have started without the right time.
+    ``last_noted`` is the newest time in the store when this process began. A clock that is behind
+    it, or a week ahead, is not trusted: the computer may have started with a wrong time.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class ClockWatch:
         )
 
     def even_since(self) -> datetime:
-        """Since when the clock has gone evenly while this process looked."""
+        """Since when the clock has run steadily, as far as this process observed it."""
         step = self._ahead() - self._offset
         if abs(step) > STEP:
             direction = "back" if step < timedelta(0) else "ahead"
@@ -49,8 +49,8 @@ class ClockWatch:
         return self._even_since
 
     def trusted(self) -> bool:
-        """Whether what cannot be undone may be done by this clock: it was neither set nor in doubt
-        for a day."""
+        """Whether irreversible work may rely on this clock: for a day it was neither set nor in
+        doubt."""
         even = self._wall() - self.even_since()
         self._doubted = self._doubted and even < TRUSTED_AFTER
         return not self._doubted

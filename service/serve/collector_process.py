@@ -44,7 +44,7 @@ class StoreWhenReady:
         """The store. Raises ``StoreError`` while it is not available."""
         with self._guard:
             if self._store is None:
-                # The spool removes what is stored, so that it has to be on the disk by then.
+                # The spool removes what is stored, so it must be on the disk by then.
                 store = open_store(self._plant.storage, synced=True)
                 for device in self._plant.devices.values():
                     units = {register.tag: register.unit for register in device.registers}

@@ -44,7 +44,7 @@ def health_checks(
     except StoreError:
         problem = "the database does not answer"
         return [*checks, Check(name="store", ok=False, says=problem, vital=True)]
-    # The service renews its lease every few seconds, so that this is never an old answer.
+    # The service renews its lease every few seconds, so this answer is never old.
     stuck = bool(store.transactions.write_fault)
     problem = "the database cannot be written; the log says why" if stuck else ""
     checks.append(Check(name="store", ok=not stuck, says=problem, vital=True))

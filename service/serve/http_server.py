@@ -28,7 +28,7 @@ BODY_S = 30.0  # from the headers to the end of the body, at most 64 KiB
 ANSWER_S = 60.0  # for the next ``ANSWER_BYTES`` of an answer, or for the rest of it
 ANSWER_BYTES = 60_000
 MOST_CONNECTIONS = 256
-END_S = 5  # how long answers that are being made hold up the end of the server
+END_S = 5  # how long the server waits for pending answers when it ends
 
 _TOO_SLOW = b"HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 _FULL = (
@@ -68,7 +68,7 @@ def http_server(app: Any, *, lifespan: bool = True, proxies: Sequence[str] = ())
         log_config=None,
         access_log=False,
         server_header=False,
-        proxy_headers=False,  # done above, after the connection's own address is kept
+        proxy_headers=False,  # done above, after the connection's own address was stored
         lifespan="auto" if lifespan else "off",
         backlog=limit // 2,  # so many are accepted in one go
         timeout_graceful_shutdown=END_S,
@@ -140,7 +140,7 @@ class BoundedConnection(H11Protocol):
 
     def _wait_for(self, phase: str | None, seconds: float) -> None:
         if phase == self._awaited:
-            return  # more bytes of the same part do not extend the deadline
+            return  # further bytes of the same phase do not extend the deadline
         if self._deadline is not None:
             self._deadline.cancel()
         self._awaited = phase

@@ -20,7 +20,7 @@ from stemwatch.service.watch import WatchedFolder
 log = logging.getLogger(__name__)
 
 FOLDERS_S, MESSAGES_S, SOURCES_S, OLD_S, LEASE_S = 3.0, 10.0, 15.0, 3600.0, 15.0
-LEASE = "service"  # held while a service runs on this store
+LEASE = "service"  # the lease that a running service holds on its store
 LEASE_FOR = timedelta(seconds=60)
 
 PeriodicTask = Callable[[], object]

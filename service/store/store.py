@@ -20,6 +20,7 @@ from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.plant_path import PartOfPlant
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.store.accounts.api_tokens import ApiTokens
 from stemwatch.service.store.accounts.audit import AuditLog
@@ -89,7 +90,7 @@ from stemwatch.service.store.screenings.rows import stored_run
 from stemwatch.service.store.screenings.tables import MaintenanceRow, NoteRow, RunRow
 
 NO_COSTS: Mapping[str, float] = MappingProxyType({})
-_GIVE_UP_AFTER = 3  # saves in a row that the database did not answer
+_GIVE_UP_AFTER = 3  # failed saves in a row after which the database counts as unavailable
 
 
 def open_store(url: str | DatabaseUrl, *, synced: bool = False) -> Store:
@@ -267,7 +268,7 @@ class Store:
                     )
                     pictures.write_pictures(session, number, packed)
                 saved, unanswered = saved + 1, 0
-            except Exception as error:  # whatever is wrong with one valve must not cost another
+            except Exception as error:  # an error with one valve must not affect the others
                 unanswered = unanswered + 1 if isinstance(error, OperationalError) else 0
                 reason = error_text(error, self.address)
                 failures.append(SaveFailure(valve=screening.valve, reason=reason))
@@ -380,6 +381,13 @@ class Store:
     def trends(self, valves: Sequence[str], limits: Limits) -> dict[str, TrendOverWeeks]:
         """How S of each of ``valves`` changes over weeks, where that is known, and when it will
         reach the limit of sticky."""
+        return self.trends_and_falls(valves, limits)[0]
+
+    def trends_and_falls(
+        self, valves: Sequence[str], limits: Limits
+    ) -> tuple[dict[str, TrendOverWeeks], dict[str, UnexplainedFall]]:
+        """``trends``, and for those of ``valves`` whose S fell in the last weeks without recorded
+        work, that."""
         with self.transactions.reading() as session:
             return daily_stiction.read_trends(session, valves, limits.sticky_S_percent)
 

@@ -1,9 +1,9 @@
-"""An alert system after three months: a simulated plant, a window a day, through the real schedule,
+"""Trial of the alerts over months: a simulated plant, one window a day, through the real schedule,
 queue, run, store and rules, with a simulated clock.
 
-Alerts are counted against what happened to each valve (``models.studies.simulator.valve_life``). An
-alert has a cause where, on its day or the two before, S of the valve was at least the limit of
-watch or a defect was there; any other is false.
+Alerts are compared with what happened to each valve (``models.studies.simulator.valve_life``). An
+alert is right where, on its day or one of the two days before, S of the valve was at least the
+limit of watch or a defect was present; any other alert is false.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from stemwatch.service.studies.simulated_archive import ROLES, ArchivePlan, Piec
 
 BEGAN = datetime(2020, 1, 6, tzinfo=UTC)  # the simulated clock must not overtake the real one
 RECORDED_AT = timedelta(hours=6)
-WITHIN = 3  # windows after the crossing in which an alert is wanted
+WITHIN = 3  # windows after S crosses the limit, within which an alert is expected
 LOOKS_BACK = 2  # windows before the newest that a rule looks at
 DAYS_A_MONTH = 365.25 / 12.0
 
@@ -54,7 +54,9 @@ class AlertPlan:
 class PlayedAlert:
     """One alert: the days (from 0) on which it was raised and closed, ``None`` while it is open;
     ``valves`` it speaks of, ``has_cause`` whether one of them had any. An alert without a cause
-    that took another name when there was one is right since the day ``renamed``."""
+    that took another name when there was one is right since the day ``renamed``. ``opened_again``
+    are the days on which it was opened again after it had closed, ``again_without_cause`` how many
+    of these had no cause."""
 
     cause: str
     kind: AlertKind
@@ -64,10 +66,12 @@ class PlayedAlert:
     text: str
     closed: int | None = None
     renamed: int | None = None
+    opened_again: tuple[int, ...] = ()
+    again_without_cause: int = 0
 
     @property
     def right_since(self) -> int | None:
-        """The day from which it told of a cause; ``None`` where it never did."""
+        """The day since which the alert is right; ``None`` where it never was."""
         return self.raised if self.has_cause else self.renamed
 
 
@@ -87,8 +91,17 @@ class Played:
 
     @property
     def false_alerts(self) -> tuple[PlayedAlert, ...]:
-        """The alerts without a cause."""
-        return tuple(alert for alert in self.alerts if not alert.has_cause)
+        """The alerts without a cause; one that was opened again without a cause once for that."""
+        return tuple(
+            alert
+            for alert in self.alerts
+            for _ in range((not alert.has_cause) + alert.again_without_cause)
+        )
+
+    @property
+    def opened_again(self) -> int:
+        """How many times an alert that had closed was opened again."""
+        return sum(len(alert.opened_again) for alert in self.alerts)
 
     def false_by_kind(self) -> dict[str, int]:
         """How many false alerts there are of each kind."""
@@ -151,7 +164,12 @@ class Played:
             )
         per_cause = self.alerts_per_cause()
         if per_cause is not None:
-            sentences.append(f"{per_cause:.2f} alerts for each cause that had any")
+            again = self.opened_again
+            times = {0: "none of them", 1: "one"}.get(again, f"{again}")
+            sentences.append(
+                f"{per_cause:.2f} alerts for each cause that had any, {times} opened again after "
+                "it had closed"
+            )
         closed, total, days = self.closed_after_repair()
         if total:
             sentences.append(
@@ -212,7 +230,7 @@ def play(
 
 
 class TrialFailed(ConnectorError):
-    """A day's run did not screen every valve: what it did not see cannot be counted."""
+    """A day's run did not screen every valve, so that its alerts cannot be counted."""
 
 
 def _must_be_done(store: Store, number: int, valves: int) -> None:
@@ -243,6 +261,15 @@ class _AlertHistory:
                 now_told = self._played(alert, day)
                 renamed = day if now_told.has_cause else None
                 self.alerts[alert.id] = played = replace(played, renamed=renamed)
+            again = len(alert.evidence.get("reopened", ()))
+            if again > len(played.opened_again):
+                self.alerts[alert.id] = played = replace(
+                    played,
+                    closed=None,
+                    opened_again=(*played.opened_again, day),
+                    again_without_cause=played.again_without_cause
+                    + (not self._played(alert, day).has_cause),
+                )
             if alert.closed is not None and played.closed is None:
                 self.alerts[alert.id] = replace(played, closed=day)
 

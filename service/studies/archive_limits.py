@@ -1,4 +1,4 @@
-"""What shows a late clock or a slow archive, on recordings that have neither and on those that do.
+"""The limits that detect a late clock or a slow archive, on recordings with and without them.
 
 Sticking and healthy valves of `robustness` are simulated once. As they are, their clocks agree and
 a sample is kept every second: the nulls. Stored late or more slowly, they show how many lie beyond
@@ -123,7 +123,7 @@ def _pieces(recording: Recording) -> Iterator[Recording]:
 
 
 def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvidence:
-    # What the stem says where there is no PV, and what the controller does.
+    # The evidence from the stem where there is no PV, and that from the controller.
     without_pv: dict[Role, Signal] = {
         role: signal for role, signal in recording.signals.items() if role is not Role.PV
     }
@@ -149,7 +149,7 @@ def _evidence(storage: str, sticking: bool, recording: Recording) -> ArchiveEvid
 
 
 def _against(fit: StickSlipFit, archive: Archive | None) -> SlipsAgainstFit:
-    """What the slips say against the fit; NaN where too few are seen."""
+    """How strongly the slips contradict the fit; NaN where there are too few."""
     c = fit.candidate
     gain, zero = 1.0 + float(c[coordinate.GAIN]), float(c[coordinate.ZERO])
     slips = None if archive is None else archive.slips(fit.evaluator.problem, gain, zero)

@@ -104,7 +104,7 @@ def run_drift(
     on_progress: Callable[[int], None],
     fates: Sequence[ValveFate] = tuple(ValveFate),
 ) -> list[Followed]:
-    """Follow ``valves`` loops, drawn healthy with ``seed``, in each of ``ways``.
+    """Follow ``valves`` loops, drawn healthy with ``seed``, in each of ``fates``.
 
     The fates of a loop share its baseline. ``on_progress`` is called with the number of loops done.
     """

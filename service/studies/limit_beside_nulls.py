@@ -1,8 +1,9 @@
-"""A limit of the product, beside recordings that must not meet it (nulls) and others that should.
+"""A limit of the product compared with recordings that must not exceed it (nulls) and others that
+should.
 
-A limit is one of several that must all be met before something is said, and it holds where at most
-a share of all nulls meets them all. Where it would have to lie at least for that is derived from
-the nulls that meet all the others.
+A check reports only where several limits are all met. A limit holds where at most a given share of
+the nulls meets all of them. The least value for which it would hold is derived from the nulls that
+meet all other limits.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class JointCondition:
     above: bool = True
 
     def met(self, case: object) -> bool:
-        """Whether a recording meets it; what shows nothing of the kind does not."""
+        """Whether a recording meets the limit; one without a value does not."""
         value = getattr(case, self.field)
         return bool(value >= self.limit if self.above else value <= self.limit)
 

@@ -281,7 +281,7 @@ class WiringAnswer:
     confidence: float | None
     reason: str
     advice: str
-    corrections: tuple[str, ...]  # what was read otherwise than it stands in the recording
+    corrections: tuple[str, ...]  # signals that were corrected before they were used
     S: float | None
 
     @property

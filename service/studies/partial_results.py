@@ -1,4 +1,5 @@
-"""What a study that may be stopped has counted so far: a file of JSON objects, one in each line."""
+"""Intermediate results of a study that can be stopped and continued: a file of JSON objects, one a
+line."""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ from typing import Any
 
 
 def append_line(file: Path | None, value: Mapping[str, object]) -> None:
-    """One line more, where there is a file: times in ISO 8601."""
+    """Append ``value`` as a line to ``file``, if there is a file; times in ISO 8601."""
     if file is None:
         return
     line = json.dumps(value, default=datetime.isoformat)
@@ -19,7 +20,8 @@ def append_line(file: Path | None, value: Mapping[str, object]) -> None:
 
 
 def stored_lines(file: Path | None) -> list[dict[str, Any]]:
-    """What was kept; a last line that was cut off is taken away, and is to be written again."""
+    """The stored values. An incomplete last line is removed from the file, so that its value is
+    computed again."""
     if file is None or not file.is_file():
         return []
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)

@@ -1,4 +1,4 @@
-"""Training and judging what is said of valves without a position, on simulated loops."""
+"""Training and evaluation, on simulated loops, of the networks for valves without a position."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def limits_of(draws: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimit
         if np.any(~sticky & family)
     )
     no_sign = min(float(np.quantile(score[sticky & (size >= PLAIN)], MISSED)), suspected)
-    # A valve that sticks by more than OP swings would make it swing wider.
+    # Only S up to OP's amplitude: a valve that sticks by more would make OP swing wider.
     candidates = np.geomspace(0.05, 1.0, 60)
     shows = candidates[-1]
     for least in candidates[::-1]:

@@ -135,7 +135,7 @@ WAYS: dict[str, StoredAs] = {
         lambda r: _changed(r, op=lambda v: 10 * np.sqrt(_opening(v))), strokes=True
     ),
     "position reversed": StoredAs(lambda r: _changed(r, mv=lambda v: 100 - v)),
-    # MV stands still while OP goes on: the catalogue calls that a stop.
+    # MV stands still while OP goes on: an end stop in the catalogue.
     "tight shut-off below 12 % of the record": StoredAs(_shut_off, true=frozenset({"travel_stop"})),
     "OP stored 5 s late": StoredAs(lambda r: _changed(r, op=_late(5))),
     "position stored 5 s late": StoredAs(
@@ -226,8 +226,9 @@ def draw_valves(valves_each: int, seed: int) -> list[StudiedValve]:
 def _with(case: HiddenCase, S: float, J: float, index: int, sticking: bool) -> StudiedValve:
     """The case with this S and J; two packings of four give a little before they let go.
 
-    Bristles let go the earlier the quicker the force grows, so a LuGre packing has the S and J that
-    it shows in its own loop, less what a packing with the same levels and no bristles shows there.
+    In the LuGre model the stem breaks away earlier the faster the force grows. So the S and J of a
+    LuGre packing are those that it shows in its own loop, corrected by what a Karnopp packing with
+    the same friction levels shows there.
     """
     valve = replace(case.loop.valve, S=S, J=J, packing=PackingDefects())
     stiff = replace(case.loop, valve=valve)

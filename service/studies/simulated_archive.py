@@ -198,7 +198,7 @@ def _loop(plan: ArchivePlan, number: int) -> PlantLoop:
     from stemwatch.models.studies.simulator import draw_healthy, draw_sticky
 
     draw = draw_sticky if number % plan.sticky_every == plan.sticky_every - 1 else draw_healthy
-    story_count = 12  # the stories and shapes are taken in turn: every number of loops has them all
+    story_count = 12  # stories and shapes are used in turn, so that all of them occur
     return draw(number % story_count + 1, plan.seed + 1000 * number)[-1]
 
 

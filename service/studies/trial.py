@@ -86,7 +86,7 @@ def run_trial(
 
 
 def wilson(hits: int, total: int) -> tuple[float, float]:
-    """95 % interval of ``hits`` in ``of``, as shares: Wilson (1927).
+    """95 % interval of the share ``hits`` of ``total``: Wilson (1927).
 
     doi:10.1080/01621459.1927.10502953. Nothing counted is 0 to 1.
     """

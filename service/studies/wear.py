@@ -1,7 +1,7 @@
-"""How often the forecast of wear is right: simulated months of S, its truth known.
+"""How often the forecast of wear is right, on simulated months of S.
 
-S is drawn and read with the errors of an estimate; nothing is fitted to samples here, so that
-hundreds of valves take seconds. How well S itself is estimated is counted by other studies.
+S is drawn, and estimates of it are simulated with realistic errors; nothing is fitted to samples,
+so that hundreds of valves take seconds. Other studies count how well S itself is estimated.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from stemwatch.models.fall_of_stiction import history_since_fall
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.wear_forecast import WEEK, WearForecast, forecast_wear
@@ -20,8 +21,8 @@ from stemwatch.service.presenter.trend_over_weeks import trend_over_weeks
 DAYS = 300
 SEEN_DAYS = 84  # before the forecast, as the product looks back
 LEAST_SEEN_DAYS = 20
-# Errors of S as it is estimated: a share of it, a part of its own, and one that lasts for days
-# (how the loop is run), percent.
+# Errors of an estimate of S: relative to S, absolute in percent, and one that persists for days in
+# percent (operating conditions), with its duration.
 SHARE, OWN, LASTING, LASTS_DAYS = 0.04, 0.06, 0.05, 10.0
 LIMIT = Limits().sticky_S_percent
 
@@ -123,7 +124,8 @@ def _case(wear: WearKind, rng: np.random.Generator) -> ForecastCase | None:
     days = days[measured_days[days]]
     if not days.size:
         return None
-    forecast = forecast_wear(days.tolist(), measured[days].tolist(), LIMIT)
+    present = history_since_fall(days.tolist(), measured[days].tolist())
+    forecast = forecast_wear(present.days, present.S, LIMIT)
     weeks = (crosses - days[-1]) / WEEK if beyond_limit.any() else np.inf
     return ForecastCase(wear=wear, forecast=forecast, weeks=float(weeks))
 

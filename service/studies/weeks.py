@@ -1,4 +1,5 @@
-"""How often windows of weeks confirm what is there, and what is not: counted on simulated valves.
+"""How often windows of weeks confirm effects that are present, and effects that are not, on
+simulated valves.
 
 Valves with nothing hidden over daily windows of a month, and valves with each effect of the
 catalogue over some windows, through ``explain`` and ``models.evidence_over_windows``.
@@ -115,7 +116,7 @@ def _followed(job: WatchedValve) -> FollowedValve:
     )
 
 
-# What a window says, and whether what is hidden could have shown in it.
+# The evidence of a window, and whether the hidden effect could have shown in it.
 Said = tuple[WindowEvidence, bool]
 
 

@@ -1,4 +1,4 @@
-"""How well the twin of a loop foretells: simulated loops with a sticking valve, run again in truth.
+"""How well the twin of a loop predicts changes, on simulated loops with a sticking valve.
 
 The plant is the force-balance simulator, which shares no code with the twin. The truth of a change
 is that plant run again with it, with the same loads, noise and set points.

@@ -18,8 +18,8 @@ from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.signal_pairing import (
     copied_share,
+    lag_one_correlation,
     moved_without_command,
-    neighbours_alike,
     summed_command,
 )
 from stemwatch.models.stickslip import stored_range
@@ -63,8 +63,8 @@ MIXED_UP = (*OF_ANOTHER, *FOR_ANOTHER, *APART, SWAPPED, MANUAL, EXCHANGED, COPY,
 
 @dataclass(frozen=True)
 class WiringShown:
-    """What one recording shows the checks; NaN where it shows nothing of the kind, or where a curve
-    from OP to stroke would be looked for first.
+    """The values of the wiring checks on one recording; NaN where a check does not apply, or where
+    a curve from OP to stroke would be sought first.
 
     ``left`` is what OP leaves of the loss of a stem that never moves, the others what something
     else leaves as a share of what is left as it is mapped; ``told`` where its slips show that the
@@ -94,7 +94,7 @@ class WiringShown:
 
 
 def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
-    """What the checks see in a ``recording``, which was stored in one way."""
+    """The values of the checks on a ``recording``, stored in the way ``way``."""
     offsets = [offset for offset, _, _ in fitting_ranges(recording)]
     recording = on_own_clock(in_percent(recording))
     summed = summed_command(recording)
@@ -122,7 +122,7 @@ def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
         rightly=rightly,
         related=related(recording) if swing(recording.op.values) > 2.0 else np.nan,
         moved_alone=moved_without_command(recording),
-        neighbours=neighbours_alike(recording),
+        neighbours=lag_one_correlation(recording),
         copied=copied_share(recording),
         summed=summed.explained,
         towards_command=summed.towards_command,

@@ -1,1 +1,1 @@
-"""The twin of a loop: its fitted model, run again as it might be."""
+"""The twin of a loop: its fitted model, simulated with changes."""

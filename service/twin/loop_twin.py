@@ -1,4 +1,4 @@
-"""From a recording to its twin, and the changes that a control engineer would ask it first."""
+"""From a recording to its twin, and the changes that a control engineer would try first."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stemwatch.service.presenter.wording import figure
 
 # Hagglund's knocker as the literature sets it: a pulse of about S, two control intervals wide.
 KNOCK_OF_S, KNOCK_EVERY_S, KNOCK_FOR_S = 1.0, 10.0, 2.0
-MOST_KEPT = 8  # twins of a page whose sliders are moved; each holds some signals of an hour
+MOST_KEPT = 8  # twins for pages whose sliders are moved; each holds a few signals of an hour
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class TwinCache:
                 return self._kept[key]
         recording = read()
         if isinstance(recording, str):
-            return recording  # the source may answer the next time
+            return recording  # not kept, since the source may answer the next time
         twin = loop_twin(recording, screening)
         with self._guard:
             self._kept[key] = twin

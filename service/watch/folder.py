@@ -76,8 +76,8 @@ ATTEMPTS_FILE = ".stemwatch-attempts.json"
 
 log = logging.getLogger(__name__)
 DONE, REJECTED = "done", "rejected"
-QUIET = timedelta(seconds=5)  # how long a file is left alone after it last changed
-MOST_ATTEMPTS = 2  # that did not come to an end, before a file is rejected
+QUIET = timedelta(seconds=5)  # how long a file must be unchanged before it is read
+MOST_ATTEMPTS = 2  # unfinished attempts after which a file is rejected
 _NOTE = ".why.txt"
 _BEGUN_IN_VAIN = (
     f"it was begun {MOST_ATTEMPTS} times and the process that read it came to no end: the file may "
@@ -186,7 +186,8 @@ class WatchedFolder:
                 continue
             stat = path.stat()
             states[path] = _FileState(stat.st_size, stat.st_mtime_ns)
-            # In the future where the clock was set back, or that of the writing machine is ahead.
+            # The time is in the future where the clock was set back, or the writing machine's clock
+            # is ahead.
             quiet = abs(now - datetime.fromtimestamp(stat.st_mtime, UTC)) >= self._quiet
             if quiet and self._before.get(path) == states[path]:
                 yield path
@@ -215,7 +216,7 @@ class WatchedFolder:
                 return None
             return self._reject(path, digest, f"{_BEGUN_IN_VAIN} ({error})")
         except Exception:
-            self._attempts.end(digest)  # not the fault of the file: the store may be unavailable
+            self._attempts.end(digest)  # not an error of the file: the store may be unavailable
             raise
         note = self._note(path, digest, accepted=True, samples=stored.samples, note=stored.note)
         self._attempts.end(digest)

@@ -1,3 +1,3 @@
-"""Pages and API of the service: what a browser and a script see. ``create_app`` is in ``app``."""
+"""Pages and API of the service, for browsers and programs. ``create_app`` is in ``app``."""
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""``Actions``: what a reader may set off. All of it is a few rows in the store, and nothing here
-waits for a run.
-"""
+"""``Actions``: what a signed-in user can change. Each action writes a few rows to the store and
+never waits for a run."""
 
 from __future__ import annotations
 
@@ -26,9 +25,11 @@ class Missing(Refused):
 
 
 class Actions:
-    """Settles alerts, keeps remarks, queues and cancels runs. Raises ``Refused`` and
-    ``StoreError``. ``who`` is what the reader signed with. ``wake`` has whoever works on runs look
-    at the queue at once."""
+    """Handles alerts, stores notes and feedback, queues and cancels runs. Raises ``Refused`` and
+    ``StoreError``.
+
+    ``who`` is the signature of the user. ``wake`` makes the queue worker check the queue at once.
+    """
 
     def __init__(self, store: Store, wake: Callable[[], None] = lambda: None) -> None:
         self.store = store
@@ -46,48 +47,48 @@ class Actions:
         return number
 
     def cancel(self, run: int, who: str) -> None:
-        """Ask that a run ends early; what it has done stays."""
+        """Request that a run ends early; its results so far are kept."""
         if run > LARGEST_NUMBER or not self.store.queue.ask_to_cancel(run, who):
             raise Refused(f"run {run} does not wait or go on any more; there is nothing to cancel")
 
     def acknowledge(self, alert: int, who: str, comment: str) -> None:
-        """Note that somebody has seen an alert. It stays until its cause is gone."""
+        """Acknowledge an alert. It stays open until its cause is gone."""
         self._alert(alert)
         self.store.alerts.acknowledge(alert, who, comment)
 
     def acknowledge_all(self, alerts: Sequence[int], who: str, comment: str) -> None:
-        """The same for several alerts; none where one of them is not there."""
+        """Acknowledge several alerts; none of them where one does not exist."""
         for alert in alerts:
             self._alert(alert)
         for alert in alerts:
             self.store.alerts.acknowledge(alert, who, comment)
 
     def snooze_all(self, alerts: Sequence[int], until: datetime, who: str) -> None:
-        """Let several alerts rest; none where one of them is not there."""
+        """Snooze several alerts; none of them where one does not exist."""
         for alert in alerts:
             self._alert(alert)
         for alert in alerts:
             self.store.alerts.snooze(alert, until, who)
 
     def false_alarms(self, alerts: Sequence[int], who: str, comment: str) -> None:
-        """Note that several alerts were wrong; none where one of them is not there."""
+        """Mark several alerts as false alarms; none of them where one does not exist."""
         for alert in alerts:
             self._alert(alert)
         for alert in alerts:
             self.store.alerts.mark_false(alert, who, comment)
 
     def snooze(self, alert: int, until: datetime, who: str) -> None:
-        """Let an alert rest until ``until``."""
+        """Snooze an alert until ``until``."""
         self._alert(alert)
         self.store.alerts.snooze(alert, until, who)
 
     def false_alarm(self, alert: int, who: str, comment: str) -> None:
-        """Note that an alert was wrong."""
+        """Mark an alert as a false alarm."""
         self._alert(alert)
         self.store.alerts.mark_false(alert, who, comment)
 
     def note(self, valve: str, at: datetime, text: str, who: str) -> None:
-        """Keep a remark about a valve."""
+        """Store a note about a valve."""
         self.store.add_note(valve, at, text, who)
 
     def maintenance(self, valve: str, at: datetime, text: str, who: str) -> None:
@@ -95,7 +96,8 @@ class Actions:
         self.store.record_maintenance(valve, at, text, who)
 
     def feedback(self, screening: int, at: datetime, judgement: str, found: str, who: str) -> str:
-        """Keep whether what a screening said was right, and what was found; its valve."""
+        """Store feedback on a screening: whether it was right and what was found. Returns its
+        valve."""
         if judgement not in list(Judgement):
             words = ", ".join(Judgement)
             raise Refused(f"one of {words} is expected, received {judgement!r}")

@@ -58,7 +58,7 @@ def static(name: str, request: Request) -> Response:
     if name not in BUNDLES:
         raise HTTPException(404, f"there is no file {name!r}")
     kind = f"{TYPES[name.rsplit('.', 1)[1]]}; charset=utf-8"
-    # Without the digest the address outlives a new version, and must be asked for again.
+    # Without the digest the address is the same for a new version, so browsers must revalidate it.
     has_digest = request.url.query == address(name).partition("?")[2]
     keep = A_YEAR if has_digest else "no-cache"
     return Response(bundle(name), headers={"content-type": kind, "cache-control": keep})

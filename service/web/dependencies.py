@@ -1,4 +1,4 @@
-"""``Dependencies``: what every route is given: the site, its templates, and the actions."""
+"""``Dependencies``: the site, its templates and the actions, for every route."""
 
 from __future__ import annotations
 

@@ -15,14 +15,14 @@ router = APIRouter(tags=["health"])
 
 @router.get("/health")
 def alive() -> HealthAnswer:
-    """That this process answers at all: one that does not is to be started again."""
+    """200 while the process answers; a supervisor restarts one that does not."""
     return HealthAnswer(ok=True, version=__version__, checks=[])
 
 
 @router.get("/ready", responses={503: {"model": HealthAnswer}})
 def ready(deps: Deps, response: Response) -> HealthAnswer:
-    """What nothing goes without: the database, the scheduler, the collector; 503 with the reason
-    while one of them does not work. A device that is away is no reason: others go on."""
+    """Whether the vital parts work: the database, the scheduler, the collector; 503 with the reason
+    while one does not. An unavailable device does not count, since the others go on."""
     return _answer(_checks(deps, vital=True), response)
 
 

@@ -47,8 +47,8 @@ router = APIRouter(tags=["health"])
 
 @router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
 def metrics(deps: Deps) -> Response:
-    """The state of the service for Prometheus. While the database is away it is told without
-    what stands there, and ``stemwatch_database_up`` is 0."""
+    """The state of the service for Prometheus. While the database is not available, its metrics are
+    left out and ``stemwatch_database_up`` is 0."""
     return Response(metrics_text(deps), media_type=CONTENT_TYPE_LATEST)
 
 
@@ -88,7 +88,7 @@ def all_metrics(deps: Dependencies) -> Iterator[Metric]:
 
 
 def _known_devices(deps: Dependencies, states: list[SourceState]) -> list[SourceState]:
-    """The devices that the plant file names; what it named once is no series for ever."""
+    """The devices that the plant file names now; devices of earlier plant files have no series."""
     plant = deps.site.plant
     return [
         state

@@ -29,10 +29,10 @@ AMBIGUOUS = (
     "Exactly one Content-Length is expected."
 )
 
-# A name or an address, and a port: links are built of it, and in "a:1@b" the machine is b.
+# A name or an address, and a port. Links are built from it, and in "a:1@b" the host is b.
 _HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::[0-9]{1,5})?")
 
-# Styles of elements come from files; attributes hold the lengths of bars, worked out by us.
+# Style sheets come from files; style attributes hold only lengths of bars, computed here.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src-elem 'self'; "
     "style-src-attr 'unsafe-inline'; img-src 'self' data:; connect-src 'self'; "
@@ -103,7 +103,7 @@ class SecurityMiddleware:
         except Exception:
             log.exception("%s %s failed", scope["method"], scope["path"])
             if begun:
-                raise  # half an answer was sent: the server must cut it off
+                raise  # part of the answer was sent: the server must close the connection
             await self._failed(Request(scope))(scope, receive, with_headers)
 
     def _refusal(self, scope: Scope) -> PlainTextResponse | None:
@@ -142,7 +142,8 @@ def _unsafe_refusal(headers: Headers) -> PlainTextResponse | None:
 
 
 def _limited_body(receive: Receive) -> Receive:
-    """``receive``, which ends a body that is too long while it comes, whatever its headers say."""
+    """``receive`` with a limit: a body that is too long is ended while it arrives, whatever its
+    headers say."""
     taken = 0
 
     async def count() -> Message:

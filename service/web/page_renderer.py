@@ -12,6 +12,7 @@ from fastapi import Request
 from fastapi.responses import HTMLResponse
 
 from stemwatch.service.access.sessions import form_token_of
+from stemwatch.service.presenter.alert_history import kind_words, opened_again
 from stemwatch.service.report.html_page import environment
 from stemwatch.service.report.report_context import ReportContext, software_name
 from stemwatch.service.web import assets
@@ -31,8 +32,8 @@ PAGES = (
 )
 
 
-# What a page says after something was done; the address holds the key and no text, so that nobody
-# can put words into a page by a link.
+# Messages after an action. The address holds only the key, so that a link cannot put text into a
+# page.
 DONE = {
     "acknowledged": "The alert is acknowledged.",
     "snoozed": "The alert is snoozed until the time you gave.",
@@ -67,6 +68,8 @@ class PageRenderer:
             "asset": assets.address,
             "context": context,
             "nav": PAGES,
+            "kind_words": kind_words,
+            "opened_again": lambda alert: opened_again(alert.evidence, site.tz, site.zone),
             "site": site,
             "software": software_name(),
             "valve_link": valve_link,
@@ -79,7 +82,7 @@ class PageRenderer:
         """``template`` with ``values``, who reads it, the token of its forms, and the place of the
         site. Without a session the token belongs to a cookie of its own."""
         current_user = current_user_of(request)
-        # Whom a proxy names has no session: the forms have a cookie of their own.
+        # Users signed in by a proxy have no session: their forms have a cookie of their own.
         by_form = current_user is None or current_user.signed_in_by == HOW
         cookie = forms.cookie_of(request) if by_form else ""
         text = self._env.get_template(template).render(

@@ -1,4 +1,4 @@
-"""``Site``: everything the pages are given. They know the store, a plant, and what they may do.
+"""``Site``: what the pages work with: the store, a plant, and the actions allowed.
 
 The pages never screen, fit or poll: what takes longer than a query is queued for the scheduler.
 """
@@ -29,9 +29,9 @@ Read = Callable[[str, Window], Recording | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One line of ``/healthz``: ``name`` of a part, whether it works, and what it says.
+    """One line of ``/healthz``: ``name`` of a part, whether it works, and its message.
 
-    ``vital`` parts decide ``/ready``: without one of them nothing is to be expected.
+    ``vital`` parts decide ``/ready``: without one of them the service does not work.
     """
 
     name: str
@@ -76,7 +76,7 @@ class Site:
         return self.plant.name if self.plant else ""
 
     def cost_of(self, valve: str, made: Mapping[str, Indicator]) -> CostOfSticking | None:
-        """What the sticking of ``valve`` costs, by the indicators of its screening and the plant
+        """The cost of the sticking of ``valve``, from the indicators of its screening and the plant
         file's prices."""
         entry = self.plant.valves.get(valve) if self.plant else None
         currency = self.plant.currency if self.plant else ""

@@ -1,4 +1,4 @@
-"""What alerts cost after a run over 5,000 valves, and the look at 15,000 tags of ten devices.
+"""The time for alerts after a run over 5,000 valves, and for checking 15,000 tags of ten devices.
 
     python tests/benchmarks/bench_alerts.py [--valves 5000] [--runs 60] [--url URL]
 
@@ -147,7 +147,7 @@ def write_samples(store: Store, plant: Plant, minutes: int = 6) -> None:
 
 @contextmanager
 def measured(store: Store, name: str) -> Iterator[None]:
-    """Prints how long the block took and what it asked."""
+    """Print how long the block took and how many statements it sent."""
     statements = 0
 
     def count(*_: object) -> None:

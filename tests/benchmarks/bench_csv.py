@@ -3,15 +3,15 @@
     python tests/benchmarks/bench_csv.py [--kinds wide,quoted,...] [--valves 4] [--hours 24]
                                          [--rounds 3] [--json FILE]
 
-A file at 1 s with OP, MV and PV of each valve, written in several ways: wide, every cell quoted,
-in cp1252 with a degree sign, packed with gzip, narrow with one sample on each row, in the layout of
-a product, with decimal commas. MB are those of the text before it is packed. *stemwatch* finds out
-what it has before it (layout, separator, dates, zone, units, status words, frozen clocks), reads
-every value, and gives one ``Recording`` for each valve; *pandas* and *DuckDB* are told what the
-columns are, parse the time, and give a table. The difference is what the guessing and checking
-costs. Each reads in a process of its own, after a small file of the same kind. Seconds of processor
-time, which a busy machine stretches little, and the memory at the peak above that of the small
-file; the median of the rounds.
+A file at 1 s with OP, MV and PV of each valve, written in several ways: wide, every cell quoted, in
+cp1252 with a degree sign, packed with gzip, narrow with one sample on each row, in the layout of a
+product, with decimal commas. MB are those of the text before it is packed. *stemwatch* finds out
+the format (layout, separator, dates, zone, units, status words, frozen clocks), reads every value,
+and gives one ``Recording`` for each valve; *pandas* and *DuckDB* are given the columns, parse the
+time, and give a table. The difference is the cost of detecting and checking the format. Each reads
+in a process of its own, after a small file of the same kind. Seconds of processor time, which a
+busy machine stretches little, and the memory at the peak above that of the small file; the median
+of the rounds.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ ROLES = ("OP", "ZT", "PV")
 class Kind:
     """How a file is written, and how pandas is told to read it."""
 
-    header: str  # of a narrow file; of a wide one what stands above the times
+    header: str  # of a narrow file; for a wide one, the heading of the time column
     row: str = ""  # of a narrow file, with {tag}, {time} and {value}
     separator: str = ","
     decimal: str = "."
@@ -69,8 +69,9 @@ KINDS = {
 
 
 def write_file(path: Path, kind: Kind, valves: int, samples: int) -> int:
-    """An export at 1 s with three tags for each valve, three decimals; bytes before packing. The
-    walk of an hour comes again and again."""
+    """Write an export at 1 s with three tags for each valve, three decimals; returns the bytes
+    before packing. The signals of one hour are repeated.
+    """
     rng = np.random.default_rng(1)
     started = datetime(2026, 3, 1, tzinfo=UTC)
     tags = [f"FIC-{101 + n}.{role}" for n in range(valves) for role in ROLES]
@@ -147,8 +148,9 @@ READERS = {
 
 
 def in_own_process(reader: str, kind: str, path: Path, small: Path) -> tuple[float, float]:
-    """Seconds of processor time, and MB at the peak above what the reader needs for a small file:
-    what it imports is no part of either."""
+    """Seconds of processor time, and MB at the peak above those for a small file, so that imports
+    count in neither.
+    """
     command = [sys.executable, __file__, "--reader", reader, kind, str(path), str(small)]
     answer = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     return float(answer[-2]), float(answer[-1])
@@ -164,7 +166,9 @@ def _read_here(reader: str, kind: str, path: Path, small: Path) -> None:
 
 
 def _peak_mb() -> float:
-    """Of this process alone, from Linux: what getrusage says begins with its parent's."""
+    """The peak memory of this process alone, from Linux: the value of getrusage includes the
+    parent's.
+    """
     status = Path("/proc/self/status")
     lines = status.read_text(encoding="utf-8").splitlines() if status.exists() else []
     return next((int(line.split()[1]) / 1e3 for line in lines if line.startswith("VmHWM")), 0.0)

@@ -4,7 +4,7 @@
 
 Loops with nothing hidden, with one effect of the catalogue, and with two; as many of each as
 ``--valves`` says, an hour with set-point moves. Medians and the slowest, on one core, without
-networks and without pictures. Asked: at most 1.0 s a valve.
+networks and without pictures. Target: at most 1.0 s a valve.
 """
 
 from __future__ import annotations

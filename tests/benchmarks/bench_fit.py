@@ -1,4 +1,4 @@
-"""The S, J fit beside what else one could do, on the same simulated sticking loops and one core.
+"""The fit of S and J beside alternative methods, on the same simulated sticking loops and one core.
 
     python tests/benchmarks/bench_fit.py [--valves 16] [--seed 5151] [--json FILE]
 
@@ -55,7 +55,7 @@ class Valve:
 
 @dataclass(frozen=True)
 class Result:
-    """What a method said of a valve, in which time, with how many simulations."""
+    """The result of a method for a valve, its time, and its number of simulations."""
 
     seconds: float
     candidate: Floats
@@ -63,7 +63,7 @@ class Result:
 
 
 class Counter:
-    """Counts the candidates that ``FitProblem.losses`` is asked for, in its place."""
+    """Counts the candidates passed to ``FitProblem.losses``, which it replaces."""
 
     def __init__(self) -> None:
         self.simulations = 0

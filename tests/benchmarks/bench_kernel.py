@@ -3,8 +3,8 @@
     python tests/benchmarks/bench_kernel.py [--samples 86400] [--rounds 200] [--json FILE]
 
 Both run the whole chain (dead time, lags, speed limits, stick-slip, reading) over the same command,
-turn about; what is printed is the median of the rounds and their ratio. Asked: at most 1.3. The two
-outputs must agree to 1e-9, or nothing is printed.
+in turns; the median of the rounds and their ratio are printed. Target: at most 1.3. The two outputs
+must agree to 1e-9, or nothing is printed.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ MISSED_OFTEN = (
 
 @dataclass(frozen=True)
 class Judged:
-    """What one way says of one recording: the names, how far S and J are off, seconds."""
+    """The result of one method for one recording: the names, how far S and J are off, seconds."""
 
     names: tuple[tuple[str, ...], ...]
     S_off: float
@@ -53,7 +53,7 @@ class Judged:
     seconds: float
 
     def right(self, hidden: tuple[str, ...]) -> bool:
-        """By class: what is hidden is among those that some name cannot tell apart."""
+        """Whether the hidden effect is in the class of a named one."""
         return any(set(members) & set(hidden) for members in self.names)
 
 
@@ -67,7 +67,7 @@ def for_hours(case: HiddenCase, hours: float) -> HiddenCase:
 
 
 def judged(case: HiddenCase, recording: Recording, ask: Callable[[Recording], Mismatch]) -> Judged:
-    """What ``ask`` says of the recording, beside the truth."""
+    """The result of ``ask`` for the recording, compared with the truth."""
     started = time.process_time()
     mismatch = ask(recording)
     seconds = time.process_time() - started

@@ -4,8 +4,8 @@
     python tests/benchmarks/bench_modbus.py --seconds 600    # the ten minutes that are asked for
 
 Through the whole chain: poller, spool on disk, a SQLite table that takes each sample once. Lateness
-is the time from a poll's instant to its last answer. Asked: 99th percentile below 100 ms, less than
-one core, nothing missed.
+is the time from a poll's instant to its last response. Target: 99th percentile below 100 ms, less
+than one core, nothing missed.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SIGNALS = {"OP": 0, "ZT": 2, "PV": 4}
 
 
 class OneTable:
-    """The simplest store: one row for each sample, and a second one of the same key is none."""
+    """The simplest store: one row for each sample; a second sample of the same key is ignored."""
 
     def __init__(self, path: Path) -> None:
         self._db = sqlite3.connect(path, check_same_thread=False)

@@ -1,4 +1,5 @@
-"""How well and how quickly NARX networks are trained on simulated loops: measured, never judged.
+"""How well and how quickly NARX networks are trained on simulated loops: measurements without a
+limit.
 
     python tests/benchmarks/bench_narx.py [--valves 64] [--seed 4242] [--batches 1,64] [--json F]
 
@@ -13,8 +14,8 @@ Two populations: *all* are the first ``--valves`` drawn; of *screened* there are
 until so many had no obstacle to a verdict, because where nothing moves a fit in percent is one of
 noise. Beside them stands *the valve itself*: simulated again on the recorded OP with everything
 known but how much each breakaway scatters, which is drawn anew, eight times; its *mean run* is the
-mean of the eight. A yardstick and no upper bound: OP between the samples is not known, and an OP
-that was recorded in closed loop tells something of the true slips.
+mean of the eight. It is a reference and no upper bound: OP between the samples is not known, and an
+OP recorded in closed loop contains information on the true slips.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ def itself(loop: PlantLoop, example: NarxExample, seed: int) -> tuple[float, flo
     """The same valve in manual on the recorded OP, without measurement noise, over the held-out
     part: mean percent of ``DRAWS`` runs, and percent of their mean."""
     step = example.interval_s
-    hold = min(loop.controller.scan_s, step)  # what is read has been held since the scan before
+    hold = min(loop.controller.scan_s, step)  # the recorded OP has been held since the scan before
     times = step * np.arange(example.op.size)
     knots = [
         (float(at), float(op))
@@ -179,7 +180,7 @@ def measure(valves: Sequence[Valve], batches: Sequence[int]) -> list[dict[str, o
         (f"NARX, {count.fitted} of {count.seeds} from S and J", grey, count),
     ):
         for device in devices():
-            trained(some[:2], 2, settings, device)  # what is compiled once is not counted
+            trained(some[:2], 2, settings, device)  # compile the kernels before the time is taken
             for batch in batches:
                 percents, seconds = trained(some, batch, settings, device)
                 rows.append(row(name, batch, percents, stick, seconds, device))

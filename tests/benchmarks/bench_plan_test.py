@@ -37,7 +37,7 @@ from stemwatch.models.studies.simulator.hidden.catalogue import RECORD
 from stemwatch.models.studies.simulator.loop import ManualSpan, PlantLoop
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 
-QUICK_S = 0.5  # that a step by hand takes
+QUICK_S = 0.5  # duration of a step by hand
 STAIRS = 20  # of the fixed staircase, both ways
 
 
@@ -45,8 +45,8 @@ STAIRS = 20  # of the fixed staircase, both ways
 class Played:
     """One ambiguous case: what was right before, after the plan, after the staircase.
 
-    ``in_rivals``: whether the truth (``wanted``) was among the rivals; ``outcome`` what
-    ``judge_test`` says of the recorded test, ``best`` the rival that follows it best.
+    ``in_rivals``: whether the truth (``wanted``) was among the rivals; ``outcome`` the result of
+    ``judge_test`` for the recorded test, ``best`` the rival that fits it best.
     """
 
     place: int
@@ -71,7 +71,9 @@ class Played:
 
     @property
     def followed(self) -> bool | None:
-        """Whether the rival that follows best is the truth; ``None`` where it is none of them."""
+        """Whether the rival that fits best is the truth; ``None`` where the truth is not among the
+        rivals.
+        """
         return self.best == self.wanted if self.in_rivals and self.best is not None else None
 
 
@@ -123,7 +125,9 @@ def with_time(case: HiddenCase, seconds: float) -> PlantLoop:
 
 
 def played(case: HiddenCase, values: Sequence[SetValue], op: float, seconds: float) -> Recording:
-    """The recording with the test at its end; before it, it is the same whatever is played."""
+    """The recording with the test at its end; the part before the test does not depend on the
+    test.
+    """
     loop, begin = with_time(case, seconds), case.loop.duration_s
     hand = ManualSpan(start_s=begin, stop_s=loop.duration_s + 60.0, knots=knots(values, begin, op))
     return simulate_loop(replace(loop, manual=(*loop.manual, hand)), case.seed).recording
@@ -131,7 +135,7 @@ def played(case: HiddenCase, values: Sequence[SetValue], op: float, seconds: flo
 
 def judge(place: int, case: HiddenCase, limits: TestLimits) -> Played | None:
     """One case, or ``None`` where nothing is open."""
-    # The same noise before the test whatever is played needs the same length.
+    # The noise before the test is the same for every test only if the length is the same.
     complete = with_time(case, limits.duration_s)
     samples = round(case.loop.duration_s / case.loop.archive.interval_s)
     recording = simulate_loop(complete, case.seed).recording.part(0, samples)

@@ -3,9 +3,9 @@
     python tests/benchmarks/bench_public.py [--json FILE]
 
 Reads the folder of recordings named by STEMWATCH_RECORDINGS, or the one beside the checkout, and
-nothing else. The networks are trained with the product's own settings, on data that they were not
-made for too: a level that a pump raises and a slide that a motor drives are no stem that follows
-its command, and the table is there to show where that ends.
+nothing else. The networks are trained with the product's own settings, also on data for which they
+were not made: a tank level and a motor-driven slide do not follow their command as a stem does, and
+the table shows the limits of the method.
 """
 
 from __future__ import annotations
@@ -39,11 +39,12 @@ EMPS_CYCLE = 1248  # samples after which the strokes of the slide begin anew, fo
 
 @dataclass(frozen=True)
 class Row:
-    """One data set: the network on the held-out part, and what knows no valve beside it.
+    """One data set: the network on the held-out part, beside simple references without a valve
+    model.
 
     Errors in ``unit``. ``line_rmse`` is that of the straight line OP to MV fitted to the training
-    part; ``copy_rmse`` that of MV copied from the stretch of the training part whose OP is most
-    alike: where it is next to nothing the record repeats itself, and the held-out part tests memory
+    part; ``copy_rmse`` that of MV copied from the stretch of the training part with the most
+    similar OP: where it is near zero the record repeats itself, and the held-out part tests memory
     only. ``published``: a range, from the source beside its number; ``None`` where none is known.
     """
 

@@ -3,10 +3,10 @@
     python tests/benchmarks/bench_storage.py                        # SQLite, in a temporary folder
     python tests/benchmarks/bench_storage.py --url postgresql://stemwatch@/bench
 
-Batches as a collector hands them over (20,000 samples of 1,500 tags) and as an import brings them
-(200,000), then a day of one tag read back, then everything copied into a backup. On PostgreSQL
-COPY is measured beside one INSERT from arrays, into the same table, in turns. The database must be
-empty; what is written is removed again.
+Batches as from a collector (20,000 samples of 1,500 tags) and as from an import (200,000), then a
+day of one tag read back, then everything copied into a backup. On PostgreSQL COPY is measured
+beside one INSERT from arrays, into the same table, in turns. The database must be empty; what is
+written is removed again.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
     python tests/benchmarks/bench_sysidentpy.py [--valves N] [--seed K] [--json FILE]
 
-Seconds of processor time per valve, which a busy machine stretches little, and the free run's fit
-on the part that nobody was fitted to (the last 40 %), restarted nowhere in it. *stemwatch* is the
-training alone, from random weights; *stemwatch screen* a whole screening, whose networks may start
-from its stick-slip fit. SysIdentPy gets what favours it: signals of mean 0 and standard deviation
-1, and OP moved on by one sample, because its lags begin at 1 and a stem answers within the sample.
+Seconds of processor time per valve, which a busy machine hardly changes, and the free run's fit on
+the held-out part (the last 40 %), without a restart. *stemwatch* is the training alone, from random
+weights; *stemwatch screen* a whole screening, whose networks may start from its stick-slip fit.
+SysIdentPy gets what favours it: signals of mean 0 and standard deviation 1, and OP moved on by one
+sample, because its lags begin at 1 and a stem answers within the sample.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""What the study of valves without a position says of real loops: labels beside answers.
+"""The method for valves without a position on real loops: labels beside its results.
 
     python tests/benchmarks/bench_without_position.py --recordings FOLDER
 
-Judges the loops of ``isdb`` and ``refinery`` with the networks that screening uses. The labels take
-no part in anything.
+Judges the loops of ``isdb`` and ``refinery`` with the networks that screening uses. The labels are
+used for this comparison only.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 NAMED = ("numpy", "numba", "pandas", "torch", "pyarrow", "duckdb", "sqlalchemy")
-# One thread for the numbers: what is measured is a core.
+# One thread, because the figures are those of one core.
 ENVIRONMENT = {name: "1" for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
 
 
@@ -74,7 +74,7 @@ SUITE = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a benchmark printed, its numbers, and why there are none where there are none."""
+    """What a benchmark printed, and its numbers or why there are none."""
 
     benchmark: Benchmark
     command: str
@@ -85,7 +85,7 @@ class Outcome:
 
 
 def machine() -> dict[str, object]:
-    """What the figures belong to."""
+    """The machine on which the figures were measured."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     return {
         "processor": _processor(),
@@ -158,7 +158,7 @@ def as_markdown(about: dict[str, object], outcomes: list[Outcome]) -> str:
 
 
 def main() -> None:
-    """Run what was asked for, say how it goes, and write both files."""
+    """Run the chosen benchmarks, print their progress, and write both files."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--full", action="store_true", help="the settings of docs/performance.md")
     names = [item.name for item in SUITE]

@@ -1,4 +1,4 @@
-"""How long a model takes beside the product's own kernel: printed for a reader, never judged.
+"""The time of each literature model beside the product's own kernel: printed, without a limit.
 
 Run with ``pytest tests/benchmarks/test_bench_models.py -s``.
 """
@@ -30,7 +30,7 @@ def _median_us(model, op, repeats):
 
 @pytest.fixture(scope="module")
 def commands():
-    """A smooth command and one whose noise no branch can foresee."""
+    """A smooth command, and a noisy one that defeats branch prediction."""
     k = np.arange(SAMPLES)
     sine = 50.0 + 20.0 * np.sin(2 * np.pi * k / 151.0)
     return {

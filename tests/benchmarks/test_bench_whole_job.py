@@ -12,6 +12,6 @@ from tests.benchmarks.bench_whole_job import PLACES
 
 @pytest.mark.parametrize("stage", PLACES)
 def test_a_stage_is_a_function_of_the_program(stage: str) -> None:
-    """What is renamed there is renamed here, before somebody waits for an hour in vain."""
+    """A function that is renamed in the program must be renamed in the benchmark too."""
     module, path = PLACES[stage]
     assert callable(attrgetter(path)(importlib.import_module(module)))

@@ -29,7 +29,7 @@ def coded(*codes: str, good: tuple[str, ...] = ()) -> Codes:
     return Codes(words=words, index=np.array([words.index(code) for code in codes]), good=good)
 
 
-def test_a_value_that_is_not_there() -> None:
+def test_a_missing_value_is_missing_or_bad_by_its_code() -> None:
     """It leaves no sample, or a bad one where its code says so; infinity is bad."""
     result = column([1.0, np.nan, np.nan, np.inf], coded("Good", "Good", "Bad", "Good"))
     assert result.quality.tolist() == [Quality.GOOD, Quality.BAD, Quality.BAD]
@@ -37,7 +37,7 @@ def test_a_value_that_is_not_there() -> None:
     assert result.reasons == {"infinite": 1, "quality Bad": 1}
 
 
-def test_codes_of_opc_and_codes_that_were_named() -> None:
+def test_opc_codes_from_192_up_are_good_unless_the_user_says_otherwise() -> None:
     """192 and above are good; what a person says is good goes before it."""
     codes = ("192", "216", "0", "64")
     assert column([1.0] * 4, coded(*codes)).quality.tolist() == [0, 0, 2, 2]
@@ -50,7 +50,7 @@ def test_codes_that_nothing_settles_are_refused() -> None:
         column([1.0, 2.0], coded("0", "1"))
 
 
-def test_a_mode_that_is_neither() -> None:
+def test_a_mode_other_than_0_and_1_is_a_code() -> None:
     """1 is automatic and 0 manual; another number is a code."""
     assert column([1.0, 0.0, 4.0], as_mode=True).quality.tolist() == [0, 0, Quality.CODE]
 
@@ -67,7 +67,7 @@ def test_no_password_of_a_url_is_left(password: str) -> None:
     assert result == "postgresql://reader:***@host/db"
 
 
-def test_where_a_secret_comes_from(tmp_path: Path, monkeypatch) -> None:
+def test_a_secret_is_read_from_text_variable_or_file(tmp_path: Path, monkeypatch) -> None:
     """Given, in the environment, or in a file; where it is not there the place is named."""
     monkeypatch.setenv("STEMWATCH_TEST_SECRET", "geheim")
     (tmp_path / "secret").write_text("geheim\n", encoding="utf-8")

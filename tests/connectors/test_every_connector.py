@@ -177,7 +177,7 @@ def valve(named: tuple[str, Connector]) -> ValveTags:
     return replace(VALVE, tags=tags)
 
 
-def test_it_is_a_connector(connector: Connector) -> None:
+def test_it_has_the_methods_of_the_protocol(connector: Connector) -> None:
     """It has the protocol's methods."""
     assert isinstance(connector, Connector)
 
@@ -210,7 +210,7 @@ def test_ranges_become_percent(connector: Connector, valve: ValveTags) -> None:
     assert (pv.unit, pv.values[0]) == ("%", 50.0)
 
 
-def test_nothing_outside_the_window(connector: Connector, valve: ValveTags) -> None:
+def test_no_sample_lies_outside_the_window(connector: Connector, valve: ValveTags) -> None:
     """Samples from start to before stop, and none else."""
     window = Window(start=START + timedelta(seconds=60), stop=START + timedelta(seconds=120))
     recording = connector.read(valve, window)
@@ -224,7 +224,7 @@ def test_empty_window_is_an_error(connector: Connector, valve: ValveTags) -> Non
         connector.read(valve, Window(start=START + timedelta(days=9)))
 
 
-def test_unknown_tag(connector: Connector, valve: ValveTags) -> None:
+def test_an_unknown_tag_lists_the_nearest(connector: Connector, valve: ValveTags) -> None:
     """A tag that is not there is an UnknownTag that lists the nearest."""
     tag = valve.tags[Role.OP].tag + "P"
     wrong = ValveTags(valve="FIC1", tags={Role.OP: TagMapping(tag=tag)})

@@ -40,7 +40,7 @@ def sticking(place: int, scatter: float = SCATTER):
 
 @pytest.mark.parametrize("place", range(6))
 def test_S_and_J_are_those_of_the_mean_breakaway(place):
-    """No two breakaways are alike, and the run with one level is too small by several percent."""
+    """Breakaways scatter, and S and J of a run with one level are too small by several percent."""
     valve, recording = sticking(place)
     fit = fit_stickslip(recording)
     assert fit.breakaways is not None
@@ -50,8 +50,8 @@ def test_S_and_J_are_those_of_the_mean_breakaway(place):
     assert (fit.S, fit.J) == (fit.breakaways.S, fit.breakaways.J)
 
 
-def test_they_are_nearer_to_the_valve_than_the_cheapest_run():
-    """What the breakaways are for."""
+def test_breakaways_are_nearer_to_the_truth_than_the_best_free_run():
+    """This is the reason for reading the breakaways."""
     errors = []
     for index in range(6):
         valve, recording = sticking(index)
@@ -64,7 +64,7 @@ def test_they_are_nearer_to_the_valve_than_the_cheapest_run():
 
 
 @pytest.mark.parametrize("scatter", [0.04, 0.12])
-def test_the_scatter_of_the_breakaways_is_told(scatter):
+def test_the_scatter_of_the_breakaways_is_estimated(scatter):
     """As a share of the level."""
     _, recording = sticking(2, scatter)
     result = fit_stickslip(recording).breakaways
@@ -94,7 +94,7 @@ def test_a_stem_of_bristles_that_hardly_jumps_keeps_its_J_in_the_interval():
     assert low <= valve.J <= high
 
 
-def test_the_levels_are_less_sure_where_a_slip_is_small_or_hardly_a_step():
+def test_levels_are_less_certain_where_slips_are_small_or_near_the_resolution():
     """Of one reading: a jump of 0.5 % more than one of 1.5 %, and one that hardly exceeds a step of
     the recorder; steps much smaller than it change nothing where the stem rests at many places."""
     _, recording = sticking(1)
@@ -114,7 +114,7 @@ def test_the_levels_are_less_sure_where_a_slip_is_small_or_hardly_a_step():
 
 
 def test_few_places_of_rest_leave_the_rounding_of_a_jump_but_not_of_S():
-    """A place is rounded alike whichever way the stem comes to it: what J gains by it, S keeps."""
+    """A place is rounded the same way from both sides, so the rounding changes J and not S."""
     _, recording = sticking(1)
     seen = fit_stickslip(recording).breakaways
     step = 0.2 * seen.J
@@ -128,8 +128,10 @@ def test_few_places_of_rest_leave_the_rounding_of_a_jump_but_not_of_S():
     assert spreads(replace(seen, step=step, places=100))[1] < coarse[1]
 
 
-def test_a_jump_that_no_fit_could_tell_may_be_there():
-    """A dead band without a jump: J may be what cannot be told from creeping, and not more."""
+def test_the_interval_of_J_includes_an_undetectable_jump():
+    """For a dead band without a jump, J may be as large as a jump that looks like creep, but not
+    larger.
+    """
     _, recording = sticking(0)
     fit = fit_stickslip(recording)
     candidate = fit.candidate.copy()
@@ -157,7 +159,7 @@ def test_too_small_a_jump_is_no_evidence():
 
 
 def test_a_level_far_from_the_fitted_one_is_not_the_elements():
-    """The onsets are then of something else."""
+    """The onsets then have another cause."""
     valve, recording = sticking(0)
     assert breakaways(make_problem(recording), 1.0, 0.0, 3.0 * valve.S, valve.J) is None
 
@@ -174,7 +176,7 @@ def test_the_readings_span_and_zero_change_nothing(gain, zero):
 
 
 @pytest.mark.parametrize(("degree", "wrong"), [(1, "slope"), (3, "bend"), (3, "nothing")])
-def test_slips_put_an_estimated_curve_right(degree, wrong):
+def test_slips_correct_an_estimated_curve(degree, wrong):
     """A curve that is a little off moves S; slips at many places tell the one from the other."""
     errors = []
     for where in range(6):
@@ -210,7 +212,7 @@ def test_slips_put_an_estimated_curve_right(degree, wrong):
     J=st.floats(0.0, 20.0),
     step=st.sampled_from([0.0, 0.5, 10.0]),
 )
-def test_no_record_breaks_it(degree, seed, samples, S, J, step):
+def test_any_record_gives_finite_numbers_or_none(degree, seed, samples, S, J, step):
     """Whatever moves, the answer is finite numbers or none."""
     rng = np.random.default_rng(seed)
     op = 50.0 + np.cumsum(rng.normal(0.0, 0.5, samples))
@@ -227,7 +229,7 @@ def test_no_record_breaks_it(degree, seed, samples, S, J, step):
         assert np.isfinite(drawn).all()
 
 
-def test_a_direction_in_two_bunches_is_no_stray():
+def test_values_of_one_direction_in_two_groups_are_kept():
     """Its values all lie as far from their median, and none of them is left out for it."""
     values = np.array([1.0, 1.0, 1.0, 9.0, 9.0, 9.0, *np.full(20, 4.0)])
     side = np.where(np.arange(values.size) < 6, -1.0, 1.0)

@@ -46,7 +46,9 @@ PLACES = [
 
 @pytest.mark.parametrize("place", PLACES)
 def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
-    """Sticking and healthy valves alike; a controller's own scan and the air are the rest."""
+    """For sticking and healthy valves; the remaining error is the controller's scan and the air
+    lag.
+    """
     _, recording = recorded(place)
     late_s = find_op_late(later(recording, Role.OP, LATE))
     assert late_s == pytest.approx(LATE, abs=0.75)
@@ -54,8 +56,8 @@ def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
 
 @pytest.mark.parametrize("samples", [4, 11])
 @pytest.mark.parametrize("place", PLACES)
-def test_the_controller_tells_how_late_op_is(place, samples):
-    """OP answers PV and set point at once, whatever the valve does."""
+def test_the_controller_law_shows_how_late_op_is(place, samples):
+    """OP responds to PV and set point at once, whatever the valve does."""
     _, recording = recorded(place)
     result = behind_controller(later(recording, Role.OP, samples))
     assert result.samples == pytest.approx(samples, abs=0.5)
@@ -63,7 +65,7 @@ def test_the_controller_tells_how_late_op_is(place, samples):
     assert behind_controller(later(recording, Role.MV, samples)).samples == 0.0
 
 
-def test_without_pv_or_movement_the_controller_tells_nothing():
+def test_without_pv_or_movement_the_controller_law_shows_nothing():
     """No PV, a PV that stands still, or a record too short for it."""
     _, recording = recorded(0)
     late = later(recording, Role.OP, LATE)
@@ -75,7 +77,7 @@ def test_without_pv_or_movement_the_controller_tells_nothing():
     assert find_op_late(replace(late, signals=without)) == pytest.approx(LATE, abs=0.75)
 
 
-def test_holes_in_the_record_do_not_hide_what_the_controller_tells():
+def test_the_controller_law_works_with_holes_in_the_record():
     """A tenth of PV's samples are bad, and OP has a hole of a minute."""
     _, recording = recorded(0)
     late = later(recording, Role.OP, LATE)
@@ -93,7 +95,7 @@ def test_holes_in_the_record_do_not_hide_what_the_controller_tells():
     assert behind_controller(replace(late, signals=signals)).samples == LATE
 
 
-def test_a_pv_with_a_clock_of_its_own_moves_no_command():
+def test_a_pv_with_another_clock_does_not_shift_op():
     """OP and position agree, PV is ahead: the stem contradicts what the controller seems to say."""
     _, recording = recorded(0)
     pv, sp = recording.signals[Role.PV], recording.signals[Role.SP]
@@ -108,14 +110,14 @@ def test_a_pv_with_a_clock_of_its_own_moves_no_command():
 
 @pytest.mark.parametrize("place", PLACES)
 def test_clocks_that_agree_stay_as_they_are(place):
-    """Nor is a position that is stored late, which looks like a dead time, made worse."""
+    """A position that is stored late, which looks like a dead time, is not shifted either."""
     _, recording = recorded(place)
     assert find_op_late(recording) == 0.0
     assert find_op_late(later(recording, Role.MV, 3)) == 0.0
 
 
-def test_S_and_J_do_not_know_that_the_command_was_stored_late():
-    """The verdict, the numbers and a sentence that says what was done."""
+def test_S_and_J_do_not_depend_on_a_late_stored_command():
+    """Verdict and numbers stay, and a sentence says that OP was shifted."""
     valve, recording = recorded(0)
     options = Options(narx=False)
     plain, late = (
@@ -144,8 +146,8 @@ def test_explain_finds_it_by_itself():
     assert effect.parameters["late_s"] == pytest.approx(0.1 * LATE, abs=0.075)
 
 
-def test_what_op_no_longer_covers_is_left_out():
-    """Bringing forward loses the last samples and moves the others; nothing is made up."""
+def test_samples_without_op_after_the_shift_are_left_out():
+    """Shifting loses the last samples and moves the others; no value is invented."""
     case = draw_nulls(1, 8485, "routine")[0]
     recording = simulate_loop(replace(case.loop, duration_s=600.0), case.seed).recording
     moved = brought_forward(recording, 2.0)

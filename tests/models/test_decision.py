@@ -1,4 +1,4 @@
-"""From evidence to a verdict, and to sentences for someone who holds a spanner."""
+"""From evidence to a verdict, and to sentences for a maintenance technician."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def test_neural_network_that_follows_better_is_named():
     assert "a neural network follows 85 %" in reason
 
 
-def test_noise_does_not_speak_against_the_model():
+def test_a_residual_within_noise_does_not_refute_the_model():
     """A residual within three times the position's noise is no reason to doubt S and J."""
     noisy = evidence(5.0, following=Residual(rmse=0.9, normalised=0.95), **POOR_FIT)
     assert Verdict.UNDETERMINED is decide(noisy, LIMITS).verdict
@@ -208,7 +208,7 @@ def test_limits_in_order():
         Limits(watch_S_percent=2.0, sticky_S_percent=1.0)
 
 
-def test_evident_jumps_outweigh_slips_that_come_early_or_late():
+def test_evident_jumps_give_sticky_although_the_model_mistimes_slips():
     """A stem seen to rest and jump sticks, though the model misses the instants of its slips."""
     poor = {"following": POOR, **POOR_FIT}
     assert decide(evidence(4.0, 2.0, **poor), LIMITS).verdict is Verdict.UNDETERMINED

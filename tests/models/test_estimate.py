@@ -35,7 +35,7 @@ def test_prints_value_interval_and_unit():
 
 
 def test_intervals_that_have_nothing_in_common_contradict_each_other():
-    """Those that touch do not; nor does an end that is not known."""
+    """Intervals that touch do not contradict each other, nor does one with an unknown end."""
     first, second = Estimate(value=2.0, low=1.0, high=3.0), Estimate(value=4.0, low=3.5, high=5.0)
     assert first.contradicts(second)
     assert second.contradicts(first)

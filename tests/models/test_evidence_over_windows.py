@@ -1,4 +1,4 @@
-"""What many windows of one valve say together: agree, then confirm."""
+"""The evidence of many windows of one valve: two must agree, or one is confirmed by the others."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_two_windows_far_apart_do_not_agree():
     assert states(windows) == {SLUG: FindingState.FIRST_SEEN}
 
 
-def test_others_that_gain_together_confirm_what_one_has_named():
+def test_the_combined_gain_of_other_windows_confirms_an_effect():
     """None of the others names it, and all of them gain a little by it."""
     little = [window(day, mean=0.05, t=0.65) for day in range(1, 5)]
     assert states([window(0, SLUG), *little]) == {SLUG: FindingState.CONFIRMED}
@@ -78,19 +78,19 @@ def test_others_that_gain_together_confirm_what_one_has_named():
     assert states([window(0, SLUG), *nothing]) == {SLUG: FindingState.FIRST_SEEN}
 
 
-def test_what_no_window_names_is_never_found():
+def test_an_effect_that_no_window_names_is_never_a_finding():
     """Gains that no window could name alone may be a bias that all of them share."""
     assert lasting_findings([window(day, mean=0.1, t=3.0) for day in range(30)]) == ()
 
 
 def test_two_others_are_too_few_to_confirm():
-    """Two windows with a gain tell as little as chance does."""
+    """Two windows with a gain are no more than chance."""
     others = [window(day, mean=0.2, t=2.0) for day in (1, 2)]
     assert states([window(0, SLUG), *others]) == {SLUG: FindingState.FIRST_SEEN}
 
 
 @pytest.mark.parametrize("slug", ["lost_motion", "dwell_dependent_breakaway"])
-def test_what_chance_names_more_often_needs_one_window_more(slug):
+def test_effects_that_chance_names_often_need_one_more_window(slug):
     """Play and dwell: scatter of the breakaways is named so on valves without."""
     named = [window(day, slug, slug=slug) for day in (0, 3, 5)]
     between = [window(day, slug=slug) for day in (1, 2, 4)]
@@ -120,8 +120,8 @@ def test_a_finding_that_is_gone_comes_back_as_confirmed_anew():
     assert finding.confirmed == BEGIN + 15 * DAY
 
 
-def test_a_change_that_a_window_tells_begins_anew():
-    """A positioner that was set otherwise: what was confirmed before describes another valve."""
+def test_a_change_shown_by_a_window_restarts_the_evidence():
+    """After a change of the positioner's settings, earlier findings do not describe the valve."""
     before = [window(day, SLUG) for day in range(5)]
     assert states([*before, window(5, anew="the curve from OP to stroke is another one")]) == {}
     (finding,) = lasting_findings([*before, window(5, SLUG, anew="another curve")])
@@ -129,7 +129,7 @@ def test_a_change_that_a_window_tells_begins_anew():
     assert finding.state is FindingState.FIRST_SEEN
 
 
-def test_the_same_minutes_twice_are_no_second_witness():
+def test_overlapping_windows_are_not_counted_twice():
     """A run that is repeated, or windows that overlap, confirm nothing."""
     hourly = [
         window(index / 240, SLUG, start=BEGIN + index / 240 * DAY - HOUR) for index in range(6)
@@ -139,8 +139,10 @@ def test_the_same_minutes_twice_are_no_second_witness():
     assert finding.state is FindingState.FIRST_SEEN
 
 
-def test_a_window_that_cannot_tell_two_effects_speaks_for_the_one_that_others_name():
-    """Three windows say a lag, one cannot tell it from a dead time: one finding, in four."""
+def test_an_ambiguous_window_counts_for_the_effect_that_others_name():
+    """Three windows name a lag, one cannot separate it from a dead time: one finding, in four
+    windows.
+    """
     windows = [window(day, "actuator_lag", slug="actuator_lag") for day in range(3)]
     windows.append(window(3, ("dead_time", "actuator_lag"), slug="actuator_lag"))
     (finding,) = lasting_findings(windows)
@@ -158,7 +160,7 @@ def test_an_effect_that_a_window_could_not_have_shown_is_no_evidence_against_it(
 
 
 @pytest.mark.parametrize("slug", ["low_speed_restick", "flow_force"])
-def test_where_friction_has_gone_what_showed_by_it_has_gone_too(slug):
+def test_an_effect_of_friction_is_gone_when_S_is_small(slug):
     """After a repair that nobody recorded S is small, and no window could show restick: three of
     them say that it is gone. Of a flow force they say nothing, nor windows with S as before."""
 
@@ -205,13 +207,13 @@ def test_windows_that_disagree_widen_the_pooled_interval():
 
 
 def test_a_finding_stays_while_windows_gain_by_it_without_naming_it():
-    """A weak effect is named now and then: what the others gain by it speaks for it."""
+    """A weak effect is named only now and then; the gain of the other windows supports it."""
     little = [window(day, mean=0.05, t=0.9) for day in range(1, 20)]
     assert states([window(0, SLUG), *little]) == {SLUG: FindingState.STANDING}
 
 
 def test_chance_of_what_many_windows_name():
-    """One window of eight at 0.01 is worth 0.08, two are worth 28 times the square."""
+    """One window of eight at 0.01 gives 0.08, two give 28 times the square."""
     named = [replace(window(day, SLUG), p_value=0.01) for day in range(2)]
     rest = [window(day) for day in range(2, 8)]
     assert lasting_findings([named[0], *rest, window(8), window(9)]) == ()

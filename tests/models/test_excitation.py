@@ -68,7 +68,7 @@ def test_monotone_and_constant_signals_never_turn():
 
 
 def test_travel_is_the_way_without_the_noise():
-    """The way of a noisy triangle is that of the triangle, within the noise at each turn."""
+    """The travel of a noisy triangle is that of the triangle, within the noise at each reversal."""
     rng = np.random.default_rng(1)
     triangle = np.interp(np.arange(401), [0, 100, 200, 300, 400], [0.0, 10.0, 0.0, 10.0, 0.0])
     noisy = triangle + 0.2 * rng.standard_normal(401)

@@ -29,7 +29,7 @@ def long_recording(windows: float, start: datetime | None = None) -> Recording:
 
 @dataclass
 class CannedExplainer:
-    """Says in turn what is given, and remembers what it was asked for."""
+    """Returns the given results in turn, and records the parts it was called with."""
 
     answers: list[Mismatch]
     asked: list[Recording] = field(default_factory=list)
@@ -101,7 +101,7 @@ def test_what_one_window_alone_names_is_not_published():
 
 
 def test_unknown_is_said_where_most_windows_say_it_and_restates_nothing():
-    """S and J are not pooled where some windows are not free of something."""
+    """S and J are not pooled where some windows hold an unknown effect."""
     in_windows = explain_windows(
         long_recording(5.0), SAMPLES, CannedExplainer([NONE, UNKNOWN, UNKNOWN, UNKNOWN, NONE])
     )
@@ -122,7 +122,7 @@ def test_the_shown_window_is_explained_again_where_that_may_cost_more():
 
 
 def test_windows_that_could_show_nothing_leave_it_untestable():
-    """Nothing is followed, nothing is pooled."""
+    """There are no findings and no pooled S and J."""
     in_windows = explain_windows(long_recording(4.0), SAMPLES, CannedExplainer([UNTESTABLE]))
     assert in_windows is not None
     assert in_windows.mismatch.finding is Finding.NOT_TESTABLE

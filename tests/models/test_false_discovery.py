@@ -44,7 +44,7 @@ def test_without_findings_nothing_stands():
     assert significant([None, None, None]) == [False, False, False]
 
 
-def test_equal_findings_share_their_fate():
+def test_equal_p_values_stand_or_fall_together():
     """Four at 0.02 stand among ten valves and fall among eleven, all of them."""
     assert significant([0.02] * 4 + [None] * 6) == [True] * 4 + [False] * 6
     assert significant([0.02] * 4 + [None] * 7) == [False] * 11

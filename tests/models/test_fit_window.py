@@ -1,4 +1,4 @@
-"""The most telling stretch of a long recording, and what a screening makes of it."""
+"""The stretch of a long recording with the most movement, and its use in a screening."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def test_a_record_of_up_to_twice_its_length_is_fitted_whole(samples: int) -> Non
     assert choose_fit_window(recording_of(waves(0, samples, 2 * samples + 1)), samples) is not None
 
 
-def test_the_position_takes_no_part() -> None:
-    """Whatever MV does, the stretch is the same: choosing by the finding would favour one."""
+def test_the_choice_does_not_depend_on_the_position() -> None:
+    """The stretch does not depend on MV, because a choice by the result would be biased."""
     op = waves(3000, 9000)
     noise = np.random.default_rng(1).standard_normal(op.size)
     assert choose_fit_window(recording_of(op), SAMPLES) == choose_fit_window(
@@ -73,7 +73,7 @@ def test_a_stretch_without_position_is_worth_nothing() -> None:
     assert window.first >= 7000
 
 
-def test_it_says_what_was_fitted() -> None:
+def test_the_sentence_gives_times_share_and_rule() -> None:
     """The sentence has the times, the share and the rule."""
     record = recording_of(waves(3600, 4800))
     window = choose_fit_window(record, SAMPLES)
@@ -86,7 +86,7 @@ def test_it_says_what_was_fitted() -> None:
     assert f"samples {window.first + 1} to {window.last}" in undated
 
 
-def test_a_trace_goes_back_to_its_place() -> None:
+def test_a_trace_is_put_back_on_the_whole_clock() -> None:
     """On the whole clock a trace stands where it was, and nothing stands elsewhere."""
     complete = on_whole_clock(np.arange(3.0), 4, 9)
     assert complete[4:7].tolist() == [0.0, 1.0, 2.0]

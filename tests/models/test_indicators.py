@@ -96,7 +96,7 @@ def test_S_and_J_carry_their_intervals():
 
 
 def test_dead_band_and_wear():
-    """The dead band is S - J; slips and travel per hour are those of half an hour, doubled."""
+    """S - J is an indicator; slips and travel per hour are those of half an hour, doubled."""
     results = {name: item.value for name, item in of_fit().items()}
     assert abs(results["dead_band_percent"] - (results["S_percent"] - results["J_percent"])) < 1e-9
     assert abs(results["slips_per_hour"] - 2.0 * results["slip_count"]) < 1e-6
@@ -136,7 +136,7 @@ def test_residuals():
     assert 1.4 == selection["baseline_ratio"]
 
 
-def test_numbers_that_are_none_are_left_out():
+def test_infinite_numbers_give_no_indicator():
     """An infinite rmse is no indicator."""
     residuals = {"narx": Residual(rmse=np.inf, normalised=0.1)}
     assert "narx_rmse_percent" not in named(indicators.of_residuals(residuals, None))

@@ -1,4 +1,4 @@
-"""A recording that is faster than its loop is read at every so manyth sample."""
+"""A recording that is much faster than its loop is thinned."""
 
 from __future__ import annotations
 
@@ -37,9 +37,7 @@ def waves(period: int, samples: int = 36_000, interval_s: float = 0.1) -> Record
         (900, 3600, 1),
     ],
 )
-def test_so_many_samples_are_read_as_the_turns_of_op_need(
-    period: int, samples: int, every: int
-) -> None:
+def test_the_stride_follows_the_reversals_of_op(period: int, samples: int, every: int) -> None:
     """Never fewer than are fitted, nor than sixteen from one turn of OP to the next."""
     recording = waves(period, samples)
     read = at_loop_pace(recording, FITTED)
@@ -96,7 +94,7 @@ def test_a_clock_of_seconds_stays_as_it_is(interval_s: float) -> None:
     assert at_loop_pace(recording, FITTED) is recording
 
 
-def test_a_plant_that_has_more_samples_fitted_is_heard() -> None:
+def test_the_plants_own_number_of_fitted_samples_is_used() -> None:
     """``fitted_samples`` of its own."""
     assert at_loop_pace(waves(4000), 6000).interval_s == pytest.approx(0.5)
     fitted_whole = waves(4000)
@@ -116,7 +114,7 @@ def test_bad_samples_stay_bad_and_holes_stay_holes() -> None:
 
 
 def test_without_a_position_in_percent_nothing_is_thinned() -> None:
-    """What is not fitted needs no pace."""
+    """A recording that is not fitted is not thinned."""
     recording = waves(900)
     assert recording.mv is not None
     alone = replace(recording, signals={Role.OP: recording.op})

@@ -100,7 +100,7 @@ def test_another_interval_is_refused(network: NarxNetwork) -> None:
 
 
 def test_an_operation_never_trained_on_is_refused(network: NarxNetwork) -> None:
-    """Most of the record is where the network can only guess: no number."""
+    """Most of the record is outside the training range, so there is no score."""
     op, mv = record(1.5, 0.5, 1)
     score = score_baseline(network, op + 45, mv + 45, ALL, interval_s=5.0)
     assert score.ratio is None

@@ -130,7 +130,7 @@ def simulated(valve: TrainingRecord, weights: Floats, plan: Plan) -> Floats:
     return out
 
 
-def test_a_network_that_is_done_is_not_worked_on() -> None:
+def test_a_network_without_an_acceptable_error_is_skipped() -> None:
     """Where no error is small enough the matrix is not built, and its error counts as infinite."""
     flat = torch.from_numpy(random_starts(NarxSettings(), 2))
     normal, samples = normal_matrices([ready()], 5, 20, 2, "cpu")
@@ -170,7 +170,7 @@ def test_any_number_of_hidden_units_and_of_runs_side_by_side(hidden: int) -> Non
     np.testing.assert_allclose(result, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
-def test_the_order_of_the_runs_is_of_no_consequence() -> None:
+def test_the_order_of_the_runs_does_not_matter() -> None:
     """Longest first is quick; any order is right, and so is no run at all."""
     valve, weights = ready(), random_starts(NarxSettings(), 1)[0]
     starts, lengths = segments(valve.trained, 7)

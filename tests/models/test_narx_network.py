@@ -154,7 +154,7 @@ def test_a_run_from_one_opening_needs_no_measured_position() -> None:
 
 
 def test_one_opening_is_not_enough_to_cross_a_gap() -> None:
-    """Without a measurement nobody knows where the stem is after a gap, and the error says so."""
+    """Without a measurement the stem's place after a gap is unknown, and the error says so."""
     op, _ = signals()
     op[50] = np.nan
     with pytest.raises(ValueError, match=r"1 of 400 samples are unusable.*give the measured MV"):
@@ -355,8 +355,8 @@ def test_the_header_says_lags_scaling_and_version_to_any_reader() -> None:
         ({"reference_rmse": -1.0}, "above 0 expected"),
     ],
 )
-def test_facts_that_make_no_sense_are_refused(changes: dict[str, object], sentence: str) -> None:
-    """A network that could not be run is never made."""
+def test_inconsistent_network_fields_are_refused(changes: dict[str, object], sentence: str) -> None:
+    """A network that could not be run is refused."""
     with pytest.raises(ValueError, match=sentence):
         network(**changes)
 

@@ -134,7 +134,9 @@ def test_no_fitted_seeds_means_random_starts_that_know_the_actuator() -> None:
     ("changes", "fitted"),
     [({}, 2), ({"seeds": 1}, 1), ({"hidden": 4}, 0), ({"fitted_seeds": 0}, 0)],
 )
-def test_so_many_members_start_from_the_element(changes: dict[str, int], fitted: int) -> None:
+def test_the_number_of_members_that_start_from_the_element(
+    changes: dict[str, int], fitted: int
+) -> None:
     """Never more than there are, and none where the units do not suffice for the element."""
     assert fitted == NarxSettings(**changes).fitted
 

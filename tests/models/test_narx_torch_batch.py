@@ -85,7 +85,7 @@ def test_carried_sensitivities_are_what_autograd_finds(limits: tuple[float, ...]
     assert largest > 0.1
 
 
-def test_padded_samples_weigh_nothing() -> None:
+def test_padded_samples_have_no_weight() -> None:
     """The normal matrix of padded segments is that of their real samples."""
     piece, weights, clamps = block(), Weights.split(flat_weights(), HIDDEN), bounds(WIDE)
     J = jacobian(piece, simulate(piece, weights, clamps), weights, clamps)

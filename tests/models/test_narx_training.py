@@ -134,7 +134,7 @@ def test_the_same_training_twice_gives_the_same_network(examples: list[NarxExamp
 
 
 def test_another_seed_gives_another_network(examples: list[NarxExample]) -> None:
-    """The seed is not decoration."""
+    """Networks depend on the seed."""
     first, second = (train(examples[:1], NarxSettings(seed=seed))[0] for seed in (0, 1))
     item, other = weights_of(first), weights_of(second)
     assert item.shape != other.shape or not np.allclose(item, other)
@@ -241,7 +241,7 @@ def test_one_bad_record_does_not_cost_the_others(
     np.testing.assert_allclose(weights_of(good), weights_of(fits[0]), rtol=0, atol=1e-9)
 
 
-def test_nothing_need_be_watched(examples: list[NarxExample]) -> None:
+def test_training_works_without_watched_samples(examples: list[NarxExample]) -> None:
     """Without a watched block all of the training part is trained on, and the log says so."""
     fit = train(examples[:1], NarxSettings(watched_share=0.0, seeds=2))[0]
     assert fit.heldout is not None, fit.reason
@@ -328,7 +328,7 @@ def test_an_example_that_contradicts_itself_is_refused(
     ],
 )
 def test_settings_that_make_no_sense_are_refused(changes: dict[str, object]) -> None:
-    """The recipe says what it expected."""
+    """The error names what was expected."""
     with pytest.raises(ValueError, match="expected"):
         NarxSettings(**changes)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""OP in coarse steps, told within them by PV and set point."""
+"""OP in coarse steps, reconstructed within them from PV and set point."""
 
 from dataclasses import replace
 from functools import cache
@@ -43,7 +43,9 @@ def in_steps(recording):
 
 @pytest.mark.parametrize("place", range(4))
 def test_op_is_where_it_was_within_its_steps(place):
-    """To half of the rounding, whether the valve sticks or not, and about as nearly as is said."""
+    """OP is found to half of the rounding, whether the valve sticks or not, and with about the
+    stated error.
+    """
     _, recording = recorded(place)
     stored = on_own_clock(in_steps(recording))
     told = op_within_steps(stored)
@@ -74,7 +76,7 @@ def test_steps_of_the_controller_itself_are_kept():
     assert op_within_steps(on_own_clock(with_signal(stored, Role.MV, mv))) is None
 
 
-def test_without_pv_nothing_tells_more_than_the_steps():
+def test_without_pv_op_is_not_reconstructed():
     """The controller answers PV, so without it there is no law."""
     _, recording = recorded(0)
     stored = on_own_clock(in_steps(recording))

@@ -1,4 +1,4 @@
-"""Does the loop oscillate, and how regularly?"""
+"""Whether a loop oscillates, and how regularly."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_slow_sine_only_is_no_oscillation():
     assert seen is None or not seen.regular
 
 
-def test_each_signal_of_the_loop_is_asked():
+def test_every_signal_of_the_loop_is_measured():
     """OP, PV and MV are measured across their holes, and only signals that are there."""
     wave = 50.0 + np.sin(np.arange(600.0) / 5.0)
     holed = np.where(np.random.default_rng(0).random(600) < 0.1, np.nan, wave)

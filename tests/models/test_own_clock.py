@@ -1,4 +1,4 @@
-"""The same samples say the same, however far apart they were; what is said is in true time."""
+"""The same samples give the same result at any interval; results are in true units of time."""
 
 from __future__ import annotations
 
@@ -132,8 +132,8 @@ def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, answe
     assert answer in screened("dead_time", factor).reason
 
 
-def test_a_result_keeps_the_recording_with_its_own_seconds():
-    """The own clock does not leave the science."""
+def test_a_result_keeps_its_recording_in_seconds():
+    """The own clock is used inside the models only."""
     result = screened("dead_time", 0.01)
     assert result.recording.own_unit_s is None
     assert 0.01 == result.recording.interval_s == result.seen.interval_s
@@ -163,7 +163,7 @@ def test_a_recording_of_a_second_a_sample_is_on_its_own_clock_already():
     assert on_own_clock(own) is own
 
 
-def test_there_and_back_gives_the_same_seconds():
+def test_converting_to_the_own_clock_and_back_changes_nothing():
     """Every time that a recording has goes along."""
     signal = Signal(np.arange(5.0), np.zeros(5, np.uint8), "V.OP", interval_s=0.05)
     recording = Recording(
@@ -223,7 +223,7 @@ def test_seconds_that_a_plant_asked_for_stay_seconds(interval_s, short):
     ],
 )
 def test_a_time_is_said_in_the_unit_of_the_clock(own, unit_s, answer):
-    """As ever on a clock of seconds."""
+    """On a clock of seconds, times are in seconds."""
     assert answer == duration(own, unit_s)
 
 
@@ -244,7 +244,7 @@ def test_the_parts_of_a_record_are_named_by_their_time():
 
 
 def test_a_unit_whose_power_of_time_is_not_known_is_an_error_that_says_where_it_belongs():
-    """No number leaves unconverted by oversight."""
+    """So that no number is left unconverted by oversight."""
     with pytest.raises(ValueError, match="POWER_OF_TIME"):
         seconds_of(1.0, "1/s2", 0.01)
 

@@ -1,11 +1,11 @@
-"""What can still be said without a verdict."""
+"""Facts about a recording without a verdict."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from stemwatch.models.record_facts import still_seen
+from stemwatch.models.record_facts import facts_without_verdict
 from stemwatch.models.recording import Quality, Recording, Role, Signal
 
 T = np.arange(1200.0)
@@ -18,7 +18,7 @@ def said(op=WAVE, *, op_unit="%", **more) -> str:
     for role, values in more.items():
         signal = values if isinstance(values, Signal) else Signal.good(values, f"V.{role}", "bar")
         signals[Role(role)] = signal
-    sentences = still_seen(Recording(valve="V", signals=signals, interval_s=1.0))
+    sentences = facts_without_verdict(Recording(valve="V", signals=signals, interval_s=1.0))
     assert all(sentence.endswith(".") for sentence in sentences)
     assert not any(word in " ".join(sentences) for word in ("None", "nan"))
     return " ".join(sentences)
@@ -38,7 +38,7 @@ def test_a_long_period_is_no_power_of_ten():
     """Samples 30 s apart: about every 1885 s."""
     signals = {Role.OP: Signal.good(WAVE + 0.1 * NOISE, "V.OP", "%")}
     wave = Recording(valve="V", signals=signals, interval_s=30.0)
-    (cycle,) = (line for line in still_seen(wave) if "oscillates regularly" in line)
+    (cycle,) = (line for line in facts_without_verdict(wave) if "oscillates regularly" in line)
     assert ", every 18" in cycle
     assert "e+" not in cycle
 

@@ -1,4 +1,4 @@
-"""The nouns that carry one valve's signals."""
+"""The types that hold one valve's signals."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_usable_needs_both():
     assert 100 == recorded().usable.sum()
 
 
-def test_what_is_usable_is_worked_out_once_and_shared():
+def test_usable_flags_are_computed_once_and_read_only():
     """Readers get the same read-only flags; a recording with other samples gets its own."""
     mv = np.ones(100)
     mv[7] = np.nan
@@ -107,7 +107,7 @@ def test_what_is_usable_is_worked_out_once_and_shared():
     assert 9 == recording.part(0, 10).usable.sum()
 
 
-def test_what_can_be_worked_out_again_does_not_travel():
+def test_cached_properties_are_not_pickled():
     """A signal that was asked what is usable is pickled as one that was not."""
     requested, unasked = (Signal.good(np.arange(100.0), "T") for _ in range(2))
     assert requested.usable.all()

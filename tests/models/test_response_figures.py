@@ -331,7 +331,7 @@ def test_without_S_and_J_there_are_no_figures_and_the_reason_stays():
     assert figures.dead_band.reason == "no position."
 
 
-def test_no_time_is_known_better_than_a_sample():
+def test_times_are_uncertain_by_a_sample():
     """Samples every 5 s."""
     recording_facts = RecordingFacts(
         start=None, end=None, interval_s=5.0, samples=100, usable_share=1.0, tags={}

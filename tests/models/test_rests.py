@@ -70,7 +70,7 @@ STICKING = draw_sticky(3, 5151)
 
 @pytest.mark.parametrize("place", range(len(STICKING)))
 @pytest.mark.parametrize("late", [0, 5])
-def test_a_stem_that_rests_is_not_taken_for_op_however_late_op_is(place, late):
+def test_a_resting_stem_is_not_mistaken_for_op_however_late_op_is(place, late):
     """And OP that rests in its place is found to be the position."""
     recording = simulate_loop(STICKING[place], 3).recording
     seen = rests(recording)
@@ -90,8 +90,8 @@ def test_a_stem_that_rests_is_not_taken_for_op_however_late_op_is(place, late):
     assert [obstacle.slug for obstacle in wiring_obstacles(swapped)] == ["tags_swapped"]
 
 
-def test_a_healthy_valve_is_not_doubted_for_going_either_way_round():
-    """Where neither way round shows sticking, it does not matter which is which."""
+def test_a_healthy_valve_is_not_said_to_be_swapped():
+    """Where the valve hardly sticks, an exchange of OP and position cannot be shown."""
     healthy = next(loop for loop in draw_healthy(60, 7171) if loop.tag == "PIC-149")
     recording = simulate_loop(healthy, 1000 * 7171 + 49).recording
     assert wiring_obstacles(recording) == []

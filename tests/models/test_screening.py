@@ -107,7 +107,7 @@ def test_traces_lie_on_the_clock():
     assert result.residuals["stiction"].rmse < 1.0
 
 
-def test_order_and_company_do_not_matter():
+def test_a_screening_does_not_depend_on_the_other_cases():
     """Each valve gets the same result alone and among others, in the order of the cases."""
     recordings = [plant(), recorded([50.0]), plant(0.3, 0.0, 2.0, 1.0)]
     together = quick(*recordings)
@@ -161,7 +161,7 @@ def test_a_reversed_position_is_read_the_right_way_round(S, J, verdict):
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2)), 3]
 )
-def test_slow_healthy_valves_are_not_accused(seed):
+def test_slow_healthy_valves_are_never_called_sticky(seed):
     """Lags and dead times of seconds, without friction to speak of, are never called sticky."""
     result = quick(plant(0.3, 0.05, 1.0 + seed, 0.5 * seed, seed))[0]
     consistent(result)

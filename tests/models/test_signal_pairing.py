@@ -49,7 +49,7 @@ def test_true_positions_go_with_their_command():
 
 
 def test_the_position_of_another_valve_is_refused():
-    """A position that does not go with OP is an obstacle that says so."""
+    """A position that is not correlated with OP is an obstacle with that reason."""
     other = 50.0 + 5.0 * np.sin(np.arange(OP.size) / 7.0) + 0.1 * RNG.standard_normal(OP.size)
     obstacle = assess(pair(OP, other), Limits()).obstacles[0]
     assert "position_unrelated" == obstacle.slug
@@ -73,6 +73,6 @@ def test_a_position_that_sums_op_is_not_told_where_to_go():
 
 
 def test_correlation_of_what_does_not_move_is_zero():
-    """A constant position is neither with nor against OP."""
+    """A constant position has a correlation of zero."""
     still = pair(OP, np.full(OP.size, 50.0))
     assert (0.0, 0.0, False) == (correlation(still), delayed_correlation(still), is_copy(still))

@@ -68,14 +68,14 @@ def test_levels_between_samples_are_found(samples: int, scatter: float) -> None:
 
 
 def test_the_middle_of_the_bounds_is_near_the_levels() -> None:
-    """By which it is decided whether the likelihood is worth its time."""
+    """The middle decides whether the likelihood is computed."""
     slips = slips_of(problem_of(*ramps(8, 100, 8, scatter=0.05)))
     levels = slip_levels(slips)
     assert slips.middle[0] == pytest.approx(levels.level, abs=0.2)
     assert slips.middle[1] == pytest.approx(levels.kinetic, abs=0.2)
 
 
-def test_the_error_grows_with_what_the_samples_leave_open() -> None:
+def test_fewer_samples_give_wider_bounds_and_larger_errors() -> None:
     """Fewer samples to a leg: wider bounds, and larger errors."""
     few, several = (found(problem_of(*ramps(samples, 100, 3))) for samples in (5, 20))
     assert few.bounds > 2.0 * several.bounds
@@ -96,7 +96,7 @@ def test_a_reversed_reading_has_the_same_levels() -> None:
     assert other.kinetic == pytest.approx(plain.kinetic, abs=0.1)
 
 
-def test_too_few_slips_tell_nothing() -> None:
+def test_too_few_slips_give_no_levels() -> None:
     """Two fewer than are asked for."""
     assert seen_slips(problem_of(*ramps(20, FEWEST - 2, 6)), 1.0, 0.0) is None
 

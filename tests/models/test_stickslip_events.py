@@ -42,7 +42,7 @@ def test_jumps_away_from_the_command_are_not_friction() -> None:
     assert not fit_stickslip(mixed).events.evident
 
 
-def test_nothing_that_moves_is_no_event() -> None:
+def test_a_stem_at_rest_has_no_slip_events() -> None:
     """A position at rest under a command that moves has no slip, no share and no direction."""
     op = 50.0 + np.sin(np.arange(600.0) / 20.0)
     signals = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(np.full(600, 50.0), "ZT")}

@@ -292,7 +292,7 @@ def test_one_missed_slip_cannot_dominate_an_advantage():
     assert advantage(simple, np.full(3, 4.0), counts, 1e-6).mean <= 2.0 / 3.0 + 1e-9
 
 
-def test_empty_blocks_tell_nothing():
+def test_empty_blocks_are_left_out_of_an_advantage():
     """Blocks without a scored sample are left out of an advantage."""
     simple, counts = np.array([4.0, 4.0, 4.0, 0.0]), np.array([10.0, 10.0, 10.0, 0.0])
     assert Advantage(0.0, 0.0) == advantage(simple, simple, counts, 1.0)

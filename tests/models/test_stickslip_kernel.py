@@ -356,7 +356,7 @@ def test_block_losses_are_the_loss_of_the_free_run(seed, m):
         np.testing.assert_allclose(result, [each[block == b].sum() for b in range(5)], rtol=1e-9)
 
 
-def test_a_candidate_costs_the_same_in_any_company():
+def test_the_loss_of_a_candidate_does_not_depend_on_the_others():
     """Candidates go side by side; what one costs does not depend on which others go with it."""
     u, mv, marks, block, candidates = drawn_problem(6, 21)
     together, _ = counted_losses(kernel.block_losses, (u, mv, marks, block, candidates))
@@ -367,7 +367,7 @@ def test_a_candidate_costs_the_same_in_any_company():
     np.testing.assert_array_equal(together, alone)
 
 
-def test_what_is_not_scored_is_not_charged():
+def test_samples_outside_the_blocks_add_no_loss():
     """Losses of some blocks are those that all blocks would have; the others are 0."""
     u, mv, marks, block, candidates = drawn_problem(7)
     complete, _ = counted_losses(kernel.block_losses, (u, mv, marks, block, candidates))

@@ -38,7 +38,7 @@ def test_a_drive_that_takes_many_samples_has_a_coarser_clock(lag, unit, gain):
 
 
 @pytest.mark.parametrize("interval_s", [0.001, 1.0, 60.0])
-def test_the_samples_alone_decide(interval_s):
+def test_the_time_unit_does_not_matter(interval_s):
     """How far apart they were does not matter."""
     own = on_own_clock(drive(120.0, interval_s=interval_s))
     assert own.unit_s == pytest.approx(16 * interval_s)

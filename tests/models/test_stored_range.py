@@ -53,12 +53,12 @@ def test_a_split_range_is_a_curve_and_no_other_unit(recording, low, high):
 
 
 def test_a_unit_that_says_otherwise_is_believed(recording):
-    """What is said to be a flow is not taken for milliamperes."""
+    """A signal with the unit of a flow is not read as milliamperes."""
     flow = stored(recording, Role.MV, 4, 20, "m3/h")
     assert in_percent(flow) is flow
 
 
-def test_a_dead_position_is_no_small_range(recording):
+def test_noise_of_a_constant_position_is_not_scaled_to_a_range(recording):
     """The noise of a position at its stop is not blown up to a fraction."""
     rng = np.random.default_rng(1)
     noise = Signal.good(0.5 + 0.05 * rng.standard_normal(len(recording)), "ZT")

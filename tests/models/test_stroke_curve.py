@@ -122,7 +122,7 @@ def named_besides(mismatch: Mismatch, plain: Mismatch) -> set[str]:
 def test_the_command_behind_op_is_found(way, valve):
     """In percent of travel, OP becomes what it was before it was changed.
 
-    But for a shift by a part of the stick band, which each fit is free to put right.
+    Except for a shift by a part of the stick band, which each fit can compensate.
     """
     recording = stored(way, *valve)
     truth = plain(*valve).op.values
@@ -168,7 +168,7 @@ def test_near_the_foot_of_a_square_root_a_healthy_valve_does_not_seem_to_stick()
         assert float(curve.command(np.array([op]))[0]) == pytest.approx(travel, abs=off)
 
 
-def test_the_peaks_of_op_ask_for_their_own_travel():
+def test_the_curve_extends_over_the_peaks_of_op():
     """Beyond the bulk of OP the curve goes on: peaks of OP decide when a stem lets go."""
     truth = plain(*STICKING).op.values.copy()
     truth[900:903] += 6.0
@@ -264,7 +264,7 @@ def test_explain_finds_the_curve_by_itself():
 
 
 def test_explain_refuses_zero_and_span_where_a_curve_holds_them():
-    """What the curve was fitted to cannot be a finding, and the reason says so."""
+    """Zero and span are part of the fitted curve and cannot be findings; the reason says so."""
     explanation = explain(stored("upper half of a split range", *STICKING))
     refused = {item.slug: item.reason for item in explanation.not_testable}
     assert "curve from OP to stroke" in refused["zero_shift"]
@@ -272,7 +272,7 @@ def test_explain_refuses_zero_and_span_where_a_curve_holds_them():
 
 
 def test_a_position_against_op_that_no_curve_follows_is_refused():
-    """Noise that leans against the command is no valve that counts the other way."""
+    """Noise with a negative correlation to the command is not a reversed valve."""
     rng = np.random.default_rng(5)
     recording = plain(*STICKING)
     op = recording.op.values
@@ -284,8 +284,8 @@ def test_a_position_against_op_that_no_curve_follows_is_refused():
     assert result.verdict is Verdict.UNDETERMINED
 
 
-def test_means_tell_the_slope_only_where_op_was_in_several_places():
-    """A loop that cycles in one place says nothing of how far OP strokes the valve."""
+def test_means_give_the_slope_only_where_op_was_in_several_places():
+    """A loop that cycles in one place does not show how far OP strokes the valve."""
     time = np.arange(1800.0)
     cycle = 50.0 + 3.0 * np.sin(time / 20.0)
     signals = {Role.OP: Signal.good(cycle, "V.OP"), Role.MV: Signal.good(cycle, "V.ZT")}
@@ -295,7 +295,7 @@ def test_means_tell_the_slope_only_where_op_was_in_several_places():
     assert split == pytest.approx(2.0, abs=0.05)
 
 
-def test_where_the_slope_is_not_known_the_jump_is_given_more_room():
+def test_where_the_slope_is_unknown_the_interval_of_J_is_wider():
     """S in percent of OP stands to a tenth; J may be half or twice as large."""
     curve = StrokeCurve(op=(70.0, 75.0), travel=(40.0, 50.0), slope_known=False)
     jump = Estimate(value=4.0, low=3.0, high=5.0, unit="%")
@@ -307,7 +307,7 @@ def test_where_the_slope_is_not_known_the_jump_is_given_more_room():
     assert "slope is not known" in curve.sentence()
 
 
-def test_a_reason_instead_of_a_number_passes_the_curve_unchanged():
+def test_an_unknown_estimate_keeps_its_reason_through_the_curve():
     """What is not known in percent of travel is not known in percent of OP."""
     unknown = Estimate.unknown("it never moved", unit="%")
     assert StrokeCurve(op=(0.0, 50.0), travel=(0.0, 100.0)).in_op(unknown) is unknown
@@ -387,7 +387,7 @@ def test_a_given_curve_is_used_instead_of_the_estimate():
 
 
 def test_a_given_curve_that_the_position_does_not_follow_is_said():
-    """It is used all the same: a person said so."""
+    """It is used all the same, because a person gave it."""
     result, change = of_window(
         "lower half of a split range", KnownCurve(curve_of_points("50:0 100:100"), given=True)
     )

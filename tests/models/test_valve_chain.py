@@ -113,8 +113,9 @@ def test_why_there_is_no_chain() -> None:
 
 @pytest.mark.parametrize("slug", sorted(set(catalogue()) - {"zero_shift", "span_error"}))
 def test_every_effect_of_the_catalogue_has_its_place(slug: str) -> None:
-    """A new effect must say where it goes in the chain; zero and gain of the reading are the
-    fit's own."""
+    """A new effect needs a place in the chain; zero and gain of the reading are part of every
+    fit.
+    """
     neutral = {one.name: one.neutral for one in CHAIN_PARAMETERS}
     size = len(catalogue()[slug].coordinates(LOOK))
     chain = chain_of(named([slug], {slug: ((0.2,) * size,) * 2}))

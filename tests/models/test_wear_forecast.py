@@ -1,4 +1,4 @@
-"""When S will reach a limit, and when nothing can be said of it."""
+"""When S will reach a limit, and when no forecast is given."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_a_valve_beyond_the_limit_and_one_that_never_reaches_it_say_so():
     assert far.words == ""
 
 
-def test_few_days_tell_nothing():
+def test_few_days_give_no_forecast():
     """Fewer than eight, or eight within a week."""
     few = forecast_wear(DAYS[: FEWEST_DAYS - 1], DAYS[: FEWEST_DAYS - 1] * 0.1, 1.5)
     assert "is needed" in few.until.reason

@@ -1,4 +1,4 @@
-"""Tags that are mixed up and clocks that are minutes apart are found before anything is fitted."""
+"""Mixed-up tags and clocks that are minutes apart are found before the valve is judged."""
 
 from __future__ import annotations
 
@@ -79,8 +79,9 @@ def slipping() -> Recording:
 
 
 def test_a_stem_that_rests_and_jumps_towards_its_command_is_not_doubted() -> None:
-    """Whatever else goes with OP: it is the command's, and at this time. The same position a minute
-    late rests and jumps at other times, and is doubted."""
+    """Such a stem follows its command without delay, whatever else is correlated with OP. The same
+    position a minute late rests and jumps at other times, and is doubted.
+    """
     recording = slipping()
     pairing = Pairing.of(recording)
     assert pairing is not None
@@ -101,7 +102,7 @@ def test_another_pv_does_not_make_a_slipping_stem_doubtful() -> None:
 
 
 @pytest.mark.parametrize(("late", "how"), [(120, "after OP"), (-120, "before OP")])
-def test_clocks_that_are_minutes_apart_are_told_and_by_how_much(recording, late, how):
+def test_clocks_minutes_apart_are_found_with_their_difference(recording, late, how):
     """A position two minutes late or early is found, or does not go with OP at all."""
     at = np.clip(np.arange(len(recording)) - late, 0, len(recording) - 1)
     apart = wired(recording, mv=values(recording, Role.MV)[at])
@@ -165,7 +166,7 @@ def test_a_station_that_does_not_track_is_no_command(recording):
 
 
 def test_swapped_tags_of_a_sticking_valve_are_never_healthy_for_sure():
-    """OP and position the other way round: told, or at least not called healthy."""
+    """OP and position exchanged: reported, or at least not called healthy."""
     sticking = simulate_loop(draw_sticky(3, 5151)[2], 3).recording
     swapped = wired(sticking, op=values(sticking, Role.MV), mv=values(sticking, Role.OP))
     (screening,) = screen([Case(recording=swapped)], Options(narx=False, mismatch=False))

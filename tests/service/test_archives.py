@@ -211,7 +211,7 @@ def test_a_window_without_samples_is_a_result_with_the_reason(plant_file: Path) 
     assert "the archive covers 2026-03-02" in screening.reason
 
 
-def test_a_folder_on_the_command_line(
+def test_an_archive_folder_on_the_command_line_is_screened(
     stemwatch: Callable[..., Any], plant_file: Path, tmp_path: Path
 ) -> None:
     """Without a plant file the tags are given, or told by their names."""

@@ -34,7 +34,7 @@ def verdicts(valves: list[dict[str, Any]]) -> dict[str, str]:
     return {valve["valve"]: valve["verdict"] for valve in valves}
 
 
-def test_a_file_with_the_tags_given(screened, one_valve: Path) -> None:
+def test_op_and_mv_screen_one_valve_named_after_the_file(screened, one_valve: Path) -> None:
     """--op and --mv screen one valve; without --valve it has the file's name."""
     outcome, valves = screened(one_valve, *PAIR)
     assert outcome.status == 0
@@ -42,7 +42,7 @@ def test_a_file_with_the_tags_given(screened, one_valve: Path) -> None:
     assert "sticky historian" in outcome.said
 
 
-def test_pv_sp_mode_and_name_given(screened, one_valve: Path) -> None:
+def test_all_roles_and_the_valve_name_can_be_given(screened, one_valve: Path) -> None:
     """All roles can be named on the command line, and so can the valve."""
     more = ("--pv", "FIC-104.PV", "--sp", "FIC-104.SP", "--mode", "FIC-104.MODE")
     outcome, valves = screened(one_valve, *PAIR, *more, "--valve", "Recycle gas")
@@ -50,7 +50,7 @@ def test_pv_sp_mode_and_name_given(screened, one_valve: Path) -> None:
     assert verdicts(valves) == {"Recycle gas": "sticky"}
 
 
-def test_a_file_without_any_tags_given(screened, export: Path) -> None:
+def test_without_tags_all_valves_with_certain_roles_are_screened(screened, export: Path) -> None:
     """Roles that tags leave no doubt about are found, and all valves of the file screened."""
     outcome, valves = screened(export)
     assert outcome.status == 0
@@ -71,7 +71,9 @@ def test_a_plant_file_screens_its_own_sources(screened, plant: Path) -> None:
     assert f"{counts}, 1 without work." in outcome.said
 
 
-def test_a_plant_file_with_another_export(screened, plant: Path, one_valve: Path) -> None:
+def test_a_source_beside_a_plant_file_is_read_by_its_tags(
+    screened, plant: Path, one_valve: Path
+) -> None:
     """With a source given, the plant's tags are looked for in that file."""
     outcome, valves = screened(one_valve, "--plant", plant)
     assert outcome.status == 0
@@ -79,7 +81,9 @@ def test_a_plant_file_with_another_export(screened, plant: Path, one_valve: Path
     assert valves[0]["recording"] == str(one_valve)
 
 
-def test_a_packed_file(screened, one_valve: Path, tmp_path: Path) -> None:
+def test_a_gzip_file_is_screened_under_its_plain_name(
+    screened, one_valve: Path, tmp_path: Path
+) -> None:
     """A .gz is read as it is, and the valve's name has neither ending."""
     file = tmp_path / "unit7.csv.gz"
     file.write_bytes(gzip.compress(one_valve.read_bytes()))
@@ -101,7 +105,7 @@ def folder(one_valve: Path, tmp_path: Path) -> Path:
     return path
 
 
-def test_a_folder_with_bad_files_among_good_ones(screened, folder: Path) -> None:
+def test_bad_files_of_a_folder_are_reported_and_good_ones_screened(screened, folder: Path) -> None:
     """Good files are screened, bad ones reported by name and reason, and the status is 0."""
     outcome, valves = screened(folder, *PAIR)
     assert outcome.status == 0
@@ -113,14 +117,14 @@ def test_a_folder_with_bad_files_among_good_ones(screened, folder: Path) -> None
     assert "cut.csv" in report
 
 
-def test_a_glob(screened, folder: Path) -> None:
+def test_a_pattern_screens_the_files_it_matches_and_no_others(screened, folder: Path) -> None:
     """A pattern that the shell did not expand names the files it matches and no others."""
     outcome, valves = screened(folder / "mon*.csv", *PAIR)
     assert outcome.status == 0
     assert verdicts(valves) == {"monday": "sticky"}
 
 
-def test_a_bad_file_named_beside_a_good_one(screened, folder: Path) -> None:
+def test_a_bad_file_named_by_hand_is_a_result_with_its_reason(screened, folder: Path) -> None:
     """A file named by hand is a result with a reason; the good one is screened all the same."""
     outcome, valves = screened(folder / "cut.csv", folder / "monday.csv", *PAIR)
     assert outcome.status == 0
@@ -128,7 +132,7 @@ def test_a_bad_file_named_beside_a_good_one(screened, folder: Path) -> None:
     assert "cut.csv" in next(v["reason"] for v in valves if v["valve"] == "cut")
 
 
-def test_an_empty_folder(screened, tmp_path: Path) -> None:
+def test_a_folder_without_recordings_is_an_error(screened, tmp_path: Path) -> None:
     """A folder without recordings ends with 2 and says so."""
     (tmp_path / "empty").mkdir()
     outcome, _ = screened(tmp_path / "empty")
@@ -136,7 +140,7 @@ def test_an_empty_folder(screened, tmp_path: Path) -> None:
     assert "nothing could be screened" in outcome.said
 
 
-def test_a_source_that_is_not_there(screened, tmp_path: Path) -> None:
+def test_a_pattern_without_a_file_is_an_error(screened, tmp_path: Path) -> None:
     """A pattern without a file ends with 2, naming it and what would be right."""
     outcome, _ = screened(tmp_path / "gone*.csv")
     assert outcome.status == 2
@@ -151,7 +155,7 @@ def test_a_missing_tag_names_the_nearest(screened, one_valve: Path) -> None:
     assert "nearest are 'FIC-104.OP'" in outcome.said
 
 
-def test_a_readable_file_without_a_known_command(screened, tmp_path: Path) -> None:
+def test_a_file_without_a_recognised_op_says_what_to_do(screened, tmp_path: Path) -> None:
     """Numbers without a recognisable OP are no failure: status 0, and what to do is said."""
     rows = [f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{k % 7},{k % 5}" for k in range(300)]
     file = tmp_path / "tanks.csv"

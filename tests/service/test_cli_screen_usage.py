@@ -26,7 +26,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("arguments", "says"), WRONG.values(), ids=WRONG.keys())
-def test_wrong_usage_is_told(
+def test_wrong_usage_ends_with_status_2_and_a_sentence(
     stemwatch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple, says: str
 ) -> None:
     """Each mistake ends with 2 and a sentence that says what was found and expected."""
@@ -53,7 +53,7 @@ WINDOWS = {
 
 
 @pytest.mark.parametrize(("window", "first"), WINDOWS.values(), ids=WINDOWS.keys())
-def test_a_window_is_what_was_asked_for(
+def test_from_and_to_are_instants_in_any_zone(
     stemwatch, one_valve: Path, tmp_path: Path, window: tuple[str, ...], first: int
 ) -> None:
     """--from and --to are instants, whatever zone they are said in."""
@@ -70,7 +70,7 @@ def test_a_window_is_what_was_asked_for(
         } == valve["window"]
 
 
-def test_a_window_in_the_plants_zone(stemwatch, plant: Path, tmp_path: Path) -> None:
+def test_a_bare_time_is_in_the_plants_zone(stemwatch, plant: Path, tmp_path: Path) -> None:
     """With a plant file, a bare time is the plant's local time."""
     file = tmp_path / "found.json"
     outcome = stemwatch(
@@ -82,7 +82,9 @@ def test_a_window_in_the_plants_zone(stemwatch, plant: Path, tmp_path: Path) -> 
     assert starts == {"2026-03-02T06:15:00+00:00"}
 
 
-def test_a_window_without_samples(stemwatch, export: Path, tmp_path: Path) -> None:
+def test_a_window_outside_the_export_says_what_the_export_holds(
+    stemwatch, export: Path, tmp_path: Path
+) -> None:
     """A window outside the export ends with 2 and says what the export holds."""
     outcome = stemwatch(
         "screen", export, "--from", "2027-01-01T00:00Z", "--out", tmp_path, "--workers", 1
@@ -91,7 +93,9 @@ def test_a_window_without_samples(stemwatch, export: Path, tmp_path: Path) -> No
     assert "2026-03-02" in outcome.said
 
 
-def test_a_window_of_a_file_without_zone(stemwatch, one_valve: Path, tmp_path: Path) -> None:
+def test_a_window_of_times_without_zone_asks_for_the_zone(
+    stemwatch, one_valve: Path, tmp_path: Path
+) -> None:
     """Times without a zone cannot be cut to a window; the message says to give --zone."""
     file = tmp_path / "local.csv"
     file.write_text(one_valve.read_text(encoding="utf-8").replace("+01:00", ""), encoding="utf-8")

@@ -16,7 +16,7 @@ SECRET = "s3cr3t-pa55"
 NOWHERE = f"postgresql://anna:{SECRET}@127.0.0.1:1/stemwatch"  # nothing listens on port 1
 
 
-def test_an_unreachable_database_on_the_command_line(
+def test_a_password_of_the_command_line_is_never_printed(
     stemwatch_process, one_valve: Path, tmp_path: Path
 ) -> None:
     """The run ends with 2, names the database, and the password is nowhere in what it prints."""
@@ -28,7 +28,9 @@ def test_an_unreachable_database_on_the_command_line(
     assert "Traceback" not in outcome.err
 
 
-def test_an_unreachable_database_in_the_plant_file(stemwatch, plant: Path, tmp_path: Path) -> None:
+def test_a_password_of_the_plant_file_is_never_printed(
+    stemwatch, plant: Path, tmp_path: Path
+) -> None:
     """The same for a URL that stands in plant.toml."""
     storage = f'[storage]\nurl = "{NOWHERE}"\n\n'
     plant.write_text(storage + plant.read_text(encoding="utf-8"), encoding="utf-8")
@@ -37,7 +39,7 @@ def test_an_unreachable_database_in_the_plant_file(stemwatch, plant: Path, tmp_p
     assert SECRET not in outcome.out + outcome.err
 
 
-def test_an_unreachable_database_in_the_environment(
+def test_a_password_of_the_environment_is_never_printed(
     stemwatch, plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The same for a URL that the environment gives, which comes before the plant file's."""

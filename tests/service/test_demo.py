@@ -159,7 +159,7 @@ def test_the_same_seed_simulates_the_same_export(stemwatch, tmp_path: Path) -> N
     assert exports[1] != exports[2]
 
 
-def test_a_start_that_is_no_time(stemwatch, tmp_path: Path) -> None:
+def test_a_start_that_is_no_time_is_refused(stemwatch, tmp_path: Path) -> None:
     """A wrong --start ends with 2 before anything is written."""
     outcome = stemwatch("simulate", "--start", "soon", "--out", tmp_path / "x")
     assert outcome.status == 2

@@ -196,7 +196,9 @@ def test_what_ends_workers_of_a_cluster_is_not_done_here(cluster: clusters.Clust
     assert result["die"][1] == WORKERS_DIED
 
 
-def test_waiting_for_a_cluster_can_be_stopped(cluster: clusters.Cluster, tmp_path: Path) -> None:
+def test_waiting_for_a_cluster_without_workers_can_be_stopped(
+    cluster: clusters.Cluster, tmp_path: Path
+) -> None:
     """Asked to stop when all its workers are gone, it ends without their answer."""
     stop, started = threading.Event(), tmp_path / "begun"
 

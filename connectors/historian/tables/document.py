@@ -15,11 +15,12 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 
 MAX_TEXT_BYTES = 4 * 1024**3
-# Exports of measurements pack 5 to 50 times; what unpacks to more than this many times its size,
-# once that is no longer little, is no export, or one that is made to fill the memory.
+# Exports of measurements compress by a factor of 5 to 50. A file that unpacks to more than this
+# factor, beyond a small size, is no export, or one made to exhaust the memory.
 MAX_EXPANSION = 200
 EXPANSION_ALLOWED_BYTES = 256 * 1024**2
-LOST = "\ufffd"  # stands in a cell where bytes were lost; the same sign as for undecodable bytes
+# Stands in a cell where bytes were lost; the same character as for undecodable bytes.
+LOST = "\ufffd"
 _CHUNK = 1 << 16
 GZIP = b"\x1f\x8b"
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
@@ -88,7 +89,7 @@ def _read(path: Path) -> bytes:
 
 
 def _inflate(raw: bytes, path: Path, notes: ReadingNotes) -> bytes:
-    """Gzip members unpacked; of a damaged archive as much as can be had."""
+    """The unpacked gzip members; of a damaged archive as much as can be recovered."""
     if not raw.startswith(GZIP):
         return raw
     return b"".join(unpacked(io.BytesIO(raw), len(raw), path, notes))
@@ -96,7 +97,7 @@ def _inflate(raw: bytes, path: Path, notes: ReadingNotes) -> bytes:
 
 def unpacked(file: BinaryIO, size: int, path: Path, notes: ReadingNotes) -> Iterator[bytes]:
     """The text of every gzip member of ``file``, of ``size`` bytes, in small pieces; of a damaged
-    archive as much as can be had.
+    archive as much as can be recovered.
 
     Raises ``UnreadableSource`` where there is none, or more than an export can unpack to.
     """
@@ -210,7 +211,8 @@ def _decode(data: bytes, encoding: str, path: Path, notes: ReadingNotes) -> str:
 
 
 def _decode_damaged(data: bytes, encoding: str, error: Exception, notes: ReadingNotes) -> str:
-    # Latin-1 maps every byte, so a damaged byte stays visible in its cell and spoils no other.
+    # Latin-1 maps every byte, so a damaged byte stays visible in its cell and affects no other
+    # cell.
     fallback = "latin-1" if encoding in ("cp1252",) else encoding
     text = data.decode(fallback, errors="strict" if fallback == "latin-1" else "replace")
     notes.problem(f"some bytes are not {encoding} ({error}); their cells are unreadable")
@@ -238,7 +240,7 @@ def say_repaired(signs: int, notes: ReadingNotes) -> None:
 
 
 def mark_lost(text: str, first: int, notes: ReadingNotes) -> str:
-    """NULs stand where bytes were lost: what is left of such a cell is no number any more.
+    """Mark NULs, which stand where bytes were lost: the rest of such a cell is not a number.
 
     ``first`` is the number of the first line of ``text``.
     """

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 LARGE_BYTES = 4 * 1024**2
-_PACKED = 10  # exports of measurements pack so many times
-_ROWS_AT_ONCE = 200_000  # of which the cells of many tags are taken
-_MOST_CODES = 2**16  # texts of a column that are told apart by two bytes
+_PACKED = 10  # typical compression factor of exports
+_ROWS_AT_ONCE = 200_000  # rows per pass in which cells of many tags are read
+_MOST_CODES = 2**16  # different texts of a column that a code of two bytes can distinguish
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ def large_input(path: Path, options: ReadOptions) -> LargeInput | None:
             return None
         text = text_pieces.look_through(path, options.encoding)
     except (OSError, NotInPieces):
-        return None  # whoever reads it whole says why
+        return None  # reading it whole reports the error
     lines = text.head + text.spots
     document = Document(
         path=path, lines=lines, encoding=text.encoding, digest=text.digest, ends_whole=True
@@ -145,7 +145,7 @@ class FileColumns:
                     yield batch
                     rows_done += len(batch[0])
                 return
-            except pa.ArrowInvalid:  # a word among the numbers: they are read later, as text
+            except pa.ArrowInvalid:  # not all cells are numbers: the column is read later as text
                 pass
         for batch in self._batches(dict.fromkeys(places, pa.string()), places, ".", rows):
             skipped = min(rows_done, len(batch[0]))
@@ -183,8 +183,8 @@ class FileColumns:
         deque(self._passed(numbers, texts, mark, pa.string()), maxlen=0)
 
     def code(self, places: Sequence[int]) -> None:
-        """Keep the cells of these columns, in which few texts come again and again, in ``codes``:
-        in one pass, as numbers of two bytes. A column of too many texts is not kept."""
+        """Store these columns, which have few different texts, in ``codes`` as numbers of two
+        bytes, in one pass. A column with too many different texts is not stored."""
         index_of_text: dict[int, dict[str, int]] = {place: {} for place in places}
         parts: dict[int, list[Kinds]] = {place: [] for place in places}
         for batch in self.batches(places):
@@ -204,7 +204,8 @@ class FileColumns:
         kind: pa.DataType,
         others: Sequence[int] = (),
     ) -> Iterator[list[pa.Array]]:
-        """One pass that fills these in; meanwhile the text of the columns ``others``."""
+        """One pass that reads these columns; yields the text of the columns ``others``
+        meanwhile."""
         import pyarrow as pa
 
         kinds = {column_index: kind for request in numbers for column_index in request.places}
@@ -344,8 +345,8 @@ def _rows_needed(requests: Sequence[StoredText]) -> int | None:
 
 
 def _larger(batches: Iterator[list[pa.Array]]) -> Iterator[list[pa.Array]]:
-    """The same in larger ones where each column takes some rows of them: what a column costs in
-    each batch counts where a batch has thousands of tags."""
+    """The batches joined into larger ones, where each column takes only some rows of them: the cost
+    of a column in each batch matters where a batch has thousands of tags."""
     import pyarrow as pa
 
     buffered: list[list[pa.Array]] = []
@@ -367,7 +368,7 @@ def _chosen(
     cells = request.of([batch[column_index] for column_index in request.places])
     if request.rows is None:
         return cells
-    # Bounds of the rows' own type: of another, all rows would be made that type first.
+    # Bounds in the rows' own type: with another type, all rows would be converted first.
     bounds = np.array((rows_before, rows_before + count), dtype=request.rows.dtype)
     begin, end = np.searchsorted(request.rows, bounds)
     return cells.take(pa.array(request.rows[begin:end] - rows_before)) if begin < end else None

@@ -23,7 +23,8 @@ from stemwatch.connectors.historian.tables.text_pieces import NotInPieces, TextP
 
 MARK, BREAK = "\x1f", "\x1e"
 _MARK = MARK.encode()
-# More rows of another width than this, and this share of all: the table is another than it seems.
+# With more rows of another width than this number and this share of all rows, the layout was not
+# recognised rightly.
 _MOST_LEFT_OUT, _SHARE_LEFT_OUT = 1000, 0.01
 
 
@@ -103,7 +104,7 @@ class RowPieces:
         if len(self.separator.encode()) != 1 or self.width < 2:
             raise NotInPieces
         if any(line.count('"') % 2 for line in self.text.head[: self.first_line - 1]):
-            raise NotInPieces  # whatever is said of them is said by the reader that sees all
+            raise NotInPieces  # their problems are reported by the reader of the whole file
         quotes, widths = ReadingNotes(), ReadingNotes()
         for block, mark in self._blocks(_Sampler(quotes, widths)):
             self.has_comma = self.has_comma or (mark != b"," and b"," in block)
@@ -171,7 +172,8 @@ class RowPieces:
     def _carefully(
         self, data: bytes, lines: Sequence[int], file_goes_on: bool, sampler: _Sampler | None
     ) -> tuple[bytes, Sequence[int], bytes]:
-        """Rows with quotes inside cells, cells of several lines, quotes that are never closed."""
+        """Handle rows with quotes inside cells, cells of several lines, and quotes that are never
+        closed."""
         texts = data.decode("utf-8").split("\n")[:-1]
         notes = None if sampler is None else sampler.quotes
         if self.comment:
@@ -256,7 +258,7 @@ class RowPieces:
                 signs = np.frombuffer(data, dtype=np.uint8)
                 rows += np.flatnonzero(np.isin(signs[firsts], (mark[0], 32, 9, 0xC2))).tolist()
                 continue
-            # To miss one of its signs is quicker than to look for the whole.
+            # Testing for one of its characters is quicker than searching for the whole.
             needle = start.encode("utf-8")
             offset = data.find(needle) if all(sign in data for sign in needle) else -1
             while offset >= 0:

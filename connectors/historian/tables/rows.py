@@ -67,7 +67,7 @@ def whole_rows(
 def _next_row(
     lines: Sequence[str], index: int, separator: str, first_line: int, notes: ReadingNotes | None
 ) -> tuple[list[str], int]:
-    """The row that begins at ``lines[at]`` and how many lines it takes."""
+    """The row that begins at ``lines[index]`` and how many lines it takes."""
     line = lines[index]
     if '"' not in line:
         return line.split(separator), 1
@@ -120,8 +120,8 @@ def sniff_separator(lines: Sequence[str]) -> str | None:
 def table_rows(rows: Rows, width: int, notes: ReadingNotes, *, ends_whole: bool = True) -> Rows:
     """The rows that have ``width`` cells, trailing empty ones aside; the others are reported.
 
-    In a row with a cell too few or too many nobody can tell which cell belongs to which tag, so
-    the whole row is left out rather than filed under a wrong tag.
+    In a row with a cell too few or too many it is not known which cell belongs to which tag, so the
+    whole row is left out rather than assigned to wrong tags.
     """
     cells: list[list[str]] = []
     numbers: list[int] = []

@@ -1,4 +1,4 @@
-"""Where in a table of unknown make the header ends, and which columns hold times and numbers."""
+"""In a table of unknown layout: where the header ends, and which columns hold times and numbers."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _head(rows: Rows, width: int) -> list[list[str]]:
 
 
 def _sample(rows: Sequence[list[str]]) -> list[list[str]]:
-    """Rows from everywhere, leaving out the first few, which may be headers."""
+    """Rows sampled over the whole file, without the first few, which may be headers."""
     body = rows[min(len(rows) // 2, 4) :]
     return [body[i] for i in np.linspace(0, len(body) - 1, min(_SAMPLE, len(body))).astype(int)]
 
@@ -97,7 +97,7 @@ def _share(sample: Sequence[list[str]], column: int, test: object) -> float:
 
 
 def _holds_numbers(sample: Sequence[list[str]], column: int) -> bool:
-    # Of thousands of columns most hold nothing but plain numbers, which are told at once.
+    # Most of thousands of columns hold only plain numbers, which a quick test recognises.
     cells = [row[column] for row in sample]
     return bool(cells) and (
         quick_numbers(cells, ".") is not None or _share(sample, column, is_number) >= 0.5
@@ -153,7 +153,7 @@ def _time_by_header(headers: Sequence[list[str]], sample: Sequence[list[str]]) -
 
 
 def _rises(sample: Sequence[list[str]], column: int) -> bool:
-    """Mostly numbers that go one way, as times do even where some are out of order."""
+    """Mostly numbers that rise or mostly fall, as times do even where some are out of order."""
     cells = [row[column] for row in sample]
     values = parse_numbers(cells, ".")
     if np.isfinite(values).mean() < 0.5:

@@ -1,8 +1,7 @@
 """The text of a large file in blocks of whole lines: unpacked, decoded and cleaned piece by piece.
 
-Each block is what ``document`` makes of the same lines, as UTF-8. What a piece alone cannot tell
-(damaged characters of most encodings, control characters, lines that never end) is left to reading
-the file whole.
+Each block is what ``document`` makes of the same lines, as UTF-8. Where a piece alone is not enough
+(damaged characters of most encodings, control characters, endless lines), the file is read whole.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from stemwatch.connectors.historian.tables.document import (
     unpacked,
 )
 
-BLOCK = 1024**2  # what the next steps do with it stays in the processor's cache
+BLOCK = 1024**2  # small enough that the next steps work in the processor's cache
 HEAD_LINES, HEAD_BYTES = 1000, 16 * 1024**2
 _FEWEST_HEAD_LINES = 50
 _SPOTS, _SPOT_BYTES = 200, 1 << 12
@@ -48,7 +47,7 @@ class TextBlock:
     text: bytes
     lines: int
     repaired: int = 0  # signs that were encoded twice
-    changed: bool = False  # it is not what is stored, CR LF aside
+    changed: bool = False  # the text differs from the stored bytes, CR LF aside
 
 
 @dataclass
@@ -94,7 +93,7 @@ class TextPieces:
                 text = raw.replace(b"\r\n", b"\n")
                 changed = b"\r" in text
                 text = text.replace(b"\r", b"\n")
-            # Looking for two bytes takes longer than all else that is done here.
+            # Searching for two bytes takes longer than everything else here.
             if b"\0" in text or (not text.isascii() and b"\xc3\x82" in text):
                 signs = text.decode("utf-8")
                 changed = changed or "\0" in signs
@@ -167,7 +166,7 @@ def _has_controls(block: TextBlock) -> bool:
 
 
 def _refuse_half_character(last: bytes) -> None:
-    """A file cut inside its last character is for the reader that sees it whole."""
+    """Leave a file that ends inside a character to the reader of the whole file."""
     try:
         last.decode("utf-8")
     except UnicodeDecodeError as error:

@@ -24,7 +24,7 @@ _INTERVAL_NAME = re.compile(
     re.I,
 )
 _INTERVAL_UNIT_S = {"ms": 1e-3, "min": 60.0}
-_LOOKED_AT = 20_000  # rows of a large file that show whether a column says the same in each
+_LOOKED_AT = 20_000  # rows of a large file checked for a column with the same value in each
 _STATUS = ("status", "quality", "qualität", "qualitaet", "qual", "qstatus", "opcquality", "state")
 
 

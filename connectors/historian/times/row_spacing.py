@@ -1,5 +1,5 @@
-"""How far apart rows are where their times do not tell: stamps that a spreadsheet cut to the minute
-or second, and columns that only count rows."""
+"""The interval between rows where their times do not give it: stamps that a spreadsheet truncated
+to the minute or second, and columns that only count rows."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ def evenly_within_stamps(ns: Ints, ok: Bools) -> Spread | None:
     """Instants of rows of which several at a time share a stamp; ``None`` where it is not so.
 
     ``ns`` (n,) in the order of the rows. Stamps a step D apart with k rows each mean rows D/k
-    apart. The first stamp may have fewer rows, which are its last ones; so may the last, whose
-    rows are its first ones. Where D is no multiple of the interval d, stamps have now one row more
-    and now one fewer: then rows lie on a line t0 + i d that no stamp contradicts. Stamps that step
-    backward settle nothing.
+    apart. The first stamp may have fewer rows, which are its last ones; so may the last, whose rows
+    are its first ones. Where D is no multiple of the interval d, stamps have now one row more and
+    now one fewer: then rows lie on a line t0 + i d that no stamp contradicts. With stamps that go
+    backward no spacing is derived.
     """
     starts, counts = _stamps(ns, ok)
     if starts.size < _FEWEST_STAMPS:

@@ -1,4 +1,4 @@
-"""The source's clock: what it was like, and the even grid the samples are laid on.
+"""The source's clock: its properties, and the even grid on which the samples are placed.
 
 A sample goes to the grid's nearest instant and keeps its value; nothing is interpolated. Instants
 without a sample are MISSING.

@@ -40,7 +40,7 @@ from stemwatch.models.recording import Bools, Floats
 _ROWS_AT_ONCE = 1 << 20
 _LOOKED_AT = 20_000  # rows of a large file that show whether it repeats its rows
 _SECOND_NS = 1_000_000_000
-_MAX_SECONDS = 4e9  # relative times beyond this are no seconds
+_MAX_SECONDS = 4e9  # s; larger relative times are not in seconds
 # Epoch times between 1980 and 2100, by their unit.
 _EPOCHS = (("seconds", 1e9), ("milliseconds", 1e6), ("microseconds", 1e3), ("nanoseconds", 1.0))
 _EPOCH_SPAN_S = (315_532_800.0, 4_102_444_800.0)
@@ -153,7 +153,7 @@ def _with_cut_stamps_of_tags(instants: Instants, table: RawTable, notes: Reading
         spread = evenly_within_stamps(instants.ns[rows], instants.ok[rows])
         if spread is None:
             continue
-        if repeated is None:  # of one tag: a look at each would read a large file for each
+        if repeated is None:  # decided by one tag: each further one would read a large file again
             repeated = _repeated([_some_cells(column.cells)])
         if repeated:
             break
@@ -171,7 +171,7 @@ def _cut_sentence(column: str, spread: Spread) -> str:
 
 
 def _compare_with_file(instants: Instants, table: RawTable, notes: ReadingNotes) -> None:
-    """Say where a column of the sampling interval contradicts the times that were taken."""
+    """Report where a column with the sampling interval contradicts the times used."""
     steps = np.diff(instants.ns[instants.ok])
     if table.interval_s is None or not steps.size:
         return
@@ -297,7 +297,7 @@ def _spaced(
             steps.size
             and abs(float(np.median(steps)) * scale - interval_s * 1e9) < 1e-6 * interval_s * 1e9
         ):
-            return None  # the numbers say the same, and where rows are missing
+            return None  # the numbers agree, and also show missing rows
         reason = "only counts them" if is_counter else "is not used as time"
         notes.decide(f"The rows are {interval_s:g} s apart, as given; column {header!r} {reason}.")
         return _rows_apart(numbers, ok, interval_s, is_counter)

@@ -33,7 +33,7 @@ _SECOND_NS = 1_000_000_000
 
 
 class Order(IntEnum):
-    """What the three date numbers of a row are."""
+    """The order of the three numbers in a date."""
 
     UNREADABLE = 0
     YEAR_FIRST = 1  # year, month, day

@@ -1,6 +1,6 @@
-"""``Timeline``: the times of a tag's samples, with what the clock asks of them.
+"""``Timeline``: the times of a tag's samples, with quantities derived from them.
 
-The tags of a valve mostly share their times, so that each answer is worked out once.
+The tags of a valve mostly share their times, so each quantity is computed once.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from stemwatch.connectors.historian.times.time_fields import Ints
 from stemwatch.models.recording import Floats
 
 _EXCEPTION_SPREAD = 3.0  # steps' 90th percentile over their median: reported by exception
-_FEWEST_STEPS = 10  # by which a tag can be told to be reported by exception
+_FEWEST_STEPS = 10  # from which reporting by exception can be recognised
 
 
 @dataclass(frozen=True, eq=False)

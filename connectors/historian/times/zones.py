@@ -1,4 +1,4 @@
-"""Local times to UTC, with the two hours a year that cannot be told from their digits."""
+"""Local times to UTC, including the two hours a year that are ambiguous or do not exist."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def to_utc(
         early, late, missing[part] = _both_passes(local[part], ok[part], zone)
         repeated[part] = twice = (early != late) & ok[part] & ~missing[part]
         passes.append((early[twice], late[twice]))
-        # The rows of the two hours stay local for what is asked of them below.
+        # Rows of these two hours stay in local time for the checks below.
         local[part] = np.where(twice | missing[part], local[part], early)
     is_placed = ok & ~missing
     if repeated.any():

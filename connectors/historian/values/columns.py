@@ -25,7 +25,7 @@ from stemwatch.connectors.historian.values.value_texts import (
 from stemwatch.models.recording import Bools, Floats, Quality, QualityCodes, Role
 
 _SHOWN = 30
-_TOLD = 5  # doubtful cells of one tag that are named with their lines
+_TOLD = 5  # doubtful cells of one tag that are listed with their lines
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +63,8 @@ def sharing_times(columns: Mapping[Role, Column]) -> dict[Role, Column]:
 
 
 def at_times(column: Column, times: Timeline | None) -> Column:
-    """The column with this timeline where it is the column's own, so that what the clock asks of it
-    is worked out once for all tags."""
+    """The column with the shared timeline ``times`` where it equals the column's own, so that
+    quantities derived from it are computed once for all tags."""
     if times is None or not np.array_equal(times.ns, column.ns):
         return column
     file_ns = times.ns if column.file_ns is column.ns else column.file_ns
@@ -263,7 +263,7 @@ def _faulty(
     notes: ReadingNotes,
     reasons: Counter[str],
 ) -> NDArray[np.uint8]:
-    """Numbers that are no measurements, each kind with its sentence."""
+    """Mark numbers that are not measurements, with a sentence for each kind."""
     kinds = (
         (
             implausible_values.denormal_values,

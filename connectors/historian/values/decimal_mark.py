@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _FIRST = 500  # cells of a column that show whether it holds numbers with a point
-_LONGEST_PLAIN = 100  # characters of a number that is finite without a look at its size
-_ASKED = 8  # columns of a large file that are asked for their first cells before all are read
+_LONGEST_PLAIN = 100  # characters; a number with no more is finite and needs no check
+_ASKED = 8  # columns of a large file whose first cells are checked before all are read
 _AT_ONCE = 8_000_000  # cells whose texts are compared at one time
-# A comma that does not stand before exactly three digits cannot mark thousands.
+# A comma that is not followed by exactly three digits cannot be a thousands separator.
 _CERTAIN_COMMA = re.compile(r",(?:[0-9]{1,2}(?![0-9])|[0-9]{4})")
 _VOTES = {
     "either": "^[+-]?[1-9][0-9]{0,2},[0-9]{3}$",
@@ -160,7 +160,7 @@ def _distinct_votes(texts: pa.Array) -> Counter[str]:
 
 @dataclass
 class _Seen:
-    """What the marks in a column show."""
+    """The evidence of the marks in a column."""
 
     comma: bool = False
     point: bool = False

@@ -46,7 +46,7 @@ def pi_states(values: Floats) -> Bools:
     """
     none = np.zeros(values.size, dtype=bool)
     if not (values >= PI_STATES[0]).any():
-        return none  # as of most columns; comparing each value with each state takes longer
+        return none  # true of most columns; comparing each value with each state takes longer
     suspects = np.isin(values, PI_STATES)
     others = values[np.isfinite(values) & ~suspects]
     if not suspects.any() or others.size < _FEWEST:

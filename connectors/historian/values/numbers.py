@@ -35,7 +35,8 @@ _GROUPED = {
 _MARKS = re.compile(r"[ '\u00a0\u202f]")
 _GROUPS = re.compile(r"[0-9][,. '\u00a0\u202f][0-9]{3}(?![0-9])")
 _FEWEST_APART, _HABIT = 2, 0.1  # cells with marks for thousands, and their share of all
-_NEEDS_MARK, _NEAR_MARK = 10_000.0, 500.0  # "1000" is often written without a mark, "10000" not
+# "1000" is often written without a separator, "10000" rarely.
+_NEEDS_MARK, _NEAR_MARK = 10_000.0, 500.0
 _WITH_UNIT = re.compile(r"^(?P<number>[^A-Za-z%°]*[0-9.,])\s*(?P<unit>[A-Za-z%°][^\s]*)$")
 
 

@@ -1,8 +1,8 @@
 """Quality columns: which of a file's codes mean good.
 
-OPC counts 192 and above as good and 0 as bad; the AVEVA history table counts 0 as good. A bare
-column ``Quality`` of small numbers is therefore never guessed: the values beside it must settle
-it, or the user.
+OPC counts 192 and above as good and 0 as bad; the AVEVA history table counts 0 as good. A column
+``Quality`` of small numbers alone is therefore never guessed: the values beside it must show the
+meaning, or the user must give it.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _is_number(code: str) -> bool:
 
 
 def _good_word(code: str) -> bool:
-    # An empty status cell says nothing against its value.
+    # An empty status cell does not make its value bad.
     word = code.lower().strip("'\"")
     if not word:
         return True

@@ -39,9 +39,8 @@ class ViscousDrag(OneNumberTerm):
             title="stem slides slowly",
             steps=check_steps(
                 (
-                    "look: The air first: watch a gauge on the actuator while the stem moves. "
-                    "Pressure that comes slowly is the air line, the filter or a missing booster, "
-                    "and the packing stays closed."
+                    "look: The air first: a gauge on the actuator that follows slowly means "
+                    "air line, filter or booster."
                 ),
                 (
                     "look: Check that the vent of the spring chamber is open, and a damper or "

@@ -1,1 +1,1 @@
-"""What the plots of a valve draw: a typical part of the record, thinned traces, charts."""
+"""The data of a valve's plots: a typical part of the record, thinned traces, charts."""

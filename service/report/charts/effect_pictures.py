@@ -1,7 +1,7 @@
-"""The pictures that must convince a sceptic of what was named: strokes, shift, loop, signature.
+"""The pictures that show the evidence for named effects: strokes, shift, loop, signature.
 
-All are made where the samples are, from the recording, the free runs of both models, and the
-numbers that the page says beside them.
+They are made while the samples are in memory, from the recording, the free runs of both models, and
+the numbers that the page gives beside them.
 """
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ from stemwatch.service.report.charts.typical_stretch import typical_stretch_of
 from stemwatch.service.report.charts.valve_charts import FLOW
 
 STROKES = 3
-LEAST_BEHIND, LEAST_STROKE = 0.05, 0.25  # of OP's swing: how far the stem is behind, and a move
+# The least lag of the stem behind OP, and the least size of a move, as shares of OP's swing.
+LEAST_BEHIND, LEAST_STROKE = 0.05, 0.25
 SMALLEST_STROKE_PERCENT = 0.3
 NEAR_AGAIN = 0.2  # of the farthest
 MOST_POINTS = 350  # of a cloud
@@ -59,7 +60,8 @@ class Picture:
 
 @dataclass(frozen=True)
 class _Seen:
-    """What all pictures of a recording share: (n,) percent, times in seconds."""
+    """The data that all pictures of a recording share: signals (n,) in percent, times in
+    seconds."""
 
     op: Floats
     mv: Floats
@@ -71,7 +73,7 @@ class _Seen:
 
     @property
     def command(self) -> Floats:
-        """OP, later by the dead time that was named."""
+        """OP, delayed by the named dead time."""
         return later(self.op, self.late_s, self.interval_s) if self.late_s else self.op
 
 
@@ -147,9 +149,9 @@ class _Stroke:
 
 
 def _strokes(seen: _Seen, effects: Sequence[Effect]) -> Iterator[Picture]:
-    """Three moves of the command on which the stem stayed farthest behind, in the part that was not
-    fitted if it has three; of a valve that is slower one way, moves that way. Where the stem is
-    nowhere far behind, the largest moves."""
+    """The three moves of the command on which the stem lagged most, from the held-out part if it
+    has three. For a valve that is slower in one direction, moves in that direction. Where the stem
+    nowhere lags much, the largest moves."""
     limit = _limit(effects)
     direction = 0
     if limit is not None and limit.rising != limit.falling:
@@ -198,8 +200,8 @@ def _largest(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
 def _farthest_behind(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
     """The moves of OP after ``begin`` on which MV stayed farthest behind, in the order of time.
 
-    ``way`` is 1 for rising ones, -1 for falling ones, 0 for either. A move lasts from where MV
-    leaves OP by a fifth of the farthest to where it is as near again.
+    ``way`` is 1 for rising ones, -1 for falling ones, 0 for either. A move lasts from where the lag
+    first exceeds a fifth of its maximum to where it falls below that again.
     """
     behind = seen.op - seen.mv
     behind = behind - np.nanmedian(behind)
@@ -248,7 +250,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
         )
     if limit is not None and math.isfinite(limit.of(direction)):
         slope = limit.of(direction)
-        # From where the stem itself turns, to where the command ends.
+        # From where the stem turns to where the command ends.
         after = first + np.arange(round(seen.late_s / seen.interval_s) + TURNS_WITHIN)
         turn = int(after[np.argmin(direction * seen.mv[after[after < end]])])
         start, start_s = float(seen.mv[turn]), (turn - first) * seen.interval_s
@@ -448,7 +450,7 @@ def _points(seen_signature: EffectSignature) -> Iterator[PlottedLine]:
 
 
 def _course(seen_signature: EffectSignature, reference: EffectSignature) -> tuple[Floats, Floats]:
-    """Medians of a cloud over even parts of what the recording covers."""
+    """Medians of a point cloud in equal bins of the range that the recording covers."""
     if seen_signature.joined:
         return seen_signature.x, seen_signature.y
     edges = np.linspace(*_bulk(reference.x), BINS + 1)
@@ -462,7 +464,7 @@ def _course(seen_signature: EffectSignature, reference: EffectSignature) -> tupl
 
 
 def _bulk(values: Floats) -> tuple[float, float]:
-    """Limits that hold all but the last percent at each end."""
+    """Limits that contain all values but one percent at each end."""
     low, high = (float(bound) for bound in np.percentile(values, [1.0, 99.0]))
     margin = 0.06 * (high - low) or max(abs(high), 1.0) * 0.05
     return low - margin, high + margin

@@ -55,7 +55,7 @@ def loop_shapes(screening: Screening, op: Floats, mv: Floats) -> LoopShapes:
     if curve is None:
         return LoopShapes(band=stick_band(screening.S, screening.J, op, mv, op))
     command = curve.command(op)
-    # Where the stem lies between its slides says how far the whole is shifted.
+    # The stem's mean position between its slides gives the offset of the whole band.
     band = stick_band(screening.S, screening.J, command, mv, op, curve)
     low, high = np.percentile(op, [1.0, 99.0])
     knots = np.array(curve.op)

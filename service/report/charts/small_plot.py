@@ -1,6 +1,6 @@
 """A small plot as SVG, drawn where there are no scripts: on paper, on a phone, in a mail.
 
-Colours come from the style sheet by the class of each line, so that both themes and paper suit it.
+Colours come from the style sheet by the class of each line, so that they fit both themes and paper.
 """
 
 from __future__ import annotations

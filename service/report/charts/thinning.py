@@ -1,4 +1,4 @@
-"""Fewer points for the eye, no lost edges: each bucket of samples keeps its lowest and highest.
+"""Thinning for plots without lost edges: each bucket of samples keeps its lowest and highest value.
 
 A stick-slip jump lasts one sample; taking every k-th sample would lose it, averaging would round
 it. Here a trace of n samples becomes two points a bucket, in the order in which they occurred, on
@@ -19,7 +19,7 @@ POINTS = 1500
 
 @dataclass(frozen=True, kw_only=True)
 class ThinningGrid:
-    """Where the points of a decimated trace lie: ``first`` + k ``step``, in samples."""
+    """Positions of the points of a thinned trace: ``first`` + k ``step``, in samples."""
 
     samples: int
     bucket: int  # samples a bucket; 1 means that every sample is kept
@@ -89,7 +89,8 @@ def _buckets(values: Floats, bucket: int) -> Floats:
 
 
 def _extremes(buckets: Floats) -> NDArray[np.intp]:
-    # NaN loses against every number; in a bucket of NaN alone any place is as good.
+    # NaN counts as larger or smaller than every number; in a bucket of NaN only, any position will
+    # do.
     lowest = np.argmin(np.where(np.isnan(buckets), np.inf, buckets), axis=1)
     highest = np.argmax(np.where(np.isnan(buckets), -np.inf, buckets), axis=1)
     return np.stack([lowest, highest], axis=1)

@@ -1,4 +1,4 @@
-"""Traces, panels and charts as compact plain types: what every chart of a valve is made of.
+"""Traces, panels and charts as compact plain types, the parts of every chart of a valve.
 
 A trace is sent as short whole numbers, which keeps a page with a hundred valves small.
 """
@@ -27,7 +27,8 @@ DIGITS_OF_RANGE = 4
 
 
 def packed(values: Floats) -> dict[str, Any]:
-    """Rounded to what can be seen, as whole steps from sample to sample: half the file's size.
+    """``values`` rounded to visible resolution, as integer differences from sample to sample, which
+    halves the file's size.
 
     A value is the sum of ``steps`` up to it, divided by ``per``; null is a gap and adds nothing.
     """

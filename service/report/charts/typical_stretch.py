@@ -22,7 +22,7 @@ FEWEST_REVERSALS = 5
 # A turn counts where OP goes back by a quarter of its swing, and by more than noise.
 TURN_SHARE = 0.25
 SMALLEST_TURN_PERCENT = 0.5
-# Longer than this, a stretch is no closer a look than the whole record.
+# A longer stretch shows hardly more detail than the whole record.
 LONGEST_SHARE = 0.6
 LEAST_KNOWN_SHARE = 0.8
 MIDDLE_PERCENTILES = (40.0, 60.0)
@@ -63,7 +63,7 @@ class _Candidates:
 
 
 def typical_stretch(screening: Screening) -> TypicalStretch | None:
-    """The stretch on which the plots open; ``None`` where the whole record tells as much.
+    """The stretch on which the plots open; ``None`` where the whole record shows as much.
 
     Candidates are all runs of 5 to 8 reversals of OP, in the held-out part if it has so many. Of
     those whose error (rmse of MV less the stick-slip model; without a model, OP's swing) lies
@@ -102,7 +102,7 @@ def _candidates(turns: Indices, begin: int, end: int, held_out: bool) -> _Candid
     if turns.size < FEWEST_REVERSALS:
         return None
     count = min(max(turns.size // 2, FEWEST_REVERSALS), MOST_REVERSALS)
-    # A little before the first and after the last turn, so that both are seen to be turns.
+    # With a margin before the first and after the last turn, so that both are visible as turns.
     margin = int(np.median(np.diff(turns))) // 3 + 1
     first = np.maximum(turns[: turns.size - count + 1] - margin, begin)
     last = np.minimum(turns[count - 1 :] + margin + 1, end)

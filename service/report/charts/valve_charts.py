@@ -73,7 +73,7 @@ def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Ch
 
 
 def _suspected(screening: Screening) -> ElementTraces | None:
-    """The traces of a suspicion, where nothing better is known of the stem."""
+    """The traces of the suspicion from OP and PV, where the stem was not measured."""
     suspicion = screening.without_position
     has_stiction_fit = screening.traces.stiction is not None or suspicion is None
     return None if has_stiction_fit or suspicion is None else suspicion.traces

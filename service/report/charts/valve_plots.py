@@ -1,7 +1,7 @@
-"""``ValvePlots``: what the page draws of one valve, worked out where its samples are.
+"""``ValvePlots``: the plots of one valve, made in the process that has its samples.
 
-A day of samples is 6 MB and what is drawn of it 0.1 MB. Plots are therefore made by the process
-that read the samples, and only they travel, with a short excerpt where the valve may need work.
+A day of samples is 6 MB, its plots are 0.1 MB. So only the plots are sent to other processes, with
+a short excerpt of the samples where the valve may need work.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ EXCERPT_SAMPLES = 3600  # an hour at 1 s: 0.3 MB
 
 @dataclass(frozen=True, kw_only=True)
 class ValvePlots:
-    """The plots of a valve; ``None`` for one that has nothing to draw.
+    """The plots of a valve; ``None`` for a plot without data.
 
-    ``overlay`` is drawn where something was left out; else the chart says it all. ``pictures`` are
-    what the store keeps as well. ``thinned_loop`` is what all loops of the run are compared by.
+    ``overlay`` is made where an effect was left out; otherwise the chart shows everything.
+    ``pictures`` are also kept in the store. ``thinned_loop`` is used to compare all loops of the
+    run.
     """
 
     chart: Chart | None
@@ -67,8 +68,9 @@ def plots_instead_of_samples(screening: Screening) -> tuple[Screening, ValvePlot
 
 
 def may_need_work(screening: Screening) -> bool:
-    """Whether maintenance may get a page of it, with a picture: all but a healthy valve on which
-    nothing was named. Which effects stand, and which obstacle is work, is decided later."""
+    """Whether the valve may get a page with a picture in the maintenance report: all but a healthy
+    valve on which nothing was named. Which effects stand, and which obstacles need work, is decided
+    later."""
     mismatch = screening.mismatch
     return screening.verdict is not Verdict.HEALTHY or (
         mismatch is not None and bool(mismatch.effects)

@@ -1,6 +1,5 @@
-"""What is kept of a window for pictures that are drawn later, when its samples are gone: MV against
-OP over a typical stretch, and the pictures of what was named. Some KB for each window.
-"""
+"""The pictures kept of a window for when its samples are gone: MV against OP over a typical
+stretch, and the pictures of named effects. Some KB for each window."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from stemwatch.service.store.accounts.tables import AttemptRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 
-# From the number of failures to the time before the next attempt.
+# Gives the wait before the next attempt for a number of failures.
 Wait = Callable[[int], timedelta]
 
 
@@ -42,9 +42,9 @@ class LoginAttempts:
         return None
 
     def refused(self, key: str, *, now: datetime, interval: timedelta) -> int:
-        """Count an attempt that had to wait; how many there were since that was last asked, at
-        most once in ``interval``, and 0 in between. After a pause those before it are among
-        them."""
+        """Count an attempt that had to wait. Returns the number of such attempts since the last
+        report, at most once in ``interval``, and 0 in between; attempts before a pause are
+        included."""
         with self._transactions.writing("counting refused attempts to sign in") as session:
             row = _row(session, key, now)
             row.count, row.last = row.count + 1, now

@@ -15,6 +15,7 @@ from typing import Any
 from sqlalchemy import ColumnElement, and_, func, or_, select
 from sqlalchemy.orm import Session
 
+from stemwatch.service.presenter.alert_history import last_opened_again
 from stemwatch.service.presenter.plant_path import WHOLE_PLANT, PartOfPlant
 from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
@@ -50,9 +51,11 @@ class AlertSeverity(StrEnum):
 class RaisedAlert:
     """An alert to be raised; alerts with the same ``cause`` are the same alert.
 
-    ``formerly`` are causes under which the same trouble may stand open: the oldest of those becomes
-    this alert, with what people did to it, and the others are closed as part of it. False alarms
-    are left as they are: somebody said that there was no such trouble.
+    ``formerly`` are causes under which an alert about the same problem may be open. The oldest of
+    these becomes this alert and keeps its acknowledgements; the others are closed as part of it.
+    Alerts marked as false alarms are left unchanged. ``again`` are causes under which an alert
+    about the same problem may have closed: the last of these that was found in a window after
+    ``again_since`` is opened again.
     """
 
     cause: str
@@ -64,6 +67,8 @@ class RaisedAlert:
     run_id: int | None = None
     evidence: Mapping[str, Any] = field(default_factory=dict)
     formerly: tuple[str, ...] = ()
+    again: tuple[str, ...] = ()
+    again_since: datetime | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +96,11 @@ class StoredAlert:
     false_alarm: bool
     told: datetime | None
 
+    @property
+    def opened_again(self) -> datetime | None:
+        """When it was opened again after it had closed, the last time."""
+        return last_opened_again(self.evidence)
+
 
 JOINED = "part of another alert of this valve now, which has the same cause"
 MOST_ALERTS = 200  # the largest number that is shown of one state
@@ -115,7 +125,8 @@ class Alerts:
         self._transactions = transactions
 
     def raise_all(self, alerts: Sequence[RaisedAlert]) -> list[int]:
-        """Open an alert for each cause without an open one; return the numbers of the new ones."""
+        """Open an alert for each cause without an open one, or open the one again that closed
+        lately; return the numbers of those."""
         with self._transactions.writing("raising alerts") as session:
             return [number for alert in alerts if (number := _raise(session, alert)) is not None]
 
@@ -220,8 +231,8 @@ def _row(session: Session, alert: int) -> AlertRow:
 
 
 def _raise(session: Session, alert: RaisedAlert) -> int | None:
-    """Open the alert and return its number; ``None`` where one of the same trouble is open, which
-    then says what is known now: that the stem sticks where it said less, or the new name."""
+    """Open the alert and return its number; ``None`` where an alert about the same problem is open.
+    That one is then updated to the present finding."""
     now = datetime.now(UTC)
     if alert.valve is not None:
         ensure_valve(session, alert.valve)
@@ -237,6 +248,9 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
     if open_rows:
         _say_again(open_rows[0], alert, now)
         return None
+    if (closed := _closed_lately(session, alert)) is not None:
+        _open_again(closed, alert, now)
+        return closed.id
     empty = ("closed_why", "acknowledged_by", "comment", "snoozed_by")
     values = {
         "cause": alert.cause,
@@ -265,19 +279,63 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
 
 
 def _say_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
-    """The standing alert ``row`` of the trouble that ``alert`` tells. It says no less than before;
-    one that became more urgent is told to people once more."""
+    """Update the open alert ``row`` about the same problem as ``alert``. Its text never becomes
+    weaker; an alert that became more urgent is sent to people once more."""
     row.seen = now
     renamed = row.cause != alert.cause
     if renamed or (alert.kind is AlertKind.STICKY and row.kind != alert.kind.value):
-        before = {"kind": row.kind, "text": row.text, "until": now.isoformat()}
-        formerly = [*row.evidence.get("formerly", ()), before]
         order = list(AlertSeverity)
         if order.index(alert.severity) < order.index(AlertSeverity(row.severity)):
             row.told = None
-        row.cause, row.kind, row.severity = alert.cause, alert.kind.value, alert.severity.value
-        row.text, row.run_id = alert.text, alert.run_id
-        row.evidence = {**alert.evidence, "formerly": formerly}
+        _say_now(row, alert, now)
+    elif alert.evidence.get("window") is not None:
+        row.evidence = {**row.evidence, "last_window": alert.evidence["window"]}
+
+
+def _say_now(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
+    """The row tells what ``alert`` does, and keeps what it told before."""
+    kept: dict[str, Any] = {
+        key: row.evidence[key] for key in ("formerly", "reopened") if key in row.evidence
+    }
+    if row.kind != alert.kind.value or row.cause != alert.cause:
+        before = {"kind": row.kind, "text": row.text, "until": now.isoformat()}
+        kept["formerly"] = [*kept.get("formerly", ()), before]
+    row.cause, row.kind, row.severity = alert.cause, alert.kind.value, alert.severity.value
+    row.text, row.run_id = alert.text, alert.run_id
+    row.evidence = {**alert.evidence, **kept}
+
+
+def _closed_lately(session: Session, alert: RaisedAlert) -> AlertRow | None:
+    """The last closed alert of the trouble that ``alert`` tells, where that is the same one; one
+    that somebody called false, or that became part of another, is not."""
+    if alert.again_since is None:
+        return None
+    newest = session.scalar(
+        select(AlertRow)
+        .where(
+            AlertRow.closed.is_not(None),
+            AlertRow.cause.in_(alert.again),
+            AlertRow.closed_why != JOINED,
+        )
+        .order_by(AlertRow.closed.desc(), AlertRow.id.desc())
+        .limit(1)
+        .with_for_update()
+    )
+    if newest is None or newest.false_alarm:
+        return None
+    _, end = newest.evidence.get("last_window") or newest.evidence.get("window") or (None, None)
+    told_last = None if end is None else datetime.fromisoformat(end)
+    return newest if told_last is not None and told_last > alert.again_since else None
+
+
+def _open_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:
+    """Open a closed alert again: whoever acknowledged it is kept, and people are told once more."""
+    assert row.closed is not None
+    period = {"closed": row.closed.isoformat(), "why": row.closed_why, "again": now.isoformat()}
+    reopened = [*row.evidence.get("reopened", ()), period]
+    _say_now(row, alert, now)
+    row.evidence = {**row.evidence, "reopened": reopened}
+    row.seen, row.closed, row.closed_why, row.told = now, None, "", None
 
 
 def stored_alert(row: AlertRow) -> StoredAlert:

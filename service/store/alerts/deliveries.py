@@ -20,7 +20,7 @@ from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions, database_now
 from stemwatch.service.store.storable import from_row
 
-CLAIM = timedelta(minutes=5)  # no notifier takes longer to send one message
+CLAIM = timedelta(minutes=5)  # longer than any notifier takes to send one message
 LONGEST_WAIT = timedelta(hours=1)  # between two attempts
 
 
@@ -61,7 +61,8 @@ class Deliveries:
     def put(
         self, messages: Mapping[str, Mapping[str, Any]], key: str, alerts: Sequence[int]
     ) -> bool:
-        """Queue each notifier's message about ``alerts``; false where another process did."""
+        """Queue each notifier's message about ``alerts``; false where another process has queued
+        them."""
         now = datetime.now(UTC)
         with self._transactions.writing("queueing a message") as session:
             alerts_in_message = session.execute(

@@ -1,1 +1,1 @@
-"""What the rooms of the store share: engines for SQLite and PostgreSQL, transactions, columns."""
+"""What all parts of the store share: engines for SQLite and PostgreSQL, transactions, columns."""

@@ -19,7 +19,8 @@ from stemwatch.service.store.errors import StoreError
 
 BUSY_TIMEOUT_MS = 30_000
 _WRITES = "stemwatch_writes"
-# As SQLite says it; the last two where bytes of a text or of its own schema are no text any more.
+# Messages of SQLite; the last two where bytes of a text or of its own schema are no longer valid
+# text.
 _DAMAGED = (
     "malformed", "is not a database", "file is encrypted", "database corruption", "disk I/O error",
     "Could not decode", "unsupported file format",
@@ -97,13 +98,13 @@ def store_errors(address: DatabaseUrl, doing: str) -> Iterator[None]:
     except SQLAlchemyError as error:
         message = f"{doing} failed: {error_text(error, address)}"
         raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
-    except (UnicodeDecodeError, JSONDecodeError) as error:  # what a row holds is not what was saved
+    except (UnicodeDecodeError, JSONDecodeError) as error:  # a row does not hold what was saved
         message = f"{doing} failed: {error}"
         raise StoreError(f"{address}: {message}{_if_damaged(error, message, address)}") from None
 
 
 def _if_damaged(error: Exception, message: str, address: DatabaseUrl) -> str:
-    """What to do, where a file of SQLite is damaged; empty where it is not that."""
+    """What to do where a SQLite file is damaged; empty for other errors."""
     cause = getattr(error, "orig", None) or error
     broken = isinstance(cause, ValueError) or any(words in message for words in _DAMAGED)
     if not broken or not address.reveal().startswith("sqlite"):
@@ -176,7 +177,7 @@ def _make_private(file: str | None) -> None:
     """Make a file that is not there yet for its owner alone; -wal and -shm take its rights."""
     if not file or file == ":memory:" or file.startswith("file:"):
         return
-    with suppress(OSError):  # it is there, or cannot be made: SQLite says which
+    with suppress(OSError):  # it exists or cannot be created: SQLite reports which
         os.close(os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, _OWN))
 
 

@@ -37,8 +37,8 @@ class Transactions:
 
     @property
     def write_fault(self) -> str:
-        """Why the last transaction that was to write could not: the disk is full, the file may not
-        be written, the server is away. Empty where it could, or was refused for what it held."""
+        """Why the last write transaction failed: the disk is full, the file is read-only, the
+        server is not available. Empty where it succeeded, or was refused because of its data."""
         return self._fault
 
     @contextmanager

@@ -1,6 +1,6 @@
 """The views of version 1, for Grafana and other readers: docs/storage.md describes each column.
 
-They are a promise: what stands here is never changed. A view that has to be different gets a name
+Their columns are guaranteed: what stands here is never changed. A view that must change gets a name
 that ends in ``_v2`` and a migration of its own.
 """
 
@@ -59,7 +59,7 @@ FROM samples JOIN tags ON tags.id = samples.tag_id
 """
 _AT = {
     "postgresql": "TIMESTAMPTZ 'epoch' + samples.at_us * INTERVAL '1 microsecond'",
-    # In the form in which the other tables keep their times there.
+    # In the form in which SQLite keeps the times of other tables.
     "sqlite": "strftime('%Y-%m-%d %H:%M:%S', samples.at_us / 1000000, 'unixepoch') || "
     "printf('.%06d', samples.at_us % 1000000)",
 }

@@ -1,8 +1,8 @@
 """The views of version 2, beside those of version 1: with the whole path of a valve by ISA-95, the
 verdict on the valve, and its state by NAMUR NE 107. docs/storage.md describes each column.
 
-They are a promise as those of version 1 are. What a defect is that stands, ``named_effects``
-decides; a test holds the SQL here to it.
+Their columns are guaranteed as those of version 1 are. Which defects stand is decided in
+``named_effects``; a test compares the SQL here with it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ FROM (
 ) AS judged
 """
 
-# From the stem's verdict to the valve's: sticky stays, else a defect that stands is defective.
+# The verdict on the valve: sticky where the stem is sticky, else defective where a defect stands,
+# else that on the stem.
 _VERDICT = """CASE WHEN screenings.verdict <> 'sticky' AND
         CASE WHEN {confirmed} IS NOT NULL THEN {confirmed} <> ''
             ELSE COALESCE(screenings.mismatch_finding IN ('named', 'candidates'), FALSE)

@@ -1,7 +1,7 @@
-"""``BrowserSettings``: what people have set on the pages, each with who and when.
+"""``BrowserSettings``: settings that people made on the pages, each with who and when.
 
-The plant file stays the source for what it names. What is kept here holds only for what it leaves
-open, and is shown and exported as what it is.
+The plant file takes precedence for every setting that it names. Settings from the pages apply only
+to others, and are shown and exported as such.
 """
 
 from __future__ import annotations

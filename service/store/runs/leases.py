@@ -1,4 +1,4 @@
-"""``Leases``: duties that one process at a time may have, such as serving a store."""
+"""``Leases``: tasks that only one process may do at a time, such as serving a store."""
 
 from __future__ import annotations
 

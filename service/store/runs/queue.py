@@ -144,8 +144,8 @@ class RunQueue:
             return stored_run(row)
 
     def forget_instants_after(self, schedule: str, now: datetime) -> None:
-        """Let the instants of a schedule that are still to come be queued, although runs are there
-        that a clock which ran ahead queued for them. Those that have not begun are skipped."""
+        """Allow future instants of a schedule to be queued again, although a clock that ran ahead
+        has queued runs for them already. Those of these runs that have not begun are skipped."""
         early = (RunRow.schedule == schedule, RunRow.due > now)
         with self._transactions.writing(f"planning the schedule {schedule} anew") as session:
             waiting = update(RunRow).where(*early, RunRow.state == RunState.WAITING.value)

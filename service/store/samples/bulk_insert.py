@@ -1,8 +1,8 @@
 """Insert many samples at once: COPY in PostgreSQL, one prepared statement in SQLite.
 
-Samples that exist already are skipped, so that a repeated batch changes nothing; only one whose
-time came twice takes the place of the other. COPY cannot skip rows; it fills a temporary table,
-from which one INSERT copies them. Measured by ``tests/benchmarks/bench_storage.py``.
+Samples that exist already are skipped, so that a repeated batch changes nothing; only a sample
+whose time occurred twice replaces the existing one. COPY cannot skip rows; it fills a temporary
+table, from which one INSERT copies them. Measured by ``tests/benchmarks/bench_storage.py``.
 """
 
 from __future__ import annotations

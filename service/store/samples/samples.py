@@ -75,11 +75,11 @@ class SampleStore:
         self._transactions = transactions
         self._tags: dict[tuple[str, str], int] = {}
         self._reasons: dict[str, int] = {}
-        self._days: set[int] = set()  # days whose partitions this process has taken care of
+        self._days: set[int] = set()  # days whose partitions this process has created or found
 
     def write(self, batch: SampleBatch) -> None:
-        """Store every sample of ``batch`` that does not exist yet; committed on return. One whose
-        time came twice makes the one that exists bad."""
+        """Store every sample of ``batch`` that does not exist yet; committed on return. A sample
+        whose time occurred twice makes the existing one bad."""
         days = self._prepare(batch)
         try:
             with self._transactions.writing(f"storing samples of {batch.source}") as session:

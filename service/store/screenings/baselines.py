@@ -27,7 +27,7 @@ def write_network(
     """Make ``network`` the active one of its kind. Older baselines are kept as inactive, older
     fitted networks are deleted."""
     ensure_valve(session, valve)
-    # The lock makes the second of two writers wait here and then replace the first.
+    # The lock makes the second of two writers wait here; it then replaces the first one's network.
     session.execute(select(ValveRow.id).where(ValveRow.id == valve).with_for_update())
     of_kind = (NetworkRow.valve == valve, NetworkRow.kind == kind)
     if kind == FITTED:

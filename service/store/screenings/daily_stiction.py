@@ -1,5 +1,5 @@
-"""S and J of each valve by day over the last weeks, for their trends: a row a day, however often a
-plant is screened."""
+"""Daily means of S and J of each valve over the last weeks, for their trends: one row a day,
+however often a plant is screened."""
 
 from __future__ import annotations
 
@@ -11,25 +11,45 @@ from datetime import date, timedelta
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from stemwatch.models.fall_of_stiction import history_since_fall
 from stemwatch.service.presenter.trend_over_weeks import WEEKS, TrendOverWeeks, trend_over_weeks
+from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningRow
 
 _AT_ONCE = 500
 
 
-def read_trends(session: Session, valves: Sequence[str], limit: float) -> dict[str, TrendOverWeeks]:
+def read_trends(
+    session: Session, valves: Sequence[str], limit: float
+) -> tuple[dict[str, TrendOverWeeks], dict[str, UnexplainedFall]]:
     """The trend of S, with that of J, of each of ``valves`` that has one: over the weeks before its
-    latest screening, and since the last work on it; and when S will reach ``limit``, percent."""
+    latest screening, since the last work on it and since its S fell the last time; and when S will
+    reach ``limit``, percent. Beside it that fall, where it is not explained by recorded work."""
     trends: dict[str, TrendOverWeeks] = {}
+    falls: dict[str, UnexplainedFall] = {}
     for first in range(0, len(valves), _AT_ONCE):
         part = list(valves[first : first + _AT_ONCE])
         for valve, points in _daily(session, part).items():
+            fall = _fall({day: S for day, (S, _) in points.items()})
+            if fall is not None:
+                falls[valve] = fall
             trend = _trend({day: S for day, (S, _) in points.items()}, limit)
             if trend is not None:
-                of_J = _trend({day: J for day, (_, J) in points.items() if J is not None})
-                of_J = None if of_J is None else replace(of_J, number="J")
-                trends[valve] = replace(trend, J=of_J)
-    return trends
+                begin = date.min if fall is None else fall.on
+                of_J = {day: J for day, (_, J) in points.items() if J is not None and day >= begin}
+                trend_of_J = _trend(of_J)
+                trend_of_J = None if trend_of_J is None else replace(trend_of_J, number="J")
+                trends[valve] = replace(trend, J=trend_of_J)
+    return trends, falls
+
+
+def _fall(points: Mapping[date, float]) -> UnexplainedFall | None:
+    days = sorted(points)
+    since = history_since_fall([day.toordinal() for day in days], [points[day] for day in days])
+    if since.fall is None:
+        return None
+    on = date.fromordinal(int(since.fall.first))
+    return UnexplainedFall(before=since.fall.before, after=since.fall.after, on=on)
 
 
 def _trend(points: Mapping[date, float], limit: float | None = None) -> TrendOverWeeks | None:

@@ -1,4 +1,4 @@
-"""The windows of the last weeks of many valves, for what they say together."""
+"""The windows of the last weeks of many valves, for their joint evidence."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from stemwatch.models.mismatch.findings import Finding
 from stemwatch.service.store.screenings.evidence_json import evidence_of
 from stemwatch.service.store.screenings.tables import MaintenanceRow, ScreeningRow
 
-WEEKS = 8  # that are looked back, from the valve's latest screening
+WEEKS = 8  # of history before the valve's latest screening
 _NAMED = (Finding.NAMED.value, Finding.CANDIDATES.value)
 _AT_ONCE = 250  # valves of one statement
 
 
 def read_evidence(session: Session, valves: Sequence[str]) -> dict[str, list[WindowEvidence]]:
-    """The windows of the last weeks, in order of time, of those of ``valves`` on which some window
-    of these named an effect: on the others there is nothing to weigh.
+    """The windows of the last weeks, in order of time, of those of ``valves`` on which at least one
+    of these windows named an effect; the others have no evidence to weigh.
 
-    Windows before the last work on the valve, and one in which it lies, do not count. A window that
-    an older version stored says what it named, and nothing of what it did not name.
+    Windows before or during the last work on the valve do not count. A window stored by an older
+    version has the effects that it named and no scores for others.
     """
     evidence_of_valve: dict[str, list[WindowEvidence]] = {}
     for first in range(0, len(valves), _AT_ONCE):

@@ -1,5 +1,5 @@
-"""What a screening adds to the evidence of many windows, as JSON and back: a kilobyte, where all of
-its mismatch is thirty."""
+"""The evidence of one screening as JSON and back: about 1 kB, while its whole mismatch takes 30
+kB."""
 
 from __future__ import annotations
 

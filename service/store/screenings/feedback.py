@@ -1,4 +1,4 @@
-"""What people found at a valve, kept beside what had been said of it, and counted."""
+"""Feedback from people who inspected a valve, stored with the finding, and counted."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_SHOWN = 500
 
 
 class Judgement(StrEnum):
-    """What a person says of a finding."""
+    """A person's judgement of a finding."""
 
     RIGHT = "right"
     WRONG = "wrong"
@@ -35,7 +35,7 @@ class Judgement(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Feedback:
-    """One label: what was said of a valve and its window, and what a person found there.
+    """One label: the finding on a valve and its window, and what a person found there.
 
     ``verdict`` is that on the valve as a whole, ``effects`` the slugs that stood; S and J in
     percent of OP span, ``None`` where they were not known.

@@ -1,11 +1,11 @@
-"""Which defects stand of what a stored screening names, without reading its mismatch.
+"""Which named defects of a stored screening stand, read without parsing its mismatch.
 
 Physics that belongs to the machine (``Effect.inherent``) is named but asks for no work. The slugs
-of the others are one more key in the JSON of a mismatch; one that an older version stored lacks it,
-and all its effects count as defects. Why they do not stand among all valves of the run is another
-key. What the windows of weeks confirm, once the run was finished, is a key in the JSON of its
-evidence; it is there where the valve has a history that decides, and then says which defects stand,
-whatever this window names.
+of the others are an additional key in the JSON of a mismatch; where an older version stored the
+mismatch, the key is missing and all its effects count as defects. Why they do not stand among all
+valves of the run is another key. The slugs that windows of weeks confirm, known once the run is
+finished, are a key in the JSON of its evidence; where the valve has a history that decides, it says
+which defects stand, whatever this window names.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The previous result of a valve, for trends, "since when" and the ranking.
 
 A screening is earlier if it is of another window and its instant ``at`` is before. Where the source
-has no dates, ``at`` is the time of saving; the same source read again is the same window.
+has no dates, ``at`` is the time of saving; reading the same source again gives the same window.
 """
 
 from __future__ import annotations

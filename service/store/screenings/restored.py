@@ -82,8 +82,8 @@ def _restored(session: Session, condition: ColumnElement[bool]) -> list[Restored
 
 
 def _of_row(row: ScreeningRow) -> Restored:
-    """The row as a screening. For a healthy valve without a named effect, which gets no page, only
-    the finding of the mismatch is read: parsing all of it for thousands of valves is slow."""
+    """The row as a screening. Of a healthy valve without a named effect, which gets no page, only
+    the finding of the mismatch is read, since parsing thousands of mismatches is slow."""
     if row.verdict != Verdict.HEALTHY.value or row.mismatch_slugs:
         return screening_of(stored_screening(row))
     restored = screening_of(stored_screening(row, with_mismatch=False))

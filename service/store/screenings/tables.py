@@ -232,8 +232,8 @@ class NoteRow(RemarkRow):
 
 
 class FeedbackRow(TableBase):
-    """Whether what was said of a valve was right, with what had been said: a label that stays true
-    when the screening is pruned or made again."""
+    """Feedback on a finding, with the finding itself, so that the label stays valid when the
+    screening is pruned or replaced."""
 
     __tablename__ = "feedback"
     __table_args__ = (Index("ix_feedback_valve_at", "valve", "at"),)

@@ -16,7 +16,7 @@ from stemwatch.service.studies.benchmark.truth import NONE, OTHER
 
 COLUMNS = ("case", "stiction", "S", "S_low", "S_high", "J", "J_low", "J_high", "cause")
 MOST_CAUSES = 3
-_BETWEEN = ";"  # two causes; a cell that holds it is quoted where the file is separated by it
+_BETWEEN = ";"  # between two causes; the cell is quoted where the file is separated by it too
 
 
 class Sticks(StrEnum):

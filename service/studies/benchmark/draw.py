@@ -40,7 +40,7 @@ CASES_FILE = "cases.csv"
 _INTEGRATING = 0.25  # share of the loops
 _MOST_DRAWS = 400
 _EFFECT = "effect"
-# In turn, so that no answer is right for more than half of the cases.
+# Used in turn, so that no single answer is right for more than half of the cases.
 _CAUSES = {
     True: (_EFFECT, NONE, _EFFECT, OTHER, _EFFECT, _EFFECT, NONE, _EFFECT),
     False: (_EFFECT, _EFFECT, NONE, _EFFECT, _EFFECT, NONE, _EFFECT, NONE),
@@ -150,7 +150,7 @@ def _of_proof(
         if case.loop.process.integrating != integrating:
             continue
         case, run = simulate_hidden(case)
-        if case.excited:  # of an effect that does not show, nobody can be asked
+        if case.excited:  # the cause is not asked where the effect does not show in the recording
             cause = OTHER if kind == OTHER else (case.effects or (NONE,))[0]
             return run.recording, run.truth.S, run.truth.J, cause if position else ""
     raise AssertionError("the family holds excited loops of either process")

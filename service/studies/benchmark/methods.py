@@ -1,4 +1,4 @@
-"""The methods that answer a benchmark here: stemwatch, and three of others.
+"""The methods that answer a benchmark here: stemwatch, and three methods of others.
 
 A ``Method`` is given cases and says what it can of each; a contract test holds every one of them.
 """
@@ -37,7 +37,7 @@ from stemwatch.service.studies.benchmark.truth import NONE, OTHER
 _VERDICTS = {
     Verdict.STICKY: Sticks.YES,
     Verdict.HEALTHY: Sticks.NO,
-    Verdict.DEFECTIVE: Sticks.NO,  # something other than friction is wrong
+    Verdict.DEFECTIVE: Sticks.NO,  # not friction, but something else is wrong
 }
 _SUSPICIONS = {Suspicion.SUSPECTED: Sticks.YES, Suspicion.NO_SIGN: Sticks.NO}
 _HAW_PROGRAM = Path(__file__).with_name("haw_program.py")
@@ -168,7 +168,7 @@ class _Formula:
         op, pv = recording.op, recording.signals[Role.PV]
         usable = op.usable & pv.usable
         times = np.arange(len(recording))
-        # These formulas know no holes.
+        # These formulas do not allow missing samples.
         op_whole, pv_whole = (
             np.interp(times, times[usable], signal.values[usable]) for signal in (op, pv)
         )
@@ -192,7 +192,7 @@ class Haw:
         answers = {}
         for done, case in enumerate(cases, start=1):
             program = [self.python, str(_HAW_PROGRAM), str(Path(case.file).parent), case.case]
-            # The package draws each cycle, and looks at the picture.
+            # The package plots each cycle and classifies the picture.
             surroundings = {**os.environ, "MPLBACKEND": "Agg"}
             process = subprocess.run(
                 program, env=surroundings, capture_output=True, text=True, check=False

@@ -1,4 +1,4 @@
-"""The order of merit: what knows nothing gains nothing, however it answers.
+"""The score of a benchmark, built so that answers without knowledge gain nothing.
 
 Five parts, each 1 for the truth and 0 for no answer. The answer to a case that says nothing of it
 (always the same, or drawn by lot) never has an expected score above 0, so that nobody gains by

@@ -1,4 +1,4 @@
-"""A benchmark from seed to score: the folder written and sealed, answers judged."""
+"""Write and seal a benchmark's folder, and score answers to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sealed truth of a benchmark, and the digests that show that nothing was changed."""
+"""The sealed truth of a benchmark, and the digests that prove that nothing was changed."""
 
 from __future__ import annotations
 

@@ -213,7 +213,11 @@ class AlertLine(BaseModel):
     text: str
     opened: datetime
     seen: datetime = Field(description="when its cause was last found")
+    opened_again: datetime | None = Field(
+        description="when the same trouble came back and opened it again, the last time"
+    )
     closed: datetime | None
+    closed_why: str
     acknowledged: datetime | None
     acknowledged_by: str
     comment: str

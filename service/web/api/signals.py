@@ -171,7 +171,8 @@ SHORTEST = timedelta(seconds=1)
 
 
 def window_of(valve: str, start: datetime, stop: datetime) -> SignalWindow:
-    """The window from ``start`` to ``stop``. Raises 422 where it is empty, too long or nowhere."""
+    """The window from ``start`` to ``stop``. Raises 422 where it is empty, too long or outside the
+    allowed dates."""
     if not (EARLIEST <= start <= LATEST and EARLIEST <= stop <= LATEST):
         raise HTTPException(422, f"a window between {EARLIEST.year} and {LATEST.year} is expected")
     if stop - start < SHORTEST:

@@ -1,1 +1,1 @@
-"""Who asks for a page or the API, and whether they may: sessions in cookies, tokens, forms."""
+"""Authentication and authorisation of requests: sessions in cookies, tokens, forms."""

@@ -30,7 +30,7 @@ from stemwatch.service.web.site import Site
 log = logging.getLogger(__name__)
 
 SAFE = ("GET", "HEAD", "OPTIONS")
-BY_ITSELF = "x-stemwatch-refresh"  # what a page asks for without anybody's hand
+BY_ITSELF = "x-stemwatch-refresh"  # requests that a page makes without user action
 AWAY = "The database does not answer; the page is there again when it does."
 NOBODY = "Sign in, or send a token as Authorization: Bearer."
 BAD_TOKEN = "This token lets nobody in: it is unknown, has run out or was revoked."
@@ -42,12 +42,12 @@ Answer = Callable[[Request, int, str], Response]
 
 
 class Authentication:
-    """Lets requests of ``site`` in or answers them itself."""
+    """Accepts requests to ``site`` or answers them with a refusal."""
 
     def __init__(self, site: Site, permissions: RoutePermissions, answer: Answer) -> None:
         self._site, self._permits, self._answer = site, permissions, answer
         self._proxy = _proxy_of(site)
-        self._said: dict[str, datetime] = {}  # when a stranger at an address was last noted
+        self._said: dict[str, datetime] = {}  # when an unknown client at an address was last logged
         self._lock = threading.Lock()
 
     async def admit(self, scope: Scope) -> Response | None:
@@ -76,7 +76,7 @@ class Authentication:
         return self._answer(request, 403, _lacking(current_user, operation))
 
     def _look_for_proxy(self, scope: Scope) -> None:
-        """Say that a proxy is not believed: everybody behind it is then counted as one address."""
+        """Log that a proxy is not trusted: all users behind it are then counted as one address."""
         plant = self._site.plant
         if plant is None or plant.service.trusted_proxies:
             return
@@ -144,19 +144,19 @@ class Authentication:
         return answer
 
     def _note_not_signed_in(self, scope: Scope, headers: Headers) -> None:
-        """Bad tokens and changes that nobody signed for: once a minute from an address, so that
-        strangers cannot fill the log."""
+        """Log invalid tokens and changes without authentication, at most once a minute for an
+        address, so that unknown clients cannot fill the log."""
         if "authorization" not in headers and scope["method"] in SAFE:
             return
         credentials = "a bad token" if "authorization" in headers else ""
         self._once_a_minute(scope, credentials, "answered 401; noted once a minute")
 
     def _note_stranger(self, scope: Scope, reason: str) -> None:
-        """Whom a proxy named and who may not come in, once a minute."""
+        """Log a user named by a proxy who has no access, at most once a minute."""
         self._once_a_minute(scope, HOW, f"{reason} Noted once a minute.")
 
     def _once_a_minute(self, scope: Scope, credentials: str, detail: str) -> None:
-        """Note a refusal, once a minute from an address."""
+        """Log a refusal, at most once a minute for an address."""
         now, address = self._site.clock(), address_of(scope)
         with self._lock:
             if now - self._said.get(address, now - 2 * _ONCE_IN) < _ONCE_IN:
@@ -179,7 +179,7 @@ class Authentication:
     def _write(self, entry: AuditEntry) -> None:
         try:
             self._site.store.audit.add(entry)
-        except StoreError as error:  # the log of the service has it then
+        except StoreError as error:  # the service's log has the error
             log.error("not in the audit log: %s (%s)", entry, error)
 
 
@@ -198,7 +198,7 @@ def _bearer(authorization: str) -> str:
 
 
 def _lacking(current_user: CurrentUser, operation: Operation) -> str:
-    """What is missing, in words."""
+    """The missing role or scope, in words."""
     right = PERMISSIONS[operation]
     if right.least is None or current_user.role.rank < right.least.rank:
         return (

@@ -14,13 +14,13 @@ _NOBODY = "a route that needs nobody to be signed in asked for the current user"
 
 
 def state_of(scope: Scope) -> dict[str, Any]:
-    """What is kept beside a request."""
+    """The state stored with a request."""
     state: dict[str, Any] = scope.setdefault("state", {})
     return state
 
 
 def current_user_of(request: Request) -> CurrentUser | None:
-    """Who asks; ``None`` on the few pages that are open to everybody."""
+    """The user of a request; ``None`` on the few pages that are open to everybody."""
     current_user: CurrentUser | None = state_of(request.scope).get("current_user")
     return current_user
 

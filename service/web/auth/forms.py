@@ -1,6 +1,8 @@
-"""Forms that change something: their secret token, which only our own pages know, and clean fields.
+"""Forms that change something: their secret token, which only our own pages contain, and checked
+fields.
 
-The token is what keeps another site's page from sending a form in the name of whoever is signed in.
+The token prevents a page of another site from sending a form in the name of the signed-in user
+(cross-site request forgery).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The address at the other end of a connection, kept before proxies' headers are believed.
+"""The address of a connection's other end, stored before proxies' headers are applied.
 
 ``X-Forwarded-For`` of a trusted proxy replaces the client's address; whether the connection itself
 came from that proxy can then no longer be told from the client.

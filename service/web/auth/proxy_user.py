@@ -1,8 +1,8 @@
 """Sign-in by a header of a trusted proxy (single sign-on): off unless the plant file names the
-header and the proxies whose word is taken.
+header and the trusted proxies.
 
-The proxy is known by the address of the connection itself, never by what a request says of where it
-came from. A request that names somebody twice names nobody.
+The proxy is recognised by the address of the connection itself, never by headers of the request. A
+request with the user header twice names nobody.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ NOTED_EVERY = timedelta(hours=1)  # resolution of the last sign-in, to avoid a w
 
 
 class NotAUser(Exception):
-    """The proxy names somebody who may not come in; the text says who and what to do."""
+    """The proxy names somebody without access; the text says who and what to do."""
 
 
 class ProxySignIn:
-    """Takes the word of ``proxies`` (addresses or networks) on who is signed in, from ``header``.
+    """Signs in the user that ``proxies`` (addresses or networks) name in ``header``.
 
-    ``new_role`` is the role of those who are no users yet; empty: they are refused.
+    ``new_role`` is the role given to people who are not users yet; empty: they are refused.
     """
 
     def __init__(self, header: str, proxies: Sequence[str], new_role: str = "") -> None:
@@ -111,7 +111,7 @@ class ProxySignIn:
     ) -> User | None:
         try:
             user = store.accounts.add(name, role, NO_PASSWORD, added_by=HOW, now=now)
-        except NameTaken:  # by a request beside this one
+        except NameTaken:  # added by a concurrent request
             return store.accounts.find(name)
         store.audit.add(
             AuditEntry(

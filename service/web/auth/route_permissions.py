@@ -104,8 +104,8 @@ class RoutePermissions:
         self._routes = tuple(routes)
 
     def of(self, scope: Scope) -> Operation:
-        """The operation. A request that no route answers is a reading one: who may read is told
-        that there is no such page, and nobody else is told anything."""
+        """The operation of a request. One that matches no route counts as reading: users who may
+        read get 404, all others a refusal."""
         for route in self._routes:
             match, _ = route.matches(scope)
             if match is Match.FULL:

@@ -1,5 +1,5 @@
-"""The cookies of a session and of a browser that is known: no script reads them, no foreign page
-sends them, and with TLS they never travel without."""
+"""The cookies of a session and of a known browser: no script can read them, no page of another site
+can send them, and with TLS they are never sent in clear text."""
 
 from __future__ import annotations
 
@@ -42,12 +42,13 @@ def set_session(response: Response, secret: str, scope: Scope) -> None:
 
 
 def known_browser_of(request: Request) -> str:
-    """What the browser's cookie of ``known_browser`` holds; it is sent to the login alone."""
+    """The value of the ``known_browser`` cookie, which is sent to the login page only."""
     return request.cookies.get(BROWSER_NAME, "")
 
 
 def set_known_browser(response: Response, value: str, scope: Scope) -> None:
-    """Let the browser be known again; ``lax`` and under this path it travels to the login alone."""
+    """Set the known-browser cookie; with ``lax`` and this path it is sent to the login page
+    only."""
     response.set_cookie(
         BROWSER_NAME,
         value,

@@ -1,1 +1,1 @@
-"""The pages that people read, one module for each, with what their forms set off."""
+"""The pages, one module for each, with the actions of their forms."""

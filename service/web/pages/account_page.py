@@ -103,7 +103,7 @@ def make_token(
 def revoke_token(
     request: Request, deps: Deps, current_user: SignedIn, form: SentForm
 ) -> RedirectResponse:
-    """Let nobody in by one of one's own tokens any more."""
+    """Revoke one of one's own tokens."""
     number = form.number("token", "the number of a token")
     token = deps.store.api_tokens.get(number) if number <= LARGEST_NUMBER else None
     if token is None or token.user.id != current_user.user:
@@ -114,7 +114,7 @@ def revoke_token(
 
 
 def to_page(request: Request, place: str, done: str) -> RedirectResponse:
-    """To a page that says what was done."""
+    """Redirect to a page that says what was done."""
     base = str(request.scope.get("root_path", "")).rstrip("/")
     return RedirectResponse(f"{base}{place}?{urlencode({'done': done})}", 303)
 

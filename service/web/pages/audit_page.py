@@ -75,7 +75,7 @@ def audit_lines(
 
 
 def wanted_of(query: QueryParams, deps: Dependencies) -> AuditFilter:
-    """What an address asks for; what it cannot mean is left out, never an error."""
+    """The filter in an address; invalid parts are left out and are never an error."""
     outcome, before = query.get("outcome", ""), query.get("before", "")
     number = int(before) if before.isascii() and before.isdigit() and len(before) < 12 else 0
     start, stop = _day(query.get("start", ""), deps), _day(query.get("stop", ""), deps)

@@ -115,7 +115,8 @@ def take_link(request: Request, deps: Deps, form: SentOpenForm) -> Response:
 
 
 def safe_place(address: str) -> str:
-    """A page of this site, or the first one: nobody is led elsewhere by a link to the login."""
+    """The address if it is a page of this site, else the first page, so that a login link cannot
+    redirect to another site."""
     parts = urlsplit(address)
     printable = address.isprintable() and "\\" not in address
     on_this_site = address.startswith("/") and not address.startswith("//")
@@ -125,7 +126,7 @@ def safe_place(address: str) -> str:
 def _enter(
     request: Request, deps: Dependencies, user: User, cookie: str, next_page: str
 ) -> RedirectResponse:
-    """In with the new session; the one that this browser had before has ended."""
+    """Redirect with the new session's cookie; an earlier session of this browser is ended."""
     answer = RedirectResponse(f"{_base(request)}{next_page}", 303)
     if old := request.cookies.get(cookie_name(request.scope), ""):
         end_session(deps.store, old)

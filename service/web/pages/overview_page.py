@@ -46,7 +46,7 @@ class Week:
 
 
 class _CountsOfWeeks:
-    """Counts of weeks, kept until another run is over: each is a look at all valves."""
+    """Weekly counts, kept until another run is over, since each count reads all valves."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[int, int, datetime], WorkCounts] = OrderedDict()

@@ -91,7 +91,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
 
 
 def wanted_of(query: QueryParams) -> RankingFilter:
-    """What an address asks for; what it cannot mean is left at its default, never an error."""
+    """The filter in an address; invalid parts keep their default and are never an error."""
     sort = query.get("sort", "")
     page = query.get("page", "")
     levels = [text for text in query.getlist("criticality") if text in ("1", "2", "3")]

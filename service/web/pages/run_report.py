@@ -1,4 +1,4 @@
-"""The report of a run, as the run wrote it: the page in a cage of its own, the tables as files."""
+"""The report of a run as it was written: the page in a sandbox, the tables as files."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ TYPES = {
     "work-orders.xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
     "work-orders.csv": "text/csv; charset=utf-8",
 }
-# The report carries its own policy with the digests of its scripts. Here it runs without an origin:
-# whatever stands in it can neither ask this service nor see its cookies.
+# The report carries its own policy with the digests of its scripts. Here it runs in a sandbox
+# without an origin, so that its content can neither send requests to this service nor read its
+# cookies.
 POLICY = (
     "sandbox allow-scripts allow-modals allow-popups allow-downloads; default-src 'none'; "
     "script-src 'unsafe-inline'; style-src 'unsafe-inline'; frame-ancestors 'none'"
@@ -55,7 +56,8 @@ def report(request: Request, deps: Deps) -> Response:
 
 
 def _led_here(page: bytes, number: int) -> bytes:
-    """A page whose links to the files beside it, which are right on a disk, lead to this route."""
+    """The page with its relative links, which are right on a disk, replaced by links to this
+    route."""
     for name in TYPES:
         href = f'href="report?id={number}&amp;file={name}"'
         page = page.replace(f'href="{name}"'.encode(), href.encode())

@@ -1,5 +1,5 @@
-"""Settings: schedules, limits and the plant file as it was read, without its secrets. What the file
-leaves open can be set here, by admins; what it names is changed there."""
+"""Settings: schedules, limits and the plant file as it was read, without its secrets. Admins can
+set here what the file does not name; the rest is changed in the file."""
 
 from __future__ import annotations
 
@@ -245,7 +245,8 @@ def _text(value: Any) -> str:
 
 
 def _masked(secret: str) -> str:
-    """Of an address its machine, since paths and queries of webhooks are passwords; else stars."""
+    """The host of an address, since paths and queries of webhooks are secrets; otherwise
+    asterisks."""
     parts = urlsplit(secret)
     host = parts.netloc.rpartition("@")[2]
     return f"{parts.scheme}://{host}/***" if host else "***"

@@ -11,7 +11,7 @@ from stemwatch.service.presenter.wording import NOTHING, figure
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.web.dependencies import Deps
 
-SILENT_AFTER = timedelta(minutes=2)  # a collector speaks far more often than this
+SILENT_AFTER = timedelta(minutes=2)  # a collector reports far more often than this
 MOST_FILES = 100
 
 router = APIRouter(include_in_schema=False)

@@ -1,4 +1,4 @@
-"""The test that would tell, of one valve: planned from its last screening, within limits that the
+"""The planned field test of one valve: designed from its last screening, within limits that the
 reader gives, and as one page to print. Nothing is ever written to the plant."""
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Every token of every user, for admins: what lets programs in, and its end."""
+"""Every token of every user, for admins, who can revoke them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def token_list(request: Request, deps: Deps) -> HTMLResponse:
 
 @router.post("/tokens/revoke")
 def revoke(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
-    """Let nobody in by a token any more."""
+    """Revoke a token."""
     number = form.number("token", "the number of a token")
     token = deps.store.api_tokens.get(number) if number <= LARGEST_NUMBER else None
     if token is None:

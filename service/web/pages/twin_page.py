@@ -1,4 +1,4 @@
-"""What if: the loop around a valve, run again with another friction, tuning or a knocker."""
+"""What if: the loop around a valve, simulated with another friction, tuning or a knocker."""
 
 from __future__ import annotations
 

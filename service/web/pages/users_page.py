@@ -21,7 +21,7 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/users")
 def user_list(request: Request, deps: Deps) -> HTMLResponse:
-    """Every user, and the links that still let somebody in."""
+    """Every user, and the one-time links that are still valid."""
     return _page(request, deps)
 
 
@@ -68,7 +68,7 @@ def set_role(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
 
 @router.post("/users/disable")
 def disable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
-    """Let a user in no more. What the user did stays on record."""
+    """Disable a user. The audit log keeps what the user did."""
     user = _user(request, deps, form)
     note_about(request, "disable")
     _unless_last(lambda: deps.store.accounts.disable(user.id, deps.now))
@@ -77,7 +77,7 @@ def disable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
 
 @router.post("/users/enable")
 def enable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
-    """Let a user in again."""
+    """Enable a disabled user."""
     user = _user(request, deps, form)
     note_about(request, "enable")
     deps.store.accounts.enable(user.id)
@@ -86,7 +86,7 @@ def enable(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
 
 @router.post("/users/links/withdraw")
 def withdraw(request: Request, deps: Deps, form: SentForm) -> RedirectResponse:
-    """Make a one-time link worthless."""
+    """Withdraw a one-time link."""
     number = form.number("number", "the number of a link")
     note_about(request, f"withdraw link {number}")
     if number > LARGEST_NUMBER or not deps.store.access_links.revoke(number, deps.now):
@@ -135,5 +135,6 @@ def _unless_last(change: Callable[[], object]) -> None:
 
 
 def _base_url(request: Request) -> str:
-    """Under which the reader sees this site; the guard has checked the name."""
+    """The address under which the reader sees this site; ``SecurityMiddleware`` has checked the
+    host name."""
     return str(request.base_url)

@@ -1,4 +1,4 @@
-"""One valve: what was found, its signals, its months, its alerts, and what people know of it."""
+"""One valve: findings, signals, history over months, alerts, and notes of people."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ def _to_valve_page(request: Request, valve: str, done: str, place: str) -> Redir
 
 
 def _from_plant(deps: Dependencies, name: str) -> StoredValve:
-    """A valve of the plant file that no run has met yet."""
+    """A valve of the plant file that no run has screened yet."""
     settings: Any = deps.site.plant.valves[name] if deps.site.plant else None
     if settings is None:
         return StoredValve(id=name)
@@ -215,7 +215,7 @@ def _shown_screening(
 
 
 def _plan_link(request: Request, shown_screening: ShownScreening | None) -> str:
-    """Where the test that would tell is planned; empty where none would be of use."""
+    """The address of the page that plans a field test; empty where no test is useful."""
     if shown_screening is None:
         return ""
     mismatch = shown_screening.screening.mismatch
@@ -241,7 +241,8 @@ def _sheet(deps: Dependencies, shown_screening: ShownScreening) -> str | None:
 def _opening(
     deps: Dependencies, name: str, shown_screening: ShownScreening | None
 ) -> tuple[datetime, datetime]:
-    """What the plots open on: the last two hours of the screened window, else of the samples."""
+    """The window on which the plots open: the last two hours of the screened window, else of the
+    samples."""
     start, end = shown_screening.stored.window if shown_screening else (None, None)
     if start is not None and end is not None:
         return max(start, end - OPENING), end

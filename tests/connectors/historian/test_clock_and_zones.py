@@ -48,7 +48,7 @@ def test_autumn_repeated_hour_is_told_apart_by_order(open_text) -> None:
     assert "told apart by their order" in said(recording)
 
 
-def test_autumn_newest_first(open_text) -> None:
+def test_a_file_newest_first_is_reversed_with_its_repeated_hour(open_text) -> None:
     """A file that runs backwards is turned round, the repeated hour too."""
     start = datetime(2026, 10, 24, 22, tzinfo=UTC)
     recording = open_text(wide(local(start, 48, 10)[::-1]), options=BERLIN).read(OP)
@@ -68,7 +68,7 @@ def test_autumn_hour_that_is_there_once_is_left_out_and_said(open_text) -> None:
 
 
 @pytest.mark.parametrize(("policy", "first_hole"), [("first", 18), ("second", 12)])
-def test_autumn_hour_by_policy(open_text, policy: str, first_hole: int) -> None:
+def test_the_repeated_hour_follows_the_option(open_text, policy: str, first_hole: int) -> None:
     """Said to be the first or the second pass, the hour is placed there."""
     times = [f"2026-10-25 0{h}:{m:02d}:00" for h in (0, 1, 2, 3, 4) for m in range(0, 60, 10)]
     options = ReadOptions(zone="Europe/Berlin", ambiguous_hour=policy)  # type: ignore[arg-type]
@@ -167,7 +167,7 @@ def test_undecidable_dates_are_refused(open_text) -> None:
     assert open_text(text, options=options).read(OP).start == datetime(2026, 1, 2, tzinfo=UTC)
 
 
-def test_twelve_hour_clock(open_text) -> None:
+def test_twelve_am_is_midnight_and_twelve_pm_is_noon(open_text) -> None:
     """12 AM is midnight and 12 PM noon."""
     times = [
         "1/13/2026 12:00:00 AM",
@@ -179,7 +179,7 @@ def test_twelve_hour_clock(open_text) -> None:
     assert (recording.interval_s, len(recording)) == (6 * 3600.0, 4)
 
 
-def test_time_format_option(open_text) -> None:
+def test_a_given_time_format_is_used(open_text) -> None:
     """A format that no grammar knows is read by the one that was given."""
     times = [f"06h{i:02d} on 2026.009" for i in range(4)]
     options = ReadOptions(zone="UTC", time_format="%Hh%M on %Y.%j", time_column="Time")
@@ -198,7 +198,7 @@ def test_holes_are_missing_and_counted(open_text) -> None:
     assert (recording.clock.gaps, recording.clock.longest_gap_s) == (1, 5.0)
 
 
-def test_repeated_and_backward_times(open_text) -> None:
+def test_the_last_of_repeated_times_is_kept_and_faults_counted(open_text) -> None:
     """Of repeated times the last is kept; both faults are counted."""
     recording = open_text(seconds([0, 1, 1, 2, 4, 3, 5, 6])).read(OP)
     assert recording.op.values.tolist() == [0, 2, 3, 5, 4, 6, 7]
@@ -213,7 +213,7 @@ def test_row_stamped_early_goes_to_the_empty_instant(open_text) -> None:
     assert "stamped early" in said(recording)
 
 
-def test_clock_half_an_interval_off_after_a_gap(open_text) -> None:
+def test_a_clock_half_an_interval_off_after_a_gap_loses_no_sample(open_text) -> None:
     """After a gap the source goes on off the old grid, with jitter, and loses no sample."""
     after = [330 + 15 + 30 * i + (i % 3 - 1) for i in range(20)]
     recording = open_text(seconds([30.0 * i for i in range(10)] + after)).read(OP)
@@ -255,7 +255,7 @@ def test_window_is_half_open(open_text) -> None:
         source.read(OP, Window(start=datetime(2027, 1, 1, tzinfo=UTC)))
 
 
-def test_reported_by_exception(open_text) -> None:
+def test_op_reported_by_exception_is_held(open_text) -> None:
     """OP that is stored when it changes is held, and older values are marked as held."""
     gaps = [1, 1, 2, 1, 9, 1, 1, 30, 1, 2, 1, 1, 14, 1, 1, 1, 40, 1, 2, 1]
     times = np.cumsum(gaps)
@@ -270,7 +270,7 @@ def test_reported_by_exception(open_text) -> None:
     assert "is reported when it changes" in said(recording)
 
 
-def test_two_clocks_in_one_header_name(open_text) -> None:
+def test_a_column_called_utc_holds_utc(open_text) -> None:
     """A column that is called UTC holds UTC."""
     source = open_text(wide(["2026-05-01 00:00:00", "2026-05-01 00:00:10"], "Time (UTC)"))
     assert source.read(OP).start == datetime(2026, 5, 1, tzinfo=UTC)
@@ -342,7 +342,7 @@ def test_a_minute_of_sixty_rows_is_a_second(open_text) -> None:
     assert "the rows are taken as 1 s apart" in said(recording)
 
 
-def test_cut_stamps_of_a_row_per_sample(open_text) -> None:
+def test_truncated_stamps_of_a_narrow_export_are_spread_for_each_tag(open_text) -> None:
     """In a narrow export each tag has stamps of its own."""
     rows = [f"2026-03-02 06:{row // 12:02d};{tag};{row + 0.5}"
             for row in range(240) for tag in ("FIC1.OP", "FIC1.PV")]  # fmt: skip
@@ -412,7 +412,7 @@ def test_seconds_stay_seconds_beside_a_sampling_column(open_text) -> None:
     assert np.isnan(recording.op.values).sum() == 2
 
 
-def test_a_counter_that_nobody_explains_asks(open_text) -> None:
+def test_a_lone_row_counter_counts_as_seconds_and_says_so(open_text) -> None:
     """Seconds are assumed, and said with what to do if they are not."""
     recording = open_text(wide([str(row) for row in range(50)])).read(OP)
     assert recording.interval_s == 1.0

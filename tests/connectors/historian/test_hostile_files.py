@@ -77,7 +77,7 @@ def write(path: Path, content: bytes) -> Path:
 
 @quick
 @given(st.binary(max_size=400))
-def test_random_bytes(path: Path, content: bytes) -> None:
+def test_random_bytes_are_an_error_or_a_table(path: Path, content: bytes) -> None:
     """Random bytes are an error with the file's name, or a table, and never anything else."""
     look(write(path, content))
 
@@ -113,7 +113,7 @@ BASES = {
 @pytest.mark.parametrize("base", BASES, ids=str)
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
-def test_replaced_cells(path: Path, base: str, data: st.DataObject) -> None:
+def test_hostile_cells_give_no_invented_number(path: Path, base: str, data: st.DataObject) -> None:
     """Hostile cells anywhere in any layout: no crash, and no number that is not in the text."""
     lines = [re.split(r"([,;\t])", line) for line in BASES[base].split("\n")]
     for _ in range(data.draw(st.integers(1, 5))):
@@ -129,7 +129,9 @@ def test_replaced_cells(path: Path, base: str, data: st.DataObject) -> None:
 @pytest.mark.parametrize("base", BASES, ids=str)
 @settings(max_examples=15, deadline=None)
 @given(cut=st.floats(0, 1), encoding=st.sampled_from(["utf-8", "utf-16", "cp1252"]))
-def test_cut_anywhere(path: Path, base: str, cut: float, encoding: str) -> None:
+def test_a_file_cut_anywhere_is_read_or_refused(
+    path: Path, base: str, cut: float, encoding: str
+) -> None:
     """A file cut at any byte is read up to there or refused."""
     content = BASES[base].encode(encoding)
     look(write(path, content[: int(cut * len(content))]))
@@ -137,7 +139,7 @@ def test_cut_anywhere(path: Path, base: str, cut: float, encoding: str) -> None:
 
 @quick
 @given(data=st.data())
-def test_mixed_up_lines(path: Path, data: st.DataObject) -> None:
+def test_lines_of_mixed_layouts_never_crash(path: Path, data: st.DataObject) -> None:
     """Lines of different layouts in one file."""
     pool = [line for text in BASES.values() for line in text.split("\n")]
     lines = data.draw(st.lists(st.sampled_from(pool), max_size=40))
@@ -153,7 +155,7 @@ def test_huge_field_is_one_cell(path: Path) -> None:
     assert int(np.isfinite(opened.column("OP").values).sum()) == 11
 
 
-def test_many_cells_in_one_row(path: Path) -> None:
+def test_a_row_of_a_million_cells_is_left_out(path: Path) -> None:
     """A row of a million cells is reported and left out."""
     path.write_text(BASES["plain"] + "1," * 1_000_000 + "\n")
     opened = look(path)
@@ -182,7 +184,7 @@ numbers = st.floats(-1e6, 1e6, allow_nan=False).map(lambda v: round(v, 4) + 0.0)
     end=st.sampled_from(["\n", "\r\n", "\r"]),
     step_s=st.sampled_from([1, 5, 10, 60, 3600]),
 )
-def test_round_trip(
+def test_a_table_in_any_locale_reads_back_the_same(
     path: Path,
     values: list[float],
     form: str,

@@ -159,7 +159,7 @@ PROFICY = (
 )
 
 
-def test_proficy_sections(open_text) -> None:
+def test_proficy_data_sections_are_read_and_others_skipped(open_text) -> None:
     """Comments and other sections are passed over; US dates; bad quality masks its sample."""
     recording = open_text(PROFICY, options=ReadOptions(zone="UTC")).read(mapped("FIC1.OP"))
     assert recording.start == datetime(2001, 7, 20, 11, 7, tzinfo=UTC)
@@ -173,7 +173,7 @@ def test_proficy_without_data_section(open_text) -> None:
         open_text("[Tags]\nTagname,Description\nA,B\n").tags()
 
 
-def test_proficy_extract(open_text) -> None:
+def test_a_proficy_extract_has_times_and_quality(open_text) -> None:
     """Epoch seconds and nanoseconds apart, GOOD and BAD as quality."""
     text = "".join(
         f"{1601890328 + i}:76000000,FIC1.OP,{40 + i},float,{'BAD' if i == 2 else 'GOOD'}\n"
@@ -218,7 +218,7 @@ def test_aveva_insight_any_order(open_text) -> None:
     ],
     ids=["names", "plain"],
 )
-def test_ignition(open_text, text: str) -> None:
+def test_both_forms_of_ignition_exports_are_read(open_text, text: str) -> None:
     """Both forms of Ignition's export, quoted and not."""
     source = open_text(text)
     assert op_of(source, "FIC101/OP") == [50.1, 50.2]
@@ -226,7 +226,7 @@ def test_ignition(open_text, text: str) -> None:
     assert layout(source).startswith("Ignition")
 
 
-def test_influx_two_tables(open_text) -> None:
+def test_annotated_influx_tables_of_one_file_are_read(open_text) -> None:
     """Annotations return before each table; the tag is measurement and field."""
     head = (
         "#group,false,false,true,true,false,false,true,true\r\n"
@@ -262,7 +262,7 @@ def test_citect_adds_milliseconds(open_text) -> None:
     assert not np.isfinite(recording.signals[Role.PV].values).any()
 
 
-def test_ip21(open_text) -> None:
+def test_ip21_columns_and_status_words_are_read(open_text) -> None:
     """IP.21's columns, month names and status words."""
     text = "NAME,IP_TREND_TIME,IP_TREND_VALUE,IP_TREND_QSTATUS\n" + "".join(
         f"FC1.OP,28-OCT-26 06:00:0{i}.0,{i + 0.5},{'Bad' if i == 1 else 'Good'}\n" for i in range(4)
@@ -272,7 +272,7 @@ def test_ip21(open_text) -> None:
     assert recording.op.quality.tolist() == [0, Quality.BAD, 0, 0]
 
 
-def test_german_excel(open_text) -> None:
+def test_german_excel_numbers_dates_and_status_are_read(open_text) -> None:
     """Semicolons, decimal comma with thousands points, day first, cp1252, a status column."""
     text = (
         "Zeitstempel;Zählerstand;Status\n28.10.2026 06:00:00;181,2;Good\n"
@@ -339,7 +339,7 @@ def test_plain_columns_are_named_after_the_file(open_text) -> None:
 
 
 @pytest.mark.parametrize("scale", [1, 1000, 1_000_000, 1_000_000_000])
-def test_epoch_times(open_text, scale: int) -> None:
+def test_epoch_times_in_any_unit_are_utc(open_text, scale: int) -> None:
     """Unix times in seconds, milliseconds, microseconds and nanoseconds are UTC."""
     text = "timestamp,OP\n" + "".join(f"{(1700000000 + i) * scale},{i}\n" for i in range(5))
     recording = open_text(text).read(mapped("OP"))

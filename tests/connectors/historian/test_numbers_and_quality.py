@@ -57,7 +57,9 @@ def said(recording: Recording) -> str:
         ("", ".", None),
     ],
 )
-def test_what_is_a_number(text: str, decimal: str, expected: float | None) -> None:
+def test_only_plain_decimal_numbers_are_numbers(
+    text: str, decimal: str, expected: float | None
+) -> None:
     """Plain decimal numbers, with thousands marks in threes; nothing that only looks like one."""
     assert parse_number(text, decimal) == expected
 
@@ -125,7 +127,7 @@ def test_marks_for_thousands_beside_plain_ten_thousands_are_not_believed(open_te
     assert recording.op.quality.tolist() == [0, Quality.BAD, Quality.BAD, 0]
 
 
-def test_undecidable_decimal_mark(open_text) -> None:
+def test_an_undecidable_decimal_mark_is_refused(open_text) -> None:
     """1,234 alone between tabs is not guessed."""
     text = column(["1,234", "2,345"], "\t")
     with pytest.raises(UnreadableSource, match=r"say decimal=',' or decimal='\.'"):
@@ -145,7 +147,7 @@ def test_pi_states_far_outside_the_range_are_codes(open_text) -> None:
     assert open_text(column(high), "b.csv").read(OP).op.quality[7] == Quality.GOOD
 
 
-def test_zero_dropouts(open_text) -> None:
+def test_isolated_zeros_far_from_the_values_are_dropouts(open_text) -> None:
     """Isolated zeros between tight values far away are dropouts; a level at 0 is not."""
     rng = np.random.default_rng(1)
     values = 12 + 0.01 * rng.integers(-6, 7, 400)
@@ -184,13 +186,13 @@ def test_bare_quality_of_small_codes_is_not_guessed(open_text) -> None:
     assert open_text(text, options=options).read(A).op.quality.tolist() == [0, 2, 0, 2]
 
 
-def test_quality_settled_by_missing_values(open_text) -> None:
+def test_a_code_whose_rows_have_no_value_is_bad(open_text) -> None:
     """A code whose rows never have a value is bad."""
     text = quality_file(["0", "1", "0", "0"], ["1", "Bad", "3", "4"])
     assert open_text(text).read(A).op.quality.tolist() == [0, Quality.BAD, 0, 0]
 
 
-def test_opc_codes(open_text) -> None:
+def test_opc_codes_from_192_up_are_good(open_text) -> None:
     """192 and 216 are good, 64 and 24 are not."""
     text = quality_file(["192", "216", "64", "24", "192"])
     assert open_text(text).read(A).op.quality.tolist() == [0, 0, 2, 2, 0]
@@ -199,14 +201,14 @@ def test_opc_codes(open_text) -> None:
 @pytest.mark.parametrize(
     "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252"]
 )
-def test_encodings(open_text, encoding: str) -> None:
+def test_usual_encodings_are_recognised(open_text, encoding: str) -> None:
     """The usual encodings are found without being said."""
     text = "Zeit;Füllstand °C\n" + "".join(f"2026-01-13 06:00:{i:02d};{i},5\n" for i in range(9))
     tags = open_text(text.encode(encoding)).tags()
     assert [tag.tag for tag in tags] == ["Füllstand °C"]
 
 
-def test_chinese_without_utf8(open_text) -> None:
+def test_gbk_is_recognised_by_its_byte_pairs(open_text) -> None:
     """GBK is told from cp1252 by its byte pairs."""
     text = "时间,回炼油返塔流量,液位\n" + "".join(
         f"2026-01-13 06:00:{i:02d},{i},1\n" for i in range(9)
@@ -215,14 +217,14 @@ def test_chinese_without_utf8(open_text) -> None:
     assert [tag.tag for tag in source.tags()] == ["回炼油返塔流量", "液位"]
 
 
-def test_other_code_page_by_option(open_text) -> None:
+def test_another_code_page_is_read_by_option(open_text) -> None:
     """A code page that cannot be found is read by option."""
     text = "Время,Клапан\n" + "".join(f"2026-01-13 06:00:{i:02d},{i}\n" for i in range(9))
     options = ReadOptions(encoding="cp1251", time_column="Время")
     assert open_text(text.encode("cp1251"), options=options).tags()[0].tag == "Клапан"
 
 
-def test_gzip_whole_and_cut(open_text) -> None:
+def test_gzip_is_unpacked_and_a_cut_one_read_as_far_as_possible(open_text) -> None:
     """A packed file is read by its first bytes; of a cut one the start, with a problem."""
     packed = gzip.compress(column([str(i % 97) for i in range(5000)]).encode())
     assert len(open_text(packed, "a.bin").read(OP)) == 5000
@@ -240,13 +242,13 @@ def test_gzip_whole_and_cut(open_text) -> None:
         (b"a,b,c\n", "no row of numbers"),
     ],
 )
-def test_what_is_no_table_of_samples(open_text, content: bytes, expected: str) -> None:
+def test_each_unreadable_file_has_its_sentence(open_text, content: bytes, expected: str) -> None:
     """Each kind of unreadable file has its sentence."""
     with pytest.raises(UnreadableSource, match=expected):
         open_text(content).tags()
 
 
-def test_missing_file(tmp_path) -> None:
+def test_a_missing_file_is_named(tmp_path) -> None:
     """A path that is not there is named."""
     from stemwatch.connectors.historian import HistorianFile
 
@@ -284,7 +286,7 @@ def test_one_row_is_not_enough(open_text) -> None:
         open_text("t_s,OP\n0,1\n").tags()
 
 
-def test_excel_days(open_text) -> None:
+def test_excel_day_numbers_keep_their_durations(open_text) -> None:
     """Times as Excel day numbers keep their durations."""
     rows = "".join(f"{46035 + i / 1440:.9f},{i}\n" for i in range(9))
     assert open_text("Time,OP\n" + rows).read(OP).interval_s == pytest.approx(60.0)
@@ -352,7 +354,7 @@ def test_op_far_from_percent_is_not_called_percent(open_text) -> None:
     assert "are no percent" in said(recording)
 
 
-def test_mode_words(open_text) -> None:
+def test_mode_words_become_automatic_manual_or_masked(open_text) -> None:
     """AUTO and CAS are 1, MAN is 0, and what is neither is masked."""
     text = "t_s,A.OP,A.MODE\n0,1,AUTO\n1,2,MAN\n2,3,CAS\n3,4,Bad\n"
     valve = ValveTags(

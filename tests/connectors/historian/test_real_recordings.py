@@ -55,7 +55,7 @@ def test_refinery_code_in_a_value_slot(recordings: Path) -> None:
         assert int(recording.op.usable.sum()) == 750
 
 
-def test_refinery_held_flags(recordings: Path) -> None:
+def test_held_flags_of_the_refinery_files_are_counted(recordings: Path) -> None:
     """The two files of 2025 have 58 and 35 flagged values of OP."""
     held = [
         int((only(path).op.quality == Quality.HELD).sum())
@@ -113,7 +113,7 @@ def test_isdb_loops_are_whole(recordings: Path) -> None:
         assert recording.interval_s == pytest.approx(float(loop["sampling_interval_s"]))
 
 
-def test_poor_archive(recordings: Path) -> None:
+def test_dropouts_and_gaps_of_a_poor_archive_are_masked(recordings: Path) -> None:
     """Dropouts to zero are masked, the gap is a gap, and no sample off the grid is lost."""
     recording = only(recordings / "historian_faults" / "chill_tank_op_pv.csv")
     pv = recording.signals[Role.PV]
@@ -124,7 +124,7 @@ def test_poor_archive(recordings: Path) -> None:
     assert int(recording.op.usable.sum()) == 2853
 
 
-def test_record_without_times(recordings: Path) -> None:
+def test_a_record_without_times_takes_its_interval_from_ts(recordings: Path) -> None:
     """The interval stands in the first row's Ts; tags can be mapped by a person."""
     source = HistorianFile(recordings / "cascaded_tanks" / "dataBenchmark.csv")
     assert propose_valves(source) == []
@@ -132,7 +132,7 @@ def test_record_without_times(recordings: Path) -> None:
     assert (len(recording), recording.interval_s, recording.start) == (1024, 4.0, None)
 
 
-def test_servo_slide(recordings: Path) -> None:
+def test_a_servo_record_has_a_5_ms_clock(recordings: Path) -> None:
     """A file with row numbers and times in float32 has a 5 ms clock."""
     source = HistorianFile(recordings / "emps" / "emps_estimation.csv")
     assert "" not in [tag.tag for tag in source.tags()]

@@ -47,7 +47,7 @@ def roles_of(*tags: tuple[str, str, str]) -> dict[str, Role | None]:
         ("FIC-101.CV", "FIC-101", None),
     ],
 )
-def test_tag_grammar(tag: str, loop: str, role: Role | None) -> None:
+def test_a_tag_splits_into_loop_and_role_word(tag: str, loop: str, role: Role | None) -> None:
     """Loop and last word of a tag, and the role that the word alone would mean."""
     name = parse_tag(tag)
     assert (name.loop, name.role) == (loop, role)

@@ -41,7 +41,7 @@ def test_glob_and_file_name_each_file_once(folder: Path) -> None:
     assert skipped == []
 
 
-def test_pattern_without_files(tmp_path: Path) -> None:
+def test_a_pattern_that_names_nothing_is_an_error(tmp_path: Path) -> None:
     """A pattern that names nothing is an error that says what was expected."""
     with pytest.raises(UnreadableSource, match="no such file, folder or pattern"):
         find_sources([tmp_path / "*.csv"])

@@ -65,7 +65,7 @@ def test_what_the_layout_fixes_is_said(tmp_path: Path) -> None:
     assert "zone" not in text
 
 
-def test_an_archive_says_it_too(tmp_path: Path) -> None:
+def test_an_archive_reports_unused_options_too(tmp_path: Path) -> None:
     """Parquet has no separator, and times that are instants need no zone."""
     import pandas as pd
 

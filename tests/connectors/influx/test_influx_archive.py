@@ -140,7 +140,9 @@ def test_the_token_is_sent_and_shown_nowhere(
         ),
     ],
 )
-def test_what_goes_wrong_is_said(served: Served, fault: tuple[int, Any], message: str) -> None:
+def test_errors_are_reported_even_inside_a_success(
+    served: Served, fault: tuple[int, Any], message: str
+) -> None:
     """Also an error inside a success."""
     served.faults = [fault]
     with pytest.raises(ConnectorError, match=message):
@@ -154,7 +156,7 @@ def test_a_busy_server_is_asked_again(served: Served, quick: list[float]) -> Non
     assert quick == [0.5, 1.0]
 
 
-def test_a_server_that_is_not_there() -> None:
+def test_an_unreachable_server_is_named_after_the_last_attempt() -> None:
     """After the last attempt, with the address."""
     with pytest.raises(ConnectorError, match=r"127\.0\.0\.1:9"):
         archive(Served(points={}, url="http://127.0.0.1:9")).read(VALVE)

@@ -69,7 +69,7 @@ def test_it_gives_what_the_text_export_gives(
     assert store.pages - before >= 3 * (made.COUNT // 100)
 
 
-def test_a_window_and_nothing_else(served: tuple[str, Conforming]) -> None:
+def test_only_samples_inside_the_window_are_returned(served: tuple[str, Conforming]) -> None:
     """From start to before stop; what was read before it for held values is not in it."""
     start = made.START + timedelta(seconds=60)
     window = Window(start=start, stop=start + timedelta(seconds=60))
@@ -88,7 +88,7 @@ def test_a_status_that_is_not_good_is_bad_with_its_name(served: tuple[str, Confo
     assert any("BadSensorFailure" in decision for decision in recording.provenance.decisions)
 
 
-def test_which_statuses_are_good() -> None:
+def test_bad_uncertain_and_calculated_statuses_are_not_good() -> None:
     """Bad and uncertain are not, nor what the archive drew or calculated itself."""
     codes = {
         0x00000000: False,  # Good
@@ -111,7 +111,7 @@ def test_tags_are_the_nodes_with_a_history(served: tuple[str, Conforming]) -> No
     assert {info.tag for info in infos} == {f"{PREFIX}{end}" for end in ("OP", "ZT", "PV")}
 
 
-def test_nodes_that_are_not_there(served: tuple[str, Conforming]) -> None:
+def test_an_unknown_node_names_the_nearest(served: tuple[str, Conforming]) -> None:
     """An unknown node names the nearest; a text that is no node id says what one is."""
     archive = OpcUaAddress(url=served[0]).open()
     for tag, text in (("ns=2;s=FIC1.OPP", r"nearest are 'ns=2;s=FIC1\.OP'"),
@@ -135,7 +135,7 @@ def test_several_values_at_one_time_across_a_page() -> None:
     assert np.isfinite(recording.op.values[12:]).all()
 
 
-def test_a_server_that_is_not_there(tmp_path: Path, monkeypatch) -> None:
+def test_an_unreachable_server_is_named_without_its_password(tmp_path: Path, monkeypatch) -> None:
     """The address is named and the password is not; nor is it in what travels to a worker."""
     monkeypatch.setenv("OPCUA_PASSWORD", "geheim")
     password = Secret(variable="OPCUA_PASSWORD")

@@ -37,7 +37,7 @@ def long_valve() -> ValveTags:
     )
 
 
-def test_a_column_for_each_tag(tmp_path: Path, from_csv: Recording) -> None:
+def test_wide_files_give_the_same_recording(tmp_path: Path, from_csv: Recording) -> None:
     """Wide files give what the text export gives, with the quality column beside its tag."""
     path = made.write(made.wide_table(), tmp_path / "wide.parquet")
     made.same(from_csv, ParquetArchive(path).read(made.valve()))
@@ -45,7 +45,7 @@ def test_a_column_for_each_tag(tmp_path: Path, from_csv: Recording) -> None:
 
 @pytest.mark.parametrize("group", [37, 1_000_000])
 @pytest.mark.parametrize("encoded", [True, False])
-def test_a_row_for_each_sample(
+def test_narrow_files_give_the_same_recording(
     tmp_path: Path, from_csv: Recording, group: int, encoded: bool
 ) -> None:
     """Narrow files too, however small their row groups are and whether names are a dictionary."""
@@ -56,14 +56,14 @@ def test_a_row_for_each_sample(
     made.same(from_csv, ParquetArchive(path).read(made.valve()))
 
 
-def test_a_row_for_each_instant_of_a_valve(tmp_path: Path, from_csv: Recording) -> None:
+def test_rows_by_valve_give_the_same_recording(tmp_path: Path, from_csv: Recording) -> None:
     """The recommended layout, with other valves before and after in the same file."""
     table = pa.concat_tables([made.valves_table(name) for name in ("FIC0", "FIC1", "FIC2")])
     path = made.write(table, tmp_path / "valves.parquet", row_group_size=599)
     made.same(from_csv, ParquetArchive(path).read(long_valve()))
 
 
-def test_folders_by_date_and_by_tag(tmp_path: Path, from_csv: Recording) -> None:
+def test_keys_of_hive_folders_count_as_columns(tmp_path: Path, from_csv: Recording) -> None:
     """Hive folders: their keys count as columns, whatever else they are called."""
     table = made.narrow_table()
     for tag in ("FIC1.OP", "FIC1.ZT", "FIC1.PV"):
@@ -90,7 +90,7 @@ def test_several_files_are_one_archive(tmp_path: Path, from_csv: Recording) -> N
 
 @settings(max_examples=15, deadline=None)
 @given(order=st.permutations(range(599)), twice=st.lists(st.integers(0, 598), max_size=20))
-def test_any_order_and_repeated_rows(
+def test_row_order_and_repeated_rows_make_no_difference(
     tmp_path_factory: pytest.TempPathFactory, order: list[int], twice: list[int]
 ) -> None:
     """Rows in any order, some of them there twice, are the same recording."""
@@ -107,7 +107,7 @@ def test_any_order_and_repeated_rows(
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
 @pytest.mark.parametrize("zone", [None, "UTC", "America/New_York"])
-def test_times_of_any_resolution_and_zone(
+def test_times_of_any_resolution_and_zone_are_the_same_instants(
     tmp_path: Path, from_csv: Recording, unit: str, zone: str | None
 ) -> None:
     """A zone in the type only says how times are shown; without one the stated zone holds."""
@@ -126,7 +126,7 @@ def test_times_of_any_resolution_and_zone(
     made.same(from_csv, archive.read(made.valve()))
 
 
-def test_times_as_unix_numbers_and_texts(tmp_path: Path, from_csv: Recording) -> None:
+def test_unix_numbers_and_texts_are_read_as_times(tmp_path: Path, from_csv: Recording) -> None:
     """Times that are no timestamps are understood as in a text export."""
     table = made.wide_table()
     stamps = table.column("time").to_pylist()
@@ -151,7 +151,7 @@ def test_local_times_without_a_zone_have_no_date(tmp_path: Path) -> None:
         ParquetArchive(path).read(made.valve(), Window(start=made.START))
 
 
-def test_the_repeated_hour_of_autumn(tmp_path: Path) -> None:
+def test_the_repeated_hour_of_autumn_is_told_apart_by_order(tmp_path: Path) -> None:
     """Local times that go back by an hour once are told apart by their order."""
     start = made.START.replace(month=10, day=25, hour=0)
     instants = [start + timedelta(seconds=10 * i) for i in range(720)]
@@ -171,7 +171,9 @@ def test_the_repeated_hour_of_autumn(tmp_path: Path) -> None:
     "kind",
     [pa.float32(), pa.int16(), pa.decimal128(12, 3), pa.dictionary(pa.int32(), pa.float64())],
 )
-def test_numbers_of_any_type(tmp_path: Path, kind: pa.DataType) -> None:
+def test_integers_and_decimals_are_numbers_and_null_is_missing(
+    tmp_path: Path, kind: pa.DataType
+) -> None:
     """Whole numbers and decimals are numbers; null is missing."""
     values = pa.array([None if i == 3 else float(i % 40) for i in range(300)])
     values = values.dictionary_encode() if pa.types.is_dictionary(kind) else values.cast(kind)
@@ -182,7 +184,7 @@ def test_numbers_of_any_type(tmp_path: Path, kind: pa.DataType) -> None:
     assert op.quality[[2, 3, 4]].tolist() == [Quality.GOOD, Quality.MISSING, Quality.GOOD]
 
 
-def test_modes_in_words(tmp_path: Path) -> None:
+def test_mode_words_become_1_and_0(tmp_path: Path) -> None:
     """A text column of modes is 1 for automatic and 0 for manual."""
     times = pa.array([made.START + timedelta(seconds=i) for i in range(300)])
     op = pa.array([float(i % 40) for i in range(300)])
@@ -193,7 +195,7 @@ def test_modes_in_words(tmp_path: Path) -> None:
     assert signal.values[[0, 199, 200]].tolist() == [1.0, 1.0, 0.0]
 
 
-def test_columns_by_the_names_that_were_given(tmp_path: Path, from_csv: Recording) -> None:
+def test_options_name_the_columns(tmp_path: Path, from_csv: Recording) -> None:
     """Names that say nothing are told by options."""
     table = made.narrow_table().rename_columns(["a", "b", "c", "d"])
     path = made.write(table, tmp_path / "odd.parquet")

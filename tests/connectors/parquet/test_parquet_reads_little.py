@@ -59,7 +59,7 @@ def archive(tmp_path: Path) -> Path:
     return tmp_path / "archive"
 
 
-def test_one_row_group_and_three_columns(archive: Path) -> None:
+def test_only_the_needed_row_group_and_columns_are_read(archive: Path) -> None:
     """Of 18 row groups and 6 columns, what is read is one group and time, op and its quality,
     mv."""
     before = ParquetArchive(archive).read(tags("FIC4"), WINDOW)
@@ -107,7 +107,7 @@ def test_one_torn_file_is_a_problem_not_the_end(archive: Path) -> None:
 @pytest.mark.parametrize(
     "folder", ["year=2026/month=1/day=5", "year=2026/month=01", "day=20260105"]
 )
-def test_dates_in_folders_of_other_forms(tmp_path: Path, folder: str) -> None:
+def test_year_month_and_day_folders_are_dates(tmp_path: Path, folder: str) -> None:
     """Year, month and day, with or without zeros; folders that are no date exclude nothing."""
     made.write(made.valves_table("A"), tmp_path / folder / "a.parquet")
     (tmp_path / "year=2025").mkdir()
@@ -121,7 +121,7 @@ def test_dates_in_folders_of_other_forms(tmp_path: Path, folder: str) -> None:
         assert not any("torn" in decision for decision in recording.provenance.decisions)
 
 
-def test_the_folder_of_a_local_date(tmp_path: Path) -> None:
+def test_folders_of_neighbouring_days_are_read_too(tmp_path: Path) -> None:
     """A window of a UTC day also looks into the folders of the days beside it."""
     made.write(made.valves_table("A"), tmp_path / "date=2026-01-06" / "a.parquet")
     assert len(ParquetArchive(tmp_path).read(tags("A"), WINDOW)) == 300

@@ -194,7 +194,9 @@ def test_a_refused_sign_in_says_what_to_check_and_shows_no_secret(
     assert "right one" not in repr(result.address)
 
 
-def test_a_token_from_the_environment(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_token_is_read_from_the_environment(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Bearer, and an error that names the variable where it is not set."""
     served.token = "let-me-read"
     table = {"sign_in": "bearer", "secret_variable": "PI_TOKEN"}
@@ -220,7 +222,7 @@ def test_something_that_is_no_web_api_is_named(served: Served, body: bytes) -> N
         archive(served).read(VALVE)
 
 
-def test_a_server_that_is_not_there(served: Served) -> None:
+def test_an_unreachable_server_is_named(served: Served) -> None:
     """Its address stands in the error."""
     removed = archive(served)
     object.__setattr__(removed.address, "url", "http://127.0.0.1:9/piwebapi")

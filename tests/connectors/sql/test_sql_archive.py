@@ -37,7 +37,7 @@ def test_it_gives_what_the_text_export_gives(history_url: str, tmp_path: Path) -
         made.same(from_csv, archive.read(made.valve(), HOUR))
 
 
-def test_values_may_be_texts(tmp_path: Path) -> None:
+def test_text_values_are_read_as_in_a_text_export(tmp_path: Path) -> None:
     """A column of texts with words between its numbers is read as a text export is."""
     url = f"sqlite:///{tmp_path / 'texts.db'}"
     engine = create_engine(url)
@@ -118,7 +118,7 @@ def test_a_tag_is_bound_and_never_part_of_the_text(history_url: str) -> None:
         (QUERY.replace("quality", '"update"'), ""),
     ],
 )
-def test_which_templates_are_taken(query: str, result: str) -> None:
+def test_only_one_select_with_the_three_parameters_is_accepted(query: str, result: str) -> None:
     """One SELECT with the three parameters; words in quotes and comments are no statement."""
     fault = mistake_in(query)
     assert (fault is None) if not result else (fault is not None and result in fault.found)
@@ -127,7 +127,7 @@ def test_which_templates_are_taken(query: str, result: str) -> None:
             address("sqlite://", query=query or " ").open()
 
 
-def test_times_without_a_zone(tmp_path: Path) -> None:
+def test_local_times_use_the_given_zone_and_need_one_for_a_window(tmp_path: Path) -> None:
     """Local times count in the stated zone; without one a window cannot be placed."""
     from tests.connectors.sql.conftest import fill
 
@@ -174,7 +174,7 @@ def test_a_password_is_shown_nowhere(tmp_path: Path, monkeypatch) -> None:
         by_name.open().read(made.valve())
 
 
-def test_a_database_that_is_not_there(tmp_path: Path) -> None:
+def test_a_missing_database_or_driver_is_named(tmp_path: Path) -> None:
     """A SQLite file is never made, and a driver that is missing is named."""
     with pytest.raises(UnreadableSource, match=r"no file .*gone\.db"):
         address(f"sqlite:///{tmp_path / 'gone.db'}").open().read(made.valve())

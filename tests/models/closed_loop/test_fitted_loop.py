@@ -1,4 +1,4 @@
-"""A loop whose parts are known is found again, run again, and foretold."""
+"""A loop whose parts are known is identified, simulated, and predicted."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def recording(signals: dict[str, np.ndarray]) -> Recording:
 
 
 def test_the_controllers_law_is_read_off_the_recording() -> None:
-    """Gain and reset time of the PI law, and none of it where OP is a person's."""
+    """Gain and reset time of the PI law are found, and no law where an operator moves OP."""
     made = plant(5.0, 2.0)
     law = controller_law(made["op"], made["pv"], made["sp"])
     assert not isinstance(law, str)
@@ -69,7 +69,9 @@ def test_the_controllers_law_is_read_off_the_recording() -> None:
 
 @pytest.mark.parametrize("integrates", [False, True])
 def test_the_process_is_found_inside_a_closed_loop(integrates: bool) -> None:
-    """Although the load moves the valve as well: no bias towards the controller's inverse."""
+    """Although the load moves the valve through the controller, the process is found without
+    bias.
+    """
     made = plant(5.0, 2.0, integrates=integrates)
     found = process_model(made["mv"], made["pv"])
     assert not isinstance(found, str)
@@ -83,7 +85,7 @@ def test_the_process_is_found_inside_a_closed_loop(integrates: bool) -> None:
     assert "cannot be told" in str(process_model(made["mv"], np.sin(np.arange(N) ** 1.5)))
 
 
-def test_the_loops_valve_is_the_element_of_the_fit() -> None:
+def test_the_loop_kernel_moves_the_stem_as_the_fit_kernel_does() -> None:
     """The kernel's own copy of the stick-slip element gives the positions of the fit's kernel."""
     made = plant(5.0, 2.0)
     loop = fit_loop(recording(made), FittedValve(S=5.0, J=2.0, lag_up_s=1.5, lag_down_s=3.0))
@@ -101,8 +103,8 @@ def test_the_loops_valve_is_the_element_of_the_fit() -> None:
     assert np.abs(out[200:] - (run.x - zero)[200:]).max() < 1e-9
 
 
-def test_the_process_and_the_closed_loop_agree() -> None:
-    """With the position that the loop made, the open process gives the loop's PV again."""
+def test_the_process_model_reproduces_the_pv_of_the_closed_loop() -> None:
+    """Driven by the position of the closed loop, the process model gives the loop's PV."""
     loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     run, process = loop.run(), loop.process
@@ -113,8 +115,10 @@ def test_the_process_and_the_closed_loop_agree() -> None:
 
 
 @pytest.mark.parametrize("integrates", [False, True])
-def test_a_repair_is_foretold(integrates: bool) -> None:
-    """The same plant with a valve that does not stick: within the interval of the prediction."""
+def test_a_repair_is_predicted_within_its_interval(integrates: bool) -> None:
+    """The same plant with a valve that does not stick lies within the interval of the
+    prediction.
+    """
     loop = fit_loop(recording(plant(5.0, 2.0, integrates=integrates)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     good = plant(0.0, 0.0, integrates=integrates)
@@ -134,7 +138,7 @@ def test_a_repair_is_foretold(integrates: bool) -> None:
 
 
 def test_a_knocker_moves_the_stem_and_saves_nothing_for_a_good_valve() -> None:
-    """Pulses make travel; that is what they cost."""
+    """The pulses of a knocker add travel."""
     loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     told = predict(loop, LoopChange(knocker=Knocker(height=5.0, every_s=10.0, for_s=2.0)))
@@ -142,7 +146,7 @@ def test_a_knocker_moves_the_stem_and_saves_nothing_for_a_good_valve() -> None:
 
 
 def test_time_on_target_needs_a_band() -> None:
-    """Without one it is unknown and says so."""
+    """Without a target band it is unknown, with a reason."""
     loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     assert predict(loop, REPAIRED).saved("off_target").value is None
@@ -150,8 +154,8 @@ def test_time_on_target_needs_a_band() -> None:
     assert 0.0 < saved.value <= 100.0
 
 
-def test_what_cannot_be_run_again_says_why() -> None:
-    """No position, too short, in manual; and a valve whose S is not known."""
+def test_a_loop_that_cannot_be_simulated_has_a_reason() -> None:
+    """Without a position, too short, in manual, and with a valve whose S is not known."""
     made = plant(5.0, 2.0)
     valve = FittedValve(S=5.0, J=2.0)
     without = {name: values for name, values in made.items() if name != "mv"}
@@ -177,7 +181,7 @@ def test_holes_of_a_few_samples_are_bridged() -> None:
 
 
 def test_pv_is_in_its_own_unit() -> None:
-    """A price for a bar is paid for bars, also where the archive keeps percent of the range."""
+    """Errors are in engineering units, also where the archive keeps percent of the range."""
     made = plant(5.0, 2.0)
     whole = recording(made)
     span = ProcessRange(low=0.0, high=16.0, unit="bar")
@@ -196,8 +200,8 @@ def test_pv_is_in_its_own_unit() -> None:
     assert said == "the set point is in % and PV in bar"
 
 
-def test_drawn_loops_break_away_otherwise() -> None:
-    """The loop itself has breakaways of one level; each draw has its own, by its scatter."""
+def test_each_drawn_loop_has_its_own_breakaway_levels() -> None:
+    """The fitted loop has breakaways of one level; each draw has scattering levels of its own."""
     made = plant(5.0, 2.0)
     known = {"breakaway_scatter_percent": 10.0, "position_noise_percent": 0.2}
     S, J = (Estimate(value=one, unit="%") for one in (5.0, 2.0))
@@ -207,15 +211,15 @@ def test_drawn_loops_break_away_otherwise() -> None:
     loop = fit_loop(recording(made), valve)
     assert not isinstance(loop, str)
     assert loop.breakaways.tolist() == [1.0]
-    levels = loop.drawn(np.random.default_rng(1)).breakaways
+    levels = loop.draw_alternative(np.random.default_rng(1)).breakaways
     assert np.std(levels) == pytest.approx(0.1, rel=0.1)
     scattered, even = replace(loop, breakaways=levels).run(), loop.run()
     assert np.max(np.abs(scattered.x - even.x)) > 1.0
     assert replace(loop, breakaways=np.ones(7)).run().x.tolist() == even.x.tolist()
 
 
-def test_noise_of_the_reading_is_no_travel() -> None:
-    """Of a stem that stands, and of one that moves beyond the noise."""
+def test_noise_of_the_reading_does_not_count_as_travel() -> None:
+    """For a stem at rest, and for one that moves beyond the noise."""
     loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     noise = 0.2 * np.random.default_rng(2).standard_normal(N)
@@ -228,9 +232,10 @@ def test_noise_of_the_reading_is_no_travel() -> None:
     assert truth <= figures_of(moved, noise=0.2).turns_per_hour < 2.0 * truth
 
 
-def test_the_lag_of_the_air_comes_to_light_as_friction_goes() -> None:
-    """None while the valve sticks as it did, all of it once it is repaired; a lag that was found
-    stays as it is."""
+def test_the_hidden_air_lag_takes_effect_when_friction_is_removed() -> None:
+    """It is zero while the valve sticks as before, and complete once it is repaired; a lag that was
+    found does not change.
+    """
     sticking = FittedValve(S=4.0, J=1.0, hidden_lag_s=2.0)
     assert LoopChange(gain_times=0.5).valve(sticking) == sticking
     half, repaired = LoopChange(S=2.0).valve(sticking), REPAIRED.valve(sticking)
@@ -241,7 +246,7 @@ def test_the_lag_of_the_air_comes_to_light_as_friction_goes() -> None:
 
 
 def test_a_repaired_valve_travels_less_with_slow_air() -> None:
-    """By what it leaves of the noise of PV; what is not known of it is in the interval."""
+    """A slow actuator passes less of the noise of PV; the uncertainty is in the interval."""
     loop = fit_loop(recording(plant(5.0, 2.0, noise=0.4)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     slow, quick = (
@@ -255,8 +260,8 @@ def test_a_repaired_valve_travels_less_with_slow_air() -> None:
     assert foretold.high > 0.9 * quick.travel_per_hour
 
 
-def test_another_tuning_is_known_less_well_than_a_repair() -> None:
-    """At least a tenth of the recorded deviation either way, whatever draws say."""
+def test_intervals_for_another_tuning_are_wider_than_for_a_repair() -> None:
+    """The interval is at least a tenth of the recorded deviation either way."""
     loop = fit_loop(recording(plant(5.0, 2.0)), FittedValve(S=5.0, J=2.0))
     assert not isinstance(loop, str)
     for change, least in ((LoopChange(gain_times=0.5), 0.1), (LoopChange(S=2.0), 0.05)):

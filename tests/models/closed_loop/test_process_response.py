@@ -1,10 +1,13 @@
-"""How PV answers the valve: gain, lag, integrals, and when it is said not to be known."""
+"""How PV responds to the valve: gain, lag, integrating processes, and when the gain is unknown."""
 
 from __future__ import annotations
+
+from itertools import product
 
 import numpy as np
 import pytest
 
+from stemwatch.models.closed_loop import process_model
 from stemwatch.models.closed_loop.process_response import ProcessResponse, process_response
 from stemwatch.models.recording import Recording, Role, Signal
 
@@ -42,7 +45,9 @@ def test_gain_and_sign_are_found_behind_lag_and_delay_in_noise():
 
 
 def test_level_integrates():
-    """A level keeps what the valve gave it: the gain is per second, and a bump leaves its area."""
+    """A level integrates the valve's travel: the gain is per second, and a pulse leaves its
+    area.
+    """
     mv = _moves()
     pv = 40.0 + np.cumsum(0.01 * (mv - mv.mean()))
     seen = process_response(_recording(mv, pv))
@@ -54,7 +59,7 @@ def test_level_integrates():
 
 
 def test_upset_takes_the_end_of_the_interval_that_is_farther_from_zero():
-    """A gain of 1 to 3 makes an upset of 3 for each percent."""
+    """A gain of 1 to 3 gives an upset of 3 for each percent."""
     from stemwatch.models.estimate import Estimate
 
     seen = ProcessResponse(gain=Estimate(value=-2.0, low=-3.0, high=-1.0))
@@ -69,8 +74,8 @@ def test_upset_takes_the_end_of_the_interval_that_is_farther_from_zero():
         (np.random.default_rng(2).normal(50.0, 3.0, 1800), "cannot be told from what else"),
     ],
 )
-def test_gain_that_nothing_tells_is_not_known_and_says_why(pv, why):
-    """Without PV, with one that rests or that does something else there is a reason only."""
+def test_a_gain_that_cannot_be_found_is_unknown_with_a_reason(pv, why):
+    """Without PV, or with one that is constant or unrelated, there is a reason and no gain."""
     seen = process_response(_recording(_moves(), pv))
     assert seen.gain.value is None
     assert why in seen.gain.reason
@@ -78,7 +83,23 @@ def test_gain_that_nothing_tells_is_not_known_and_says_why(pv, why):
 
 
 def test_record_with_few_common_samples_has_no_gain():
-    """Sixty samples are no gain."""
+    """Sixty common samples are too few."""
     mv = _moves()
     pv = np.where(np.arange(mv.size) < 60, mv, np.nan)
     assert "too short" in process_response(_recording(mv, pv)).gain.reason
+
+
+@pytest.mark.parametrize("integrates", [False, True])
+def test_a_delay_of_whole_samples_only_moves_the_answer(integrates):
+    """The process that the grid takes is the cheapest of all its processes, each computed anew."""
+    x, rng = _moves(), np.random.default_rng(7)
+    pv = _lagged(x, 1.5, 12.0, 5) + np.cumsum(rng.normal(0.0, 0.2, x.size))
+    problem = process_model._Whitened(x, pv, np.array([0.6, 0.2]), integrates)
+    lags = (0.0,) if integrates else process_model.LAGS
+    each = [
+        process_model._coordinates(lag, second, delay)
+        for lag, second, delay in product(lags, process_model.SECOND_LAGS, process_model.DELAYS)
+        if integrates or second <= lag
+    ]
+    cheapest = min(each, key=problem.cost)
+    assert cheapest == pytest.approx(problem.best_of_grid(lags), abs=0.0)

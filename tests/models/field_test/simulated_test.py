@@ -1,4 +1,4 @@
-"""A planned test, played on a simulated valve that shares no code with what is fitted."""
+"""A planned test on a simulated valve that shares no code with the fitted models."""
 
 from __future__ import annotations
 

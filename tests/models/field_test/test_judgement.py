@@ -1,4 +1,4 @@
-"""The recorded test: which rival it speaks for, when it cannot tell, and when it follows none."""
+"""The recorded test: which rival it supports, when it cannot decide, and when no rival fits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LIMITS = TestLimits(duration_s=300.0)
 
 @pytest.fixture(scope="module")
 def for_delays():
-    """The programme that tells a lag from a dead time of 4 s, from OP at 47 %."""
+    """The programme that separates a lag from a dead time of 4 s, from OP at 47 %."""
     return plan_test(question(LAG, DELAY), LIMITS).test.programme
 
 
@@ -31,7 +31,7 @@ def for_delays():
     ("hidden", "slug"),
     [({"lag_s": 4.0}, "actuator_lag"), ({"dead_time_s": 4.0}, "dead_time")],
 )
-def test_concealed_delay_is_told_by_its_test(for_delays, hidden, slug):
+def test_a_field_test_names_the_hidden_delay_and_rules_out_its_rival(for_delays, hidden, slug):
     """Whichever of the two the valve has, its test names it and rules the other out."""
     judgement = judge_test(question(LAG, DELAY), simulated_test(for_delays, 47.0, **hidden))
     assert judgement.outcome is TestOutcome.FOLLOWS
@@ -49,8 +49,10 @@ def test_same_recording_gives_the_same_judgement(for_delays):
     assert first.leaves == second.leaves
 
 
-def test_rivals_that_the_test_did_not_move_apart_stay_open(for_delays):
-    """A growth of half a percent in a day is nothing in five minutes: neither is ruled out."""
+def test_rivals_that_the_test_cannot_separate_are_not_ruled_out(for_delays):
+    """A growth of half a percent in a day does not show in five minutes: neither rival is ruled
+    out.
+    """
     growth = model("growing_stiction", growing_stiction=(0.5,))
     slow = question(ALONE, growth, duration=86400.0)
     judgement = judge_test(slow, simulated_test(for_delays, 47.0))
@@ -60,7 +62,7 @@ def test_rivals_that_the_test_did_not_move_apart_stay_open(for_delays):
 
 
 def test_valve_that_follows_no_rival_is_given_no_name(for_delays):
-    """A stem that sticks four times as much as either rival has it follows neither."""
+    """A stem that sticks four times as much as in either rival fits neither."""
     recording = simulated_test(for_delays, 47.0, S=8.0, J=4.0)
     judgement = judge_test(question(LAG, DELAY), recording)
     assert judgement.outcome is TestOutcome.NONE_FOLLOWS
@@ -68,8 +70,8 @@ def test_valve_that_follows_no_rival_is_given_no_name(for_delays):
     assert judgement.left == ()
 
 
-def test_few_bad_samples_and_a_long_recording_change_nothing(for_delays):
-    """Samples that cannot be used are bridged, and of many thousand some are taken."""
+def test_bad_samples_and_thinning_do_not_change_the_judgement(for_delays):
+    """Unusable samples are bridged, and a long recording is thinned."""
     plain = simulated_test(for_delays, 47.0, dead_time_s=4.0)
     quality = np.array(plain.mv.quality)
     quality[40:52] = Quality.BAD
@@ -96,7 +98,9 @@ def test_few_bad_samples_and_a_long_recording_change_nothing(for_delays):
         ("bad", "samples can be used"),
     ],
 )
-def test_what_is_no_recording_of_a_test_is_said(for_delays, change, words):
+def test_a_recording_that_does_not_hold_the_test_is_refused_with_a_reason(
+    for_delays, change, words
+):
     """Nothing is raised; the reason says what was found and what was expected."""
     plain = simulated_test(for_delays, 47.0, lag_s=4.0)
     assert isinstance(plain, Recording)

@@ -1,4 +1,4 @@
-"""The planned test: what it tells apart, when none can, and that it keeps to its limits."""
+"""The planned test: what it separates, when no test can, and that it keeps to its limits."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def model(slug: str, S: float = 2.0, J: float = 0.6, **terms: tuple[float, ...])
 
 
 def question(*models: RivalModel, **known: object) -> OpenQuestion:
-    """What an hour at 1 s left open, OP at 47 %."""
+    """The open question after an hour at 1 s, with OP at 47 %."""
     open_question = OpenQuestion(models=models, duration=3600.0, sigma=0.05, scatter=0.1, op=47.0)
     return replace(open_question, **known)
 
@@ -36,8 +36,10 @@ LEVEL = ProcessResponse(
 )
 
 
-def test_lag_and_dead_time_are_told_apart_by_a_test_within_limits():
-    """Two delays of 4 s that an hour did not tell apart are told in ten minutes."""
+def test_a_test_within_limits_separates_lag_and_dead_time():
+    """A lag and a dead time of 4 s, which an hour did not separate, are separated in ten
+    minutes.
+    """
     plan = plan_test(question(LAG, DELAY))
     assert plan.kind is PlanKind.TELLS
     assert plan.test.probability >= 0.9
@@ -55,8 +57,10 @@ def test_same_question_gives_the_same_plan():
     assert np.array_equal(first.wins, second.wins)
 
 
-def test_valve_that_does_not_move_within_the_limits_cannot_be_told_and_what_would_is_said():
-    """S of 8 % does not move within 3 % either way; twice the amplitude tells, and is named."""
+def test_where_no_allowed_test_moves_the_valve_wider_limits_are_proposed():
+    """With an S of 8 % the stem does not move within 3 % either way; twice the amplitude is
+    proposed.
+    """
     large = question(
         model("actuator_lag", S=8.0, J=3.0, actuator_lag=(4.0,)),
         model("dead_time", S=8.0, J=3.0, dead_time=(4.0,)),
@@ -76,8 +80,8 @@ def test_dwell_needs_rests_for_which_a_minute_is_too_short():
     assert "no move fits into 1 minute" in plan.reason
 
 
-def test_growth_over_a_record_is_not_told_in_minutes():
-    """Half a percent in a day is nothing in five minutes."""
+def test_growth_over_a_record_cannot_be_tested_in_minutes():
+    """Half a percent in a day does not show in five minutes."""
     growth = model("growing_stiction", growing_stiction=(0.5,))
     plan = plan_test(question(ALONE, growth, duration=86400.0), TestLimits(duration_s=300.0))
     assert plan.kind is PlanKind.CANNOT_TELL
@@ -85,7 +89,7 @@ def test_growth_over_a_record_is_not_told_in_minutes():
 
 
 @pytest.mark.parametrize("models", [(), (LAG,)])
-def test_nothing_to_tell_apart_is_said(models):
+def test_without_rivals_there_is_no_test(models):
     """With one model or none there is no test."""
     plan = plan_test(question(*models))
     assert plan.kind is PlanKind.NOTHING_LEFT
@@ -93,7 +97,9 @@ def test_nothing_to_tell_apart_is_said(models):
 
 
 def test_predicted_upset_of_pv_stays_within_the_limit():
-    """A tighter limit gives a gentler test, one that no move keeps gives none and says so."""
+    """A tighter limit gives a gentler test; a limit that no move keeps gives no test and a
+    reason.
+    """
     easy = question(LAG, DELAY, process=LEVEL)
     usual = plan_test(easy)
     assert usual.allowed_upset == pytest.approx(20.0)
@@ -115,7 +121,7 @@ def test_unknown_gain_of_pv_plans_without_an_upset():
 
 
 def test_valve_without_a_verdict_gets_the_bump_test_that_would_give_one():
-    """Staircases tell a free stem from one that sticks."""
+    """Staircases separate a free stem from one that sticks."""
     plan = plan_test(question(), judged=False)
     assert plan.kind is PlanKind.BUMP
     assert plan.rivals == (FREE, STICKS)
@@ -148,7 +154,7 @@ def test_slow_archive_holds_each_value_for_some_samples():
     assert all(move.hold_s >= 30.0 for move in plan.test.programme.moves)
 
 
-def test_of_growth_within_an_hour_no_test_is_promised():
+def test_no_test_is_planned_for_growth_within_an_hour():
     """The two models differ in S at the beginning of the recording, which is long past: such a
     plan was once said to tell, and its test could not."""
     growth = model("growing_stiction", S=3.0, growing_stiction=(1.0,))
@@ -161,8 +167,8 @@ def test_of_growth_within_an_hour_no_test_is_promised():
         assert plan.undecided == (("", "growing_stiction"),)
 
 
-def test_the_test_is_for_those_of_the_rivals_that_minutes_show():
-    """Drift beside a lag and a dead time: these two are told apart, and drift from neither."""
+def test_slow_rivals_are_left_out_of_a_test_of_minutes():
+    """Drift beside a lag and a dead time: these two are separated, but drift from neither."""
     drift = model("sensor_drift", sensor_drift=(2.0,))
     plan = plan_test(question(LAG, drift, DELAY))
     alone = plan_test(question(LAG, DELAY))

@@ -1,4 +1,6 @@
-"""Recordings that the fitted chain itself made, plus noise: what the engine must get back."""
+"""Recordings simulated by the fitted model chain, plus noise: the fit must recover their
+parameters.
+"""
 
 from __future__ import annotations
 
@@ -109,6 +111,6 @@ def followed(stem, p, mv, marks, seen, window=0.0, scoring=None, blocks=1):
         out,
         early_late,
     )
-    # Elsewhere than where the stem was seen to let go nothing is said.
+    # ``early_late`` must be 0 except where the stem was seen to break away.
     early_late[0, (seen[0] != np.arange(n)) & (seen[1] != np.arange(n))] = 0.0
     return out[:, 0], early_late[0], losses[0]

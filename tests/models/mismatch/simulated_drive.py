@@ -1,6 +1,6 @@
 """A servo drive of finite gain that lifts a weight on an arm, integrated in small steps.
 
-It shares no code with what is fitted: Euler's method, two hundred steps a sample.
+It shares no code with the fitted model: Euler's method, two hundred steps a sample.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Searches in step find what each finds alone, and what they ask for fills the lanes."""
+"""Batched searches find what each finds alone, and their requests fill the lanes."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def searches(seed):
 
 @given(st.integers(0, 2**20))
 @settings(max_examples=5, deadline=None)
-def test_a_search_finds_in_company_what_it_finds_alone(seed):
+def test_a_batched_search_finds_what_it_finds_alone(seed):
     """To the last bit: the same candidates, the same losses, in the order of the searches."""
     alone = [conclude(evaluator(), item) for item in searches(seed)]
     in_step = conclude(evaluator(), run_together(searches(seed)))
@@ -67,8 +67,8 @@ def test_a_search_finds_in_company_what_it_finds_alone(seed):
         assert item.loss == other.loss
 
 
-def test_what_asks_for_nothing_is_done_at_once():
-    """No searches, and searches that know already, find without a run."""
+def test_a_search_without_requests_ends_at_once():
+    """No searches, and searches that return at once, need no run."""
 
     def known(value):
         return value
@@ -78,8 +78,8 @@ def test_what_asks_for_nothing_is_done_at_once():
     assert conclude(evaluator(), run_together([known(1), known(2)])) == [1, 2]
 
 
-def test_a_search_that_fails_is_not_taken_for_done():
-    """What goes wrong in one search comes out of all."""
+def test_an_error_in_one_search_is_raised():
+    """An exception in one of several searches is raised."""
 
     def wrong():
         yield [RunRequest(evaluator().layout(hypothesis()), np.zeros((1, base_coordinate.N_BASE)))]
@@ -106,7 +106,7 @@ def test_every_candidate_runs_once_in_as_few_batches_as_can_be(counts):
 
 
 def test_answers_are_those_of_a_candidate_alone():
-    """Asks of several layouts, too many for one pass, each get their own losses."""
+    """Requests of several layouts, too many for one batch, each get their own losses."""
     rng = np.random.default_rng(3)
     layouts = [evaluator().layout(hypothesis(*slugs)) for slugs in KINDS]
     asks = [RunRequest(layout, anywhere(layout, 11, rng)) for layout in layouts]
@@ -125,7 +125,7 @@ def test_hypotheses_run_alike_by_what_their_stems_use():
 
 
 @pytest.mark.parametrize("slug", sorted(catalogue()))
-def test_every_term_is_known_by_its_upper_limits(slug):
+def test_upper_limits_show_everything_that_a_term_fills(slug):
     """What a term fills anywhere within its limits it also fills at the upper ones."""
     layout = evaluator().layout(hypothesis(slug))
     varied, timed, heavy = layout.kind
@@ -141,7 +141,7 @@ def test_every_term_is_known_by_its_upper_limits(slug):
         assert heavy or not stem.numbers[stem_number.RUN_UP_S]
 
 
-def test_a_force_is_made_once_and_the_oldest_makes_room():
+def test_a_force_is_computed_once_and_the_oldest_is_replaced():
     """Forces of the same coordinates share a row, and those in use keep theirs."""
     op, start = np.linspace(40.0, 60.0, 50), np.zeros(50, dtype=np.uint8)
     start[0] = 1
@@ -152,7 +152,7 @@ def test_a_force_is_made_once_and_the_oldest_makes_room():
     assert first.tolist() == [0, 1, 0, 2]
     expected = forces.rows[1].copy()
     then = forces.of([(shaping, np.array([two, four]))])
-    assert then.tolist() == [1, 0]  # the row of the oldest that is not wanted now
+    assert then.tolist() == [1, 0]  # the row of the oldest that is not requested now
     np.testing.assert_array_equal(forces.rows[1], expected)
     fresh = Forces.none_yet(op, start, 1.0, rows=1)
     fresh.of([(shaping, np.array([four]))])

@@ -1,4 +1,4 @@
-"""A reading that is bent over the stroke is told from one that is stretched."""
+"""A reading that is bent over the stroke is separated from one with a span error."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def fitted(recording, **base):
 
 
 @pytest.mark.parametrize("bow", [1.0, -1.5])
-def test_a_bowed_reading_is_bent(bow):
-    """An S over the stroke is left over by S, J, zero and span, and a cubic finds it."""
+def test_a_bowed_reading_is_found_by_a_cubic(bow):
+    """S, J, zero and span leave an S-shaped residual over the stroke, which a cubic fits."""
     plain = simulated_by_chain()
     mv = plain.mv.values
     evaluator, result = fitted(rescaled(plain, mv + bow * np.sin(2.0 * np.pi * mv / 100.0)))
@@ -38,14 +38,14 @@ def test_a_bowed_reading_is_bent(bow):
 
 
 @pytest.mark.parametrize(("gain", "zero"), [(0.0, 0.0), (0.06, -1.0), (-0.08, 0.5)])
-def test_a_stretched_reading_is_not(gain, zero):
-    """Where zero and span are in the model, nothing of the residual follows the travel."""
+def test_zero_and_span_errors_are_not_a_bow(gain, zero):
+    """With zero and span in the model, the residual does not depend on the travel."""
     recording = simulated_by_chain(base={base_coordinate.GAIN: gain, base_coordinate.ZERO: zero})
     evaluator, result = fitted(recording, GAIN=gain, ZERO=zero)
     assert not convincing(curvature(evaluator, result), evaluator.measured_counts, "bend")
 
 
-def test_a_stem_that_never_moves_tells_nothing():
+def test_a_stem_that_never_moves_shows_no_bend():
     """Too few samples on a fold: no bend, and no crash."""
     evaluator, result = fitted(simulated_by_chain(samples=120))
     assert curvature(evaluator, result).mean < 0.04

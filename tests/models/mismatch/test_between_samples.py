@@ -1,4 +1,4 @@
-"""What an archive did not keep: S and J restored, or what is said where they cannot be."""
+"""Peaks that an archive did not keep: S and J corrected, or a reason where they cannot be."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     assert "are restored by" in without.sentence(missed)
 
 
-def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
+def test_a_recording_that_keeps_the_peaks_is_not_corrected() -> None:
     """A sample every second of a loop that takes 50 s: the fit's own numbers, to the bit."""
     plain = cycling(50)
     assert find_archive(plain) is None
@@ -110,8 +110,8 @@ def test_a_recording_that_keeps_the_peaks_is_left_alone() -> None:
     assert result.J.value == fit.J
 
 
-def test_where_the_sampling_is_too_slow_a_bound_is_given_and_the_interval_that_would_do() -> None:
-    """OP turns at every sample: S is at least its low end, J is not known, and 5 s would do."""
+def test_too_slow_sampling_gives_a_bound_and_a_sufficient_interval() -> None:
+    """OP turns at every sample: S is at least its low end, J is unknown, and 5 s is advised."""
     archive = Archive(ArchiveKind.SNAPSHOTS, per_turn=1.0, deviation=0.0, interval_s=30.0)
     assert archive.too_slow
     assert archive.would_do_s == 5.0
@@ -127,7 +127,7 @@ def test_where_the_sampling_is_too_slow_a_bound_is_given_and_the_interval_that_w
 
 
 def test_reports_by_exception_hide_what_is_smaller() -> None:
-    """A stem that follows looks as if it stuck by the deviation; that is said."""
+    """A stem that follows seems to stick by the deviation, and the sentence says so."""
     rng = np.random.default_rng(3)
     op = 50.0 + np.cumsum(np.convolve(rng.normal(0.0, 0.3, 3600), np.ones(20) / 20, "same"))
     op = op - np.linspace(0.0, op[-1] - op[0], op.size)
@@ -138,7 +138,7 @@ def test_reports_by_exception_hide_what_is_smaller() -> None:
     assert "reports by exception to 1 %" in result.reason
 
 
-def test_reports_by_exception_widen_what_they_leave_open() -> None:
+def test_reports_by_exception_widen_the_intervals() -> None:
     """Reports of 0.5 %: both intervals hold the truth."""
     plain = cycling(40)
     assert plain.mv is not None
@@ -159,7 +159,8 @@ def test_an_S_of_some_deviations_may_be_that_of_the_reports(
     S: float, holds_none_missed: bool
 ) -> None:
     """Up to three deviations the low end is that of S as fitted: a valve that follows its reports
-    may show two, and is not to be called sticky for what is added."""
+    may show two, and must not be called sticky because of the correction.
+    """
     archive = Archive(ArchiveKind.REPORTS, per_turn=np.inf, deviation=1.0, interval_s=1.0)
     fitted = Estimate(value=S, low=S - 0.2, high=S + 0.2, unit=PERCENT)
     restored, _ = archive.restored(fitted, fitted, 0.0)
@@ -180,7 +181,7 @@ widths = st.floats(0.0, 20.0)
 def test_restored_numbers_stay_in_their_intervals(
     width: float, jump: float, missed: float, per_turn: float, deviation: float
 ) -> None:
-    """Restoring never lowers a number, and never leaves one outside of its interval."""
+    """The correction never lowers a number, and never puts one outside of its interval."""
     archive = Archive(
         ArchiveKind.REPORTS if deviation else ArchiveKind.SNAPSHOTS, per_turn, deviation, 10.0
     )
@@ -202,7 +203,7 @@ def test_restored_numbers_stay_in_their_intervals(
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(0, 5), st.floats(0.001, 60.0))
-def test_what_is_found_does_not_depend_on_how_long_a_second_is(seed: int, factor: float) -> None:
+def test_the_archive_found_does_not_depend_on_the_time_unit(seed: int, factor: float) -> None:
     """The same samples on another clock: the same kind of archive, as many samples to a turn."""
     slow = kept(cycling(50, hours=0.5, seed=seed), 5)
     assert slow.mv is not None
@@ -230,7 +231,7 @@ def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both
 
 @pytest.mark.parametrize("place", [1, 10, 18])
 def test_a_valve_kept_every_second_keeps_the_numbers_of_its_fit(place: int) -> None:
-    """Its slips are seen a sample late, and would have S larger by a tenth and more."""
+    """Its slips are seen a sample late, which would make S larger by a tenth or more."""
     simulated = simulate_loop(draw_sticky(24, 5)[place], 5 + place)
     (result,) = screen([Case(recording=simulated.recording)], Options(narx=False, mismatch=False))
     assert not any("slips" in sentence for sentence in result.provenance.decisions)

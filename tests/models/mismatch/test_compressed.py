@@ -1,5 +1,6 @@
-"""What an archive dropped still bounds the model: corridors about drawn lines, and what is made
-of them."""
+"""Samples that an archive dropped still bound the model: corridors about interpolated lines, and
+their use.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ def archived(recording, deviation=DEVIATION):
     return rescaled(recording, np.round(drawn, 4)), stored
 
 
-def bench_with_slack(recording):
+def evaluator_with_slack(recording):
     """The evaluator of a compressed recording as ``explain`` makes it."""
     settled = settle(recording)
     problem = problem_of(recording, settled)
@@ -53,7 +54,9 @@ def bench_with_slack(recording):
 )
 @settings(max_examples=15, deadline=None)
 def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
-    """The slack is as wide as the archive's door where that can be told, and never absurd."""
+    """The slack is as wide as the archive's deviation where that can be estimated, and never
+    absurd.
+    """
     true = simulated_by_chain(noise=noise, seed=seed)
     recording, stored = archived(true, deviation)
     result = swinging_door_deviation(recording.mv.values, stored)
@@ -62,7 +65,7 @@ def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
     assert np.mean(error > result) < 0.02
 
 
-def test_slack_stands_at_drawn_values_only():
+def test_only_interpolated_values_have_slack():
     """Stored points are measured, the others are bounded, and a frozen stretch is neither."""
     recording, stored = archived(simulated_by_chain())
     settled = settle(recording)
@@ -79,9 +82,9 @@ def test_a_record_without_lines_has_no_slack():
     assert not settle(simulated_by_chain()).slack.any()
 
 
-def test_the_residual_is_nothing_inside_the_corridor_and_counts_from_its_edge():
-    """A run is charged by how far it leaves the corridor, at a stored point by all of it."""
-    evaluator = bench_with_slack(archived(simulated_by_chain())[0])
+def test_the_residual_is_zero_inside_the_corridor_and_counts_from_its_edge():
+    """The loss counts the distance from the corridor, and at a stored point the whole residual."""
+    evaluator = evaluator_with_slack(archived(simulated_by_chain())[0])
     mv, slack = evaluator.problem.mv, evaluator.slack
     assert not evaluator.residual(mv + 0.99 * slack).any()
     assert evaluator.residual(mv - 2.0 * slack) == pytest.approx(slack)
@@ -95,8 +98,8 @@ def test_the_residual_is_nothing_inside_the_corridor_and_counts_from_its_edge():
 
 
 def test_the_truth_costs_less_than_a_stem_that_jumps_otherwise():
-    """The corridors alone tell the true J from another one, stored points left aside."""
-    evaluator = bench_with_slack(archived(simulated_by_chain(S=4.0, J=1.6))[0])
+    """The corridors alone, without the stored points, favour the true J over another one."""
+    evaluator = evaluator_with_slack(archived(simulated_by_chain(S=4.0, J=1.6))[0])
     layout = evaluator.layout(hypothesis())
     inside = evaluator.problem.scored & ~evaluator.measured
 
@@ -107,24 +110,24 @@ def test_the_truth_costs_less_than_a_stem_that_jumps_otherwise():
     assert left(1.6) < 0.3 * min(left(0.2), left(3.2))
 
 
-def test_a_resting_stem_is_put_where_it_was_measured():
-    """No block of time begins on a value that the archive drew."""
-    evaluator = bench_with_slack(archived(simulated_by_chain())[0])
+def test_resynchronisation_uses_measured_samples_only():
+    """No block of time begins on an interpolated value."""
+    evaluator = evaluator_with_slack(archived(simulated_by_chain())[0])
     begins = np.flatnonzero(evaluator.marks == kernel.RESYNC)
     assert begins.size > 5
     assert not evaluator.slack[begins - 1].any()
 
 
-def test_a_lag_is_named_through_a_door():
-    """Where one sample in ten is stored, three seconds of lag are still seen, and as long."""
+def test_a_lag_is_named_in_a_compressed_record():
+    """Where one sample in ten is stored, a lag of three seconds is still found with its size."""
     explanation = explain(archived(simulated_by_chain(S=4.0, J=1.4, actuator_lag=[3.0]))[0])
     assert any("actuator_lag" in effect.members for effect in explanation.effects)
     assert explanation.restated.S.value == pytest.approx(4.0, abs=0.6)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_a_door_alone_is_no_physics(seed):
-    """Lines instead of samples make no term convincing."""
+def test_compression_alone_names_no_effect(seed):
+    """Interpolated lines do not make any term pass its limits."""
     recording, stored = archived(simulated_by_chain(seed=seed))
     assert not explain(recording).effects
     counts = np.bincount(np.flatnonzero(stored) * 20 // stored.size, minlength=20).astype(float)

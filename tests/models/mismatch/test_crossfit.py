@@ -1,4 +1,4 @@
-"""A block of time is judged by a fit that did not see it; no step of a search loses ground."""
+"""A block of time is scored by a fit that did not see it; no step of a search raises the loss."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def starts(layout):
 
 
 def elsewhere(evaluator, blocks):
-    """The evaluator with a position that is off in some blocks, where nothing is taken from it.
+    """The evaluator with a position that is wrong in some blocks, except at samples used elsewhere.
 
-    The last sample before a block is where its resting stem is put, and the breakaways that were
-    seen are part of the command as it were: both stay.
+    The last sample before a block sets its resting stem, and the breakaways act like an input: both
+    stay.
     """
     mv = evaluator.problem.mv.copy()
     inside = blocks[evaluator.problem.block] & evaluator.problem.scored
@@ -93,7 +93,7 @@ def test_the_fit_that_judges_a_block_has_not_seen_it(fold):
     np.testing.assert_array_equal(theirs.heldout[~judged], by_spoiled[~judged])
 
 
-def test_the_folds_part_the_record():
+def test_neighbouring_blocks_belong_to_different_folds():
     """Every block belongs to one fold, and neighbours to different ones."""
     even, odd = folds(prepared()[0])
     assert (even ^ odd).all()
@@ -101,7 +101,7 @@ def test_the_folds_part_the_record():
 
 
 def test_both_folds_find_the_valve():
-    """Each half of the record alone tells S, J and the dead time."""
+    """S, J and the dead time are found from each half of the record alone."""
     evaluator, layout = prepared()
     conclusion = conclude(evaluator, crossfit(evaluator, layout, starts(layout), LOOK))
     np.testing.assert_allclose(conclusion.values("dead_time")[:, 0], 2.6, atol=0.1)
@@ -111,8 +111,8 @@ def test_both_folds_find_the_valve():
 
 @given(st.integers(0, 2**20))
 @settings(max_examples=8, deadline=None)
-def test_going_on_never_loses_on_a_folds_own_blocks(seed):
-    """``again`` from any two candidates is at least as good on the blocks that each may see."""
+def test_refitting_never_raises_the_loss_on_a_folds_own_blocks(seed):
+    """A refit from any two candidates is at least as good on the blocks that each was fitted to."""
     evaluator, layout = prepared()
     started = at_random(evaluator, layout, seed)
     more = at_random(evaluator, layout, seed + 1).candidates
@@ -134,7 +134,7 @@ def test_the_better_of_two_is_taken_fold_by_fold(seed):
 
 
 def test_no_model_is_better_than_itself():
-    """The advantage of a fit over itself is nothing, and turns its sign with the order."""
+    """The advantage of a fit over itself is zero, and it changes sign with the order."""
     evaluator, layout = prepared()
     item, other = at_random(evaluator, layout, 1), at_random(evaluator, layout, 2)
     itself = gain(evaluator, item, item)
@@ -155,7 +155,9 @@ def test_a_repeated_search_finds_the_same():
 
 @pytest.mark.parametrize("slug", ["dead_time", "travel_stop", "lost_motion", "growing_stiction"])
 def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
-    """Every start of the term meets every beginning, within the limits, and keeps the old terms."""
+    """Every start of the term is combined with every beginning, within the limits, and keeps the
+    old terms.
+    """
     evaluator, _ = prepared()
     simple = at_random(evaluator, evaluator.layout(hypothesis("sensor_drift")), 5)
     term = catalogue()[slug]
@@ -174,8 +176,10 @@ def test_starts_are_the_terms_own_grid_over_each_beginning(slug):
     )
 
 
-def test_a_beginning_takes_from_the_band_what_is_the_terms():
-    """Play that was read as part of S is taken from it; a plain one forgets the bent reading."""
+def test_a_start_subtracts_from_S_the_part_that_belongs_to_the_term():
+    """Play that was fitted as part of S is subtracted from it; a plain beginning drops the biased
+    reading.
+    """
     evaluator, base = prepared()[0], prepared()[0].layout(hypothesis())
     centre = candidate(base, base={base_coordinate.ZERO: 1.0, base_coordinate.GAIN: 0.1})
     simple = conclude(evaluator, scored(base, np.vstack((centre, centre))))

@@ -1,4 +1,4 @@
-"""A drive is named as one: motor and load, with S as its friction makes it."""
+"""A drive is named with motor and load, and its S is that of the friction."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ def test_a_load_that_pulls_by_little_is_not_named():
 
 
 def test_the_naive_fit_takes_the_lag_for_a_wide_dead_band():
-    """It is what others report, and is shown beside."""
+    """The naive S is shown beside the restated one."""
     result = explained(1.2, 0.3, 4.0)
     assert result.naive.S.value > 5.0
 
 
 def test_the_pull_is_said_with_its_size_and_direction():
-    """The weight pulls back from either side: more towards falling above."""
+    """The weight pulls towards the middle from either side."""
     result = explained(1.2, 0.3, 4.0)
     load = next(effect for effect in result.effects if effect.slug == "load_by_position")
     assert load.parameters["rise"].value == pytest.approx(8.0, rel=0.2)
@@ -73,7 +73,7 @@ def test_the_pull_is_said_with_its_size_and_direction():
 
 
 @pytest.mark.parametrize("factor", [0.001, 100.0])
-def test_names_and_s_do_not_know_how_long_a_second_is(factor):
+def test_names_and_S_do_not_depend_on_the_time_unit(factor):
     """The time constants are as much longer."""
     plain = explained(0.6, 0.15, 2.0)
     recording = drive(0.6, lag_s=0.15, load=2.0)

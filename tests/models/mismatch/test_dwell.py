@@ -1,4 +1,6 @@
-"""Dwell is told by a hundred breakaways where no trajectory tells it, and scatter is not dwell."""
+"""Dwell is found from a hundred breakaways where no trajectory shows it, and scatter is not
+dwell.
+"""
 
 from __future__ import annotations
 
@@ -78,13 +80,15 @@ def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
     assert not seen.convincing
 
 
-def test_too_few_breakaways_tell_nothing():
+def test_fewer_than_ten_breakaways_give_no_dwell():
     """Fewer than ten events are no regression."""
     assert dwelling(*base_of(simulated_by_chain(samples=120))) is None
 
 
 def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
-    """What the breakaways showed stays in the model; S and J shrink by what was the rise's."""
+    """The rise from the breakaways stays in the model; S and J shrink by the part that belongs to
+    it.
+    """
     evaluator, result = base_of(
         simulated_by_chain(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0
     )
@@ -114,8 +118,8 @@ def test_hidden_dwell_is_named_with_its_events(place):
     assert restated < 0.12 * (S + J)
 
 
-def test_dwell_that_predicts_unseen_samples_worse_is_said_and_not_named():
-    """The breakaways show it, the free run gets no better for it: the disagreement is told."""
+def test_dwell_that_does_not_improve_unseen_samples_is_reported_but_not_named():
+    """The breakaways show it, but the free run does not improve: the disagreement is reported."""
     explanation = explain(simulated(0)[0])
     assert Finding.UNKNOWN is explanation.finding
     assert () == explanation.effects
@@ -125,6 +129,6 @@ def test_dwell_that_predicts_unseen_samples_worse_is_said_and_not_named():
 
 @pytest.mark.parametrize("place", [1, pytest.param(7, marks=pytest.mark.long)])
 def test_scatter_is_not_dwell(place):
-    """With 12 % scatter a late breakaway has rested longer, and is still no dwell."""
+    """With 12 % scatter a late breakaway has rested longer, but that is not dwell."""
     _, run = simulate_hidden(draw_nulls(place + 1, 4022)[place])
     assert not explain(run.recording).effects

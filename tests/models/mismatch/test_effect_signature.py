@@ -1,4 +1,4 @@
-"""What shows an effect directly shows it: a limit is flat, a delay is a peak."""
+"""The signature plot shows its effect: a limit is flat, a delay is a peak."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_limited_stem_does_not_move_faster_however_far_it_is():
 
 
 def test_a_lag_is_a_slope_of_its_time_constant():
-    """The farther, the faster: no part of it is flat."""
+    """Speed is proportional to the error: no part of the plot is flat."""
     op, mv = command(), np.empty(N)
     mv[0] = op[0]
     for k in range(1, N):
@@ -50,7 +50,7 @@ def test_a_lag_is_a_slope_of_its_time_constant():
 
 
 def test_the_moves_are_most_alike_at_the_dead_time():
-    """The peak of the likeness is where the delay is."""
+    """The correlation peaks at the delay."""
     op = np.cumsum(np.random.default_rng(5).normal(0.0, 1.0, N)) + 50.0
     result = effect_signature("dead_time", moves(op, later(op, 3.0, 1.0), theta=3.0))
     assert result is not None
@@ -66,12 +66,12 @@ def test_taking_later_holds_gaps_and_begins_unknown():
 
 
 @pytest.mark.parametrize("slug", sorted(catalogue()))
-def test_every_effect_of_the_catalogue_shows_itself_somehow(slug):
+def test_every_effect_of_the_catalogue_has_a_signature_plot(slug):
     """No effect is without its plot, and none breaks on a stem that slips now and then."""
     op = command()
     mv = np.repeat(op[::40], 40)[:N] + np.random.default_rng(1).normal(0.0, 0.05, N)
     result = effect_signature(slug, moves(op, mv))
-    if result is None:  # nothing but slips, of which there were too few
+    if result is None:  # an effect that shows in slips only, of which there are too few
         assert slug in {"asymmetric_slip", "lost_motion", "dwell_dependent_breakaway"}
         return
     assert result.x.shape == result.y.shape == result.rising.shape
@@ -81,5 +81,5 @@ def test_every_effect_of_the_catalogue_shows_itself_somehow(slug):
 
 
 def test_an_effect_of_another_version_shows_nothing():
-    """What is not known here is left out, and is no error."""
+    """An unknown effect is left out without an error."""
     assert effect_signature("of_tomorrow", moves(command(), command())) is None

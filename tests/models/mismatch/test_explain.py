@@ -1,4 +1,4 @@
-"""From a recording of a force-balance valve to a name, numbers and a better fit; and never a crash.
+"""From a recording of a force-balance valve to a name, numbers and a better fit, without a crash.
 
 The valves are those of ``models.studies.simulator``, which shares no code with what is fitted here.
 """
@@ -94,7 +94,7 @@ def sound(result: Mismatch, samples: int) -> None:
 
 
 def as_json(result: Mismatch) -> str:
-    """All but the traces as JSON; a NaN or an infinity in it is an error."""
+    """Everything but the traces as JSON; a NaN or an infinity in it is an error."""
     return json.dumps(asdict(replace(result, runs=None)), allow_nan=False)
 
 
@@ -119,15 +119,15 @@ def test_what_is_hidden_is_named_with_its_size(slug, seed, name, size, within):
 
 
 @pytest.mark.parametrize(("delay_s", "named"), [(1.0, False), (2.5, True)])
-def test_a_delay_of_about_a_sample_is_said_and_not_named(delay_s, named):
-    """Clocks or a dead time, which nothing in the recording tells apart: no physics is left out."""
+def test_a_delay_of_about_a_sample_is_mentioned_but_not_named(delay_s, named):
+    """Late clocks and a dead time cannot be separated, so no physics is said to be left out."""
     answer = explain(simulated_by_chain(dead_time=[delay_s]))
     said = [one for one in answer.record_effects if one.slug == "small_delay"]
     assert ["dead_time"] * named == [effect.slug for effect in answer.effects]
     assert len(said) == (not named)
     for delay in said:
         assert delay.parameters["delay_s"] == pytest.approx(delay_s, abs=0.2)
-        assert delay.sentence in answer.sentence
+        assert "clocks of the two tags or a dead time" in delay.sentence
         assert answer.finding is Finding.NONE
         assert answer.p_value is None
         (tried,) = (one for one in answer.tried if one.slug == "dead_time")
@@ -212,7 +212,7 @@ def test_what_no_term_explains_is_unknown_with_its_place(seed):
 
 
 def test_the_same_recording_gives_the_same_answer():
-    """Nothing in it depends on chance, time or what was explained before."""
+    """The result does not depend on chance, time or earlier calls."""
     once = explained("dead_time", 4000)
     explain(simulated("null", 4001)[0].part(0, 900))
     twice = explain(simulated("dead_time", 4000)[0])
@@ -223,8 +223,8 @@ def test_the_same_recording_gives_the_same_answer():
 
 
 @pytest.mark.parametrize("value", [1e300, -5_000.0])
-def test_an_impossible_sample_costs_itself_only(value):
-    """A command or a position that no percent can be is as good as none."""
+def test_an_impossible_sample_is_left_out_alone(value):
+    """A command or a position outside of any percent range counts as missing."""
     part = simulated("null", 4001)[0].part(0, 900)
     op, mv = (part.signals[role].values.copy() for role in (Role.OP, Role.MV))
     op[[0, 200]], mv[500] = value, value
@@ -252,7 +252,7 @@ def test_without_a_position_the_stem_is_not_named():
     "freezes", [(700,), pytest.param((2300,), marks=pytest.mark.long), (700, 2300)]
 )
 def test_a_frozen_reading_is_no_stiction(freezes):
-    """Stretches of seven minutes that repeat one value are a record effect, and no more."""
+    """Stretches of seven minutes that repeat one value are a record effect and nothing else."""
     recording, valve, _ = simulated("null", 4001)
     mv = recording.mv.values.copy()
     for first in freezes:
@@ -265,14 +265,14 @@ def test_a_frozen_reading_is_no_stiction(freezes):
 
 
 def test_a_reading_that_never_changes_is_not_testable():
-    """A transmitter that is stuck all through tells nothing of the stem."""
+    """A transmitter that is stuck throughout shows nothing of the stem."""
     explanation = explain(recorded(command(), np.full(command().size, 47.0)))
     assert Finding.NOT_TESTABLE is explanation.finding
     assert explanation.restated.S.value is None
 
 
 def test_the_network_s_free_run_is_the_ceiling():
-    """It is passed through to what is shown, and changes nothing else."""
+    """It is shown with the result and changes nothing else."""
     recording = simulated_by_chain(samples=900)
     plain, under = explain(recording), explain(recording, ceiling=recording.mv.values + 0.1)
     assert None is plain.heldout.rmse_ceiling
@@ -329,9 +329,7 @@ ODD_COMMANDS = {
 @example(samples=3, interval_s=0.1, of_op="usual", of_mv="usual", seed=0)
 @example(samples=80, interval_s=1.0, of_op="usual", of_mv="none good", seed=0)
 @settings(max_examples=25, deadline=None)
-def test_whatever_a_recording_holds_something_sound_is_said(
-    samples, interval_s, of_op, of_mv, seed
-):
+def test_any_recording_gives_a_consistent_mismatch(samples, interval_s, of_op, of_mv, seed):
     """No recording raises or warns; what is said has numbers with intervals, or reasons."""
     rng = np.random.default_rng(seed)
     op = ODD_COMMANDS[of_op](command()[:samples], rng)
@@ -356,7 +354,7 @@ def test_a_reversed_position_is_not_called_a_sticking_valve():
     assert result.restated.S.low <= plain.restated.S.value <= result.restated.S.high
 
 
-def test_S_and_J_of_what_cannot_be_told_from_the_effect_are_known_too():
+def test_rivals_of_the_last_effect_give_their_S_and_J():
     """The last stage's rivals, each with the middle of its two folds; none without an effect."""
 
     def score(S, ratio):

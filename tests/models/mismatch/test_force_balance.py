@@ -54,7 +54,7 @@ def test_friction_lag_and_load_are_those_of_the_drive(S, lag_s, run_up_s, load):
 
 
 @pytest.mark.parametrize("factor", [0.001, 60.0])
-def test_the_samples_alone_decide(factor):
+def test_the_time_unit_does_not_matter(factor):
     """The same samples further apart: the same percent, and times that are as much longer."""
     plain, unit_s = balanced(drive())
     other = replace(drive(), interval_s=0.01 * factor)

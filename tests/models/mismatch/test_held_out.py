@@ -1,4 +1,6 @@
-"""Fit before and after are measured on what neither fit has seen, and said as they are."""
+"""Fits without and with effects are measured on a part that neither has seen, and reported
+unchanged.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,7 @@ def errors(evaluator, runs):
 
 
 @pytest.mark.parametrize("slugs", [("dead_time",), ()])
-def test_the_runs_do_not_know_what_comes_after(slugs):
+def test_the_runs_do_not_use_the_held_out_part(slugs):
     """Another position after ``heldout_from`` changes neither run, anywhere."""
     evaluator, layout, terms = prepared(*slugs)
     before = shown(*slugs)
@@ -96,7 +98,7 @@ def test_the_physics_that_was_left_out_improves_the_unseen_part():
     with_it, without = shown("dead_time").heldout, shown().heldout
     assert with_it.rmse_extended < 0.15 * with_it.rmse_naive
     assert with_it.gain_low > 10.0
-    # Without a term there is only the reading's own freedom, which cannot make it good.
+    # Without a term only zero and gain of the reading are free, which cannot explain the delay.
     assert without.rmse_extended > 3.0 * with_it.rmse_extended
     assert without.rmse_naive == with_it.rmse_naive
 

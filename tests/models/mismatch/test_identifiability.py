@@ -27,7 +27,7 @@ def run(op, S=3.0, J=1.0, interval_s=1.0):
     return out
 
 
-def audited(op, mv=None, interval_s=1.0, S=3.0, J=1.0):
+def refused_in(op, mv=None, interval_s=1.0, S=3.0, J=1.0):
     """What is refused for a command, and for the position of a stem of S and J unless given."""
     simulated = run(op, S, J, interval_s)
     noise = 0.05 * np.random.default_rng(1).standard_normal(op.size)
@@ -46,8 +46,8 @@ def busy():
 
 
 def test_a_busy_hour_refuses_only_the_stop():
-    """Where OP did everything, only a stop that was not reached cannot be tested."""
-    refused = audited(busy())
+    """Where OP moved in every way, only a stop that was not reached cannot be tested."""
+    refused = refused_in(busy())
     assert set(refused) <= {"travel_stop"}
     assert "a stop further out was not reached" in refused["travel_stop"]
 
@@ -60,7 +60,7 @@ def test_without_a_position_nothing_is_testable():
 
 def test_a_command_that_rests_refuses_all_that_needs_motion():
     """A held command shows neither lag nor speed nor friction."""
-    refused = audited(np.full(N, 50.0))
+    refused = refused_in(np.full(N, 50.0))
     for slug in ("actuator_lag", "dead_time", "rate_limit", "span_error", "asymmetric_slip"):
         assert slug in refused
     assert "the stem moved 0 times" in refused["dead_time"]
@@ -84,20 +84,20 @@ def test_a_command_that_rests_refuses_all_that_needs_motion():
         ),
     ],
 )
-def test_what_was_not_exercised_is_refused_in_numbers(change, slug, words):
+def test_an_effect_not_exercised_is_refused_with_numbers(change, slug, words):
     """Each reason says what the recording has and what would be needed."""
-    assert words in audited(change(busy().copy()))[slug]
+    assert words in refused_in(change(busy().copy()))[slug]
 
 
 def test_full_reversals_cannot_show_play():
-    """A stem that turns at every start looks like one of a smaller jump."""
+    """A stem that reverses at every move looks like one with a smaller jump."""
     wave = 50.0 + 10.0 * np.sin(np.arange(N) / 20.0)
-    assert "staircase test" in audited(wave)["lost_motion"]
+    assert "staircase test" in refused_in(wave)["lost_motion"]
 
 
 def test_slow_sampling_refuses_the_quick_effects():
     """At 10 s between samples a lag of seconds is not testable, a wrong span is."""
-    refused = audited(busy(), interval_s=10.0)
+    refused = refused_in(busy(), interval_s=10.0)
     assert "the samples are 10 s apart" in refused["actuator_lag"]
     assert "span_error" not in refused
 
@@ -105,7 +105,7 @@ def test_slow_sampling_refuses_the_quick_effects():
 def test_a_stop_that_was_reached_is_testable():
     """Where MV stands still at its end while OP goes on, a stop may be named."""
     stopped = np.minimum(run(busy()), float(np.percentile(run(busy()), 80.0)))
-    assert "travel_stop" not in audited(busy(), stopped)
+    assert "travel_stop" not in refused_in(busy(), stopped)
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_a_stop_that_was_reached_is_testable():
         pytest.param("dwell_dependent_breakaway", marks=pytest.mark.long),
     ],
 )
-def test_what_a_plant_shows_is_not_refused(slug):
+def test_an_effect_that_moves_the_reading_is_not_refused(slug):
     """An effect that moved the reading of a force-balance plant in an hour is left to be tested."""
     for case in draw_effect(slug, 2, 41):
         seen, loop = simulate_hidden(case)

@@ -1,4 +1,4 @@
-"""The descent never loses ground, keeps to the limits, and finds what made a recording."""
+"""The descent never raises the loss, keeps to the limits, and recovers the simulated parameters."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_blocks_that_are_not_chosen_do_not_count():
 
 @given(st.integers(0, 2**20))
 @settings(max_examples=15, deadline=None)
-def test_a_run_does_not_remember_the_runs_before(seed):
+def test_a_run_does_not_depend_on_earlier_runs(seed):
     """An evaluator that has run other dead times, other hypotheses and free runs says the same."""
     evaluator, layout = dead_time()
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""Where a residual lives is said in a few true sentences, and of noise nothing is said."""
+"""A few true sentences say where a residual is large, and noise gets none."""
 
 from __future__ import annotations
 
@@ -60,13 +60,14 @@ def sentences(mv):
 
 @pytest.mark.parametrize("phi", [0.0, 0.7, 0.95])
 def test_noise_has_no_hot_place(phi):
-    """Of noise, white or correlated over up to 20 s, at most three records in a hundred say
-    anything."""
+    """For noise, white or correlated over up to 20 s, at most three records in a hundred have a hot
+    place.
+    """
     hot = [bool(located(run() + noise(seed, phi)).hot) for seed in range(66)]
     assert 0.03 * len(hot) >= sum(hot)
 
 
-def test_a_delay_lives_after_slips():
+def test_a_delay_shows_after_slips():
     """A late command is found in the first seconds after a slip, with most of the mismatch."""
     first = located(run(DEAD_TIME_S=2.0) + noise()).hot[0]
     assert ("phase", "slip") == (first.facet, first.label)
@@ -74,8 +75,8 @@ def test_a_delay_lives_after_slips():
     assert first.share > 0.5
 
 
-def test_a_slow_direction_lives_in_that_direction():
-    """A stem that can only fall slowly parts from the model while it falls, and not otherwise."""
+def test_a_slow_direction_shows_in_that_direction():
+    """A stem that can only fall slowly differs from the model only while it falls."""
     first = located(run(RATE_DOWN=0.3) + noise()).hot[0]
     assert ("direction", "falling") == (first.facet, first.label)
     assert first.sentence.startswith("While the stem falls, ")
@@ -88,7 +89,7 @@ def test_an_offset_is_said_once():
     assert "All the time, the position lies 1.00 % above the model." == only.sentence
 
 
-def test_a_late_step_lives_in_the_last_part():
+def test_a_late_step_shows_in_the_last_part():
     """What happens in the last minutes is placed there."""
     late = np.where(np.arange(problem().op.size) >= 3150, 0.5, 0.0)
     first = located(run() + late + noise()).hot[0]
@@ -96,7 +97,7 @@ def test_a_late_step_lives_in_the_last_part():
     assert first.z > 3.0
 
 
-def test_a_stop_lives_at_the_end_of_travel():
+def test_a_stop_shows_at_the_end_of_travel():
     """A stem that is held at 49 % is found in the bands above, below the model."""
     text = sentences(np.minimum(run(), 49.0))
     assert "At a travel of" in text
@@ -139,7 +140,7 @@ def test_gaps_in_the_position_do_not_spread():
     assert all(np.isfinite(cell.rms) for cell in result.cells)
 
 
-def test_next_to_nothing_gives_an_empty_map():
+def test_fewer_than_a_hundred_samples_give_an_empty_map():
     """With fewer than a hundred samples to score there is no map, and no error."""
     p = problem()
     scored = np.arange(p.op.size) < 50

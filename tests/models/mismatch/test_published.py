@@ -1,4 +1,6 @@
-"""What is published of a recording: accepted physics only, and no worse a prediction for it."""
+"""The published result of a recording: accepted physics only, and no worse prediction because of
+it.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +60,7 @@ def test_no_term_is_published_that_predicts_unseen_data_worse(slug):
 @pytest.mark.parametrize(
     "seed", [1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))]
 )
-def test_a_position_that_has_nothing_to_do_with_op_is_never_nothing_left_out(seed):
+def test_an_unrelated_position_is_never_called_explained(seed):
     """A wandering position: either no verdict or unknown, S and J not restated."""
     recording = simulated_by_chain(samples=900)
     steps = np.random.default_rng(seed).standard_normal(900)
@@ -77,14 +79,14 @@ def test_slips_beyond_the_command_are_no_stretched_reading():
 
 
 def test_a_ring_between_a_few_samples_is_no_ringing_positioner():
-    """Nothing is hidden but the lag of the air; a ring at the edge of what is told fits it too."""
+    """Only the air lag is present; a ring at the limit of the sampling would fit it too."""
     explanation = explain(stemwatch.simulate(S=5.0, J=2.0, minutes=30, seed=3))
     assert "underdamped_positioner" not in [effect.slug for effect in explanation.effects]
     assert explanation.restated.S.value == pytest.approx(5.0, abs=0.3)
 
 
 @pytest.mark.parametrize("place", [1, 9])
-def test_steps_and_ramps_by_hand_do_not_mislead_s(place):
+def test_manual_steps_and_ramps_do_not_bias_S(place):
     """Nothing is hidden; breakaways under an operator's steps tell another S than every fit, by a
     third, and are not taken."""
     case, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
@@ -95,8 +97,10 @@ def test_steps_and_ramps_by_hand_do_not_mislead_s(place):
 
 
 @pytest.mark.parametrize("place", [13, 22])
-def test_a_free_run_that_misses_slips_leaves_nothing_unknown(place):
-    """Quiet or short, with nothing hidden: what one missed slip costs a free run is no effect."""
+def test_missed_slips_of_a_free_run_are_not_an_unknown_effect(place):
+    """In quiet or short records with nothing hidden, the error of a missed slip is not an
+    effect.
+    """
     _, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
     explanation = explain(run.recording)
     assert explanation.finding is Finding.NONE

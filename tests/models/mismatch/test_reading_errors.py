@@ -1,4 +1,4 @@
-"""The reading's own errors are findings where they are off, and only as what they are."""
+"""Errors of the reading are findings where they are material, and each under its own name."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def found_in(base=(), slugs=(), values=()):
     terms = dict(zip(slugs, values, strict=True))
     evaluator = evaluator_of(simulated_by_chain(base=dict(base), **terms))
     layout = evaluator.layout(hypothesis(*slugs))
-    # From near the truth: how it is reached is the business of the search.
+    # Started near the truth, because the search itself is tested elsewhere.
     start = candidate(layout, 3.8, 1.0, dict(base), **terms)
     plain = candidate(layout, 3.8, 1.0, **terms)
     fitted = conclude(evaluator, crossfit(evaluator, layout, np.vstack((start, plain)), LOOK))
@@ -63,7 +63,9 @@ def test_an_error_of_the_reading_is_found_as_what_it_is(slug, value, within):
 
 
 def test_a_stem_that_sticks_at_every_speed_is_not_said_to_stick_at_low_speed():
-    """Its slips overshoot; that it slides at some speed nothing shows, so both are said."""
+    """Its slips overshoot; nothing shows that it slides at some speed, so both effects are
+    given.
+    """
     result = found_in(base=((base_coordinate.RESTICK, RESTICK_REACH),))
     assert slugs_of(result) == ["slip_overshoot"]
     (off,), _, _ = result
@@ -71,7 +73,7 @@ def test_a_stem_that_sticks_at_every_speed_is_not_said_to_stick_at_low_speed():
     assert off.advantage.mean > 0.1
 
 
-def test_a_good_reading_has_no_finding_and_its_gain_is_held():
+def test_a_correct_reading_has_no_finding_and_a_gain_of_one():
     """Where gain and zero are right nothing is found, and the gain is 1 from there on."""
     off, fitted, after = found_in()
     assert [] == off
@@ -84,7 +86,7 @@ def test_a_good_reading_has_no_finding_and_its_gain_is_held():
     assert fitted.layout.bounds.high[base_coordinate.GAIN] > 0.0
 
 
-def test_a_span_error_swallows_its_zero():
+def test_a_span_error_explains_its_offset_at_mid_travel():
     """A span that turns about 0 % is off at mid-travel too; that is no second finding."""
     result = found_in(base=((base_coordinate.GAIN, 0.06), (base_coordinate.ZERO, 3.0)))
     assert ["span_error"] == slugs_of(result)
@@ -104,8 +106,8 @@ def test_a_zero_that_a_drift_does_not_explain_is_found_beside_it():
     assert ["zero_shift"] == slugs_of(result)
 
 
-def test_what_the_recording_could_not_show_is_not_looked_for():
-    """A reading's error that the audit refused is no finding, however far off."""
+def test_a_refused_reading_error_is_not_a_finding():
+    """An error of the reading that could not be tested is no finding, however large."""
     evaluator = evaluator_of(simulated_by_chain(base={base_coordinate.ZERO: 1.5}))
     layout = evaluator.layout(hypothesis())
     start = candidate(layout, 3.8, 1.0, {base_coordinate.ZERO: 1.4})
@@ -114,7 +116,7 @@ def test_what_the_recording_could_not_show_is_not_looked_for():
     assert [] == findings(evaluator, fitted, terms)[0]
 
 
-def test_a_held_coordinate_is_neutral_or_below_what_is_nothing_to_speak_of():
+def test_pinning_limits_one_coordinate_only():
     """Pinning changes one coordinate's limits and no other, and leaves the layout it came from."""
     evaluator = evaluator_of(simulated_by_chain())
     layout = evaluator.layout(hypothesis("dead_time"))

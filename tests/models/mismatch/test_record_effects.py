@@ -1,4 +1,6 @@
-"""What the recorder did is named from the numbers alone, and what the valve did is not."""
+"""Effects of the recorder are named from the numbers alone, and effects of the valve are not among
+them.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,7 @@ def with_position(mv, base=None) -> Recording:
 
 
 def printed(recording, digits) -> Recording:
-    """The recording as an export with so many decimals tells it."""
+    """The recording rounded to so many decimals, as in an export."""
     signals = {
         role: replace(signal, values=np.round(signal.values, digits))
         for role, signal in recording.signals.items()
@@ -104,7 +106,7 @@ def test_a_coarse_position_is_quantised_and_nothing_else(S, J, step):
 
 
 def test_a_coarse_command_is_named_as_such():
-    """Steps of OP are told from steps of the position, and leave its noise alone."""
+    """Steps of OP are separated from steps of the position, and do not change its noise."""
     settled = settle(plant(transmitters=Transmitters(op_step=0.5)))
     (effect,) = settled.effects
     assert {"op_step_percent": pytest.approx(0.5)} == effect.parameters
@@ -114,8 +116,8 @@ def test_a_coarse_command_is_named_as_such():
 @pytest.mark.parametrize("digits", [None, 4])
 @pytest.mark.parametrize(("S", "J"), VALVES)
 @pytest.mark.parametrize("deviation", [0.1, 0.3, 1.0])
-def test_drawn_lines_are_left_out(S, J, deviation, digits):
-    """Behind a swinging door only the stored points are real, and they are real."""
+def test_interpolated_samples_are_left_out(S, J, deviation, digits):
+    """Behind a swinging door exactly the stored points count as measured."""
     true = plant(S, J).signals[Role.MV].values
     recording = plant(S, J, None, compressed(DOOR, deviation))
     settled = settle(recording if digits is None else printed(recording, digits))
@@ -131,7 +133,9 @@ def test_drawn_lines_are_left_out(S, J, deviation, digits):
 
 
 def test_held_reports_are_left_out():
-    """Exception reporting is told by steps that are never small; its deviation is measured."""
+    """Exception reporting is recognised by steps that are never small; its deviation is
+    estimated.
+    """
     settled = settle(plant(archive=compressed(EXCEPTION, 0.1)))
     (effect,) = settled.effects
     assert effect.parameters["deviation_percent"] == pytest.approx(0.1, rel=0.05)
@@ -139,8 +143,8 @@ def test_held_reports_are_left_out():
     assert settled.sigma_floor == pytest.approx(0.1 / np.sqrt(3.0), rel=0.05)
 
 
-def test_a_compressed_command_is_named_and_costs_no_sample():
-    """Lines in OP are said; the position was measured all the same."""
+def test_a_compressed_command_is_named_and_leaves_out_no_sample():
+    """Lines in OP are reported; the position still counts as measured."""
     settled = settle(plant(archive=compressed(DOOR, 0.3, Role.OP)))
     (effect,) = settled.effects
     assert {"op_kept_share"} == set(effect.parameters)
@@ -270,7 +274,7 @@ def test_an_uneven_clock_is_said():
     assert () == settle(replace(plant(), clock=ClockFacts(jitter_s=0.05))).effects
 
 
-def test_holes_are_not_real_and_not_an_effect():
+def test_missing_samples_are_left_out_without_a_record_effect():
     """Missing samples are left out without a word about the archive."""
     mv = plant().signals[Role.MV].values.copy()
     mv[500:600] = np.nan

@@ -1,4 +1,4 @@
-"""A curve from OP to stroke, put right by the fit with every breakaway where it was seen."""
+"""A curve from OP to stroke, corrected by an assimilated fit."""
 
 from dataclasses import replace
 from functools import cache
@@ -36,8 +36,8 @@ def off(curve_used: StrokeCurve) -> float:
     return float(np.std(curve_used.command(stored.op.values) - travel))
 
 
-def test_a_curve_that_is_off_is_put_right():
-    """Of a wave of 1.5 % of travel a quarter and more goes."""
+def test_a_wrong_curve_is_corrected():
+    """A wave of 1.5 % of travel becomes smaller by at least a quarter."""
     stored, _ = bent()
     wrong = curve(1.5)
     better = refined(stored, wrong)
@@ -46,13 +46,13 @@ def test_a_curve_that_is_off_is_put_right():
 
 
 def test_a_right_curve_is_not_made_worse():
-    """It stays as near to the true one as the recording tells any curve."""
+    """It stays as near to the true one as the recording allows."""
     stored, _ = bent()
     assert off(refined(stored, curve(0.0))) < 0.25
 
 
 def test_what_a_person_gave_or_an_earlier_window_found_is_kept():
-    """Nor is one changed whose slope is not known, and without a curve there is none."""
+    """A curve with an unknown slope is not changed either, and without a curve there is none."""
     stored, _ = bent()
     wrong = curve(1.5)
     for kept in (

@@ -1,4 +1,4 @@
-"""What S and J leave out reaches the screening: its numbers, its verdict and its words."""
+"""The mismatch reaches the screening: its numbers, its verdict and its sentences."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed)
     [(0.3, 0.1, {"supply_sag": [-0.2, 30.0]}), (0.6, 0.2, {"growing_stiction": [1.5]})],
 )
 def test_the_restated_numbers_drive_the_verdict(S, J, terms):
-    """A valve with little friction is not to be watched for what the hidden physics does."""
+    """A valve with little friction is not watched because of the hidden physics."""
     recording = simulated_by_chain(S, J, samples=1200, **terms)
     (result,), (blind,) = (screen([Case(recording=recording)], how) for how in (QUICK, BLIND))
     assert [*terms] == [effect.slug for effect in result.mismatch.effects]
@@ -75,13 +75,13 @@ def test_where_nothing_was_named_the_fits_own_numbers_stand():
 
 
 def test_switched_off_there_is_no_mismatch():
-    """Without it the screening stands on the stick-slip fit alone."""
+    """Without the mismatch the screening uses the stick-slip fit alone."""
     blind = screened("dead_time", 4012, BLIND)
     assert None is blind.mismatch
     assert blind.S.value != screened("dead_time", 4012).S.value
 
 
-def test_the_reason_tells_what_was_hidden_and_what_it_would_have_been_read_as():
+def test_the_reason_names_the_hidden_effect_and_the_naive_S():
     """The verdict's sentence names the physics in words, and the naive S where it misleads."""
     result = screened("travel_stop", 4001)
     answer = result.reason + result.advice

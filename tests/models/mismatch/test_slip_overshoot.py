@@ -1,5 +1,6 @@
-"""Slips of a simulated stem that hardly anything damps: the simulator integrates its mass, spring
-and friction, and knows nothing of the term."""
+"""Slips of a lightly damped simulated stem: the simulator integrates mass, spring and friction, and
+does not use the term.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ LIGHT_S = 0.0008  # drag over spring rate: a damping ratio of 0.15, an overshoot
 
 @pytest.mark.long
 @pytest.mark.parametrize("place", [2, 9])
-def test_light_damping_is_not_named_low_speed_sticking_and_asks_for_no_work(place: int) -> None:
+def test_light_damping_is_not_named_low_speed_sticking_and_needs_no_work(place: int) -> None:
     """Both valves were once named low-speed re-stick, a defect; S and J are of the longer slip."""
     case = draw_nulls(place + 1, 5151, "routine")[place]
     run = simulate_loop(with_actuator(case.loop, viscous_s=LIGHT_S), case.seed)

@@ -1,4 +1,4 @@
-"""The stem's kernel: canonical where neutral, and each addition by what one computes by hand."""
+"""The stem's kernel: canonical where neutral, and each addition as computed by hand."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ def test_a_resting_stem_creeps_and_nothing_else(p, creep):
 
 
 def test_the_wander_of_the_reading_is_added_only_where_it_is_switched_on():
-    """The table moves the reading, not the stem; it sleeps while BY_TIME is 0."""
+    """The table moves the reading, not the stem; it has no effect while BY_TIME is 0."""
     p = made([(300, 4, "ramp"), (-200, 6, "jump"), (90, 5, "ramp")])
     stem = Stem.neutral(p.size, 1.0)
     stem.wander[: p.size] = np.linspace(-2.0, 3.0, p.size)
@@ -275,12 +275,12 @@ class TestAssimilation:
 
     @pytest.mark.parametrize(("onset", "force"), [(25, 2.5), (20, 2.0), (29, 2.9)])
     def test_an_early_breakaway_happens_where_it_was_seen(self, onset, force):
-        """It is charged by how far the force was below the level."""
+        """Its loss is that of the force's distance below the level."""
         assert (onset, pytest.approx(force - 3.0)) == self.let_go(onset)
 
     @pytest.mark.parametrize("onset", [33, 36, 40])
     def test_a_late_breakaway_happens_where_it_was_seen(self, onset):
-        """It is charged by how far the force of the sample before was beyond the level."""
+        """Its loss is that of the distance beyond the level in the sample before."""
         assert (onset, pytest.approx(0.1 * (onset - 1) - 3.0)) == self.let_go(onset)
 
     def test_between_two_samples_it_is_neither_early_nor_late(self):
@@ -304,7 +304,9 @@ class TestAssimilation:
         assert (31 + 100, pytest.approx(0.1)) == self.let_go(31 + 100, p=slow)
 
     def test_the_end_of_the_record_is_no_onset(self):
-        """In the last minutes of a record, too, a stem lets go at its level where none is seen."""
+        """In the last minutes of a record, too, a stem breaks away at its level where no onset is
+        seen.
+        """
         assert (31, 0.0) == self.let_go(p=self.P[:80])
 
     def test_an_onset_the_other_way_is_not_its_own(self):
@@ -354,9 +356,10 @@ def drawn_runs(rng, count, n):
 
 
 @pytest.mark.parametrize(("seed", "count"), [*enumerate([1, 2, 5, 8, 17, LANES])])
-def test_a_stem_runs_the_same_in_any_company(seed, count):
-    """Stems go side by side; neither run nor loss depends on which others go with it, nor the loss
-    on whether runs are kept."""
+def test_a_run_does_not_depend_on_the_other_lanes(seed, count):
+    """Stems run side by side; neither run nor loss depends on the other lanes, nor the loss on
+    whether runs are kept.
+    """
     rng = np.random.default_rng(seed)
     n = 333
     p, stems, record, scoring = drawn_runs(rng, count, n)

@@ -1,4 +1,4 @@
-"""A jump that the recording does not ask for may be none."""
+"""The interval of J where the recording does not need a jump."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SURE = Stiction(
 
 
 @pytest.mark.parametrize("J", [0.0, 1.2])
-def test_an_interval_of_J_holds_no_jump_where_no_block_asks_for_one(J: float) -> None:
+def test_the_interval_of_J_includes_zero_where_no_block_needs_a_jump(J: float) -> None:
     """Beside a drag: a stem that does not jump gets the end that was too sure; one that does keeps
     its interval, and so does one whose interval holds 0 already."""
     drag = {"viscous_drag": [4.0]}

@@ -29,7 +29,7 @@ PAIR = {"dead_time": 3.0, "lost_motion": 0.8}
 
 @pytest.fixture(scope="module")
 def one_of_two():
-    """What was named of two effects when the second was not looked for: the first alone."""
+    """The result for two effects when the second was not searched for: the first alone."""
     recording = simulated_by_chain(samples=1200, **PAIR)
     problem = problem_of(recording, settle(recording))
     selection = name_terms(fit_base(problem, summary_of(problem)), TERMS)
@@ -55,7 +55,7 @@ def test_the_second_of_two_is_found_with_the_first(one_of_two):
         )
 
 
-def test_a_second_term_that_nothing_came_near_is_not_looked_for(one_of_two, monkeypatch):
+def test_no_pair_is_searched_where_no_second_term_came_near(one_of_two, monkeypatch):
     """One effect explains the recording: no pair is searched, and nothing changes."""
     far = [
         TermScore(score.term, score.fitted, Advantage(0.001, 0.1))
@@ -70,8 +70,9 @@ def test_a_second_term_that_nothing_came_near_is_not_looked_for(one_of_two, monk
 
 
 def test_a_pair_is_named_beyond_the_limit_of_pairs_alone(one_of_two, monkeypatch):
-    """The weaker of the two must reach what no pair reaches where nothing is hidden; a term beside
-    another one needs less."""
+    """The weaker of the two must reach more than pairs do where nothing is hidden; a single later
+    term needs less.
+    """
     best = best_pairs(one_of_two, TERMS)[0]
     told = one_of_two.evaluator.measured_counts
     assert all(convincing(score.advantage, told, score.slug, 1) for score in best.scores)
@@ -102,7 +103,7 @@ def test_of_pairs_as_good_the_simpler_one_is_taken(monkeypatch):
     assert term_pairs._simplest(None, [rich, simple]) is rich
 
 
-def test_what_does_as_well_beside_the_other_is_named_with_it(monkeypatch):
+def test_a_rival_of_one_of_the_pair_is_kept_beside_it(monkeypatch):
     """A rival of one of the two shares the other, and is not clearly worse."""
     monkeypatch.setattr(term_pairs, "gain", lambda *_: Advantage(0.01, 0.5))
     best = _pair("actuator_lag", "lost_motion")
@@ -114,7 +115,7 @@ def test_what_does_as_well_beside_the_other_is_named_with_it(monkeypatch):
 
 @pytest.mark.long
 @pytest.mark.parametrize(("seed", "index"), [(5151, 17), (5151, 71)])
-def test_two_effects_that_are_nothing_one_by_one_are_both_named(seed, index):
+def test_two_effects_that_gain_nothing_alone_are_both_named(seed, index):
     """Cases of development seeds, of which no term alone passes the limits. S comes within 0.7 %,
     or three times as near as that of S and J alone, and its interval holds the truth."""
     case, run = simulate_hidden(draw_hidden(index + 1, seed)[index])

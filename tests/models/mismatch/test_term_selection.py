@@ -1,4 +1,4 @@
-"""What the chain was made with is named, with its numbers, and nothing that was not."""
+"""The effects with which a recording was simulated are named, with their numbers, and no others."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def named(**terms):
         ("position_dependent_friction", (2.5, 55.0, 4.0), (0.2, 0.3, 0.3)),
     ],
 )
-def test_what_the_chain_was_made_with_is_recovered(slug, value, within):
+def test_the_simulated_term_is_recovered(slug, value, within):
     """The term is named alone, with its own coordinates, S and J on both folds."""
     selection = named(**{slug: value})
     assert [slug] == [item.term.slug for item in selection.needed]
@@ -139,7 +139,7 @@ def went_on(evaluator, simple, rich):
     return conclude(evaluator, refit(evaluator, started, CAREFUL))
 
 
-def test_a_first_term_that_the_second_makes_needless_is_dropped():
+def test_a_first_term_is_dropped_when_a_second_replaces_it():
     """A lag that stood in for the dead time goes once the dead time is there."""
     selection = named(dead_time=3.0)
     evaluator, both = selection.evaluator, hypothesis("actuator_lag", "dead_time")
@@ -181,7 +181,7 @@ def two(evaluator, which, S=3.5):
 
 
 def score_of(slug, result, mean, t, values=None):
-    """A score of a term on The evaluator of ``found`` with a given advantage."""
+    """A score of a term on the evaluator of ``result`` with a given advantage."""
     evaluator = result.evaluator
     layout = evaluator.layout(hypothesis(slug))
     both = two(evaluator, hypothesis(slug))
@@ -192,8 +192,8 @@ def score_of(slug, result, mean, t, values=None):
     )
 
 
-def test_what_is_too_small_to_matter_is_not_named_however_certain():
-    """A dead time of 0.2 s is certain and no work order; 3 s are; 3 s by chance are not."""
+def test_an_immaterial_effect_is_not_named_however_certain():
+    """A certain dead time of 0.2 s is not named; one of 3 s is; one of 3 s within chance is not."""
     evaluator, result = evaluator_of(simulated_by_chain()), named()
     assert not passes(score_of("dead_time", result, 1.0, 20.0, 0.2), evaluator, 0)
     assert passes(score_of("dead_time", result, 1.0, 20.0, 3.0), evaluator, 0)
@@ -223,7 +223,7 @@ def matched(evaluator, score):
     return replace(score, fitted=conclude(evaluator, scored(score.fitted.layout, candidates)))
 
 
-def test_what_predicts_as_well_is_a_member_of_the_class():
+def test_a_rival_that_predicts_as_well_is_a_member_of_the_class():
     """A rival is kept beside the best where blocks it did not see do not tell them apart."""
     selection = named(dead_time=3.0)
     evaluator = selection.evaluator
@@ -254,9 +254,10 @@ def test_another_term_goes_before_a_second_one_of_the_same_kind(monkeypatch):
     assert [item.slug for item in taken] == ["dead_time", "asymmetric_lag"]
 
 
-def test_play_goes_where_a_later_term_has_taken_the_jump(monkeypatch):
-    """What tells play from friction is asked again at the end: without a jump the two are one dead
-    band, and everything is looked for once more without play."""
+def test_play_is_dropped_where_a_later_term_removes_the_jump(monkeypatch):
+    """Whether play can be separated from friction is checked again at the end: without a jump the
+    two are one dead band, and the search is repeated without play.
+    """
     base, terms = begun(simulated_by_chain(lost_motion=np.atleast_1d(0.8)))
     assert ["lost_motion"] == [item.term.slug for item in name_terms(base, terms).needed]
 

@@ -1,4 +1,4 @@
-"""The catalogue keeps its promises: names, ranges, starts, what matters, and what people read."""
+"""The catalogue of terms: names, ranges, starts, material sizes, and sentences."""
 
 from __future__ import annotations
 
@@ -181,22 +181,22 @@ def test_starts_are_few_and_lie_within_the_ranges(slug, name):
 
 
 @everywhere
-def test_some_starts_are_worth_a_work_order_and_nothing_at_all_is_not(slug):
-    """A search that begins among what does not matter would end there."""
+def test_some_starts_are_material_and_neutral_coordinates_are_not(slug):
+    """A search that starts at immaterial sizes only would end there."""
     term = CATALOGUE[slug]
     assert any(term.material(start, LOOK) for start in term.starts(LOOK))
     assert not term.material(np.zeros(len(term.coordinates(LOOK))), LOOK)
 
 
 @pytest.mark.parametrize(("slug", "small", "large"), MATTERS)
-def test_what_is_worth_a_work_order_is_told_from_what_is_not(slug, small, large):
-    """The sizes that a study concealed all matter; a good valve's own do not."""
+def test_material_sizes_are_separated_from_immaterial_ones(slug, small, large):
+    """The sizes hidden in the simulator are material; those of a good valve are not."""
     term = CATALOGUE[slug]
     assert not term.material(np.array(small), LOOK)
     assert term.material(np.array(large), LOOK)
 
 
-def test_what_cannot_show_in_a_quiet_or_coarse_recording_does_not_matter_there():
+def test_an_effect_that_a_recording_cannot_show_is_immaterial_there():
     """A limit over a small swing, a gain over a small travel, a lag within a sample."""
     quiet, slow = LOOKS["quiet"], LOOKS["slow"]
     assert not CATALOGUE["rate_limit"].material(np.array([1 / 8.0]), quiet)
@@ -232,7 +232,7 @@ def test_a_sentence_is_one_sentence_with_a_number_and_its_interval(slug):
 
 
 @everywhere
-def test_a_sentence_survives_parameters_that_are_not_known(slug):
+def test_a_sentence_is_built_without_known_parameters(slug):
     """An interval that cannot be given is said, and stops nothing."""
     parameters = {name: Estimate.unknown("too few moves") for name in PARAMETERS[slug]}
     assert "not known: too few moves" in CATALOGUE[slug].sentence(parameters, "rising", "falling")
@@ -284,7 +284,7 @@ def test_advice_names_things_to_look_at_and_a_test(slug):
     ],
 )
 def test_numbers_are_said_with_their_direction(slug, values, words):
-    """Signs become words."""
+    """Signs are given in words."""
     assert words in said(slug, values)
 
 
@@ -300,7 +300,7 @@ def test_an_effect_whose_direction_is_in_doubt_is_said_without_a_negative_size()
     assert "jumps when falling are 2 times those when rising" in text
 
 
-def test_only_one_stop_is_spoken_of_where_there_is_one():
+def test_one_travel_stop_is_mentioned_alone():
     """The other end of the stroke is not a finding."""
     assert "rise above" not in said("travel_stop", [38.0, 0.0])
     assert "fall below" not in said("travel_stop", [0.0, 39.0])
@@ -323,7 +323,7 @@ def times_said(sentence: str) -> list[float]:
 
 @pytest.mark.parametrize("unit_s", [0.001, 0.01, 5.0, 60.0])
 @everywhere
-def test_parameters_and_sentence_leave_the_own_clock_in_true_time(slug, unit_s):
+def test_parameters_and_sentences_are_in_true_time_units(slug, unit_s):
     """Every time and speed scales with the recording's own unit, whichever unit it is said in."""
     term = CATALOGUE[slug]
     for values in term.starts(LOOK):
@@ -383,7 +383,7 @@ def test_the_expected_time_of_a_speed_limit_is_that_of_the_step():
 
 
 @everywhere
-def test_what_belongs_to_the_machine_is_told_from_a_defect(slug: str):
+def test_inherent_sizes_are_separated_from_defects(slug: str):
     """A motor's lag, a load, a stroke as slow as large actuators have, and a reading that is off by
     less than a stroke check finds fault with; nothing else."""
     term = CATALOGUE[slug]

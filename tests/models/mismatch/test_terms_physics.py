@@ -253,7 +253,7 @@ def test_any_values_in_range_give_a_finite_run(slug, data):
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
 def test_a_command_term_passes_a_resting_command_and_forgets_what_was_before_a_gap(slug, data):
-    """Neither a resting valve nor the data before a hole may show an effect."""
+    """Neither a valve at rest nor data from before a gap may show an effect."""
     limits = CATALOGUE[slug].coordinates(LOOK)
     values = np.array([data.draw(st.floats(c.low, c.high)) for c in limits])
     rest = np.full(50, 37.0)
@@ -304,7 +304,7 @@ def test_without_a_speed_of_its_own_the_restick_term_keeps_that_of_the_recording
     assert stem.numbers[stem_number.RESTICK] == -1.0
 
 
-def test_a_step_through_each_command_term_is_what_one_computes_by_hand():
+def test_the_step_response_of_each_command_term_is_as_computed_by_hand():
     """A step of 10 % from 40 %, after one second each."""
     step = np.array([40.0] + [50.0] * 8)
     share = 1.0 - math.exp(-0.5)
@@ -334,7 +334,7 @@ def test_the_positioner_overshoots_by_its_damping_and_rings_with_its_period():
 
 
 def test_a_dragging_stem_goes_on_after_the_command_has_stopped_and_a_lag_delays_the_start():
-    """What tells drag from lag: the instant of the breakaway."""
+    """Drag and lag differ in the instant of the breakaway."""
     ramp = np.concatenate([np.full(5, 40.0), 40.0 + 0.25 * np.arange(1, 41), np.full(60, 50.0)])
     base = simulated(ramp, {})
     drag = simulated(ramp, {"viscous_drag": [4.0]})

@@ -1,4 +1,4 @@
-"""Intervals hold the truth, shrink with data, grow with noise, and come out the same twice."""
+"""Intervals hold the truth, shrink with data, grow with noise, and are repeatable."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_draws_lie_within_the_limits_about_the_best():
         assert float(np.median(values)) == pytest.approx(numbers(best, layout)[name][0], abs=0.1)
 
 
-def test_a_held_coordinate_is_not_drawn():
+def test_a_held_coordinate_does_not_vary_in_the_bootstrap():
     """A gain that is held at 1 is 1 in every draw."""
     evaluator, layout, best, _ = drawn()
     held = pinned(layout, base_coordinate.GAIN, 0.0)
@@ -83,7 +83,7 @@ def test_the_same_recording_gives_the_same_draws():
 
 
 @pytest.mark.parametrize("name", TRUTH)
-def test_intervals_hold_the_truth_about_as_often_as_they_say(name):
+def test_intervals_hold_the_truth_about_95_percent_of_the_time(name):
     """Of twelve recordings of one valve, at most two intervals miss: S and J with the model error
     that is added to them, the dead time by more than 5 ms."""
     missed = 0
@@ -98,7 +98,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(name):
 
 
 def test_noise_widens_and_data_narrow_an_interval():
-    """Six times the noise, or a quarter of the record, tells less of S and dead time."""
+    """Six times the noise, or a quarter of the record, widens the intervals of S and dead time."""
     for name in ("S", "theta"):
         assert width(name, noise=0.3) > 1.5 * width(name)
     assert width("theta", samples=600) > width("theta", samples=2400)
@@ -109,7 +109,7 @@ def test_noise_widens_and_data_narrow_an_interval():
     st.floats(-50.0, 50.0),
     st.floats(0.0, 5.0),
 )
-def test_an_estimate_holds_its_value_and_the_errors_add_in_squares(values, best, error):
+def test_an_interval_holds_its_value_and_errors_add_in_quadrature(values, best, error):
     """low <= value <= high; a model error widens each side to the root of the sum of squares."""
     values = np.array(values)
     plain, wide = estimate(values, best, "s"), estimate(values, best, "s", error)
@@ -125,7 +125,7 @@ def test_an_estimate_holds_its_value_and_the_errors_add_in_squares(values, best,
         assert after == pytest.approx(np.hypot(before, 1.96 * error), abs=1e-9)
 
 
-def test_beside_a_lag_that_was_named_S_and_J_are_less_sure():
+def test_beside_a_named_lag_the_intervals_of_S_and_J_are_wider():
     """The same fit and draws: an error of 12 % of the level or 0.2 % instead of 8 % or 0.1 %."""
     best = np.zeros(base_coordinate.N_BASE)
     best[base_coordinate.S_PERCENT], best[base_coordinate.RATIO] = 6.0, 0.0

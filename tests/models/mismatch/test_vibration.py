@@ -68,7 +68,7 @@ def test_a_line_is_found_at_its_alias_and_taken_out_of_the_noise(amplitude, true
     assert never == pytest.approx(after, rel=0.1)
 
 
-def test_people_are_told_what_shakes_and_what_looks_the_same():
+def test_the_sentence_on_a_vibration_names_its_possible_frequencies():
     """A record effect with frequency, amplitude, the frequencies behind it, and where to look."""
     told = next(
         effect
@@ -82,7 +82,7 @@ def test_people_are_told_what_shakes_and_what_looks_the_same():
     assert "bracket and linkage" in told.sentence
 
 
-def test_friction_is_what_it_is_without_the_vibration():
+def test_a_vibration_does_not_change_S_and_J():
     """S and J of a shaken reading are those of the same valve at rest, and nothing is named."""
     still, moved = explain(plant()), explain(shaken(plant(), 1.0, 0.31))
     assert still.finding is moved.finding is Finding.NONE
@@ -99,7 +99,7 @@ def test_the_cycle_of_a_sticking_loop_is_no_vibration(S, J, noise):
 
 @pytest.mark.parametrize("period", [2.5, 4.0, 7.0, 11.0, 30.0])
 @pytest.mark.parametrize("wave", [np.sin, lambda phase: np.sign(np.sin(phase))])
-def test_what_the_command_does_is_no_vibration(period, wave):
+def test_an_oscillation_of_the_command_is_no_vibration(period, wave):
     """A dither of OP, and a quick oscillation of it, reach the position through a stem without
     friction or with play, and are the command's; so are their multiples."""
     recording = plant()
@@ -115,7 +115,7 @@ def test_what_the_command_does_is_no_vibration(period, wave):
         assert found(replace(recording, signals=signals)) is None
 
 
-def test_nothing_hidden_does_not_vibrate():
+def test_valves_with_nothing_hidden_show_no_vibration():
     """Sixteen valves with nothing hidden, two of each kind of record, and a ringing positioner."""
     cases = [*draw_nulls(16, 5151), *draw_effect("underdamped_positioner", 3, 5151)]
     for case in cases:

@@ -75,7 +75,7 @@ def test_noise_makes_no_group() -> None:
 
 
 def test_a_loop_may_belong_to_two_groups() -> None:
-    """It is labelled by what moves it most."""
+    """It is labelled by the group with the largest share of its variance."""
     values = noises(7)
     for loop, (first, second) in {0: (6, 0), 1: (5, 0), 2: (6, 3), 3: (0, 5), 4: (0, 5)}.items():
         values[loop] += first * wave(300.0) + second * wave(910.0, seed=9)
@@ -96,8 +96,8 @@ def test_harmonics_belong_to_their_group() -> None:
     assert group.period_s == pytest.approx(600.0, rel=0.03)
 
 
-def test_still_loops_holes_and_spikes_do_no_harm() -> None:
-    """What cannot be compared is left out; a dead loop has no spectrum."""
+def test_constant_loops_holes_and_spikes_are_handled() -> None:
+    """Loops that cannot be compared are left out; a constant loop has a spectrum of zero."""
     values = noises(6)
     for loop in (0, 3):
         values[loop] += 5.0 * wave(400.0)
@@ -209,7 +209,7 @@ def test_a_loop_that_acts_on_the_others_is_near_them() -> None:
     assert nearness({0: [0]}, [0, 2], [0.5, 0.4]).tolist() == [0.0, 0.0]
 
 
-def test_connections_weigh_for_the_loop_that_acts_on_the_others() -> None:
+def test_connections_favour_the_loop_that_acts_on_the_others() -> None:
     """Through a loop that is not in the run; and it is said."""
     values = noises(3) * 0.5 + 3.0 * wave(400.0)
     loops = [loop(name, row) for name, row in zip("ABC", values, strict=True)]
@@ -222,8 +222,8 @@ def test_connections_weigh_for_the_loop_that_acts_on_the_others() -> None:
     assert [member.loop for member in group.members if said in member.evidence] == ["B"]
 
 
-def test_a_suspicion_by_op_and_pv_weighs_for_the_loop() -> None:
-    """More than none does, and it is told."""
+def test_a_suspicion_by_op_and_pv_favours_the_loop_as_source() -> None:
+    """A suspicion raises the probability, and the evidence mentions it."""
     values = noises(3) * 0.5 + 3.0 * wave(400.0)
     loops = [loop(name, row, score=0.5) for name, row in zip("ABC", values, strict=True)]
     suspected = [replace(one, score=0.95 if one.loop == "C" else 0.05) for one in loops]
@@ -235,7 +235,7 @@ def test_a_suspicion_by_op_and_pv_weighs_for_the_loop() -> None:
 
 
 def test_undated_loops_are_compared_within_a_file() -> None:
-    """Nobody knows whether two files without dates are of one time."""
+    """Two files without dates may be from different times."""
     values = noises(4) * 0.3 + wave(400.0)
     item = [loop("A", values[0], None), loop("B", values[1], None)]
     other = [loop("C", values[2], None, source="c.csv"), loop("D", values[3], None, source="d.csv")]

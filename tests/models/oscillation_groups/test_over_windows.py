@@ -53,12 +53,12 @@ def test_windows_are_counted_and_the_first_one_dates_it() -> None:
     ],
 )
 def test_another_oscillation_is_not_the_same(earlier: OscillationGroup) -> None:
-    """What is not certainly the same begins anew."""
+    """A group that is not certainly the same counts as a new one."""
     now = group("A", "B", "C", start=MONDAY + DAY)
     assert continued(now, [earlier]) == now
 
 
 def test_without_dates_nothing_is_linked() -> None:
-    """A source without dates has no before."""
+    """Without dates there are no earlier windows."""
     now = group("A", "B", start=None)
     assert continued(now, [group("A", "B")]) == now

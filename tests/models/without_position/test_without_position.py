@@ -1,4 +1,4 @@
-"""What OP and PV alone tell: the element, the surrogates, the networks, and what may be said."""
+"""The evidence of OP and PV alone: the element, the surrogates, the networks, and the results."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from stemwatch.models.without_position.windows import LENGTH, windows
 
 @cache
 def few_trained() -> Judge:
-    """Networks of a few loops: good for little, but they answer. Trained once, when first asked."""
+    """Networks trained on a few loops, poor but working; trained once, on the first use."""
     shown = [example(5151, index) for index in range(40)]
     limits = SuspicionLimits(suspected_from=0.8, no_sign_below=0.3, shows_from=0.5)
     network: LoopNetwork = train(
@@ -51,7 +51,7 @@ def few_trained() -> Judge:
 
 
 def suspect(recording: Recording) -> WithoutPosition:
-    """What is said of a recording."""
+    """The result for a recording."""
     return suspect_by(recording, few_trained())
 
 
@@ -142,8 +142,8 @@ def test_units_and_direction_of_the_loop_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("story", STORIES)
-def test_every_story_is_drawn_and_answered(story) -> None:
-    """Sticking and sound; numbers are finite, and what is said fits the verdict."""
+def test_every_kind_of_drawn_loop_gets_an_answer(story) -> None:
+    """Sticking and sound loops: numbers are finite, and the result is consistent."""
     for index in (2, 3):
         suspicion = suspect(drawn(index, story))
         assert suspicion.score is None or 0.0 <= suspicion.score <= 1.0
@@ -233,7 +233,7 @@ def test_the_period_is_that_of_a_wave_that_wanders() -> None:
 
 
 def test_evidence_has_a_name_for_every_number() -> None:
-    """And refuses what holds nothing."""
+    """Signals without movement are refused."""
     loop = draw_loop(77, 0)
     assert evidence(loop.op, loop.pv).values.shape == (len(NAMES),)
     with pytest.raises(ValueError, match="too short or still"):
@@ -269,7 +269,7 @@ def limit_cycle() -> Recording:
 
 
 def test_without_the_scale_of_op_nothing_is_suspected() -> None:
-    """Whether S is more than a sound valve has cannot be said; what would help is."""
+    """Whether S is larger than in a sound valve is unknown; the advice says what would help."""
     percent = limit_cycle()
     op, pv = percent.op.values, percent.get(Role.PV).values
     known = suspect_by(percent, trained_judge())
@@ -304,7 +304,7 @@ def test_a_suspicion_has_a_picture_and_a_sound_filter_has_none() -> None:
 
 
 def test_a_long_record_is_judged_by_its_end() -> None:
-    """In the time of a short one, with its S in the same unit."""
+    """It takes as long as a short one, with S in the same unit."""
     recording = limit_cycle()
     op, pv = (np.tile(recording.get(role).values, 12) for role in (Role.OP, Role.PV))
     seen = look_at_loop(loop_of(op, pv))

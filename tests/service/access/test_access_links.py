@@ -58,8 +58,8 @@ def test_only_the_newest_first_link_lets_in_and_only_while_nobody_can(store: Sto
         use_link(store, secret_of(new), "Karl", PASSWORD, now)
 
 
-def test_of_many_who_open_one_link_one_gets_in(store: Store) -> None:
-    """In the same instant, with different names."""
+def test_a_link_opened_by_many_at_once_admits_one(store: Store) -> None:
+    """Many threads use one link in the same instant under different names; exactly one succeeds."""
     secret = secret_of(first_link(store, PAGES))
 
     def open_it(number: int) -> bool:
@@ -87,7 +87,7 @@ def test_an_invitation_runs_out(store: Store, ann: User, after: timedelta) -> No
 
 
 def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
-    """Once; the second time there is nothing to withdraw."""
+    """Withdrawing succeeds once; the second time there is no valid link."""
     secret, link = make_link(
         store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
     )
@@ -118,8 +118,10 @@ def test_a_name_is_taken_whatever_its_capitals(store: Store, ann: User, name: st
         ("Bob", "short", WeakPassword),
     ],
 )
-def test_what_is_not_taken_costs_no_link(store: Store, ann: User, name, password, error) -> None:
-    """A sentence, and another try."""
+def test_a_refused_name_or_password_leaves_the_link_valid(
+    store: Store, ann: User, name, password, error
+) -> None:
+    """The refusal is a sentence, and the link can be used again."""
     secret, _ = make_link(
         store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
     )
@@ -147,7 +149,7 @@ def test_a_link_for_a_password_changes_that_and_nothing_else(store: Store, ann: 
 
 
 @pytest.mark.parametrize("secret", ["", "x", "x" * 43, "\ud800", "\x00", "' OR 1=1 --"])
-def test_a_link_that_was_never_made_is_over(store: Store, ann: User, secret: str) -> None:
+def test_an_unknown_link_is_refused_like_a_used_one(store: Store, ann: User, secret: str) -> None:
     """The same sentence as for one that was used."""
     with pytest.raises(InvalidLink):
         find_link(store, secret, NOW)

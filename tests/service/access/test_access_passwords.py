@@ -53,7 +53,7 @@ def test_several_words_are_taken_in_any_script(password: str) -> None:
 
 
 @given(st.text(max_size=SHORTEST - 1))
-def test_nothing_short_is_taken(password: str) -> None:
+def test_every_short_password_is_refused(password: str) -> None:
     """Whatever its characters."""
     with pytest.raises(WeakPassword):
         check_password(password, "")
@@ -69,7 +69,7 @@ def test_a_password_matches_its_own_hash_alone(hashed: str) -> None:
     assert matches(composed, hash_password(apart))
 
 
-def test_the_hash_of_nobody_costs_what_a_real_one_costs(hashed: str) -> None:
+def test_the_hash_for_unknown_names_takes_as_long_as_a_real_one(hashed: str) -> None:
     """Same parameters and lengths, so that a name that is unknown cannot be told by the time."""
     assert not needs_rehash(UNUSED_HASH)
     assert len(UNUSED_HASH) == len(hashed)

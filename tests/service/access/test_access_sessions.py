@@ -40,8 +40,8 @@ def test_a_session_and_its_forms_outlive_a_restart(store: Store, ann: User) -> N
     assert after.form_token == form_token_of(cookie)
 
 
-def test_the_store_does_not_hold_what_lets_in(store: Store, ann: User) -> None:
-    """Neither a cookie nor a token nor a form's mark can be read from the database."""
+def test_the_store_holds_no_cookie_and_no_token(store: Store, ann: User) -> None:
+    """Neither a cookie nor an API token nor a form token can be read from the database."""
     cookie = begin_session(store, ann.id, now=NOW)
     token = make_token(store, ann, "script", [Scope.READ], now=NOW)
     (session,) = sessions_of(store, ann.id, NOW)
@@ -54,7 +54,7 @@ def test_the_store_does_not_hold_what_lets_in(store: Store, ann: User) -> None:
 
 
 def test_a_session_ends_when_it_is_not_used(store: Store, ann: User) -> None:
-    """Each use counts from anew, what a page asks by itself does not."""
+    """Each use prolongs the session; requests that a page makes by itself do not."""
     cookie = begin_session(store, ann.id, now=NOW)
     later = NOW + IDLE - MINUTE
     assert user_of_cookie(store, cookie, later)
@@ -148,7 +148,7 @@ def test_a_user_has_a_bounded_number_of_tokens(store: Store, ann: User) -> None:
     assert make_token(store, ann, "one more", [Scope.READ], now=NOW).startswith(BEGINS)
 
 
-def test_the_environments_token_is_none_where_there_is_none() -> None:
+def test_an_empty_or_short_environment_token_admits_nobody() -> None:
     """An empty or short one lets nobody in, whatever is sent."""
     for expected in ("", "short"):
         assert user_of_environment(expected, expected) is None

@@ -117,7 +117,7 @@ def test_sticky_valves_are_each_an_alert_and_one_message(store: Store, plant: Pl
     (message,) = store.deliveries.recent()
     assert message.notifier == "all"  # none is urgent enough for the night
     assert len(message.message["alerts"]) == 7
-    assert "7 new alerts" in message.message["subject"]
+    assert message.message["subject"] == "P: 7 new alerts: V0, V1, V2, V3, V4, V5, V6"
 
 
 def test_a_message_links_to_the_pages_where_their_address_is_known(

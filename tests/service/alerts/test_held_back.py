@@ -15,6 +15,7 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.evaluate import awaiting_aftermath, evaluate, gathered
+from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.run.finish import hold_back, p_elsewhere
@@ -137,7 +138,7 @@ def test_many_valves_are_gathered_as_one_by_one(either_store: Store, plant: Plan
     store.set_baseline("V04", b"x", window=(None, None), reason="healthy")
     for seen in gathered(store, plant, list(plant.valves)):
         valve = seen.valve.id
-        alone = store.screenings(valve, 9)
+        alone = store.screenings(valve, WINDOWS_BACK)
         assert [item.id for item in seen.screenings] == [item.id for item in alone]
         assert [item.window for item in seen.screenings] == [item.window for item in alone]
         assert seen.screenings[0].named is (valve == "V01")

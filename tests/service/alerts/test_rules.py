@@ -83,7 +83,11 @@ STICKY, WELL, DUMB = Verdict.STICKY, Verdict.HEALTHY, Verdict.UNDETERMINED
         ([STICKY, WELL, WELL, STICKY], False, False),
         ([WELL, STICKY, STICKY], False, False),
         ([WELL, WELL, STICKY], False, False),
-        ([WELL, WELL, WELL, STICKY], False, True),
+        ([WELL, WELL, WELL, STICKY, STICKY], False, True),
+        ([WELL, WELL, WELL, STICKY], False, False),  # in the only run before: as good as half
+        ([WELL, WELL, WELL, WELL, WELL, STICKY], False, True),
+        ([WELL, WELL, WELL, WELL, STICKY, WELL, STICKY], False, False),
+        ([WELL, WELL, WELL, WELL, WELL, STICKY, WELL, STICKY], False, True),
         ([STICKY, DUMB, DUMB, DUMB, STICKY], True, False),
         ([DUMB, DUMB, DUMB, STICKY, STICKY], True, False),
         ([DUMB, DUMB, DUMB], False, False),
@@ -155,7 +159,7 @@ def test_leaving_the_baseline() -> None:
         ({6: 5.0, 3: 4.0}, True, False),  # what lies between could not be compared
         ({3: 4.0, 2: 4.0}, False, False),  # nor could the newest: what is open stays open
         ({6: 1.0, 5: 1.0, 3: 4.0}, False, False),
-        ({6: 1.0, 4: 1.0, 2: 1.0, 1: 9.0}, False, True),
+        ({6: 1.0, 5: 1.0, 3: 1.0, 2: 9.0, 1: 9.0}, False, True),
         ({}, False, False),
     ],
 )

@@ -268,7 +268,7 @@ def test_the_place_to_go_on_from_is_found_beside_gaps_and_dead_signals() -> None
     assert _going_on(rows, np.full_like(before, np.nan)) == ALIKE
 
 
-def test_a_tape_tells_what_was_served_last() -> None:
+def test_rows_before_an_instant_are_those_served_last() -> None:
     """Across no joint and no hole."""
     tape = SimulatedAhead(Stretch(0.0, 0.5, np.arange(100.0).reshape(20, 5)))
     assert tape.before(10.0)[:, 0].tolist() == [75.0, 80.0, 85.0, 90.0, 95.0]
@@ -315,14 +315,14 @@ def test_a_repair_takes_effect_at_once() -> None:
         plant.close()
 
 
-def test_a_tape_shows_nothing_where_nothing_is_simulated() -> None:
+def test_values_are_missing_where_nothing_is_simulated() -> None:
     """Not the last value held, which would look like a frozen transmitter."""
     tape = SimulatedAhead(Stretch(0.0, 1.0, np.arange(10.0).reshape(2, 5)))
     assert tape.row(1.5).tolist() == [5.0, 6.0, 7.0, 8.0, 9.0]
     assert np.isnan(tape.row(2.0)).all()
 
 
-def test_no_value_is_no_number_in_the_registers() -> None:
+def test_a_missing_value_is_nan_or_65535_in_the_registers() -> None:
     """NaN in floats and 65535 for the mode; both are bad to a reader, never zero."""
     memory = words([np.full(5, np.nan), np.array([1.0, 2.0, 3.0, 4.0, 0.0])])
     assert memory[:2] == [0x7FC0, 0x0000]
@@ -347,7 +347,7 @@ def test_what_cannot_be_served_is_refused(make, text: str) -> None:
         make()
 
 
-def test_a_port_that_is_taken_is_a_sentence() -> None:
+def test_a_port_in_use_is_reported_in_one_sentence() -> None:
     """Not the library's advice to check something."""
 
     async def run() -> None:

@@ -362,7 +362,7 @@ def _late_on(day: int, valve: str) -> Screening:
 def test_headline_and_counts_are_the_same(
     ranking: Ranking, stored: tuple[Store, int], files: Path, pages: httpx.Client, tmp_path: Path
 ) -> None:
-    """Report, ranking page, terminal, run page, metrics, and the book made from the store."""
+    """Report, ranking page, terminal, run page, metrics, and the work list made from the store."""
     store, run = stored
     counts, headline = ranking.counts, ranking.counts.headline
     assert headline == "5 of 14 valves need work"

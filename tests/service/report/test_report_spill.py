@@ -25,7 +25,7 @@ from stemwatch.service.run.spill import ResultSpill
 
 
 def spilled(screenings, plotted: int = MOST_PLOTTED) -> ResultSpill:
-    """A spill with every screening, packed, put there last first."""
+    """A spill that contains every packed screening, stored in reverse order."""
     spill = ResultSpill(plotted)
     for index in reversed(range(len(screenings))):
         spill.add(index, *plots_instead_of_samples(screenings[index]))
@@ -53,7 +53,7 @@ def test_what_is_read_is_what_was_put(mixed_plant) -> None:
         )
 
 
-def test_the_report_is_the_same_from_a_shelf(mixed_plant, make_context, tmp_path) -> None:
+def test_the_report_from_a_spill_is_the_same(mixed_plant, make_context, tmp_path) -> None:
     """Packed results give byte for byte the report of those with all samples."""
     context = make_context(mixed_plant)
     complete = write_report(mixed_plant, context, tmp_path / "whole")

@@ -50,7 +50,7 @@ def test_tags_given_are_asked_of_every_file(folder: Path) -> None:
     assert {"FIC-1.OP"} == {task.tags.tags[Role.OP].tag for task in planned.tasks}
 
 
-def test_a_source_that_names_nothing(tmp_path: Path) -> None:
+def test_a_source_that_names_nothing_is_an_error(tmp_path: Path) -> None:
     """The error repeats the source and shows what would be right."""
     with pytest.raises(UnreadableSource, match=r"gone.*no such file.*exports/\*\.csv"):
         make_plan(Request(sources=(str(tmp_path / "gone.csv"),)))
@@ -105,7 +105,7 @@ def test_a_plants_options_hold_for_a_file_named_by_hand(folder: Path) -> None:
     assert (",", "UTC") == (overruled.read_options.separator, overruled.read_options.zone)
 
 
-def test_a_file_with_none_of_the_plants_tags(folder: Path) -> None:
+def test_a_file_without_the_plants_tags_is_named(folder: Path) -> None:
     """The file is named, and that none of the plant's tags is in it."""
     file = folder / "below" / "b.csv"
     (task,) = make_plan(Request(sources=(str(file),), plant=plant_in(folder))).tasks

@@ -166,7 +166,7 @@ def test_the_user_may_choose_the_baseline(screened, rows) -> None:
     ]
 
 
-def test_maintenance_of_an_unknown_valve(stemwatch, plant: Path) -> None:
+def test_maintenance_of_an_unknown_valve_is_refused(stemwatch, plant: Path) -> None:
     """A valve that neither store nor plant knows ends with 2 and its name."""
     outcome = stemwatch("maintenance", "FIC-999", "--note", "x", "--plant", plant)
     assert outcome.status == 2

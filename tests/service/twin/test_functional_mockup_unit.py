@@ -144,7 +144,7 @@ CURVED = quick_fit(BENT, dead_time=1.0, lag_rising=2.0, lag_falling=2.0, reading
         *((CURVED, step_s) for step_s in (0.5, 1.0, 4.0)),
     ],
 )
-def test_an_hour_is_the_quick_fits_kernel(unit, chain, step_s: float) -> None:
+def test_an_hour_of_the_fmu_equals_the_quick_fits_kernel(unit, chain, step_s: float) -> None:
     """To 1e-9 percent, whatever the communication step; OP is held between two of them."""
     op = wandering_op()
     times, positions = simulated(unit(chain), chain, op, step_s)
@@ -218,7 +218,7 @@ def test_the_stem_sticks_again_as_the_fit_has_it(unit, slug: str | None, restick
 
 @needs_compiler
 @pytest.mark.parametrize("slug", ["asymmetric_lag", "dwell_dependent_breakaway", "viscous_drag"])
-def test_a_record_on_another_clock(unit, slug: str) -> None:
+def test_the_fmu_keeps_the_records_interval(unit, slug: str) -> None:
     """A sample a minute through a bent curve: times are in seconds, S and J in percent of OP."""
     screening, question = with_term(slug, unit_s=60.0, curve=BENT)
     chain = valve_chain(screening)
@@ -323,7 +323,7 @@ def running(unit):
 
 @needs_compiler
 @pytest.mark.parametrize("step_s", [0.3, 0.7, 1.3, 3.7])
-def test_steps_that_do_not_meet_the_samples(running, step_s: float) -> None:
+def test_each_sample_takes_the_op_of_its_step(running, step_s: float) -> None:
     """Each sample takes the OP of the step that it falls in; the position is the last sample's."""
     running.begin()
     given = wandering_op(round(HOUR / step_s))
@@ -353,7 +353,7 @@ def test_reset_and_a_kept_state_begin_anew(running) -> None:
 
 
 @needs_compiler
-def test_a_repair_during_the_run(running) -> None:
+def test_s_and_j_can_be_tuned_to_zero_during_a_run(running) -> None:
     """With S and J tuned to 0 the position follows OP; what is fixed cannot be tuned."""
     op = wandering_op(300)
     running.begin()
@@ -407,7 +407,7 @@ def test_a_name_cannot_break_the_descriptions(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["FIC\x001", "FIC\ud8001", "../../x", "F" * 5000])
-def test_a_name_that_no_description_can_hold(tmp_path: Path, name: str) -> None:
+def test_characters_that_xml_lacks_become_blanks(tmp_path: Path, name: str) -> None:
     """Signs that XML does not have are blanks there; no file of the archive is elsewhere."""
     file = tmp_path / "valve.fmu"
     unit = functional_mockup_unit(replace(quick_fit(), valve=name), "no compiler")

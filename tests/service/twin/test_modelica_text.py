@@ -158,7 +158,7 @@ def test_the_text_says_what_every_effect_does(slug: str) -> None:
     assert np.max(np.abs(run(chain, op, position_start=op[0]) - expected)) < NEAR
 
 
-def test_the_text_on_another_clock() -> None:
+def test_the_text_keeps_the_records_interval() -> None:
     """A sample a minute through a bent curve."""
     screening, question = with_term("viscous_drag", unit_s=60.0, curve=BENT)
     chain = valve_chain(screening)
@@ -179,7 +179,7 @@ def test_a_name_cannot_break_the_text(name: str) -> None:
     assert run(chain, op).tolist() == run(PLAIN, op).tolist()
 
 
-def test_names_of_modelica() -> None:
+def test_a_tag_becomes_a_modelica_identifier() -> None:
     """A tag of the plant becomes an identifier."""
     assert identifier_of("10-FIC/104.A") == "valve_10_FIC_104_A"
     assert identifier_of("FIC-104") == "FIC_104"

@@ -13,7 +13,9 @@ from stemwatch.service.studies.what_if import FALL, run_what_if_study
 from tests.service.conftest import BLIND, STICKY
 
 
-def test_the_twin_of_a_plants_valve(stemwatch, small_plant: Path, tmp_path: Path) -> None:
+def test_the_twin_of_a_valve_shows_five_usual_changes(
+    stemwatch, small_plant: Path, tmp_path: Path
+) -> None:
     """Five usual changes with intervals, on the terminal and as JSON; repair saves most."""
     file = tmp_path / "twin.json"
     outcome = stemwatch("twin", STICKY, "--plant", small_plant, "--json", file)
@@ -28,7 +30,7 @@ def test_the_twin_of_a_plants_valve(stemwatch, small_plant: Path, tmp_path: Path
     assert falls[0]["value"] > 50.0
 
 
-def test_a_change_of_ones_own(stemwatch, small_plant: Path) -> None:
+def test_a_requested_change_gives_one_row(stemwatch, small_plant: Path) -> None:
     """One row for what was asked; a knocker without sense is refused with what is expected."""
     asked = ("twin", STICKY, "--plant", small_plant)
     outcome = stemwatch(*asked, "--gain-times", "0.7", "--s", "1")
@@ -101,7 +103,9 @@ def test_a_price_in_the_plant_file_becomes_money(
     assert "price_per_unit_hour" in refused.said
 
 
-def test_the_valve_for_other_simulators(stemwatch, small_plant: Path, tmp_path: Path) -> None:
+def test_fmu_and_modelica_are_written_without_simulating(
+    stemwatch, small_plant: Path, tmp_path: Path
+) -> None:
     """As FMI 3.0 unit and Modelica text in one go, with what the model has; nothing else is run."""
     unit, text = tmp_path / "valve.fmu", tmp_path / "valve.mo"
     made = stemwatch("twin", STICKY, "--plant", small_plant, "--fmu", unit, "--modelica", text)

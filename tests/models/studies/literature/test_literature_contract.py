@@ -1,4 +1,4 @@
-"""What every model must do, asked of every model."""
+"""The contract of ``ValveModel``, tested on every model."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_holds_on_a_constant_command(model):
 
 
 @every
-def test_the_clock_does_not_matter(signals, model):
+def test_the_response_does_not_depend_on_the_start_time(signals, model):
     """Time invariance (I18): a stem that waits before the record does the same afterwards."""
     op = signals["triangle"][:500]
     late = usual(model, np.concatenate((np.full(37, op[0]), op)))
@@ -77,7 +77,7 @@ def test_the_clock_does_not_matter(signals, model):
 
 
 @every
-def test_the_past_alone_decides(signals, model):
+def test_a_later_command_does_not_change_earlier_positions(signals, model):
     """A change of the command leaves every earlier position as it was."""
     op = signals["noisy sine"][:300]
     other = op.copy()
@@ -132,14 +132,14 @@ def test_refuses_parameters_that_make_no_sense(model):
         ("karnopp", {"static_n": 500.0}, "expected kinetic_n <= static_n, received 700 and 500 N"),
     ],
 )
-def test_refuses_levels_that_do_not_go_together(name, chosen, words):
-    """Each is within its bounds, and together they are no friction."""
+def test_refuses_inconsistent_friction_levels(name, chosen, words):
+    """Each is within its bounds, but together they are not a friction."""
     model = BY_NAME[name]
     with pytest.raises(ValueError, match=words):
         model.simulate(np.array([50.0, 51.0]), values_of(model, **chosen), 1.0, 50.0)
 
 
-def test_a_name_that_is_none_is_answered_with_those_that_are():
+def test_an_unknown_parameter_name_is_refused_with_the_known_ones():
     """A misspelt parameter gets the list to choose from."""
     with pytest.raises(ValueError, match="kano has no Q; it has S, J"):
         values_of(BY_NAME["kano"], Q=1.0)

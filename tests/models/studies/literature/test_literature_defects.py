@@ -40,7 +40,7 @@ def test_a_dithering_stuck_stem_never_lets_go_as_drawn():
 
 @readings
 def test_a_restart_after_dither_is_asked_for_the_whole_band(model):
-    """A2: up, a dip, and up again: the flow chart waits for S where the physics asks for J."""
+    """A2: up, a dip, and up again: the flow chart waits for S where the physics needs J."""
     op = [50, 54, 58, 62, 61, 62.5, 64.5, 66.5]
     assert run(CANONICAL, op)[-2:].tolist() == [63.0, 65.0]
     assert run(model, op)[-2] == 60.5

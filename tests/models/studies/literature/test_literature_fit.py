@@ -1,4 +1,6 @@
-"""The same fit for every model: it finds what made the record, and says when it cannot."""
+"""The same fit for every model: it recovers the simulated parameters, and gives a reason when it
+cannot.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ def command():
     return 50.0 + 12.0 * np.sin(2 * np.pi * (k + 0.3) / 150.0) + 0.5 * walk
 
 
-# What the record can tell of each parameter: percent of OP for levels, a share for the others.
+# Accuracy that the record allows for each parameter: percent of OP for levels, a share for the
+# others.
 LEVEL_PERCENT = 0.15
 SHARP = [model for model in DATA_DRIVEN if model.name != "kano_asymmetric"]
 
@@ -108,8 +111,8 @@ def test_the_same_record_gives_the_same_numbers(recorded, command, name):
     np.testing.assert_array_equal(first.simulated, second.simulated)
 
 
-def test_what_is_held_out_changes_no_parameter(recorded, command):
-    """Samples from train_until on only judge."""
+def test_held_out_samples_change_no_parameter(recorded, command):
+    """Samples from ``train_until`` on are used for scoring only."""
     record = recorded(CANONICAL, command)
     spoilt = record.mv.values.copy()
     spoilt[TRAIN:] += 5.0
@@ -196,8 +199,8 @@ def test_a_record_that_cannot_be_fitted_is_a_result(recorded, command, name, cha
     assert fit.simulated is None
 
 
-def test_without_a_held_out_part_there_is_no_mark_for_it(recorded, command):
-    """A fit to the whole record has a training mark alone."""
+def test_without_a_held_out_part_there_is_no_score_for_it(recorded, command):
+    """A fit to the whole record has a training score only."""
     fit = fit_model(CANONICAL, recorded(CANONICAL, command), command.size)
     assert fit.heldout is None
     assert fit.training.rmse < 0.15
@@ -205,7 +208,7 @@ def test_without_a_held_out_part_there_is_no_mark_for_it(recorded, command):
 
 @pytest.mark.parametrize("train_until", [0, -1, 1501])
 def test_train_until_lies_within_the_record(recorded, command, train_until):
-    """The caller's mistake is told with what was expected."""
+    """The error names the expected range."""
     with pytest.raises(ValueError, match=f"train_until from 1 to 1500 expected.* {train_until}"):
         fit_model(CANONICAL, recorded(CANONICAL, command), train_until)
 
@@ -222,7 +225,7 @@ def test_a_position_that_follows_nothing_is_doubted():
 
 
 def test_a_parameter_at_the_end_of_its_range_is_doubted(recorded, command):
-    """A slip that falls short of its place is none that K can describe: K ends at its lower end."""
+    """K cannot describe a slip that falls short of its place, so it ends at its lower bound."""
     record = recorded(BY_NAME["he3"], command)
     lagged = record.mv.values.copy()
     for k in range(1, lagged.size):
@@ -232,7 +235,7 @@ def test_a_parameter_at_the_end_of_its_range_is_doubted(recorded, command):
     assert fit.outcome.startswith("K ended at the lower end of the search")
 
 
-def test_marks_are_those_of_their_formulas():
+def test_scores_are_those_of_their_formulas():
     """RMSE, fit percent and directional change on a record small enough for a pencil."""
     mv = np.tile([0.0, 1.0, 1.0, 0.0], 10)
     simulated = np.tile([0.0, 1.0, 1.0, 1.0], 10)
@@ -243,7 +246,7 @@ def test_marks_are_those_of_their_formulas():
     assert scored_result.direction_percent == pytest.approx(100.0 * 20 / 39)
 
 
-def test_a_mark_needs_samples_that_move():
+def test_a_score_needs_samples_that_move():
     """Fewer than twenty samples, or a constant, have no mark."""
     mv = np.arange(19.0)
     assert score(mv, mv, np.ones(19, dtype=bool), 0.1) is None

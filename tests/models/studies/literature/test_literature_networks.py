@@ -1,4 +1,4 @@
-"""What every network keeps: it simulates a recording, repeats itself, and refuses in words."""
+"""The contract of networks: simulate a recording, repeat exactly, and refuse with a sentence."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_network_repeats_itself(network, recording, fits):
 
 
 @every
-def test_the_heldout_positions_teach_nothing(network, recording, element, fits):
+def test_held_out_positions_do_not_change_the_weights(network, recording, element, fits):
     """Other positions after ``train_until`` and its start leave the weights as they were."""
     mv = np.array(recording.mv.values)
     mv[TRAIN_UNTIL + 2 :] = mv[TRAIN_UNTIL + 2 :][::-1]
@@ -106,13 +106,13 @@ def test_memory_beats_a_static_map(fits):
     assert rmse == sorted(rmse)
 
 
-def test_the_row_of_the_table_is_told(fits):
+def test_the_outcome_names_the_row_of_the_table(fits):
     """S 4 % and J 1.5 % are an undershoot, and the outcome says so."""
     answer = "Layers of Table 1 for undershoot, by the fitted S "
     assert [fits[n.name].outcome.startswith(answer) for n in NETWORKS] == [True, True, False]
 
 
-def test_a_run_that_diverges_is_told():
+def test_a_diverging_run_is_reported():
     """Weights that double the position at every sample end at the limit, and are marked so."""
     step = ThreeLayers(
         transfers=NARX[Shape.NO_OFFSET],
@@ -126,7 +126,7 @@ def test_a_run_that_diverges_is_told():
     assert (simulated[2], simulated[-1], diverged) == (pytest.approx(0.2), LIMIT, True)
 
 
-def test_too_few_whole_pieces_are_a_sentence():
+def test_too_few_whole_pieces_give_a_reason():
     """Holes everywhere leave nothing to train on."""
     u = np.sin(np.arange(400) / 9.0)
     run = np.arange(400) % 2 == 0

@@ -190,7 +190,7 @@ def test_classical_and_karnopp_agree():
 
 
 def test_dahl_has_no_jump():
-    """Dahl's stem lets go without a slip: no step is much larger than the command's."""
+    """Dahl's stem breaks away without a slip: no step is much larger than the command's."""
     op = zigzag(400.0, 0.5)
     y = run(dahl(LIGHT), op, 0.5, kinetic_n=0.1 * SPAN_N)
     assert np.max(np.abs(np.diff(y))) < 1.05 * np.max(np.abs(np.diff(op)))

@@ -1,4 +1,4 @@
-"""The inputs: what is trained on, and what is not."""
+"""The inputs for training and for testing."""
 
 from __future__ import annotations
 

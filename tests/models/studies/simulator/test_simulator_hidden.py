@@ -160,7 +160,7 @@ def test_the_truth_names_what_is_hidden(slug: str) -> None:
 
 
 def test_an_effect_outside_the_catalogue_is_called_unknown() -> None:
-    """The judge is asked for "unknown"; the truth keeps what it was."""
+    """The expected answer is "unknown"; the truth keeps the name of the effect."""
     for case in draw_unknown(len(UNKNOWN), 1):
         assert ("unknown",) == case.effects
         assert case.hidden[0] in UNKNOWN
@@ -189,7 +189,9 @@ def test_a_stop_that_is_never_reached_is_not_excited() -> None:
 
 
 def test_a_null_is_excited_and_a_case_that_did_not_run_is_not() -> None:
-    """Nothing hidden can always be seen; what is hidden only after the simulation."""
+    """A case with nothing hidden counts as excited; one with an effect only after its
+    simulation.
+    """
     assert draw_nulls(1, 1)[0].excited
     assert not draw_effect("zero_shift", 1, 1)[0].excited
 

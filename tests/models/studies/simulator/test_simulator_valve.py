@@ -148,7 +148,9 @@ def test_the_stem_stays_within_its_stroke() -> None:
     ],
 )
 @pytest.mark.parametrize("gain", [0.0, 1.5])
-def test_a_valve_knows_what_it_shows(S: float, J: float, shape: Shape, gain: float) -> None:
+def test_a_valve_reports_the_S_and_J_that_it_shows(
+    S: float, J: float, shape: Shape, gain: float
+) -> None:
     """``SimulatedValve.showing`` gives the asked S, J and shape with and without positioner."""
     valve = SimulatedValve.showing(S, J, positioner_gain=gain)
     assert pytest.approx((S, J)) == (valve.S_read, valve.J_read)

@@ -1,4 +1,4 @@
-"""What happens to a simulated valve over months: its S, its causes, and the loop of each day."""
+"""A simulated valve over months: its S, the causes for alerts, and the loop of each day."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_draw_does_not_depend_on_how_many_are_drawn():
 
 @pytest.mark.parametrize("life", HEALTHY)
 def test_a_healthy_valve_never_has_a_cause(life):
-    """Whatever the plant does with it."""
+    """Campaigns, seasons and shutdowns do not give it one."""
     valve = LIVES[life]
     assert valve.crosses is None
     assert not any(valve.has_cause(day) for day in range(valve.days))

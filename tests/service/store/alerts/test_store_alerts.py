@@ -1,4 +1,4 @@
-"""Alerts and messages: one open alert of each cause, each told of once."""
+"""Alerts and messages: one open alert for each cause, each in one message."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_cause_that_comes_back_is_a_new_alert(store: Store) -> None:
     ] == [second, first]
 
 
-def test_acknowledging_and_snoozing(store: Store) -> None:
+def test_acknowledging_and_snoozing_keep_the_person(store: Store) -> None:
     """Both name the person; a snoozed alert bothers nobody until its end."""
     (number,) = store.alerts.raise_all([found()])
     store.alerts.acknowledge(number, "Ann", "packing ordered")

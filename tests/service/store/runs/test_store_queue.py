@@ -94,7 +94,7 @@ def test_planning_again_gives_what_is_left(store: Store) -> None:
     assert store.queue.valves_done(run) == ["A"]
 
 
-def test_cancelling(store: Store) -> None:
+def test_cancelling_ends_a_waiting_run_at_once_and_a_running_one_soon(store: Store) -> None:
     """A waiting run is over at once, one that goes on when its worker hears; a finished one not."""
     first, second = put(store, who="Ann"), put(store, who="Ann")
     going = store.queue.claim("w")
@@ -108,7 +108,7 @@ def test_cancelling(store: Store) -> None:
     assert not store.queue.ask_to_cancel(999, "Ben")
 
 
-def test_time_left(store: Store) -> None:
+def test_the_time_left_follows_from_the_valves_done(store: Store) -> None:
     """Seconds to go follow from the valves that are done, and nothing is said before the first."""
     run_id = put(store, who="Ann")
     run = store.queue.claim("w")

@@ -122,7 +122,9 @@ def test_units_come_with_the_tags(store: Store) -> None:
 @settings(
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_any_tag_and_any_number(store: Store, tag: str, numbers: list[float]) -> None:
+def test_every_tag_and_finite_number_comes_back_exactly(
+    store: Store, tag: str, numbers: list[float]
+) -> None:
     """Every finite number comes back bit for bit, whatever the tag is called."""
     source = f"s{abs(hash((tag, tuple(numbers))))}"
     store.samples.write(batch(tag, range(len(numbers)), numbers, source=source))
@@ -132,7 +134,7 @@ def test_any_tag_and_any_number(store: Store, tag: str, numbers: list[float]) ->
     np.testing.assert_array_equal(values, expected)
 
 
-def test_a_recording_from_the_store(store: Store) -> None:
+def test_a_recording_from_the_store_has_ops_clock_and_percent(store: Store) -> None:
     """OP's clock, percent of the given range, holes left holes, and where it came from."""
     seconds = [n for n in range(30) if n not in (10, 11)]
     store.samples.write(batch("OP", seconds, np.arange(30.0)[seconds]))

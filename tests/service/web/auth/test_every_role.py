@@ -69,7 +69,7 @@ def test_every_route_declares_its_right(app):
     assert {*ROUTE_OPERATIONS.values()} == {*Operation} - {Operation.UNDECLARED}
 
 
-def test_a_route_that_was_forgotten_is_shut(live, monkeypatch):
+def test_a_route_without_a_declared_permission_is_refused_to_all(live, monkeypatch):
     """Without a declared right even an admin's token gets nothing, and a viewer less."""
     from stemwatch.service.web.auth import route_permissions as permits
 
@@ -118,7 +118,7 @@ def expected(name: str, current_user: CurrentUser | None, *, is_form: bool) -> s
 
 @pytest.mark.parametrize("way", ["session", "token", "nobody"])
 @pytest.mark.parametrize("role", UserRole)
-def test_nobody_gets_what_the_table_does_not_allow(live, app, role, way):
+def test_every_route_refuses_roles_without_its_permission(live, app, role, way):
     """Every route: let in where the right is there, else refused with nothing in the answer."""
     current_user, carried = let_in(live, role, way)
     for name, operation in ROUTE_OPERATIONS.items():
@@ -153,7 +153,7 @@ def test_nobody_gets_what_the_table_does_not_allow(live, app, role, way):
     ],
 )
 def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, status):
-    """Though its user is admin: a scope is no ladder."""
+    """A token of an admin has only the rights of its scopes; a scope does not include others."""
     method, place = path.split()
     what = {"json": {"text": "x"}} if method == "POST" else {}
     headers = bearer_of(live, UserRole.ADMIN, scopes)
@@ -175,7 +175,7 @@ def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, s
     ],
 )
 def test_no_spelling_of_an_address_gets_around_the_table(live, app, path):
-    """What the application would answer is what the door looked at."""
+    """The permission check and the router see the same path, however it is spelled."""
     answer = ask(app, "GET", path, cookies=cookie_of(live, UserRole.VIEWER))
     assert answer.status_code in (307, 403, 404)
     assert NAMES[UserRole.ADMIN] not in answer.text
@@ -192,7 +192,7 @@ def test_no_other_method_gets_around_the_table(live, app, method):
         assert "allow" not in nobody.headers
 
 
-def test_who_opens_a_page_is_led_to_the_login_and_back(live, app):
+def test_opening_a_page_without_session_leads_to_the_login_and_back(live, app):
     """A browser gets a redirect that keeps the address; everything else gets 401."""
     html = {"accept": "text/html,*/*"}
     answer = ask(app, "GET", "/valve", params={"id": STICKY}, headers=html)
@@ -203,7 +203,7 @@ def test_who_opens_a_page_is_led_to_the_login_and_back(live, app):
 
 
 def test_whoever_is_refused_is_told_what_is_missing(live, app):
-    """The role that is needed and the one that is there; or the scope."""
+    """The refusal names the role that is needed and the user's role, or the missing scope."""
     answer = ask(app, "GET", "/users", cookies=cookie_of(live, UserRole.ENGINEER))
     assert f"needs the role admin; {NAMES[UserRole.ENGINEER]} is engineer" in answer.text
     headers = bearer_of(live, UserRole.ADMIN, (Scope.READ,))

@@ -1,4 +1,4 @@
-"""Whose word on the reader's address is taken: that of named proxies, and of nobody else."""
+"""The client address in a proxy header is trusted from configured proxies only."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_only_named_proxies_are_believed(proxies, text, seen) -> None:
         assert httpx.get(base, headers=text).text == seen
 
 
-def test_a_proxy_that_is_not_named_is_said(live: Site, client_of, tmp_path, caplog) -> None:
+def test_an_untrusted_proxy_is_logged(live: Site, client_of, tmp_path, caplog) -> None:
     """Else everybody behind it would share one address, and one count of failed logins."""
     (tmp_path / "plain.toml").write_text("[plant]\n", encoding="utf-8")
     (tmp_path / "named.toml").write_text(

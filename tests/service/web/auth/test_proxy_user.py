@@ -65,7 +65,9 @@ def test_whom_a_trusted_proxy_names_is_signed_in(live: Site, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("text", [OFF, ELSEWHERE, ""])
-def test_the_header_of_anybody_else_is_nobodys(live: Site, tmp_path: Path, text: str) -> None:
+def test_the_header_from_an_untrusted_address_is_ignored(
+    live: Site, tmp_path: Path, text: str
+) -> None:
     """Off by default; and from an address that is not named it opens nothing."""
     with served(live, tmp_path, text) as client:
         assert who(client, (HEADER, ENGINEER)) == "401"
@@ -98,7 +100,7 @@ def test_behind_a_trusted_proxy_the_readers_address_changes_nothing(
         assert who(client, (HEADER, ENGINEER), ("X-Forwarded-For", "198.51.100.7")) == ENGINEER
 
 
-def test_two_names_are_nobody(live: Site, tmp_path: Path) -> None:
+def test_a_repeated_user_header_signs_in_nobody(live: Site, tmp_path: Path) -> None:
     """A proxy that adds its header to the reader's own would let everybody be anybody."""
     admin = NAMES[UserRole.ADMIN]
     with served(live, tmp_path, ON) as client:
@@ -109,7 +111,7 @@ def test_two_names_are_nobody(live: Site, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["", "x" * 500, "a\x7fb", "nobody here", "<b>x</b>"])
-def test_a_name_that_is_no_user_comes_no_further(live: Site, tmp_path: Path, name: str) -> None:
+def test_an_unknown_name_is_refused_and_logged(live: Site, tmp_path: Path, name: str) -> None:
     """Refused with a sentence, never an error, and noted in the audit log."""
     with served(live, tmp_path, ON) as client:
         answer = client.get("/overview", headers={HEADER: name.encode()})
@@ -120,7 +122,7 @@ def test_a_name_that_is_no_user_comes_no_further(live: Site, tmp_path: Path, nam
     assert any(entry.how == "proxy" and entry.outcome == "refused" for entry in noted)
 
 
-def test_a_disabled_user_stays_outside(live: Site, tmp_path: Path) -> None:
+def test_a_disabled_user_is_refused(live: Site, tmp_path: Path) -> None:
     """The proxy says who somebody is, not that they may come in."""
     with served(live, tmp_path, ON) as client:
         live.store.accounts.disable(user_of(live, UserRole.ENGINEER).id, live.clock())

@@ -22,8 +22,8 @@ from tests.service.web.example_plant import NOW, STICKY, serving
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, user_of
 
 
-def mark_in(page: str) -> str:
-    """The mark of the first form of a page."""
+def form_token_in(page: str) -> str:
+    """The token of the first form of a page."""
     return re.search(r'name="mark" value="([0-9a-f]{64})"', page)[1]
 
 
@@ -35,7 +35,7 @@ class Browser:
 
     def send(self, page: str, path: str, **fields: str) -> httpx.Response:
         """A form of ``page``."""
-        mark = mark_in(self.client.get(page).text)
+        mark = form_token_in(self.client.get(page).text)
         return self.client.post(path, data={"mark": mark, **fields})
 
     def sign_in(self, name: str, password: str = PASSWORD, wanted: str = "") -> httpx.Response:
@@ -82,7 +82,7 @@ def test_a_wrong_login_says_one_sentence_and_waits_after_some(stranger: Browser)
     assert NAME not in stranger.client.cookies
 
 
-def test_a_session_that_was_laid_down_is_not_taken_over(stranger: Browser) -> None:
+def test_a_login_never_adopts_a_session_cookie_set_before(stranger: Browser) -> None:
     """Whatever cookie a browser brings, a login gives it a new one."""
     stranger.client.cookies.set(NAME, "laid-down")
     given = stranger.sign_in("Ann").headers["set-cookie"]
@@ -113,7 +113,7 @@ def test_a_browser_is_known_after_a_login(stranger: Browser, live: Site, client_
     assert stranger.sign_in("Ann").status_code == 303
 
 
-def test_a_login_form_needs_its_own_mark(stranger: Browser) -> None:
+def test_a_login_form_needs_its_own_token(stranger: Browser) -> None:
     """No other page can sign a browser in under a name of its choosing."""
     fields = {"name": "Ann", "password": PASSWORD}
     assert stranger.client.post("/login", data=fields).status_code == 403
@@ -150,7 +150,7 @@ def test_with_tls_the_cookie_never_travels_without(live: Site) -> None:
 
     async def ask() -> str:
         async with httpx.AsyncClient(transport=transport, base_url="https://localhost") as client:
-            mark = mark_in((await client.get("/login")).text)
+            mark = form_token_in((await client.get("/login")).text)
             fields = {"mark": mark, "name": "Ann", "password": PASSWORD}
             answer = await client.post("/login", data=fields)
             assert (await client.get("/")).status_code == 200
@@ -162,9 +162,9 @@ def test_with_tls_the_cookie_never_travels_without(live: Site) -> None:
 
 
 def test_a_form_that_was_opened_before_a_restart_is_taken_after_it(live: Site, client_of) -> None:
-    """Session and mark belong to the browser and the store, not to a process."""
+    """Session and form token belong to the browser and the store, not to a process."""
     before = Browser(client_of(live))
-    mark, cookies = mark_in(before.client.get("/runs").text), dict(before.client.cookies)
+    mark, cookies = form_token_in(before.client.get("/runs").text), dict(before.client.cookies)
     repeated = serving(live)
     with (
         repeated as base,
@@ -237,7 +237,9 @@ def test_a_token_is_shown_once_and_revoked(stranger: Browser, live: Site) -> Non
     assert repeated.status_code == 401
 
 
-def test_nobody_makes_or_revokes_what_is_not_theirs(stranger: Browser, live: Site) -> None:
+def test_users_neither_make_tokens_above_their_role_nor_revoke_those_of_others(
+    stranger: Browser, live: Site
+) -> None:
     """A scope above one's role, a lifetime that is none, somebody else's token."""
     stranger.sign_in("Ann")
     base = {"name": "x", "days": "30"}
@@ -332,8 +334,8 @@ def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of
         assert len(set(places[1])) > 1
 
 
-def test_the_first_use_of_a_page_after_long_is_the_login(live: Site, client_of) -> None:
-    """A session that nobody used ends by itself."""
+def test_an_unused_session_ends_and_leads_to_the_login(live: Site, client_of) -> None:
+    """After a long time without use the session has ended."""
     client = client_of(live)
     assert client.get("/").status_code == 200
     object.__setattr__(live, "clock", lambda: NOW + timedelta(hours=13))
@@ -341,7 +343,7 @@ def test_the_first_use_of_a_page_after_long_is_the_login(live: Site, client_of) 
 
 
 def test_tokens_of_everybody_are_seen_and_ended_by_an_admin(admin: Browser, live: Site) -> None:
-    """With owner and first letters."""
+    """The list shows owner and first letters of each token."""
     bearer_of(live, UserRole.ENGINEER)
     page = admin.client.get("/tokens").text
     assert NAMES[UserRole.ENGINEER] in page

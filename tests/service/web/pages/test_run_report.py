@@ -82,7 +82,7 @@ def test_links_of_the_report_to_the_files_beside_it_lead_to_them(live, client):
         assert client.get(str(page.url.join(html.unescape(link)))).status_code == 200, link
 
 
-def test_the_report_is_caged(client, reported):
+def test_the_report_is_served_in_a_sandbox(client, reported):
     """Without an origin it reaches neither the service nor its cookies."""
     policy = client.get(f"/run/report?id={reported}").headers["content-security-policy"]
     assert policy.startswith("sandbox ")
@@ -116,8 +116,8 @@ def test_a_run_without_a_report_says_so(client, run):
 
 
 @pytest.mark.browser
-def test_the_report_works_in_its_cage(browser, live, reported):
-    """Its plots are drawn and nothing is logged, though it has no origin."""
+def test_the_report_works_in_its_sandbox(browser, live, reported):
+    """Its plots are drawn and nothing is logged, although it has no origin."""
     with serving(live) as base:
         context = browser.new_context()
         ((name, value),) = cookie_of(live).items()
