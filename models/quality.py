@@ -34,7 +34,6 @@ from stemwatch.models.words import share
 
 NEGLIGIBLE_SHARE = 0.005
 PUT_TOGETHER = 0.1  # share of holes in a recording, above which it is said to consist of pieces
-MOSTLY = 0.5  # a larger frozen share is an obstacle, reported there and not as a remark
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def _clock_remarks(recording: Recording) -> list[tuple[str, str]]:
 
 
 def _quality_remarks(
-    recording: Recording, frozen: float, drawn_share: float
+    recording: Recording, frozen: float, drawn_share: float, limits: Limits
 ) -> list[tuple[str, str]]:
     """(grade, sentence) for each defect of the data that does not prevent a verdict."""
     found_remarks: list[tuple[str, str]] = []
@@ -98,7 +97,7 @@ def _quality_remarks(
         pieces = len(runs_of(~holes))
         text = f"the recording is put together from {pieces} pieces, each fitted from its own start"
         found_remarks.append(("C", text))
-    if 0.0 < frozen <= MOSTLY:
+    if 0.0 < frozen <= limits.max_bad_share:
         text = f"the position was frozen for {share(frozen, 1)} of the time, which is left out"
         found_remarks.append(("C", text))
     if drawn_share > 0.1:
@@ -135,9 +134,11 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
             recording = _mask(recording, Role.MV, runs)
         obstacles += record_obstacles(frozen, drawn_share, limits) or foreign_obstacles(recording)
     # Frozen samples are reported as frozen, and not a second time as missing.
-    obstacles += length_obstacles(unmasked if frozen > MOSTLY else recording, limits)
+    obstacles += length_obstacles(unmasked if frozen > limits.max_bad_share else recording, limits)
     obstacles += movement_obstacles(recording, limits)
-    quality_remarks = _quality_remarks(recording, frozen, drawn_share) if len(recording) else []
+    quality_remarks = (
+        _quality_remarks(recording, frozen, drawn_share, limits) if len(recording) else []
+    )
     reasons = tuple(o.reason for o in obstacles) + tuple(text for _, text in quality_remarks)
     grade = "D" if obstacles else max((letter for letter, _ in quality_remarks), default="A")
     return Assessment(

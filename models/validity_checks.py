@@ -361,7 +361,7 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
 def record_obstacles(frozen: float, drawn_share: float, limits: Limits) -> list[Obstacle]:
     """A position that the transmitter froze or the historian interpolated for too long."""
     obstacles = []
-    if frozen > 0.5:
+    if frozen > limits.max_bad_share:
         obstacles.append(
             Obstacle(
                 "position_frozen",

@@ -2,11 +2,12 @@
 
     python -m tests.faults --rounds 4
 
-First a night of one service: a simulated device that notes each of its answers, PostgreSQL and the
-service as a process. After each fault it is waited for until the service is itself again: a good
-sample from after the fault's end is in the store, and where the fault was one of runs or pages, a
-run that began after it is done, or a page answers. At the end the store is compared with what the
-device answered. Then the faults that need a plant of their own, each by the tests that make it.
+First the rounds of one service: a simulated device that notes each of its answers, PostgreSQL and
+the service as a process. After each fault it is waited for until the service is itself again: a
+good sample from after the fault's end is in the store, and where the fault was one of runs or
+pages, a run that began after it is done, or a page answers. At the end the store is compared with
+what the device answered. Then the faults that need a plant of their own, each by the tests that
+make it.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ from stemwatch.service.interruption import ending_on_signals
 from stemwatch.service.store.errors import StoreError
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store, open_store
-from tests.service.test_faults import Database, Device, Night, compared
+from tests.service.test_faults import Database, Device, RestartedService, compared
 
 ROOT = Path(__file__).resolve().parent.parent
 TAGS = ("FIC-101.OP", "FIC-101.ZT", "TIC-102.PV")
@@ -94,38 +95,40 @@ def main() -> int:
         things.callback(database.stop)
         device.start()
         things.callback(device.stop)
-        night = Night(folder, database.url)
-        things.callback(night.end, signal.SIGKILL)
-        failed = _night(arguments.rounds, database, device, night)
+        service = RestartedService(folder, database.url)
+        things.callback(service.end, signal.SIGKILL)
+        failed = _fault_rounds(arguments.rounds, database, device, service)
     if not arguments.night_only:
         failed |= _elsewhere()
     return failed
 
 
-def _night(rounds: int, database: Database, device: Device, night: Night) -> int:
-    (night.folder / "dropped").mkdir()
-    (night.folder / "plant.toml").write_text(device.plant_file() + DROPPED, encoding="utf-8")
-    night.start()
+def _fault_rounds(
+    rounds: int, database: Database, device: Device, service: RestartedService
+) -> int:
+    (service.folder / "dropped").mkdir()
+    (service.folder / "plant.toml").write_text(device.plant_file() + DROPPED, encoding="utf-8")
+    service.start()
     faults = {
         "the device cuts every connection for 2 s": Fault(lambda: device.cut(2.0)),
         "the device says nothing for 3 s": Fault(lambda: device.hang(3.0)),
         "the database is away for 5 s": Fault(lambda: _away(database)),
-        "the service is killed": Fault(night.kill),
-        "the service is killed while the database is away": Fault(lambda: _both(database, night)),
-        "the service is asked to stop, and started again": Fault(lambda: _restarted(night)),
-        "the service stands still for 5 s (SIGSTOP)": Fault(lambda: _frozen(night)),
-        "the collector's process is killed": Fault(lambda: _killed(night, "spawn_main")),
+        "the service is killed": Fault(service.kill),
+        "the service is killed while the database is away": Fault(lambda: _both(database, service)),
+        "the service is asked to stop, and started again": Fault(lambda: _restarted(service)),
+        "the service stands still for 5 s (SIGSTOP)": Fault(lambda: _frozen(service)),
+        "the collector's process is killed": Fault(lambda: _killed(service, "spawn_main")),
         "the process that workers are forked from is killed": Fault(
-            lambda: _killed(night, "forkserver"), _run_since
+            lambda: _killed(service, "forkserver"), _run_since
         ),
         f"{STRANGERS} connections with half a request for 5 s": Fault(
-            lambda: _half_open(night), lambda *_: _page(night)
+            lambda: _half_open(service), lambda *_: _page(service)
         ),
         "200 MB are sent to /login by a stranger": Fault(
-            lambda: _flooded(night), lambda *_: _page(night)
+            lambda: _flooded(service), lambda *_: _page(service)
         ),
         "an export that unpacks to 1.6 GB is dropped": Fault(
-            lambda: _bomb(night), lambda *_: not any((night.folder / "dropped").glob("*.gz"))
+            lambda: _bomb(service), lambda *_: not any((service.folder / "dropped").glob("*.gz"))
         ),
     }
     with open_store(database.url) as store:
@@ -134,8 +137,8 @@ def _night(rounds: int, database: Database, device: Device, night: Night) -> int
             name: [_tried(store, fault) for _ in range(rounds)] for name, fault in faults.items()
         }
         time.sleep(15.0)  # a run more
-        night.end(signal.SIGTERM)
-        return _report(again_s, store, night, device)
+        service.end(signal.SIGTERM)
+        return _report(again_s, store, service, device)
 
 
 def _tried(store: Store, fault: Fault) -> float:
@@ -172,8 +175,8 @@ def _run_since(store: Store, since: float) -> bool:
     return any(run.state is RunState.DONE and run.due >= after for run in runs)
 
 
-def _page(night: Night) -> bool:
-    connection = http.client.HTTPConnection("127.0.0.1", night.port, timeout=10)
+def _page(service: RestartedService) -> bool:
+    connection = http.client.HTTPConnection("127.0.0.1", service.port, timeout=10)
     try:
         connection.request("GET", "/health")
         return connection.getresponse().status == 200
@@ -186,34 +189,34 @@ def _away(database: Database) -> None:
     database.start(after_s=5.0)
 
 
-def _both(database: Database, night: Night) -> None:
+def _both(database: Database, service: RestartedService) -> None:
     database.stop()
-    night.kill(between=lambda: database.start(after_s=5.0))
+    service.kill(between=lambda: database.start(after_s=5.0))
 
 
-def _restarted(night: Night) -> None:
+def _restarted(service: RestartedService) -> None:
     begun = time.time()
-    night.end(signal.SIGTERM)
-    night.start()
-    night.dead.append((begun, time.time()))
+    service.end(signal.SIGTERM)
+    service.start()
+    service.dead.append((begun, time.time()))
 
 
-def _frozen(night: Night) -> None:
-    assert night.process is not None
+def _frozen(service: RestartedService) -> None:
+    assert service.process is not None
     begun = time.time()
-    os.killpg(night.process.pid, signal.SIGSTOP)
+    os.killpg(service.process.pid, signal.SIGSTOP)
     time.sleep(5.0)
-    os.killpg(night.process.pid, signal.SIGCONT)
-    night.dead += [(begun, begun), (time.time(), time.time())]
+    os.killpg(service.process.pid, signal.SIGCONT)
+    service.dead += [(begun, begun), (time.time(), time.time())]
 
 
-def _killed(night: Night, what: str) -> None:
+def _killed(service: RestartedService, what: str) -> None:
     """SIGKILL to those children of the service whose command line has ``what``."""
-    assert night.process is not None
-    found = [pid for pid in _children(night.process.pid) if what in _command(pid)]
+    assert service.process is not None
+    found = [pid for pid in _children(service.process.pid) if what in _command(pid)]
     if not found:
         raise SystemExit(f"the service has no process {what!r} to kill")
-    night.dead.append((time.time(), time.time()))
+    service.dead.append((time.time(), time.time()))
     for pid in found:
         os.kill(pid, signal.SIGKILL)
 
@@ -231,13 +234,13 @@ def _command(pid: int) -> str:
     return ""
 
 
-def _half_open(night: Night) -> None:
+def _half_open(service: RestartedService) -> None:
     """More than a process may have open by default; refused ones are tried again."""
     links: list[socket.socket] = []
     try:
         for _ in range(STRANGERS):
             with suppress(OSError):
-                link = socket.create_connection(("127.0.0.1", night.port), timeout=2)
+                link = socket.create_connection(("127.0.0.1", service.port), timeout=2)
                 links.append(link)
                 link.sendall(b"GET /login HTTP/1.1\r\nHost: x\r\n")
         time.sleep(5.0)
@@ -246,7 +249,7 @@ def _half_open(night: Night) -> None:
             link.close()
 
 
-def _flooded(night: Night) -> None:
+def _flooded(service: RestartedService) -> None:
     """With both lengths that HTTP knows, until the service hangs up."""
     head = (
         b"POST /login HTTP/1.1\r\nHost: x\r\nContent-Type: application/x-www-form-urlencoded\r\n"
@@ -255,28 +258,30 @@ def _flooded(night: Night) -> None:
     piece = b"%x\r\n" % (1 << 20) + b"x" * (1 << 20) + b"\r\n"
     with (
         suppress(OSError),
-        socket.create_connection(("127.0.0.1", night.port), timeout=10) as link,
+        socket.create_connection(("127.0.0.1", service.port), timeout=10) as link,
     ):
         link.sendall(head)
         for _ in range(200):
             link.sendall(piece)
 
 
-def _bomb(night: Night) -> None:
+def _bomb(service: RestartedService) -> None:
     name = f"export-{time.time_ns()}.csv.gz"
     row = b"2026-01-01T00:00:00Z,1.0,2.0\n" * 32_768
-    with gzip.open(night.folder / name, "wb") as file:
+    with gzip.open(service.folder / name, "wb") as file:
         file.write(b"Time,FIC-101.OP,FIC-101.ZT\n")
         for _ in range(1700):
             file.write(row)
-    (night.folder / name).rename(night.folder / "dropped" / name)
+    (service.folder / name).rename(service.folder / "dropped" / name)
 
 
-def _report(again_s: Mapping[str, list[float]], store: Store, night: Night, device: Device) -> int:
+def _report(
+    again_s: Mapping[str, list[float]], store: Store, service: RestartedService, device: Device
+) -> int:
     lost = invented = doubled = samples = said_late = 0
     for tag in TAGS:
         found = store.samples.read("plc-1", tag)
-        missing, wrong = compared(found, tag, night, device)
+        missing, wrong = compared(found, tag, service, device)
         late = store.samples.reasons("plc-1", tag)
         said = sum(n for why, n in late.items() if "not polled" in why or "no answer" in why)
         samples += int((found.quality == 0).sum())

@@ -241,12 +241,11 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     after = residual_map(evaluator, nearest, nearest, noise)
     too_small = [DELAY] if delays else []
     tried_effects, combined_gain = what_was_tried(hypothesis.named, effects, too_small)
-    sentence = sentence_of(
-        finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
-    )
     mismatch = Mismatch(
         finding=finding,
-        sentence=" ".join((sentence, *(delay.sentence for delay in delays))),
+        sentence=sentence_of(
+            finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
+        ),
         naive=friction_alone,
         restated=refitted,
         effects=effects,

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -21,7 +22,7 @@ _KINDS = ("sticking valve", "tight loop", "external wave")
 
 def study_oscillations(
     plants: Annotated[int, typer.Option(min=4, max=10_000, help="Simulated plants.")] = 200,
-    seed: o.Seed = 2087,
+    seed: o.Seed = 2089,
     loops: Annotated[
         int, typer.Option(min=0, help="Loops of one day each, timed on one core; 0 leaves it out.")
     ] = 1000,
@@ -33,6 +34,14 @@ def study_oscillations(
             "seeds, such as 5151,6161.",
         ),
     ] = None,
+    quiet: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="With --fit: so many further plants of each seed, of which the quiet ones give "
+            "the limit.",
+        ),
+    ] = 130,
     workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
@@ -48,14 +57,19 @@ def study_oscillations(
     done: dict[int, Any] = {}
     seeds = [seed] if fit is None else _seeds(fit)
     items = [(each, number) for each in seeds for number in range(plants)]
+    fitted = len(items)
+    if fit is not None:
+        items += [(each, number) for each in seeds for number in range(plants, plants + quiet)]
     with views.progress("plants", len(items), transient=True) as advance:
-        work = _score_one_plant if fit is None else _look_at_one_plant
+        work: Callable[[tuple[int, int]], Any] = _score_one_plant
+        if fit is not None:
+            work = partial(_look_at_one_plant, plants)
         for index, result in map_items(choose_executor(workers), work, items):
             done[index] = result
             advance(len(done))
     results = [done[index] for index in sorted(done)]
     if fit is not None:
-        _print_fitted(results)
+        _print_fitted(results[:fitted], [shown for shown in results[fitted:] if shown])
         return
     figures = _figures(results)
     if loops:
@@ -79,23 +93,26 @@ def _score_one_plant(item: tuple[int, int]) -> ScoredPlant:
     return score_plant(plant_of(*item))
 
 
-def _look_at_one_plant(item: tuple[int, int]) -> PlantEvidence:
+def _look_at_one_plant(plants: int, item: tuple[int, int]) -> PlantEvidence | None:
+    """``None`` for one of the further plants in which loops oscillate."""
     from stemwatch.models.studies.interacting_loops.fitting import plant_evidence
     from stemwatch.models.studies.interacting_loops.score_plant import plant_of
 
-    return plant_evidence(plant_of(*item))
+    plant = plant_of(*item)
+    return plant_evidence(plant) if item[1] < plants or set(plant.label) == {-1} else None
 
 
-def _print_fitted(plants: Sequence[PlantEvidence]) -> None:
+def _print_fitted(plants: Sequence[PlantEvidence], quiet: Sequence[PlantEvidence]) -> None:
     """What stands in ``models/oscillation_groups/limits.py``."""
     from stemwatch.models.studies.interacting_loops.fitting import fit_limits, fit_sources
     from stemwatch.service.cli import views
 
-    quiet = sum(plant.quiet for plant in plants)
-    if not quiet:
-        raise typer.BadParameter("no plant of these is quiet, which the limit needs: draw more")
-    views.out.print(f"{len(plants)} plants, {quiet} of them quiet", highlight=False)
-    views.out.print(f"LIMITS = {fit_limits(plants)}", highlight=False)
+    try:
+        limits = fit_limits(plants, quiet)
+    except ValueError as error:
+        raise typer.BadParameter(str(error)) from None
+    views.out.print(f"{len(plants)} plants, and {len(quiet)} quiet ones", highlight=False)
+    views.out.print(f"LIMITS = {limits}", highlight=False)
     views.out.print(f"WEIGHTS = {fit_sources(plants)}", highlight=False)
 
 

@@ -244,7 +244,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
         side_cells = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
         table.add_row(
             str(valve.rank),
-            escape(screening.valve),
+            escape("\n".join(filter(None, (screening.valve, valve.recording)))),
             f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]",
             _number(screening.S),
             _number(screening.J),
@@ -259,17 +259,21 @@ def _verdicts(ranking: Ranking) -> str:
     from stemwatch.service.report.ranking import count_verdicts
 
     counts = count_verdicts(ranking)
-    return ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items() if count)
+    said = ", ".join(f"{count} {verdict.value}" for verdict, count in counts.items() if count)
+    return (
+        f"Of the recordings: {said}" if ranking.counts.recordings > ranking.counts.valves else said
+    )
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
     """One line for each reason why there is no verdict, with its valves."""
-    by_reason: dict[str, list[str]] = {}
+    by_reason: dict[str, dict[str, None]] = {}
     for screening in screenings:
         if screening.verdict is Verdict.UNDETERMINED:
-            by_reason.setdefault(screening.reason, []).append(screening.valve)
-    for reason, valves in by_reason.items():
-        names = ", ".join(dict.fromkeys(valves[:NAMED]))
+            by_reason.setdefault(screening.reason, {})[screening.valve] = None
+    for reason, tags in by_reason.items():
+        valves = [*tags]
+        names = ", ".join(valves[:NAMED])
         and_more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
         yield f"[cyan]undetermined[/] [bold]{escape(names)}{and_more}[/]  {escape(reason)}"
 

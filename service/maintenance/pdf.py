@@ -196,7 +196,7 @@ def _row(t: TypeSize, number: int, sheet: WorkSheet, context: ReportContext) -> 
     begins = sheet.since.first.at if sheet.since.first else sheet.screening.window[1]
     order, priority = sheet.has_order, sheet.priority
     tag = t.text(cut(sheet.screening.valve, LONGEST_NAME), bold=True)
-    service = cut(sheet.valve.facts.description, LONGEST_NAME)
+    service = cut(sheet.valve.facts.description or sheet.valve.recording, LONGEST_NAME)
     link = ParagraphStyle("link", fontName=REGULAR, fontSize=t.size, leading=1.24 * t.size)
     return [
         Paragraph(f'<a href="#m{number}">{number}</a>', link),
@@ -280,7 +280,7 @@ def _sheet(
 
 def _head(t: TypeSize, sheet: WorkSheet, context: ReportContext) -> list[Any]:
     facts, screening = sheet.valve.facts, sheet.screening
-    details = [facts.description, facts.path]
+    details = [facts.description, facts.path, sheet.recording]
     details += [f"criticality {facts.criticality}"] if facts.criticality else []
     details += [f"stroke {facts.stroke}"] if facts.stroke else []
     title = f"{VERDICT_SYMBOL[sheet.valve.verdict]} {sheet.title} ({sheet.valve.verdict.value})"

@@ -26,9 +26,10 @@ class ValveWithoutPage:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkList:
-    """``sheets`` in the order in which to work, each followed by the next; ``others`` in the order
-    of the report. ``discovered`` is what stands of all that was named in the run; ``done`` the last
-    work on its valves that has a window before and one after it, the newest of ``worked``."""
+    """``sheets`` in the order in which to work, each followed by the next, one a valve: of several
+    recordings the most urgent one's; ``others`` in the order of the report. ``discovered`` is what
+    stands of all that was named in the run; ``done`` the last work on its valves that has a window
+    before and one after it, the newest of ``worked``."""
 
     sheets: tuple[WorkSheet, ...]
     others: tuple[ValveWithoutPage, ...]
@@ -41,13 +42,8 @@ class WorkList:
 
     @property
     def to_work_on(self) -> tuple[WorkSheet, ...]:
-        """Those of ``sheets`` that make a work order: of a valve with several recordings the most
-        urgent one."""
-        first: dict[str, WorkSheet] = {}
-        for sheet in self.sheets:
-            if sheet.has_order:
-                first.setdefault(sheet.screening.valve, sheet)
-        return tuple(first.values())
+        """Those of ``sheets`` that make a work order."""
+        return tuple(sheet for sheet in self.sheets if sheet.has_order)
 
     @property
     def done_title(self) -> str:
@@ -82,10 +78,17 @@ def work_list_of(
             )
             others.append(brief)
     sheets.sort(key=_order)
+    by_valve: dict[str, WorkSheet] = {}
+    for sheet in sheets:
+        by_valve.setdefault(sheet.screening.valve, sheet)
+    without: dict[str, ValveWithoutPage] = {}
+    for other in others:
+        if other.valve not in by_valve:
+            without.setdefault(other.valve, other)
     works = background.compared({valve.screening.valve for valve in ranked})
     return WorkList(
-        sheets=tuple(sheets),
-        others=tuple(others),
+        sheets=tuple(by_valve.values()),
+        others=tuple(without.values()),
         counted=ranked.counts,
         context=context,
         discovered=discovered(ranked, context).sentence,

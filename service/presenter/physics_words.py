@@ -63,6 +63,7 @@ PARAMETERS = {
     "gain": "reading for 1 % of travel",
     "growth": "growth over the record",
     "late_s": "OP stored late by",
+    "delay_s": "MV follows OP by",
     "lost_motion.b": "play",
     "place": "at travel",
     "range": "range of the drift",

@@ -16,6 +16,12 @@ from stemwatch.service.presenter.work_decision import Ne107, ne107_word
 MOST_NAMED = 2  # valves that get worse
 
 
+_STATED = (
+    *(Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH, Verdict.HEALTHY),
+    Verdict.UNDETERMINED,
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class GlanceLine:
     """What a line is about, and what it says."""
@@ -33,7 +39,7 @@ def at_a_glance(
     """The lines for which there are data; ``verdicts`` are on the valves of ``screenings``,
     ``weeks`` by valve, ``cost`` is the plant's in words."""
     lines = {
-        "NE 107": _states(verdicts),
+        "NE 107": _states(screenings, verdicts),
         "Response": _response(screenings),
         "Trend": _worse(weeks),
         "Cost": cost,
@@ -41,9 +47,15 @@ def at_a_glance(
     return tuple(GlanceLine(about=about, says=says) for about, says in lines.items() if says)
 
 
-def _states(verdicts: Sequence[Verdict]) -> str:
-    """How many recordings are in each state, worst first; no verdict is no state."""
-    counts = Counter(ne107_word(verdict) for verdict in verdicts)
+def _states(screenings: Sequence[Screening], verdicts: Sequence[Verdict]) -> str:
+    """How many valves are in each state, worst first; no verdict is no state. Of several
+    recordings of a valve that with the worst state counts."""
+    worst: dict[str, Verdict] = {}
+    for screening, verdict in zip(screenings, verdicts, strict=True):
+        worst[screening.valve] = min(
+            worst.get(screening.valve, verdict), verdict, key=_STATED.index
+        )
+    counts = Counter(ne107_word(verdict) for verdict in worst.values())
     order = (Ne107.OUT_OF_SPECIFICATION, Ne107.MAINTENANCE_REQUIRED, Ne107.NORMAL)
     said = [f"{counts[state.value]} {state.value}" for state in order if counts[state.value]]
     said += [f"{counts[None]} without a state"] if counts[None] else []

@@ -31,7 +31,7 @@ from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.cost_of_sticking import CostOfSticking, cost_of_sticking
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
-from stemwatch.service.presenter.finding import present, present_effect
+from stemwatch.service.presenter.finding import PresentedFinding, present, present_effect
 from stemwatch.service.presenter.plant_path import LEVELS, NO_PATH, PlantPath
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite, printable
@@ -217,17 +217,18 @@ def to_contract(
     cost: CostOfSticking | None = None,
     path: PlantPath = NO_PATH,
     weeks: TrendOverWeeks | None = None,
+    finding: PresentedFinding | None = None,
 ) -> dict[str, Any]:
     """One screening as plain JSON types; S, J and rmse in percent of span, times in UTC.
 
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
     windows of the last weeks say together, ``confirmed`` what of it stands, ``groups`` which loops
     oscillate together, ``cost`` what the sticking costs with the plant's prices, ``path`` where in
-    the plant the valve is, ``weeks`` how its S goes. Days in sentences
-    are those of ``zone``, as in a report.
+    the plant the valve is, ``weeks`` how its S goes. ``finding`` has the words of all this where
+    the caller has them already. Days in sentences are those of ``zone``, as in a report.
     """
     mismatch = screening.mismatch
-    presented = present(screening, stands=stands, confirmed=confirmed, groups=groups)
+    presented = finding or present(screening, stands=stands, confirmed=confirmed, groups=groups)
     cost = cost or cost_of_sticking(screening.indicators, None)
     start, end = screening.window
     return {

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, tzinfo
 from functools import partial
 from typing import overload
 
@@ -23,7 +24,7 @@ from stemwatch.service.presenter.false_discoveries import Discoveries, discoveri
 from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.suspicion_words import NextStep, next_steps, worth_a_test
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
-from stemwatch.service.presenter.wording import finite, printable
+from stemwatch.service.presenter.wording import finite, instant, printable
 from stemwatch.service.presenter.work_decision import (
     WorkCounts,
     WorkDecision,
@@ -57,6 +58,8 @@ class RankedValve:
     stands: bool | None = None
     confirmed: tuple[str, ...] | None = None
     cost: CostOfSticking | None = None
+    recordings: int = 1  # of this valve in the report
+    zone: tzinfo = UTC
     plots: Callable[[], ValvePlots | None] = lambda: None
 
     @property
@@ -68,6 +71,16 @@ class RankedValve:
     def verdict(self) -> Verdict:
         """The verdict on the valve, as every output shows it."""
         return self.finding.decision.verdict
+
+    @property
+    def recording(self) -> str:
+        """Which of its valve's recordings it is of: the file's name, and when it begins; empty
+        where there is only one."""
+        if self.recordings == 1:
+            return ""
+        name = re.split(r"[\\/]", self.screening.provenance.source)[-1]
+        start = self.screening.window[0]
+        return name if start is None else f"{name}, {instant(start, self.zone)}"
 
     @property
     def weeks(self) -> TrendOverWeeks | None:
@@ -141,8 +154,11 @@ class Ranking(Sequence[RankedValve]):
             self.cost_of_sticking,
         )
         self.next_steps = next_steps(notes)
+        self._recordings = Counter(note.valve for note in notes)
         used_anchors: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
+        # Texts only, so that they may stay in memory: every file of a report asks for each valve.
+        self._findings: dict[int, PresentedFinding] = {}
 
     def __len__(self) -> int:
         return len(self._order)
@@ -169,13 +185,15 @@ class Ranking(Sequence[RankedValve]):
         facts = self._context.facts(screening.valve)
         stands, confirmed = self.discovered.standing[rank], self.discovered.confirmed[rank]
         remark = self.discovered.remark(facts.by_window) if stands is False else ""
-        finding = present(
-            screening,
-            stands=stands,
-            confirmed=confirmed,
-            held_back=remark,
-            groups=self._context.groups,
-        )
+        finding = self._findings.get(rank)
+        if finding is None:
+            finding = self._findings[rank] = present(
+                screening,
+                stands=stands,
+                confirmed=confirmed,
+                held_back=remark,
+                groups=self._context.groups,
+            )
         return RankedValve(
             rank=rank + 1,
             anchor=self._anchors[rank],
@@ -188,6 +206,8 @@ class Ranking(Sequence[RankedValve]):
             stands=stands,
             confirmed=confirmed,
             cost=self._cost(screening),
+            recordings=self._recordings[screening.valve],
+            zone=self._context.tz,
             plots=partial(self._evidence, index),
         )
 

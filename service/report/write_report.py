@@ -103,6 +103,7 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
             cost=valve.cost,
             path=valve.facts,
             weeks=valve.facts.weeks,
+            finding=valve.finding,
         )
         text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
         file.write((between + text.replace("\n", "\n ")).encode())

@@ -259,11 +259,18 @@ def test_a_frozen_run_is_masked(share):
     assert any("was frozen for" in reason for reason in assessment.quality.reasons)
 
 
-def test_mostly_frozen():
-    """A position frozen for two thirds of the time carries no verdict."""
+@pytest.mark.parametrize("percent", [35, 47, 67])
+def test_frozen_too_long(percent):
+    """A position frozen for longer than bad samples may last carries no verdict, and the freeze is
+    the only reason: its samples are not called missing as well.
+    """
     mv = MV.copy()
-    mv[600:3000] = mv[600]
-    assert "frozen for 67 % of the time" in the_obstacle(recorded(mv=mv), "position_frozen").reason
+    mv[600 : 600 + N * percent // 100] = mv[600]
+    assessment = seen(recorded(mv=mv))
+    assert ["position_frozen"] == [obstacle.slug for obstacle in assessment.obstacles]
+    assert f"frozen for {percent} % of the time" in assessment.obstacles[0].reason
+    assert "D" == assessment.quality.grade
+    assert not any("left out" in reason for reason in assessment.quality.reasons)
 
 
 @pytest.mark.parametrize("step", [0.1, 0.5, 1.0])

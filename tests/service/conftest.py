@@ -41,7 +41,7 @@ BROWSER_ARGUMENTS = [
 ]
 
 
-# Of the same kind as the product's, and made in no time.
+# A hash of the product's kind with the least cost, so that tests are quick.
 QUICK = PasswordHasher(time_cost=1, memory_cost=64, parallelism=1, hash_len=32, salt_len=16)
 OURS, OUR_UNUSED_HASH = passwords._HASHER, passwords.UNUSED_HASH
 

@@ -1,4 +1,4 @@
-"""The clock is set by hours or years, ahead and back, while the service runs or is off."""
+"""The clock is set by hours or years, forward and back, while the service runs or is stopped."""
 
 from __future__ import annotations
 
@@ -333,7 +333,7 @@ def test_no_sample_goes_because_the_clock_leapt(
 def test_old_samples_go_at_once_where_nothing_is_wrong(
     store: Store, plant: Plant, clocks: Clocks
 ) -> None:
-    """A service that was off for a weekend needs no day of thought."""
+    """After a weekend without service, old samples are removed without waiting a day."""
     store.samples.write(polled(START - 100 * DAY, 50.0))
     store.sources.note(SourceState(source="plc", kind="modbus"))
     clocks.pass_(3 * DAY)

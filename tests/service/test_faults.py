@@ -1,9 +1,8 @@
-"""The service through a bad night: devices cut off and silent, the database stopped, the service
-killed.
+"""The service under faults: devices cut off and silent, the database stopped, the service killed.
 
 The device notes each of its answers. At the end every one of them is in the store once, nothing
 else is there as good, every instant at which the service ran has its sample, and every instant of
-the schedule is accounted for. ``STEMWATCH_FAULT_ROUNDS`` makes the night longer.
+the schedule is accounted for. ``STEMWATCH_FAULT_ROUNDS`` repeats the faults.
 """
 
 from __future__ import annotations
@@ -94,7 +93,7 @@ class Database:
 
 
 class NotedServer(PlantServer):
-    """A device that notes each answer, and that can fall silent with its connections open."""
+    """A device that records each answer, and that can fall silent with its connections open."""
 
     def __init__(self, *arguments, served: list[Answer], silent: threading.Event, **options):
         super().__init__(*arguments, **options)
@@ -174,7 +173,7 @@ class Device:
         return SETTINGS + plant_toml(self._loops, host="127.0.0.1", port=self.port, every_s=0.1)
 
 
-class Night:
+class RestartedService:
     """The service as a process, started again when it was killed; ``dead`` says when it was."""
 
     def __init__(self, folder: Path, url: str) -> None:
@@ -267,29 +266,34 @@ def device() -> Iterator[Device]:
 
 @pytest.mark.long
 @pytest.mark.postgres
-def test_a_bad_night_loses_nothing(database: Database, device: Device, tmp_path: Path) -> None:
-    """Nothing is lost but what no running service could have seen, and nothing is there twice."""
+def test_faults_lose_no_sample_and_no_run(
+    database: Database, device: Device, tmp_path: Path
+) -> None:
+    """Only samples that no running service could have seen are missing, and none is stored
+    twice."""
     (tmp_path / "plant.toml").write_text(device.plant_file(), encoding="utf-8")
-    night = Night(tmp_path, database.url)
+    service = RestartedService(tmp_path, database.url)
     started = time.time()
-    night.start()
+    service.start()
     try:
         with open_store(database.url) as store:
-            until(lambda: store.samples.bounds("plc-1", "FIC-101.OP") is not None, night)
+            until(lambda: store.samples.bounds("plc-1", "FIC-101.OP") is not None, service)
             for number in range(ROUNDS):
-                bad_hour(number, database, device, night, store)
-            until(lambda: settled(store), night)
-            night.end(signal.SIGTERM)
+                every_fault_once(number, database, device, service, store)
+            until(lambda: settled(store), service)
+            service.end(signal.SIGTERM)
             ended = time.time()
             for tag in ("FIC-101.OP", "FIC-101.ZT", "TIC-102.PV"):
-                check_samples(store, tag, night, device)
+                check_samples(store, tag, service, device)
             check_runs(store, started, ended)
     finally:
-        night.end(signal.SIGKILL)
+        service.end(signal.SIGKILL)
 
 
-def bad_hour(number: int, database: Database, device: Device, night: Night, store: Store) -> None:
-    """Every fault once; the service is killed by turns with the database there and away."""
+def every_fault_once(
+    number: int, database: Database, device: Device, service: RestartedService, store: Store
+) -> None:
+    """Every fault once; the service is killed with the database running and stopped in turn."""
     time.sleep(5)
     device.cut(2.0)
     time.sleep(2)
@@ -298,18 +302,18 @@ def bad_hour(number: int, database: Database, device: Device, night: Night, stor
     database.stop()
     time.sleep(5)
     if number % 2:
-        night.kill(between=lambda: database.start(after_s=5.0))
-        until(lambda: answers(store), night)
+        service.kill(between=lambda: database.start(after_s=5.0))
+        until(lambda: answers(store), service)
     else:
         database.start()
-        until(lambda: answers(store), night)
+        until(lambda: answers(store), service)
         time.sleep(3)
-        night.kill()
+        service.kill()
     time.sleep(5)
 
 
-def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
-    """Each instant at which the service ran, once; what the device said, as it said it."""
+def check_samples(store: Store, tag: str, service: RestartedService, device: Device) -> None:
+    """Each instant at which the service ran is stored once, with the device's values."""
     samples = store.samples.read("plc-1", tag)
     assert samples.at_us.size > 100, tag
     steps = np.diff(samples.at_us)
@@ -321,9 +325,9 @@ def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
     ]
     # Only while nobody polled: from the kill, with the poll that it interrupted, to the first poll
     # of the next collector. Neither the database nor the device leaves a hole.
-    assert len(holes) <= len(night.dead), holes
+    assert len(holes) <= len(service.dead), holes
     for started, end in holes:
-        kill, served = min(night.dead, key=lambda dead: abs(dead[0] - started))
+        kill, served = min(service.dead, key=lambda dead: abs(dead[0] - started))
         assert kill - 0.3 <= started <= kill + 0.3, (tag, started, kill)
         assert end <= served + 15.0, (tag, end, served)
     bad = samples.at_us[samples.quality != 0] / 1e6
@@ -333,22 +337,24 @@ def check_samples(store: Store, tag: str, night: Night, device: Device) -> None:
     late = store.samples.reasons("plc-1", tag)
     total = sum(count for why, count in late.items() if "not polled" in why or "no answer" in why)
     assert len(lost) <= total, late
-    check_answers(samples, tag, night, device, total)
+    check_answers(samples, tag, service, device, total)
 
 
-def check_answers(result: Samples, tag: str, night: Night, device: Device, late: int) -> None:
+def check_answers(
+    result: Samples, tag: str, service: RestartedService, device: Device, late: int
+) -> None:
     """Every answer of the device is in the store once, and nothing else is there as good.
 
     An answer is on its way when the service is killed or the connection is cut; one that came
     after its time is a bad sample that says so, and no more than ``late`` of them are there.
     """
-    missing, invented = compared(result, tag, night, device)
+    missing, invented = compared(result, tag, service, device)
     assert len(missing) <= late, (tag, missing[:5])
     assert not invented, (tag, "not what the device said", invented[:5])
 
 
 def compared(
-    result: Samples, tag: str, night: Night, device: Device
+    result: Samples, tag: str, service: RestartedService, device: Device
 ) -> tuple[list[tuple[float, float]], list[float]]:
     """Answers that are not in the store, and instants of good samples that were no answer."""
     good = result.quality == 0
@@ -363,15 +369,15 @@ def compared(
         same = np.flatnonzero(free[near] & (values[near] == value))
         if same.size:
             free[near.start + same[0]] = False
-        elif not on_its_way(when, night, device):
+        elif not on_its_way(when, service, device):
             missing.append((when, value))
     return missing, at_s[free].tolist()
 
 
-def on_its_way(when: float, night: Night, device: Device) -> bool:
+def on_its_way(when: float, service: RestartedService, device: Device) -> bool:
     """Whether an answer met a kill, or the moment in which the device closed its connections or
     spoke again to somebody who no longer waited."""
-    kills = [kill for kill, _ in night.dead]
+    kills = [kill for kill, _ in service.dead]
     cuts = [started for started, _ in device.down]
     back = [end - _RECONNECT_S for _, end in device.down]
     moments = [*kills, *cuts, *back]
@@ -430,10 +436,10 @@ def settled(store: Store) -> bool:
     return over and time.time() - last.timestamp() < 3.0 and len(stale) <= 1
 
 
-def until(there, night: Night, seconds: float = 120.0) -> None:
+def until(there, service: RestartedService, seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if there():
             return
         time.sleep(0.2)
-    pytest.fail(f"it did not happen:\n{night.log()}")
+    pytest.fail(f"it did not happen:\n{service.log()}")

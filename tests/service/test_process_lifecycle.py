@@ -1,4 +1,4 @@
-"""Processes that we start end with their parent, and answer Ctrl-C in silence while they start."""
+"""Child processes end with their parent, and end on Ctrl-C without a traceback while they start."""
 
 from __future__ import annotations
 

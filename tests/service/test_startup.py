@@ -1,4 +1,4 @@
-"""What is loaded when: torch trains networks, and nothing that trains none waits for it."""
+"""Lazy imports: torch is loaded only by what trains networks."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def test_the_version_is_that_of_the_package() -> None:
 
 
 def test_a_name_that_is_not_there_says_so() -> None:
-    """As any module does."""
+    """An unknown name raises ``AttributeError`` like any module."""
     with pytest.raises(AttributeError, match="module 'stemwatch' has no attribute 'sceen'"):
         sw.sceen  # type: ignore[attr-defined]  # noqa: B018
 

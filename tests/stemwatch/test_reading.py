@@ -347,8 +347,8 @@ def test_an_error_says_what_was_found_and_what_was_expected(
         call(frame)
 
 
-def test_a_frame_in_memory_keeps_the_seam_of_every_connector(frame: pd.DataFrame) -> None:
-    """It lists its tags with their proposals, gives what lies in the window, and nothing else."""
+def test_a_frame_in_memory_keeps_the_contract_of_every_connector(frame: pd.DataFrame) -> None:
+    """It lists its tags with proposed roles, and returns only samples inside the window."""
     source = DataFrameSource(frame)
     assert isinstance(source, Connector)
     roles = {info.tag: info.proposed_role for info in source.tags()}

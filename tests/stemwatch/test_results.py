@@ -41,13 +41,13 @@ def sticking() -> Recording:
 
 @pytest.fixture(scope="module")
 def screened(sticking: Recording) -> ScreenedValve:
-    """It, screened."""
+    """The sticking valve, screened."""
     return sw.screen(sticking, narx=False)
 
 
 @pytest.fixture(scope="module")
 def work(sticking: Recording) -> ScreenedValves:
-    """It, a healthy one under a name of its own, and a frame that cannot be read."""
+    """The sticking valve, a named healthy one, and a frame that cannot be read."""
     healthy = sw.simulate(S=0.3, J=0.0, minutes=30, seed=4)
     broken = pd.DataFrame({"something": np.ones(9)}, index=pd.RangeIndex(9))
     valves = {"<b>PIC-102": healthy, "FIC-101": sticking, "TIC-103": broken}
@@ -109,7 +109,7 @@ def test_a_notebook_shows_sentence_numbers_picture_and_mismatch(screened: Screen
 
 
 def test_names_from_outside_are_escaped(work: ScreenedValves) -> None:
-    """A tag is text, whatever is written in it."""
+    """Markup in a tag is shown as text."""
     page = work._repr_html_() + work["<b>PIC-102"]._repr_html_()
     assert "<b>PIC-102" not in page
     assert "&lt;b&gt;PIC-102" in page

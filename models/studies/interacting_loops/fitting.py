@@ -4,11 +4,13 @@ known.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import binom
 
 from stemwatch.models.oscillation_groups.find_groups import candidate
 from stemwatch.models.oscillation_groups.limits import (
@@ -27,12 +29,14 @@ from stemwatch.models.oscillation_groups.sources import (
 )
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.interacting_loops.draws import RunPlant
-from stemwatch.models.studies.interacting_loops.score_plant import suspicions
+from stemwatch.models.studies.interacting_loops.score_plant import PlantSuspicions
 
-QUIET = 0.95  # of quiet plants have no candidate above the limit
+QUIET = 0.05  # of quiet plants may have a candidate that passes the limit
+CERTAIN = 0.95  # that no more have, though only some were drawn
 # Jaccard index with a true group, from which a candidate counts as one, and below which as none
 _SAME, _OTHER = 0.4, 0.2
 _RIDGE = 0.5
+_NONE = -10.0  # the evidence in a plant without any candidate
 _STICKING, _NEARNESS = 6, 7  # places in a member's weights
 _OF_NONE_KNOWN = 5  # places of "none" that need no connections
 
@@ -54,7 +58,7 @@ def plant_evidence(plant: RunPlant) -> PlantEvidence:
     """The candidate groups of a plant before any group is removed from it."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
-    suspicion, seen = suspicions(plant), oscillations(errors)
+    suspicion, seen = PlantSuspicions(plant), oscillations(errors)
     label = np.array(plant.label)
     true = {row: set(np.flatnonzero(label == row).tolist()) for row in set(plant.label) - {-1}}
     rows, alike = [], []
@@ -79,9 +83,10 @@ def plant_evidence(plant: RunPlant) -> PlantEvidence:
     )
 
 
-def fit_limits(plants: Sequence[PlantEvidence]) -> GroupLimits:
+def fit_limits(plants: Sequence[PlantEvidence], quiet: Sequence[PlantEvidence]) -> GroupLimits:
     """Weights by a logistic regression of true groups against false ones, with each plant's
-    candidates weighted by one over their number; the limit from the quiet plants.
+    candidates weighted by one over their number; the limit (``limit_of``) from ``quiet`` plants,
+    none of which took part in that.
     """
     rows = np.concatenate([plant.candidates for plant in plants])
     alike = np.concatenate([plant.alike for plant in plants])
@@ -98,12 +103,24 @@ def fit_limits(plants: Sequence[PlantEvidence]) -> GroupLimits:
         )
 
     weights = minimize(loss, np.zeros(rows.shape[1])).x
-    strongest = [
-        float((plant.candidates @ weights).max(initial=-10.0)) for plant in plants if plant.quiet
-    ]
-    limit = float(np.quantile(strongest, QUIET))
     a, b, c, d = (round(float(weight), 2) for weight in weights)
-    return replace(LIMITS, weights=(a, b, c, d), evidence=round(limit, 2))
+    strongest = [float((plant.candidates @ (a, b, c, d)).max(initial=_NONE)) for plant in quiet]
+    return replace(LIMITS, weights=(a, b, c, d), evidence=limit_of(np.array(strongest)))
+
+
+def limit_of(strongest: Floats) -> float:
+    """The least limit, to a hundredth, of which ``strongest``, the largest evidence in each of n
+    quiet plants, lets us be ``CERTAIN`` that at most ``QUIET`` of all quiet plants pass it.
+
+    As many of the n may pass as make a binomial count of no more, at the share ``QUIET``, no
+    likelier than 1 - ``CERTAIN`` (Wilks 1941, doi:10.1214/aoms/1177731788; quoted from memory).
+    Raises ``ValueError`` for fewer plants than let none pass.
+    """
+    may_pass = int(binom.ppf(1.0 - CERTAIN, strongest.size, QUIET)) - 1
+    if may_pass < 0:
+        raise ValueError(f"{strongest.size} quiet plants are too few for a limit: draw more")
+    highest_that_may_not = float(np.sort(strongest)[::-1][may_pass])
+    return (math.floor(100.0 * highest_that_may_not) + 1) / 100.0
 
 
 def fit_sources(plants: Sequence[PlantEvidence]) -> SourceWeights:

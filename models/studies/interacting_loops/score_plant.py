@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,15 +54,29 @@ def plant_of(seed: int, number: int) -> RunPlant:
     return run_drawn(draw_plant(np.random.default_rng((seed, number))))
 
 
-def suspicions(plant: RunPlant) -> dict[int, float]:
+class PlantSuspicions(Mapping[int, float]):
     """The log odds of sticking from OP and PV, for each loop where they can be judged, as in a run
-    of ``screen``.
+    of ``screen``. A loop is judged when it is first asked for, which most are not.
     """
-    judge = trained_judge()
-    scores = {
-        i: judge.says(look_at_loop(_recording(plant, i))).score for i in range(len(plant.units))
-    }
-    return {i: log_odds(score) for i, score in scores.items() if score is not None}
+
+    def __init__(self, plant: RunPlant) -> None:
+        self._plant = plant
+        self._scores: dict[int, float | None] = {}
+
+    def __getitem__(self, loop: int) -> float:
+        if loop not in self._scores:
+            seen = look_at_loop(_recording(self._plant, loop))
+            self._scores[loop] = trained_judge().says(seen).score
+        score = self._scores[loop]
+        if score is None:
+            raise KeyError(loop)
+        return log_odds(score)
+
+    def __iter__(self) -> Iterator[int]:
+        return (loop for loop in range(len(self._plant.units)) if self.get(loop) is not None)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
 
 
 def _recording(plant: RunPlant, loop: int) -> Recording:
@@ -77,7 +91,7 @@ def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
     """Find the groups of a plant, rank their sources, and compare with the truth."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
-    suspicion = suspicions(plant)
+    suspicion = PlantSuspicions(plant)
     groups = find_groups(errors, limits, suspicion)
     scored = [
         _scored(plant, member_evidence(errors, outputs, group, suspicion, feeds=plant.feeds))

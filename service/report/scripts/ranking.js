@@ -62,8 +62,9 @@
       document.getElementById(row.dataset.anchor).hidden = !keep;
       shown += keep ? 1 : 0;
     });
-    var all = rows.length + (rows.length === 1 ? " valve" : " valves");
-    document.getElementById("shown").textContent = shown === rows.length ? all : shown + " of " + all;
+    var counted = document.getElementById("shown");
+    var all = rows.length + " " + (rows.length === 1 ? counted.dataset.one : counted.dataset.many);
+    counted.textContent = shown === rows.length ? all : shown + " of " + all;
     document.getElementById("none-shown").hidden = shown > 0;
   }
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from stemwatch.service.executors import Executor, map_items
+from stemwatch.service.presenter.work_decision import FROZEN, obstacle_kind
 
 NOTHING = "nothing named"
 
@@ -77,6 +78,9 @@ def read_answer(stored: Mapping[str, Any]) -> BlindAnswer:
     """
     try:
         heldout, stiction = stored["heldout"] or {}, stored["stiction"] or {}
+        reason = _no_s(stiction.get("naive"))
+        # A refusal because the position was frozen has found that effect of the record.
+        refused_for = ("frozen_signal",) if obstacle_kind(reason) == FROZEN else ()
         return BlindAnswer(
             file=Path(stored["recording"]).name,
             verdict=str(stored["verdict"]),
@@ -84,7 +88,7 @@ def read_answer(stored: Mapping[str, Any]) -> BlindAnswer:
                 NamedEffect(slug=effect["slug"], members=tuple(effect["class"]))
                 for effect in stored["effects"]
             ),
-            record_effects=_slugs(stored["record_effects"]),
+            record_effects=_slugs(stored["record_effects"]) + refused_for,
             not_testable=_slugs(stored["not_testable"]),
             naive=_numbers(stiction.get("naive")),
             restated=_restated(stored),
@@ -93,7 +97,7 @@ def read_answer(stored: Mapping[str, Any]) -> BlindAnswer:
             rmse_naive=heldout.get("rmse_naive"),
             rmse_extended=heldout.get("rmse_extended"),
             seconds=float(stored["seconds"]),
-            reason=_no_s(stiction.get("naive")),
+            reason=reason,
         )
     except KeyError as missing:
         raise ValueError(

@@ -23,6 +23,6 @@ def test_waits_grow_up_to_a_limit(first_s, longest_s, seed, failures) -> None:
 
 
 def test_two_clients_do_not_knock_together() -> None:
-    """Chance parts those whom one outage has brought together."""
+    """Random waits separate clients that lost their connection in the same outage."""
     waits = {Backoff(1.0, 15.0).failed() for _ in range(20)}
     assert len(waits) == 20

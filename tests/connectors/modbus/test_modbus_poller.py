@@ -320,7 +320,7 @@ def test_one_device_that_hangs_costs_the_others_nothing() -> None:
 
 
 def test_what_nobody_thought_of_costs_one_poll(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A mistake in our own code ends no polling."""
+    """An unforeseen exception affects one poll and does not end polling."""
     from stemwatch.connectors.modbus.block_reader import BlockReader
 
     behaviour = Behaviour(holding={0: 5})

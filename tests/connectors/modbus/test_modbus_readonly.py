@@ -62,7 +62,7 @@ def test_no_code_names_a_request_that_is_not_a_read(folder: str) -> None:
 
 
 def test_only_one_file_of_the_connector_knows_the_library() -> None:
-    """What could send anything stands in connection.py, where the gate is."""
+    """Code that can send anything is in connection.py, which checks every frame."""
     knowing = {
         path.name
         for path in PACKAGE.rglob("*.py")
@@ -92,8 +92,8 @@ def test_only_functions_3_and_4_pass_the_frame_check(function: int, rtu: bool) -
 
 @pytest.mark.parametrize("framer", [FramerType.SOCKET, FramerType.RTU])
 def test_a_write_forced_on_the_client_never_leaves(framer: FramerType) -> None:
-    """Even whoever reaches through to the library's client cannot write: every request of the
-    library but the reads ends at the gate, and the server receives nothing."""
+    """Even with direct access to the library's client nothing can be written: every request of the
+    library but the reads fails the frame check, and the server receives nothing."""
     requests = {
         "write_register": {"address": 0, "value": 1},
         "write_registers": {"address": 0, "values": [1]},
@@ -147,6 +147,6 @@ def test_a_server_that_records_sees_functions_3_and_4_only() -> None:
 
 
 def test_reading_a_closed_connection_is_a_fault() -> None:
-    """Asking before opening is a fault like any other."""
+    """Reading before the connection is opened raises a ``ReadFault``."""
     with pytest.raises(ReadFault, match="no connection"):
         asyncio.run(Connection(tcp(1)).read(1, Table.HOLDING, 0, 1))

@@ -12,6 +12,7 @@ from stemwatch.models.studies.interacting_loops.fitting import (
     PlantEvidence,
     fit_limits,
     fit_sources,
+    limit_of,
     plant_evidence,
 )
 from stemwatch.models.studies.interacting_loops.score_plant import (
@@ -82,20 +83,32 @@ def shown(rng: np.random.Generator, *, quiet: bool) -> PlantEvidence:
 
 
 def test_limits_and_weights_come_from_plants_whose_truth_is_known() -> None:
-    """What tells groups from chance has the weight; one quiet plant of twenty passes the limit."""
+    """What tells groups from chance has the weight; fewer than one quiet plant of twenty passes the
+    limit, since they are only some of all."""
     rng = np.random.default_rng(6161)
-    plants = [shown(rng, quiet=k % 2 == 0) for k in range(80)]
-    limits, weights = fit_limits(plants), fit_sources(plants)
+    plants = [shown(rng, quiet=k % 2 == 0) for k in range(240)]
+    quiet = [plant for plant in plants if plant.quiet]
+    limits, weights = fit_limits(plants, quiet), fit_sources(plants)
     assert limits.weights[1] > 3.0 * max(abs(weight) for weight in limits.weights[2:])
     passing = sum(
-        bool((p.candidates @ np.array(limits.weights) >= limits.evidence).any())
-        for p in plants
-        if p.quiet
+        bool((p.candidates @ np.array(limits.weights) >= limits.evidence).any()) for p in quiet
     )
-    assert passing in (1, 2, 3)
+    assert passing == 1
     assert np.argmax(weights.member[:6]) == 3
     assert weights.member[6] == WEIGHTS.member[6]
     assert weights.member[7] > 0.5
+
+
+def test_the_limit_holds_for_quiet_plants_that_were_not_drawn() -> None:
+    """Of 120 that were drawn as many may pass as say with 95 % certainty that at most 5 % of all
+    do, which is one; of fewer than 59 nothing can be said."""
+    strongest = np.arange(120) / 10.0 + 0.003
+    limit = limit_of(np.random.default_rng(1).permutation(strongest))
+    assert (strongest >= limit).sum() == 1
+    assert limit == pytest.approx(11.81)
+    assert (np.arange(59) < limit_of(np.arange(59.0))).all()
+    with pytest.raises(ValueError, match="58 quiet plants are too few"):
+        limit_of(np.arange(58.0))
 
 
 def test_a_plant_shows_its_candidates_and_the_evidence_of_its_groups() -> None:

@@ -29,7 +29,8 @@ def secret_in(text: str) -> str:
 
 
 def test_the_first_admin_gets_a_new_link_until_there_is_one(stemwatch, url: str) -> None:
-    """Who lost the one of the first start asks for another; later the way is another one."""
+    """A new link can be printed until an admin exists; afterwards the command refers to another
+    one."""
     outcome = stemwatch("accounts", "first-link", "--db", url, "--address", "https://valves/")
     assert outcome.status == 0
     assert "https://valves/welcome?link=" in outcome.said
@@ -73,7 +74,7 @@ def test_links_roles_and_the_end_of_access(stemwatch, url: str) -> None:
     ],
 )
 def test_a_wrong_command_says_what_is_expected(stemwatch, url: str, words, text: str) -> None:
-    """And ends with status 2."""
+    """The message says what is expected, and the status is 2."""
     with open_store(url) as store:
         make_user(store, "Karl", PASSWORD, "admin")
     outcome = stemwatch("accounts", *(word.format(url=url) for word in words))

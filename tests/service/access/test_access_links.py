@@ -59,7 +59,7 @@ def test_only_the_newest_first_link_lets_in_and_only_while_nobody_can(store: Sto
 
 
 def test_a_link_opened_by_many_at_once_admits_one(store: Store) -> None:
-    """In the same instant, with different names."""
+    """Many threads use one link in the same instant under different names; exactly one succeeds."""
     secret = secret_of(first_link(store, PAGES))
 
     def open_it(number: int) -> bool:
@@ -87,7 +87,7 @@ def test_an_invitation_runs_out(store: Store, ann: User, after: timedelta) -> No
 
 
 def test_an_invitation_can_be_withdrawn(store: Store, ann: User) -> None:
-    """Once; the second time there is nothing to withdraw."""
+    """Withdrawing succeeds once; the second time there is no valid link."""
     secret, link = make_link(
         store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
     )
@@ -121,7 +121,7 @@ def test_a_name_is_taken_whatever_its_capitals(store: Store, ann: User, name: st
 def test_a_refused_name_or_password_leaves_the_link_valid(
     store: Store, ann: User, name, password, error
 ) -> None:
-    """A sentence, and another try."""
+    """The refusal is a sentence, and the link can be used again."""
     secret, _ = make_link(
         store, OneTimeLinkKind.INVITATION, UserRole.VIEWER, made_by="Ann", now=NOW
     )

@@ -77,7 +77,7 @@ def fail(store: Store, name: str, times: int, address: str = HERE, at=NOW) -> li
 def test_a_name_is_throttled_whether_or_not_somebody_has_it(
     store: Store, ann: User, name: str
 ) -> None:
-    """After five attempts, from wherever they come; then the right password has to wait too."""
+    """After five attempts from any address, even the right password has to wait."""
     assert fail(store, name, 4) == [0, 0, 0, 0]
     assert fail(store, name, 2, "198.51.100.9") == [0, 1]
     if name == ann.name:
@@ -157,7 +157,7 @@ def test_a_dated_hash_is_renewed_by_a_login(store: Store, real_passwords: None) 
 
 
 def test_confirming_a_password_is_throttled_as_a_login_is(store: Store, ann: User) -> None:
-    """Whoever found an open browser does not get to guess the password there."""
+    """A person at an unattended browser cannot guess the password without limit."""
     assert confirm(store, ann, PASSWORD, now=NOW, address=HERE)
     for _ in range(5):
         assert not confirm(store, ann, "wrong", now=NOW, address=HERE)
@@ -183,7 +183,8 @@ def test_a_known_browser_is_not_locked_out_by_those_who_guess(store: Store, ann:
 
 
 def test_guesses_in_a_known_browser_wait_too(store: Store, ann: User) -> None:
-    """They are counted by themselves: neither name nor address pays for them, and they for none."""
+    """They are counted separately: they delay neither name nor address, and are not delayed by
+    them."""
     known = remember_browser("", store.accounts.password_of(ann.name)[1], NOW)
     for _ in range(5):
         with pytest.raises(LoginRefused, match=WRONG):
@@ -204,7 +205,8 @@ def test_a_browser_knows_several_users() -> None:
 
 
 def test_refused_guesses_are_one_entry_a_minute(store: Store, ann: User) -> None:
-    """With how many there were, so that a thousand guesses are seen and do not fill the log."""
+    """The entry has their number, so that a thousand guesses are visible and do not fill the
+    log."""
     fail(store, ann.name, 45)
     fail(store, ann.name, 2, at=NOW + timedelta(seconds=62))
     entries = [item for item in store.audit.read(AuditFilter()) if "not tried" in item.detail]

@@ -1,4 +1,4 @@
-"""The table of rights, and the log that nothing changes."""
+"""The table of rights, and the audit log, which cannot be changed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MAY = {
 
 
 def test_every_operation_has_its_right() -> None:
-    """And the table is the one that was agreed on."""
+    """The table equals the documented one."""
     assert set(PERMISSIONS) == set(Operation)
     for role, operations in MAY.items():
         assert {item for item in Operation if PERMISSIONS[item].least is role} == operations

@@ -41,7 +41,7 @@ def test_a_session_and_its_forms_outlive_a_restart(store: Store, ann: User) -> N
 
 
 def test_the_store_holds_no_cookie_and_no_token(store: Store, ann: User) -> None:
-    """Neither a cookie nor a token nor a form's mark can be read from the database."""
+    """Neither a cookie nor an API token nor a form token can be read from the database."""
     cookie = begin_session(store, ann.id, now=NOW)
     token = make_token(store, ann, "script", [Scope.READ], now=NOW)
     (session,) = sessions_of(store, ann.id, NOW)
@@ -54,7 +54,7 @@ def test_the_store_holds_no_cookie_and_no_token(store: Store, ann: User) -> None
 
 
 def test_a_session_ends_when_it_is_not_used(store: Store, ann: User) -> None:
-    """Each use counts from anew, what a page asks by itself does not."""
+    """Each use prolongs the session; requests that a page makes by itself do not."""
     cookie = begin_session(store, ann.id, now=NOW)
     later = NOW + IDLE - MINUTE
     assert user_of_cookie(store, cookie, later)

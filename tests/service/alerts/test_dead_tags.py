@@ -1,5 +1,5 @@
-"""A tag that is dead while its device answers: one alert for its valve, one for many, none for
-what the device's own silence explains."""
+"""A tag that is dead while its device answers: one alert for its valve, one for the device where
+many are dead, none where the device itself is silent."""
 
 from __future__ import annotations
 
@@ -115,8 +115,8 @@ def test_while_old_samples_come_from_the_spool_nothing_is_known(
 def test_many_valves_at_once_are_one_alert_of_their_device(
     either_store: Store, plant: Plant
 ) -> None:
-    """A card that died: the valve that had an alert of its own is joined, and gets it back when it
-    is the only one left."""
+    """A failed card: the alert of a single valve becomes part of the device's alert, and is opened
+    again when that valve is the only one left."""
     store = either_store
     poll(store, plant, NOW, 6, dead=["V0.ZT"])
     (first,) = look(store, plant, NOW)

@@ -1,4 +1,5 @@
-"""The contract of the seam: every notifier that is installed, and one from a package of its own."""
+"""The contract of the ``Notifier`` interface: every installed notifier, and one from another
+package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Mail servers that hang, dribble, refuse and break off, at each step of the conversation."""
+"""Mail servers that hang, answer too slowly, refuse or disconnect, at each step of the protocol."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def test_what_a_server_refuses_is_tried_again(step: str, text: str) -> None:
 def test_a_mail_that_was_taken_is_not_sent_again(
     monkeypatch: pytest.MonkeyPatch, text: str | None
 ) -> None:
-    """Whatever the server says to the farewell: the mail is there."""
+    """Whatever the server answers to QUIT, the mail was accepted."""
     monkeypatch.setattr(mail_module, "MESSAGE_S", 4.0)
     with serving(at("quit", text)) as server:
         notifier(server).send("k", MESSAGE)

@@ -114,7 +114,7 @@ def test_what_is_bad_keeps_its_reason(tmp_path: Path) -> None:
 
 
 def test_a_full_spool_drops_the_oldest_and_says_how_much(tmp_path: Path, caplog) -> None:
-    """Loudly, with the number of samples the store has not seen; the count outlives a restart."""
+    """An error names the number of samples that were not stored; the count survives a restart."""
     spool = Spool(tmp_path, **SMALL)
     with caplog.at_level(logging.ERROR):
         for i in range(100):

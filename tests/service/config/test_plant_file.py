@@ -1,4 +1,4 @@
-"""A plant file that is right: what it gives."""
+"""Correct plant files: what is read from them."""
 
 from __future__ import annotations
 

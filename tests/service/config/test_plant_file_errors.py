@@ -1,4 +1,4 @@
-"""A plant file that is wrong: each mistake has its sentence, and all are said at once."""
+"""Wrong plant files: each mistake has its sentence, and all are reported at once."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def test_sheet_says_what_is_told_apart_how_surely_and_that_a_person_sets_op():
 
 @pytest.mark.parametrize("plan", [plan_that_tells, plan_of_a_bump])
 def test_op_moves_hold_every_value_in_order_and_end_where_op_began(plan):
-    """Legs put values together and lose none."""
+    """Moves group the values of OP and lose none."""
     programme = plan().test.programme
     legs = op_moves_of(programme, plan().op)
     assert sum(leg.values for leg in legs) == sum(len(move.changes) for move in programme.moves)
@@ -129,5 +129,5 @@ def test_files_are_written_beside_each_other(tmp_path):
 
 @pytest.mark.parametrize(("seconds", "text"), [(0.0, "0:00"), (65.4, "1:05"), (600.0, "10:00")])
 def test_times_are_minutes_and_seconds(seconds, text):
-    """As a watch shows them."""
+    """Seconds are written as minutes and seconds."""
     assert clock(seconds) == text

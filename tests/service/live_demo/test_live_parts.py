@@ -1,4 +1,4 @@
-"""The parts of the live demo: its pace, folder, plant file, mails, and the fitter."""
+"""The parts of the live demo: speed, folder, plant file, mails, and recorded maintenance."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def test_a_mail_that_is_too_large_is_refused(tmp_path: Path) -> None:
 
 
 def test_each_recorded_maintenance_is_reported_once(tmp_path: Path) -> None:
-    """Not for what was recorded before he came, and not for valves that are not there."""
+    """Earlier records and records of unknown valves are not reported."""
     with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
         now = datetime.now(UTC)
         store.record_maintenance("FIC-102", now, "long ago", "Ann")

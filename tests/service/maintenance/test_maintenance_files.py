@@ -37,15 +37,15 @@ from tests.service.maintenance.example_work_list import (
 from tests.service.report.conftest import screening
 
 
-def book(screenings, **how):
-    """The book of these valves, with a history."""
+def list_of(screenings, **how):
+    """The work list of these valves, with a history."""
     return work_list_of(screenings, context(screenings), BACKGROUND, **how)
 
 
 @pytest.fixture(scope="module")
 def whole():
-    """The mixed plant's book."""
-    return book(mixed())
+    """The work list of the mixed plant."""
+    return list_of(mixed())
 
 
 def pages(pdf: bytes) -> int:
@@ -58,9 +58,9 @@ def text_of(pdf: bytes) -> str:
     return " ".join(part.decode("latin-1") for part in re.findall(rb"\((.*?)\) Tj", pdf))
 
 
-def rows(book) -> list[dict[str, str]]:
+def rows(list_of) -> list[dict[str, str]]:
     """The work orders as the CSV has them."""
-    return list(csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig"))))
+    return list(csv.DictReader(io.StringIO(orders_csv(list_of).decode("utf-8-sig"))))
 
 
 def test_valves_with_work_have_a_page_in_the_order_of_priority(whole):
@@ -78,7 +78,7 @@ def test_valves_with_work_have_a_page_in_the_order_of_priority(whole):
 
 def test_with_all_every_valve_has_a_page_and_only_those_with_work_an_order():
     """Healthy ones come last and say that there is nothing to do."""
-    every = book(mixed(), everything=True)
+    every = list_of(mixed(), everything=True)
     assert len(every.sheets) == len(mixed())
     assert len(rows(every)) == 5
     assert not every.sheets[-1].has_order
@@ -128,7 +128,7 @@ def test_hundreds_of_valves_flow_over_several_pages_of_the_list():
     """No row is lost at a page's end."""
     several = [frozen(f"PIC-{k}") for k in range(90)]
     several += [screening(f"H-{k}", Verdict.HEALTHY, S=0.2, J=0.1, samples=60) for k in range(90)]
-    result = book(several)
+    result = list_of(several)
     pdf = work_list_pdf(result, compress=False)
     lists = pages(pdf) - 90
     assert lists >= 4
@@ -147,7 +147,7 @@ def test_an_empty_run_is_a_report_that_says_so(tmp_path):
 
 
 def test_one_file_that_cannot_be_written_does_not_cost_the_others(tmp_path):
-    """Somebody has the PDF open: it is named, and the rest is there."""
+    """A PDF locked by another program is named, and the other files are written."""
     (tmp_path / "maintenance.pdf").mkdir()
     with pytest.raises(ReportNotWritten, match=r"maintenance\.pdf"):
         write_maintenance(mixed(), context(mixed()), tmp_path)
@@ -155,7 +155,7 @@ def test_one_file_that_cannot_be_written_does_not_cost_the_others(tmp_path):
 
 
 def test_the_page_runs_nothing_and_loads_nothing(whole):
-    """A hostile tag is text; there is no script and no address in it."""
+    """A hostile tag is shown as text; the page has no script and no address."""
     html = work_list_html(whole).decode()
     assert "<script" not in html
     assert "&lt;script&gt;alert" in html
@@ -227,13 +227,13 @@ def test_no_cell_is_a_formula(whole):
 def test_a_reference_stays_while_the_finding_goes_on():
     """The next run gives the same one; a new beginning, another valve or kind gives another."""
     result = screening("FV-1", samples=60)
-    first = rows(book([result]))[0]["reference"]
+    first = rows(list_of([result]))[0]["reference"]
     later = replace(
         result, recording=replace(result.recording, start=datetime(2026, 3, 9, tzinfo=UTC))
     )
-    assert rows(book([later]))[0]["reference"] == first
+    assert rows(list_of([later]))[0]["reference"] == first
     others = [replace(result, valve="FV-2"), with_effects("FV-1")]
-    assert first not in {rows(book([other]))[0]["reference"] for other in others}
+    assert first not in {rows(list_of([other]))[0]["reference"] for other in others}
     new = work_list_of([result], context([result]), replace(BACKGROUND, earlier=lambda _: []))
     assert rows(new)[0]["reference"] != first
 
@@ -269,5 +269,5 @@ def test_any_text_is_laid_out(text):
     facts = {
         valve: replace(item, description=text) for valve, item in report_context.valves.items()
     }
-    book = work_list_of([changed, blind], replace(report_context, valves=facts), BACKGROUND)
-    assert pages(work_list_pdf(book, compress=False)) >= 2
+    list_of = work_list_of([changed, blind], replace(report_context, valves=facts), BACKGROUND)
+    assert pages(work_list_pdf(list_of, compress=False)) >= 2

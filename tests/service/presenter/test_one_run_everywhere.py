@@ -30,6 +30,7 @@ from stemwatch.service.config import load_plant
 from stemwatch.service.maintenance.labels import labels_csv
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.stored import report_of_store
+from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter.finding import why_no_work
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
@@ -361,7 +362,7 @@ def _late_on(day: int, valve: str) -> Screening:
 def test_headline_and_counts_are_the_same(
     ranking: Ranking, stored: tuple[Store, int], files: Path, pages: httpx.Client, tmp_path: Path
 ) -> None:
-    """Report, ranking page, terminal, run page, metrics, and the book made from the store."""
+    """Report, ranking page, terminal, run page, metrics, and the work list made from the store."""
     store, run = stored
     counts, headline = ranking.counts, ranking.counts.headline
     assert headline == "5 of 14 valves need work"
@@ -400,3 +401,39 @@ def test_work_orders_are_of_the_valves_that_need_work(
             assert sheet.finding.decision.severity == valve.decision.severity
             assert sheet.finding.reason == valve.finding.reason
             assert sheet.finding.next_step == valve.finding.next_step
+
+
+def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Path) -> None:
+    """Three files of one tag are one valve with one page and one order; wherever each recording has
+    a row of its own, the file says which it is, and rows are counted as recordings."""
+    files = ("june.txt", "july.txt", "august.txt")
+    several = [
+        replace(blind("LIC-1", NO_POSITION), provenance=Provenance(source=f"exports/{file}"))
+        for file in files
+    ]
+    every = [*several, screening("FIC-1", S=6.0)]
+    ranked = rank_valves(every, context(every))
+    assert (ranked.counts.valves, ranked.counts.recordings) == (2, 4)
+    assert ranked[0].recording == ""
+    named = {valve.recording for valve in ranked[1:]}
+    assert named == {f"{file}, 2026-03-02 07:00" for file in files}
+    report = write_report(every, context(every), tmp_path).html.read_text("utf-8")
+    table = report[report.index('id="ranking-table"') :]
+    table = table[: table.index("</table>")]
+    terminal = list(views.summary([in_brief(item) for item in every]).columns[1].cells)
+    for file in files:
+        assert table.count(file) == 1
+        assert [f"LIC-1\n{file}" in str(cell) for cell in terminal].count(True) == 1
+    assert ">4 recordings</output>" in report
+    assert "3 without a state" not in text_of(report)
+    assert "1 out of specification, 1 without a state" in text_of(report)
+    work_list = work_list_of(every, context(every))
+    assert [sheet.screening.valve for sheet in work_list.sheets] == ["FIC-1", "LIC-1"]
+    assert work_list.to_work_on == work_list.sheets
+    page = text_of(work_list_html(work_list).decode())
+    assert "The most urgent of 3 recordings:" in page
+    assert ranked.counts.sentence in page
+    assert ranked.counts.sentence.startswith("1 of 2 valves needs work; 1 cannot be judged (1 with")
+    assert ranked.counts.sentence.endswith("(4 recordings).")
+    (line, *_) = views.undetermined_lines(every)
+    assert line.count("LIC-1") == 1

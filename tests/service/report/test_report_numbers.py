@@ -1,4 +1,4 @@
-"""Decimation, gauges, trends and wording: the small parts a reader's trust hangs on."""
+"""Thinning, gauges, trends and the wording of numbers."""
 
 from __future__ import annotations
 

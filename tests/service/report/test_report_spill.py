@@ -25,7 +25,7 @@ from stemwatch.service.run.spill import ResultSpill
 
 
 def spilled(screenings, plotted: int = MOST_PLOTTED) -> ResultSpill:
-    """A spill with every screening, packed, put there last first."""
+    """A spill that contains every packed screening, stored in reverse order."""
     spill = ResultSpill(plotted)
     for index in reversed(range(len(screenings))):
         spill.add(index, *plots_instead_of_samples(screenings[index]))

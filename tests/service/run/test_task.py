@@ -102,7 +102,8 @@ def test_tasks_and_their_screenings_can_travel(one_valve: Path) -> None:
 
 
 def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
-    """The last one that ended no later, and not that of the same window screened before."""
+    """The curve of the last window that ended no later, and not that of the same window screened
+    before."""
     recording = open_file(str(one_valve), ReadOptions()).read(task(one_valve).tags)
     curve, day = StrokeCurve(op=(50.0, 100.0), travel=(0.0, 100.0)), timedelta(days=1)
 

@@ -1,4 +1,4 @@
-"""Strangers at the port of a running service: they take neither its memory nor its descriptors."""
+"""Unknown clients of a running service cannot exhaust its memory or file descriptors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The benchmark: what is given away tells nothing, and who knows nothing gains nothing."""
+"""The benchmark: published facts do not reveal the truth, and guessing gains nothing."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def test_the_file_has_the_limits_of_the_product(kept) -> None:
     }
 
 
-# Before the guards two nulls more pass than the rule allows: docs/method.md says why.
+# Without the further checks two nulls more pass than the rule allows: docs/method.md says why.
 BELOW_THE_RULE = {"strength in the first round": 1.3}
 
 

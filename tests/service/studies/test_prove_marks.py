@@ -149,6 +149,19 @@ def test_an_answer_is_read_by_its_contract() -> None:
     assert (("quantisation",), ("travel_stop",)) == (answer.record_effects, answer.not_testable)
 
 
+def test_a_refusal_for_a_frozen_position_has_found_the_freeze() -> None:
+    """A recording that is refused because its reading was frozen has found that effect."""
+    reason = "Cannot tell: the position reading was frozen for 47 % of the time. Check it."
+    silent = {"value": None, "low": None, "high": None, "reason": reason}
+    refused = answer_object(
+        verdict="not_testable",
+        effects=[],
+        record_effects=[],
+        stiction={"naive": {"S": silent, "J": silent}, "restated": {"S": silent, "J": silent}},
+    )
+    assert ("frozen_signal",) == read_answer(refused).record_effects
+
+
 def test_an_answer_that_breaks_the_contract_is_refused() -> None:
     """A missing field is named, and the recording that lacks it."""
     broken = answer_object()

@@ -1,4 +1,5 @@
-"""The study of foresight: the alert comes before a worn stem sticks; one that is well has none."""
+"""The study of wear forecasts: the alert comes before a worn stem sticks; a healthy valve has
+none."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A watched folder: each export once, whole files only, what is wrong beside a note."""
+"""A watched folder: each export is stored once, only complete files are read, rejected files get a
+note."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def client(live: Site, client_of: Callable[[Site], httpx.Client]) -> httpx.Clien
 
 @pytest.fixture
 def send(client: httpx.Client) -> Callable[..., httpx.Response]:
-    """Sends a form as a browser would: with the cookie and the mark of a page of ours."""
+    """Sends a form as a browser would: with the cookie and the form token of a page."""
 
     def post(path: str, **fields: str) -> httpx.Response:
         page = client.get("/runs")

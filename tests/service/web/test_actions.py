@@ -1,4 +1,4 @@
-"""What a reader sets off: alerts settled, remarks kept, runs queued, and only from our pages."""
+"""Actions of users: handling alerts, adding notes, queueing runs, from our own pages only."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ PLACES = (
 
 @pytest.mark.parametrize("path", PLACES)
 def test_a_form_without_its_token_changes_nothing(live, client, path):
-    """Whoever cannot read our pages cannot send our forms."""
+    """Another site, which cannot read the token, cannot send our forms."""
     fields = {"alert": "1", "valve": STICKY, "text": "x", "run": "1", "how": "acknowledge"}
     assert client.post(path, data=fields).status_code == 403
     assert client.post(path, data={"mark": "0" * 64, **fields}).status_code == 403

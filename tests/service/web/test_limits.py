@@ -1,4 +1,4 @@
-"""What strangers can make the pages hold, wait for, or write into the log."""
+"""Limits on memory, time and log lines that unknown clients can cause."""
 
 from __future__ import annotations
 
@@ -171,7 +171,7 @@ async def _long_answer(scope: Any, receive: Any, send: Any) -> None:
 
 
 def test_an_answer_waits_only_so_long_for_its_reader(monkeypatch) -> None:
-    """Who takes nothing of it is cut off."""
+    """A client that reads nothing of an answer is disconnected."""
     monkeypatch.setattr(http_server, "ANSWER_S", 0.3)
     with (
         serving_app(_long_answer, fresh=True) as base,
@@ -188,7 +188,7 @@ def test_an_answer_waits_only_so_long_for_its_reader(monkeypatch) -> None:
 
 
 def test_a_slow_reader_gets_all_of_an_answer(monkeypatch) -> None:
-    """Whoever goes on reading is waited for, however long all of it takes."""
+    """A client that keeps reading gets all of an answer, however long it takes."""
     monkeypatch.setattr(http_server, "ANSWER_S", 1.5)
     with (
         serving_app(_long_answer, fresh=True) as base,

@@ -1,4 +1,4 @@
-"""Who may ask, from where, and what the browser is told it may do."""
+"""Which requests are accepted, and which security headers every answer has."""
 
 from __future__ import annotations
 

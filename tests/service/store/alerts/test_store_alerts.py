@@ -1,4 +1,4 @@
-"""Alerts and messages: one open alert of each cause, each told of once."""
+"""Alerts and messages: one open alert for each cause, each in one message."""
 
 from __future__ import annotations
 

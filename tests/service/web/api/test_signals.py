@@ -1,4 +1,4 @@
-"""What plots are given: nothing that a valve did is lost by thinning, and no hole is bridged."""
+"""The data of plots: thinning loses no movement of the valve, and no gap is bridged."""
 
 from __future__ import annotations
 

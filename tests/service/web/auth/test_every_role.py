@@ -153,7 +153,7 @@ def test_every_route_refuses_roles_without_its_permission(live, app, role, way):
     ],
 )
 def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, status):
-    """Though its user is admin: a scope is no ladder."""
+    """A token of an admin has only the rights of its scopes; a scope does not include others."""
     method, place = path.split()
     what = {"json": {"text": "x"}} if method == "POST" else {}
     headers = bearer_of(live, UserRole.ADMIN, scopes)
@@ -175,7 +175,7 @@ def test_a_token_does_what_its_scopes_say_and_no_more(live, app, scopes, path, s
     ],
 )
 def test_no_spelling_of_an_address_gets_around_the_table(live, app, path):
-    """What the application would answer is what the door looked at."""
+    """The permission check and the router see the same path, however it is spelled."""
     answer = ask(app, "GET", path, cookies=cookie_of(live, UserRole.VIEWER))
     assert answer.status_code in (307, 403, 404)
     assert NAMES[UserRole.ADMIN] not in answer.text
@@ -203,7 +203,7 @@ def test_opening_a_page_without_session_leads_to_the_login_and_back(live, app):
 
 
 def test_whoever_is_refused_is_told_what_is_missing(live, app):
-    """The role that is needed and the one that is there; or the scope."""
+    """The refusal names the role that is needed and the user's role, or the missing scope."""
     answer = ask(app, "GET", "/users", cookies=cookie_of(live, UserRole.ENGINEER))
     assert f"needs the role admin; {NAMES[UserRole.ENGINEER]} is engineer" in answer.text
     headers = bearer_of(live, UserRole.ADMIN, (Scope.READ,))

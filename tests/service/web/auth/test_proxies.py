@@ -1,4 +1,4 @@
-"""Whose word on the reader's address is taken: that of named proxies, and of nobody else."""
+"""The client address in a proxy header is trusted from configured proxies only."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ from tests.service.web.example_plant import NOW, STICKY, serving
 from tests.service.web.signed_in import NAMES, PASSWORD, bearer_of, user_of
 
 
-def mark_in(page: str) -> str:
-    """The mark of the first form of a page."""
+def form_token_in(page: str) -> str:
+    """The token of the first form of a page."""
     return re.search(r'name="mark" value="([0-9a-f]{64})"', page)[1]
 
 
@@ -35,7 +35,7 @@ class Browser:
 
     def send(self, page: str, path: str, **fields: str) -> httpx.Response:
         """A form of ``page``."""
-        mark = mark_in(self.client.get(page).text)
+        mark = form_token_in(self.client.get(page).text)
         return self.client.post(path, data={"mark": mark, **fields})
 
     def sign_in(self, name: str, password: str = PASSWORD, wanted: str = "") -> httpx.Response:
@@ -150,7 +150,7 @@ def test_with_tls_the_cookie_never_travels_without(live: Site) -> None:
 
     async def ask() -> str:
         async with httpx.AsyncClient(transport=transport, base_url="https://localhost") as client:
-            mark = mark_in((await client.get("/login")).text)
+            mark = form_token_in((await client.get("/login")).text)
             fields = {"mark": mark, "name": "Ann", "password": PASSWORD}
             answer = await client.post("/login", data=fields)
             assert (await client.get("/")).status_code == 200
@@ -162,9 +162,9 @@ def test_with_tls_the_cookie_never_travels_without(live: Site) -> None:
 
 
 def test_a_form_that_was_opened_before_a_restart_is_taken_after_it(live: Site, client_of) -> None:
-    """Session and mark belong to the browser and the store, not to a process."""
+    """Session and form token belong to the browser and the store, not to a process."""
     before = Browser(client_of(live))
-    mark, cookies = mark_in(before.client.get("/runs").text), dict(before.client.cookies)
+    mark, cookies = form_token_in(before.client.get("/runs").text), dict(before.client.cookies)
     repeated = serving(live)
     with (
         repeated as base,
@@ -335,7 +335,7 @@ def test_a_viewer_is_shown_no_button_that_would_be_refused(live: Site, client_of
 
 
 def test_an_unused_session_ends_and_leads_to_the_login(live: Site, client_of) -> None:
-    """A session that nobody used ends by itself."""
+    """After a long time without use the session has ended."""
     client = client_of(live)
     assert client.get("/").status_code == 200
     object.__setattr__(live, "clock", lambda: NOW + timedelta(hours=13))
@@ -343,7 +343,7 @@ def test_an_unused_session_ends_and_leads_to_the_login(live: Site, client_of) ->
 
 
 def test_tokens_of_everybody_are_seen_and_ended_by_an_admin(admin: Browser, live: Site) -> None:
-    """With owner and first letters."""
+    """The list shows owner and first letters of each token."""
     bearer_of(live, UserRole.ENGINEER)
     page = admin.client.get("/tokens").text
     assert NAMES[UserRole.ENGINEER] in page

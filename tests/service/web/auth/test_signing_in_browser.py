@@ -100,7 +100,7 @@ def test_a_phone_never_scrolls_sideways(opened: Opened, path: str, theme: str) -
 
 @pytest.mark.parametrize("path", [*ADMIN_PAGES, "/login"])
 def test_every_field_has_a_label_and_a_place_by_keyboard(opened: Opened, path: str) -> None:
-    """Nothing has to be guessed from where it stands."""
+    """No field depends on its position to be understood."""
     page = opened.page(path, viewport=DESK)
     page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     unnamed = page.locator("input:not([type=hidden]), select, button").evaluate_all(

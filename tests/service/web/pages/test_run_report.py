@@ -117,7 +117,7 @@ def test_a_run_without_a_report_says_so(client, run):
 
 @pytest.mark.browser
 def test_the_report_works_in_its_sandbox(browser, live, reported):
-    """Its plots are drawn and nothing is logged, though it has no origin."""
+    """Its plots are drawn and nothing is logged, although it has no origin."""
     with serving(live) as base:
         context = browser.new_context()
         ((name, value),) = cookie_of(live).items()
