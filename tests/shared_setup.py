@@ -14,19 +14,14 @@ except ImportError:  # where files are locked otherwise, each process makes its 
     fcntl = None  # type: ignore[assignment]
 
 
-def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bool]:
-    """The temporary folder of the whole run, and whether other processes of the run use it too."""
-    base = tmp_path_factory.getbasetemp()
-    of_many = "PYTEST_XDIST_WORKER" in os.environ and fcntl is not None
-    return (base.parent if of_many else base), of_many
-
-
 def made_once(
     tmp_path_factory: pytest.TempPathFactory, name: str, make: Callable[[Path], None]
 ) -> Path:
     """The folder ``name`` with what ``make`` leaves in it: the first process of the run makes it,
     the others wait for that. Whoever uses it must leave it as it is."""
-    shared, of_many = shared_folder(tmp_path_factory)
+    base = tmp_path_factory.getbasetemp()
+    of_many = "PYTEST_XDIST_WORKER" in os.environ and fcntl is not None
+    shared = base.parent if of_many else base
     folder, finished = shared / name, shared / f"{name}.made"
     with (shared / f"{name}.lock").open("w") as lock:
         if of_many:
