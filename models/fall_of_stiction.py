@@ -4,7 +4,8 @@ A worn stem does not heal by itself: S that falls, beyond its own scatter, and s
 repaired, and what it was before says nothing of the stem that is there now. S fell before the day k
 where, with the medians ``before`` and ``after`` of up to ``NEAR`` days on either side of it,
 
-    before - after >= max(LEAST_FALL_PERCENT, LEAST_T * scatter * sqrt(1 / n_before + 1 / n_after))
+    before - after >= max(LEAST_FALL_PERCENT, LEAST_T * error),
+    error = OF_A_MEDIAN * scatter * sqrt(1 / n_before + 1 / n_after),
 
 the day before k lies above the middle between them, and the days from k on that are compared all
 lie below it. At least ``STAYS`` days must be there on either side; with fewer after it, it is not

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.cli import options as o
 from stemwatch.service.cli.reading import (
@@ -174,6 +173,7 @@ def _nothing_left_of_nothing(out: Path, address: DatabaseUrl) -> Iterator[None]:
     """Make the folder of the report. Where nothing could be read, or not even the database be
     opened, what was made for it goes again: a new database without a valve would look like a plant
     without one."""
+    from stemwatch.connectors.connector import ConnectorError
     from stemwatch.service.store.database.engine import sqlite_files
 
     database = sqlite_files(address)
