@@ -59,7 +59,10 @@ def as_it_is(export: Path, folder: Path) -> Path:
     return export
 
 
-@pytest.mark.parametrize("layout", [as_it_is, narrow, german, packed])
+@pytest.mark.parametrize(
+    "layout",
+    [narrow, german, *(pytest.param(one, marks=pytest.mark.long) for one in (as_it_is, packed))],
+)
 def test_the_proposed_mapping_loads_and_screens(
     stemwatch, one_valve: Path, tmp_path: Path, layout
 ) -> None:

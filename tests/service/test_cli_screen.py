@@ -238,7 +238,13 @@ FAILING = {
 }
 
 
-@pytest.mark.parametrize(("source", "more", "why"), FAILING.values(), ids=FAILING.keys())
+@pytest.mark.parametrize(
+    ("source", "more", "why"),
+    [
+        pytest.param(*failing, id=name, marks=[] if name == "a wrong tag" else [pytest.mark.long])
+        for name, failing in FAILING.items()
+    ],
+)
 def test_a_failed_run_leaves_the_last_report_as_it_was(
     screened, one_valve: Path, tmp_path: Path, source: Any, more: tuple[str, ...], why: str
 ) -> None:

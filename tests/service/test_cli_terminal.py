@@ -27,6 +27,8 @@ HOSTILE = {
     "spaces and umlauts": "Ventil Größe 7 µ",
 }
 
+SHORT = ("markup", "an escape sequence")  # screened in the short run
+
 
 def renamed(export: Path, path: Path, stem: str) -> Path:
     """The export with ``FIC-104`` in its header replaced."""
@@ -39,7 +41,13 @@ def renamed(export: Path, path: Path, stem: str) -> Path:
     return path
 
 
-@pytest.mark.parametrize("stem", HOSTILE.values(), ids=HOSTILE.keys())
+@pytest.mark.parametrize(
+    "stem",
+    [
+        pytest.param(stem, id=name, marks=[] if name in SHORT else [pytest.mark.long])
+        for name, stem in HOSTILE.items()
+    ],
+)
 def test_a_hostile_name_is_shown_and_does_nothing(
     stemwatch, one_valve: Path, tmp_path: Path, stem: str
 ) -> None:

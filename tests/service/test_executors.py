@@ -287,6 +287,7 @@ def test_what_was_not_begun_is_dropped(name: str, tmp_path: Path, request) -> No
     assert 1 <= len(list(tmp_path.iterdir())) < 20
 
 
+@pytest.mark.long
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
 def test_ctrl_c_ends_the_workers(tmp_path: Path) -> None:
     """Ctrl-C while workers work ends them with the program, and what was not begun is not done."""

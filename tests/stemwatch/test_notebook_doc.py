@@ -14,6 +14,10 @@ BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
 PLOTTING = [block for block in BLOCKS if ".plot()" in block]
 
 
+# The functions of the page run with their own examples in the short run.
+runs_the_page = pytest.mark.long
+
+
 @pytest.fixture(scope="module")
 def cells(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """The names that the page has made once all its blocks ran in turn, but for the plots."""
@@ -26,6 +30,7 @@ def cells(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return names
 
 
+@runs_the_page
 def test_the_work_list_holds_the_valves_that_stick(cells: dict[str, Any]) -> None:
     """Of the three simulated valves the two that stick are to be seen to, the worse one first."""
     to_do: pd.DataFrame = cells["to_do"]
@@ -33,6 +38,7 @@ def test_the_work_list_holds_the_valves_that_stick(cells: dict[str, Any]) -> Non
     assert ["sticky", "sticky"] == list(to_do["verdict"])
 
 
+@runs_the_page
 def test_a_file_gives_what_the_frame_gave(cells: dict[str, Any]) -> None:
     """The same samples from a CSV file are the same valves."""
     assert sorted(cells["loops"]) == sorted(cell.valve for cell in cells["work"])
@@ -45,6 +51,7 @@ def test_the_page_goes_from_a_frame_to_a_work_list_in_twenty_lines() -> None:
     assert len(lines) <= 20
 
 
+@runs_the_page
 def test_the_plots_of_the_page_are_drawn(cells: dict[str, Any]) -> None:
     """The figure is a file with something in it."""
     pytest.importorskip("matplotlib", reason="PLOTS ARE NOT TESTED: matplotlib is not installed")

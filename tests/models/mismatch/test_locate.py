@@ -58,7 +58,9 @@ def sentences(mv):
     return " ".join(hot.sentence for hot in located(mv + noise()).hot)
 
 
-@pytest.mark.parametrize("phi", [0.0, 0.7, 0.95])
+@pytest.mark.parametrize(
+    "phi", [0.7, *(pytest.param(phi, marks=pytest.mark.long) for phi in (0.0, 0.95))]
+)
 def test_noise_has_no_hot_place(phi):
     """For noise, white or correlated over up to 20 s, at most three records in a hundred have a hot
     place.

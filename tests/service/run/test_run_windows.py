@@ -87,6 +87,7 @@ def test_a_later_window_has_a_trend_and_a_baseline_ratio(screened, rows, tmp_pat
     assert "first" not in trend_of(STICKY, tmp_path / "out")
 
 
+@pytest.mark.long
 def test_the_same_window_again_is_no_change(screened, tmp_path: Path) -> None:
     """A window is not compared with itself: screened again, it still has no run before it."""
     screened(*EARLY)

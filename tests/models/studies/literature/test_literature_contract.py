@@ -42,7 +42,13 @@ def test_says_how_well_its_source_is_known(model):
 
 
 @every
-@pytest.mark.parametrize("name", ["triangle", "random walk", "quantised sine"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "random walk",
+        *(pytest.param(name, marks=pytest.mark.long) for name in ("triangle", "quantised sine")),
+    ],
+)
 def test_as_long_as_the_command_and_finite(signals, model, name):
     """One finite position for each command, the first being where the stem was."""
     op = signals[name][:400]

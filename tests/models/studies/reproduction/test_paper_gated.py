@@ -37,7 +37,11 @@ def test_it_has_few_weights() -> None:
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.shape.value)
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.long] if k else []) for k, case in enumerate(CASES)],
+    ids=lambda case: case.shape.value,
+)
 def test_set_from_the_true_S_and_J_it_is_the_element(case: PaperCase, family: str) -> None:
     """On any input the free run is the element's, so the form can hold all four shapes."""
     assert follow(case, unseen(family, 3), case.S, case.J).max() < 1e-6
