@@ -146,8 +146,18 @@ def influx(rows: list[Row], folder: Path) -> Iterator[tuple[str, str]]:
         yield table, ""
 
 
+Kind = Callable[[list[Row], Path], AbstractContextManager[tuple[str, str]]]
+
+
+@pytest.mark.parametrize(
+    "kinds", [(parquet, pi), pytest.param((sql, opcua, influx), marks=pytest.mark.long)]
+)
 def test_each_kind_is_screened_as_the_export_is(
-    stemwatch: Callable[..., Any], one_valve: Path, rows: list[Row], tmp_path: Path
+    stemwatch: Callable[..., Any],
+    one_valve: Path,
+    rows: list[Row],
+    tmp_path: Path,
+    kinds: tuple[Kind, ...],
 ) -> None:
     """``screen --plant`` gives the same verdict, S and J, number for number."""
 
@@ -163,11 +173,9 @@ def test_each_kind_is_screened_as_the_export_is(
 
     expected = screened("csv", f"path = '{one_valve}'", "")
     assert expected["verdict"] == "sticky"
-    kinds: dict[str, Callable[..., AbstractContextManager[tuple[str, str]]]]
-    kinds = {"parquet": parquet, "sql": sql, "opcua": opcua, "pi": pi, "influx": influx}
-    for name, kind in kinds.items():
+    for kind in kinds:
         with kind(rows, tmp_path) as (source, prefix):
-            assert screened(name, source, prefix) == expected
+            assert screened(kind.__name__, source, prefix) == expected
 
 
 @pytest.fixture

@@ -246,7 +246,7 @@ def test_a_dying_worker_costs_no_result() -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
-@pytest.mark.parametrize("name", ["local processes", "dask"])
+@pytest.mark.parametrize("name", ["local processes", pytest.param("dask", marks=pytest.mark.long)])
 def test_a_killed_worker_costs_time_only(name: str, tmp_path: Path, request) -> None:
     """A worker killed in the middle of its work: every result comes all the same, once."""
     items = [(number, str(tmp_path)) for number in range(24)]

@@ -30,10 +30,17 @@ from tests.models.mismatch.fitted_chain import command, recorded, rescaled, simu
 CASES = [
     ("dead_time", 4000, "theta", "delay_s", 0.5),
     pytest.param("dead_time", 4001, "theta", "delay_s", 0.5, marks=pytest.mark.long),
-    ("asymmetric_rate_limit", 4008, "rate_rising", "fill_percent_per_s", 0.05),
+    pytest.param(
+        "asymmetric_rate_limit",
+        4008,
+        "rate_rising",
+        "fill_percent_per_s",
+        0.05,
+        marks=pytest.mark.long,
+    ),
     ("travel_stop", 4002, "stop_low", "low_percent", 0.3),
     ("zero_shift", 4001, "zero", "zero_percent", 0.15),
-    ("growing_stiction", 4000, "growth", "growth", 0.25),
+    pytest.param("growing_stiction", 4000, "growth", "growth", 0.25, marks=pytest.mark.long),
 ]
 # Whose S or J the effect biases by a tenth and more.
 BIASED = ("dead_time", "travel_stop", "zero_shift", "growing_stiction")

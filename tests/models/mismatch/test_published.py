@@ -39,7 +39,7 @@ def noisy(recording, size, seed):
 @pytest.mark.parametrize(
     "slug",
     [
-        pytest.param(slug, marks=[pytest.mark.long] if place % 2 else [])
+        pytest.param(slug, marks=[pytest.mark.long] if place % 4 else [])
         for place, slug in enumerate(sorted(catalogue()))
     ],
 )

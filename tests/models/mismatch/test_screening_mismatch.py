@@ -38,7 +38,10 @@ def numbers(answer):
     return [(item.value, item.low, item.high) for item in (answer.S, answer.J)]
 
 
-@pytest.mark.parametrize(("slug", "seed"), [("dead_time", 4012), ("travel_stop", 4001)])
+@pytest.mark.parametrize(
+    ("slug", "seed"),
+    [pytest.param("dead_time", 4012, marks=pytest.mark.long), ("travel_stop", 4001)],
+)
 def test_where_something_was_named_the_restated_numbers_are_reported(slug, seed):
     """S and J of the screening are the restated ones, nearer to the valve than the naive ones."""
     result, (_, valve) = screened(slug, seed), simulated(slug, seed)

@@ -118,7 +118,7 @@ def prepared(store: Store, one_valve: Path, folder: Path) -> tuple[Request, RunN
 @pytest.mark.parametrize(
     ("sent", "every"),
     [
-        (signal.SIGINT, 1_499),
+        pytest.param(signal.SIGINT, 1_499, marks=pytest.mark.long),
         (signal.SIGTERM, 2_503),
         pytest.param(signal.SIGINT, 61, marks=pytest.mark.long),
     ],

@@ -106,12 +106,18 @@ def _plain(result: Any) -> Any:
     return result
 
 
-def test_every_way_keeps_the_same(kept, cluster: Cluster) -> None:
-    """A schedule's run here and on a cluster, and the command line's run of the same plant:
+@pytest.mark.long
+def test_a_cluster_keeps_the_same(kept, cluster: Cluster) -> None:
+    """A schedule's run here and on a cluster."""
+    near = kept("workers = 1", by_schedule)
+    assert near == kept(f'executor = "{cluster.address}"', by_schedule)
+
+
+def test_every_way_keeps_the_same(kept) -> None:
+    """A schedule's run and the command line's run of the same plant, in one process and in several:
     screenings with their intervals, indicators, networks and the report's objects are the same
     number for number, though other networks trained together."""
     near = kept("workers = 1", by_schedule)
-    assert near == kept(f'executor = "{cluster.address}"', by_schedule)
     assert near == kept("workers = 1", by_command(InProcess()))
     assert near == kept("workers = 1", by_command(LocalProcesses(2, isolated=True)))
     valves = ["FIC-104", "FIC-107", "FIC-113"]

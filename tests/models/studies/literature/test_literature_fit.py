@@ -35,7 +35,14 @@ LEVEL_PERCENT = 0.15
 SHARP = [model for model in DATA_DRIVEN if model.name != "kano_asymmetric"]
 
 
-@pytest.mark.parametrize("model", SHARP, ids=lambda m: m.name)
+@pytest.mark.parametrize(
+    "model",
+    [
+        pytest.param(model, marks=[pytest.mark.long] if k % 4 else [])
+        for k, model in enumerate(SHARP)
+    ],
+    ids=lambda m: m.name,
+)
 def test_finds_its_own_parameters(recorded, command, model):
     """With 0.1 % of noise and a zero error of 0.7 %, levels come back within 0.15 % of OP."""
     fit = fit_model(model, recorded(model, command), TRAIN)
@@ -63,7 +70,7 @@ def test_the_jumps_of_each_direction_trade_with_the_zero(recorded, command):
     [
         ("classical", {"static_n": 0.02, "kinetic_n": 0.1}),
         pytest.param("karnopp", {"static_n": 0.02, "kinetic_n": 0.1}, marks=pytest.mark.long),
-        ("dahl", {"kinetic_n": 0.02, "viscous_ns_per_m": 0.2}),
+        pytest.param("dahl", {"kinetic_n": 0.02, "viscous_ns_per_m": 0.2}, marks=pytest.mark.long),
         ("lugre", {"static_n": 0.02, "kinetic_n": 0.15}),
         pytest.param("mueller", {"static_n": 0.02}, marks=pytest.mark.long),
     ],
@@ -101,7 +108,10 @@ def test_a_slow_model_has_no_intervals(recorded, command):
     assert fit.parameters["static_n"].low is None
 
 
-@pytest.mark.parametrize("name", ["canonical", "he3", "karnopp"])
+@pytest.mark.parametrize(
+    "name",
+    ["canonical", *(pytest.param(name, marks=pytest.mark.long) for name in ("he3", "karnopp"))],
+)
 def test_the_same_record_gives_the_same_numbers(recorded, command, name):
     """The search is seeded."""
     model = BY_NAME[name]

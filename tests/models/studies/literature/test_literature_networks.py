@@ -24,6 +24,15 @@ DOCS = Path(__file__).parents[4] / "docs"
 PAGE = re.sub(r"\s+", " ", (DOCS / "models.md").read_text("utf-8"))
 TRAIN_UNTIL = 700
 every = pytest.mark.parametrize("network", NETWORKS, ids=lambda n: n.name)
+# What trains once more: one network in the short run.
+one = pytest.mark.parametrize(
+    "network",
+    [
+        pytest.param(network, marks=[] if network is NARX_PAPER else [pytest.mark.long])
+        for network in NETWORKS
+    ],
+    ids=lambda n: n.name,
+)
 
 
 @pytest.fixture(scope="module")
@@ -57,14 +66,14 @@ def test_a_network_simulates_the_recording(network, fits):
     assert fit.parameters["weights"].value == fit.values.size
 
 
-@every
+@one
 def test_a_network_repeats_itself(network, recording, fits):
     """The same recording gives the same run, also where the element is fitted on the way."""
     repeated = fit_network(network, recording, TRAIN_UNTIL)
     np.testing.assert_array_equal(repeated.simulated, fits[network.name].simulated)
 
 
-@every
+@one
 def test_held_out_positions_do_not_change_the_weights(network, recording, element, fits):
     """Other positions after ``train_until`` and its start leave the weights as they were."""
     mv = np.array(recording.mv.values)
@@ -90,7 +99,7 @@ def test_a_place_outside_the_recording_is_an_error(network, recording):
         fit_network(network, recording, 1001)
 
 
-@every
+@one
 def test_a_hole_restarts_the_run(network, recording):
     """A run goes on after a hole from the measurement there; nothing is trained across it."""
     mv = np.array(recording.mv.values)

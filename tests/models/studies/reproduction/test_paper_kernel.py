@@ -24,7 +24,15 @@ KINDS = [
     if shape in NARX
     for table, inputs in ((NARX, NARX_INPUTS), (FEEDFORWARD, FEEDFORWARD_INPUTS))
 ]
-every = pytest.mark.parametrize("kind", KINDS, ids=lambda k: f"{len(k[1])} in, {'-'.join(k[0])}")
+# Of the pairs of a NARX and a feedforward network the first and the last are in the short run.
+every = pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=[pytest.mark.long] if 2 <= place < len(KINDS) - 2 else [])
+        for place, kind in enumerate(KINDS)
+    ],
+    ids=lambda k: f"{len(k[1])} in, {'-'.join(k[0])}",
+)
 
 
 def network(kind: tuple) -> tuple[ThreeLayers, Floats]:  # type: ignore[type-arg]

@@ -221,7 +221,13 @@ def test_most_of_the_routine_records_show_what_is_hidden() -> None:
     assert np.mean([case.excited for case in matching]) > 0.8
 
 
-@pytest.mark.parametrize("concealment", [*CONCEALMENTS, "positioner"])
+@pytest.mark.parametrize(
+    "concealment",
+    [
+        pytest.param(name, marks=[] if name in ("quiet", "positioner") else [pytest.mark.long])
+        for name in (*CONCEALMENTS, "positioner")
+    ],
+)
 def test_every_loop_makes_the_valve_travel(concealment: str) -> None:
     """Loops with moves travel over 20 %, quiet ones less; all of them slip both ways."""
     for case in draw_nulls(3, 6, concealment):
