@@ -88,6 +88,9 @@ WAYS = {
 
 
 SHORT = ("equal percentage", "counting the other way")
+ways = pytest.mark.parametrize(
+    "way", [way if way in SHORT else pytest.param(way, marks=pytest.mark.long) for way in WAYS]
+)
 
 
 @cache
@@ -117,7 +120,7 @@ def named_besides(mismatch: Mismatch, plain: Mismatch) -> set[str]:
     return {effect.slug for effect in mismatch.effects if not {*effect.members} & named(plain)}
 
 
-@pytest.mark.parametrize("way", WAYS)
+@ways
 @pytest.mark.parametrize("valve", [STICKING, HEALTHY], ids=["sticking", "healthy"])
 def test_the_command_behind_op_is_found(way, valve):
     """In percent of travel, OP becomes what it was before it was changed.
@@ -189,7 +192,7 @@ def test_the_slope_is_that_over_the_part_of_op_that_was_used():
     assert still.slope == pytest.approx(1.0)  # where it does not move, the whole curve speaks
 
 
-@pytest.mark.parametrize("way", WAYS)
+@ways
 def test_the_sticking_is_that_of_the_plain_recording(way):
     """S and J in percent of travel are the same however OP was stored."""
     naive = fit_stickslip(plain(*STICKING))
@@ -198,9 +201,7 @@ def test_the_sticking_is_that_of_the_plain_recording(way):
     assert fit.J == pytest.approx(naive.J, abs=0.4)
 
 
-@pytest.mark.parametrize(
-    "way", [way if way in SHORT else pytest.param(way, marks=pytest.mark.long) for way in WAYS]
-)
+@ways
 def test_verdicts_survive_how_op_was_stored(way):
     """A healthy valve stays healthy, a sticking one sticks, and no more is named than before."""
     healthy, sticking = screen(
@@ -406,7 +407,7 @@ def test_a_change_stands_in_the_reason_of_the_screening():
     assert result.stroke_curve.remark in result.reason
 
 
-@pytest.mark.parametrize("way", WAYS)
+@ways
 def test_a_proposed_curve_is_the_one_that_was_found(way):
     """What stands in the proposal, pasted into the plant file, reads the recording as well."""
     result = curve_of(way, *STICKING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -27,22 +28,23 @@ from stemwatch.service.web.site import Site
 from tests.service.web.example_plant import J_MADE, NOW, S_MADE, SOURCE, STICKY, reader_of
 
 START = datetime(2026, 3, 1, tzinfo=UTC)
+NUMBERS = itertools.count()
 
 
-def keep(store, at_s, values, quality=None, reasons=None) -> str:
+def keep(store, at_s, values, quality=None, reasons=None, tag="T") -> str:
     """Store samples of one tag at seconds since ``START``; the tag's name."""
     count = len(values)
     store.samples.write(
         SampleBatch(
             source=SOURCE,
-            tags=("T",) * count,
+            tags=(tag,) * count,
             at_us=microseconds(START) + np.round(np.asarray(at_s) * 1e6).astype(np.int64),
             values=np.asarray(values, dtype=np.float64),
             quality=np.zeros(count, dtype=np.uint8) if quality is None else np.asarray(quality),
             reasons=("",) * count if reasons is None else tuple(reasons),
         )
     )
-    return "T"
+    return tag
 
 
 def drawn(store, tag, length_s, points):
@@ -91,12 +93,10 @@ def test_thinning_keeps_a_single_spike_on_postgresql(postgres_url):
     values=st.lists(st.floats(-100, 100), min_size=60, max_size=200),
     points=st.integers(8, 40),
 )
-def test_thinned_extremes_are_those_of_the_samples(tmp_path_factory, values, points):
-    """Whatever the samples, lowest and highest survive any thinning."""
-    path = tmp_path_factory.mktemp("thin") / "store.db"
-    with open_store(f"sqlite:///{path}") as store:
-        tag = keep(store, range(len(values)), values)
-        result = drawn(store, tag, len(values), points)
+def test_thinned_extremes_are_those_of_the_samples(store, values, points):
+    """Whatever the samples of a tag, lowest and highest survive any thinning."""
+    tag = keep(store, range(len(values)), values, tag=f"T{next(NUMBERS)}")
+    result = drawn(store, tag, len(values), points)
     assert np.nanmin(result.values) == min(values)
     assert np.nanmax(result.values) == max(values)
 
