@@ -113,11 +113,11 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
         NextStep(
             verdict=verdict,
             answer=TITLES[verdict].partition(": ")[2],
-            why=why if len({own for _, _, own in valves}) > 1 else valves[0][2],
+            why=_with_ranges([own for _, _, own in valves]),
             step=advice,
             loops=tuple(valve for _, valve, _ in sorted(valves)),
         )
-        for (verdict, why, advice), valves in loops.items()
+        for (verdict, _, advice), valves in loops.items()
     ]
     order = (Suspicion.SUSPECTED, Suspicion.CANNOT_TELL, Suspicion.NO_SIGN)
     return tuple(sorted(steps, key=lambda one: (order.index(one.verdict), -len(one.loops))))
@@ -139,6 +139,15 @@ def _of_most(
 def _sameness(answer: WithoutPosition) -> tuple[Suspicion, str, str]:
     """Verdict, reason and advice, without the numbers in which loops differ."""
     return answer.verdict, _NUMBER.sub("…", _why(answer)), answer.advice
+
+
+def _with_ranges(reasons: Sequence[str]) -> str:
+    """One sentence for ``reasons`` that differ in their numbers alone: each number as the range
+    from the least to the largest."""
+    of_place = zip(*(_NUMBER.findall(reason) for reason in reasons), strict=True)
+    ends = [(min(numbers, key=float), max(numbers, key=float)) for numbers in of_place]
+    texts = iter(low if low == high else f"{low} to {high}" for low, high in ends)
+    return _NUMBER.sub(lambda _: next(texts), reasons[0])
 
 
 def _why(answer: WithoutPosition) -> str:

@@ -193,7 +193,7 @@ def test_loops_with_one_reason_have_one_step_whatever_their_numbers(make_screeni
         make_screening("P-2"),
     ]
     first, second = next_steps([*others, *few])
-    assert first.why == "only … samples."
+    assert first.why == f"only 90 to {90 + MOST_NAMED + 1} samples."
     assert first.loops[:2] == (f"F-{MOST_NAMED + 1:02}", f"F-{MOST_NAMED:02}")
     assert (len(first.named), first.unnamed) == (len(first.loops) - 2, " and 2 more")
     assert (second.why, second.loops) == ("PV is not in this recording.", ("P-1",))
