@@ -21,6 +21,7 @@ from stemwatch.models.recording import Bools, ClockFacts, Floats, Quality
 MAX_SAMPLES = 50_000_000
 _GAP = 1.5  # intervals
 _HOLD = 4.0  # of the tag's own intervals
+_CHANCE = 0.05  # below which rows that equal those before them are copies
 
 
 @dataclass(frozen=True)
@@ -143,14 +144,14 @@ class SamplesOnGrid:
     """Where the samples of a timeline fall on a grid.
 
     ``inside`` (n,) are the samples that do, ``instants`` (m,) their instants from the grid's first;
-    ``one_to_one`` whether they are all samples and all instants in turn. ``moved`` were stamped
-    early.
+    ``one_to_one`` whether they are all samples and all instants in turn. ``moved`` (n,) are those
+    that repeat a time and were laid on the empty instant after it.
     """
 
     inside: Bools
     instants: Ints
     one_to_one: bool
-    moved: int
+    moved: Bools
 
 
 @lru_cache(maxsize=1)  # the tags of a valve are laid one after the other, and share their times
@@ -165,20 +166,39 @@ def samples_on_grid(times: Timeline, grid: Grid) -> SamplesOnGrid:
 
 def _lay_nearest(column: Column, grid: Grid) -> ColumnOnGrid:
     places = samples_on_grid(column.times, grid)
+    copied = _only_copies(column, places.moved)
+    moved = 0 if copied else int(np.count_nonzero(places.moved))
     decision = (
-        f"{places.moved} rows repeat the time before them and leave the next instant empty; their "
+        f"{moved} rows repeat the time before them and leave the next instant empty; their "
         "time was stamped early, so they were laid on that instant."
-        if places.moved
+        if moved
         else ""
     )
-    if places.one_to_one:
+    if places.one_to_one and not copied:
         return ColumnOnGrid(column.values, column.quality, decision)
+    inside, instants = places.inside, places.instants
+    if copied:
+        inside, instants = inside & ~places.moved, instants[~places.moved[inside]]
     values = np.full(grid.size, np.nan)
     quality = np.full(grid.size, Quality.MISSING, dtype=np.uint8)
     # Of several samples at one instant numpy keeps the last written, which is the last in time.
-    values[places.instants] = column.values[places.inside]
-    quality[places.instants] = column.quality[places.inside]
+    values[instants] = column.values[inside]
+    quality[instants] = column.quality[inside]
     return ColumnOnGrid(values, quality, decision)
+
+
+def _only_copies(column: Column, moved: Bools) -> bool:
+    """Whether the ``moved`` samples are rows that the archive holds twice, and the instants after
+    them are empty for another reason: all equal the one before, which is no chance with a signal
+    that seldom repeats itself from row to row."""
+    at = np.flatnonzero(moved)
+    if not at.size:
+        return False
+    values, quality = column.values, column.quality
+    same = (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    same &= quality[1:] == quality[:-1]
+    others = np.delete(same, at - 1)
+    return bool(np.all(same[at - 1]) and np.mean(others) ** at.size < _CHANCE)
 
 
 def nearest_index(ns: Ints, grid: Grid) -> Ints:
@@ -196,13 +216,14 @@ def nearest_index(ns: Ints, grid: Grid) -> Ints:
     return np.asarray((base + within).astype(np.int64))
 
 
-def _repeated_to_hole(ns: Ints, index: Ints) -> tuple[Ints, int]:
-    """The second of two rows with one time moves to the next instant where that is empty."""
-    if index.size < 3:
-        return index, 0
+def _repeated_to_hole(ns: Ints, index: Ints) -> tuple[Ints, Bools]:
+    """The second of two rows with one time moves to the next instant where that is empty; which
+    rows do."""
     twin = np.zeros(index.size, dtype=bool)
+    if index.size < 3:
+        return index, twin
     twin[1:-1] = (ns[1:-1] == ns[:-2]) & (index[2:] == index[1:-1] + 2)
-    return np.where(twin, index + 1, index), int(twin.sum())
+    return np.where(twin, index + 1, index), twin
 
 
 def _lay_held(column: Column, grid: Grid, own_step_ns: float, exception: bool) -> ColumnOnGrid:

@@ -8,7 +8,7 @@ from zoneinfo import ZoneInfo
 
 import pyarrow as pa
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.connectors.connector import ConnectorError, TagMapping, UnreadableSource, ValveTags
@@ -90,6 +90,7 @@ def test_several_files_are_one_archive(tmp_path: Path, from_csv: Recording) -> N
 
 @settings(max_examples=15, deadline=None)
 @given(order=st.permutations(range(599)), twice=st.lists(st.integers(0, 598), max_size=20))
+@example(order=list(range(599)), twice=[8])  # the row before a hole
 def test_row_order_and_repeated_rows_make_no_difference(
     tmp_path_factory: pytest.TempPathFactory, order: list[int], twice: list[int]
 ) -> None:
