@@ -402,7 +402,9 @@ def _findings(record: ValveRecord, rules: AlertRules) -> list[_Finding]:
             AlertKind.GROWN,
             lambda judged: has_grown(judged.S, record.at_baseline, rules.grown_S_percent),
             lambda judged: AlertWords.with_steps_for(
-                WATCH, stiction_grown(record.at_baseline, judged.S), judged.advice
+                _kind_of_friction(judged),
+                stiction_grown(record.at_baseline, judged.S),
+                judged.advice,
             ),
         ),
         (
@@ -431,8 +433,14 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
 
 
 def _sticky(judged: JudgedScreening) -> AlertWords:
-    kind = STICTION[judged.shape or Shape.UNDERSHOOT]
-    return AlertWords.with_steps_for(kind, judged.reason, judged.advice)
+    return AlertWords.with_steps_for(_kind_of_friction(judged), judged.reason, judged.advice)
+
+
+def _kind_of_friction(judged: JudgedScreening) -> str:
+    """The kind of finding that the stem's friction is; while it does not stick, one to watch."""
+    if judged.verdict is not Verdict.STICKY:
+        return WATCH
+    return STICTION[judged.shape or Shape.UNDERSHOOT]
 
 
 def _foreseen(record: ValveRecord) -> AlertWords:

@@ -12,6 +12,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.wording import figure, finite
+from stemwatch.service.presenter.work_decision import NO_POSITION, SIGNAL, obstacle_kind
 
 # Counted on seed 2067 and on the recordings of docs/without-position.md.
 HOW_SURE = (
@@ -63,6 +64,9 @@ class AnsweredLoop(Protocol):
     def verdict(self) -> Verdict: ...
 
     @property
+    def reason(self) -> str: ...
+
+    @property
     def without_position(self) -> WithoutPosition | None: ...
 
 
@@ -94,14 +98,15 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
     many loops each step helps; what needs nothing last.
 
     A valve counts once. It is suspected only if at least half of its recordings raise the
-    suspicion, since one in many does so by chance; otherwise the commonest answer counts.
+    suspicion, since one in many does so by chance; otherwise the commonest answer counts. Where the
+    position signal itself is to be mended, that OP and PV show no sign is no reason to do nothing.
     """
     by_valve: dict[str, list[WithoutPosition]] = {}
     judged: set[str] = set()
     for screening in screenings:
         if screening.verdict is not Verdict.UNDETERMINED:
             judged.add(screening.valve)
-        elif screening.without_position is not None:
+        elif screening.without_position is not None and not _signal_to_mend(screening):
             by_valve.setdefault(screening.valve, []).append(screening.without_position)
     loops: dict[tuple[Suspicion, str, str], list[tuple[float, str, str]]] = {}
     for valve, answers in by_valve.items():
@@ -121,6 +126,13 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
     ]
     order = (Suspicion.SUSPECTED, Suspicion.CANNOT_TELL, Suspicion.NO_SIGN)
     return tuple(sorted(steps, key=lambda one: (order.index(one.verdict), -len(one.loops))))
+
+
+def _signal_to_mend(screening: AnsweredLoop) -> bool:
+    """Whether there is a position that cannot be used, and OP and PV give nothing to do."""
+    answer = screening.without_position
+    at_fault = obstacle_kind(screening.reason) in SIGNAL - {NO_POSITION}
+    return at_fault and answer is not None and answer.verdict is Suspicion.NO_SIGN
 
 
 def _of_most(

@@ -82,6 +82,7 @@ class LoopWithoutVerdict:
 
     valve: str
     verdict: Verdict
+    reason: str
     without_position: WithoutPosition | None
 
 
@@ -325,13 +326,14 @@ def read_work_states(session: Session, until: datetime) -> dict[WorkState, int]:
 
 def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
     """The valves whose latest screening has no verdict and says what OP and PV alone tell."""
-    statement = _joined(ValveRow.id, ScreeningRow.without_position).where(
+    statement = _joined(ValveRow.id, ScreeningRow.reason, ScreeningRow.without_position).where(
         ScreeningRow.verdict == Verdict.UNDETERMINED.value
     )
     return [
         LoopWithoutVerdict(
             valve=row.id,
             verdict=Verdict.UNDETERMINED,
+            reason=row.reason,
             without_position=without_position_of(row.without_position),
         )
         for row in session.execute(statement)

@@ -210,6 +210,16 @@ def test_a_sticky_stem_is_told_with_the_first_step_of_its_work_order() -> None:
     assert alert.evidence["then"] == "Check the packing."
 
 
+@pytest.mark.parametrize(("now", "kind"), [(WELL, "watch"), (STICKY, "stiction_undershoot")])
+def test_friction_that_grew_is_looked_at_over_months_only_while_the_stem_follows(now, kind) -> None:
+    """One run that sticks is no alert of that yet, but the first step is already its own."""
+    several = [screening(2, now, S=percent(4.0)), screening(1, S=percent(4.0))]
+    record = ValveRecord(valve=VALVE, screenings=several, at_baseline=percent(1.0))
+    (alert,) = apply_rules(record, RULES)[0]
+    assert alert.kind is AlertKind.GROWN
+    assert alert.evidence["first_step"] == first_step(kind)
+
+
 def test_of_several_effects_the_newest_window_says_which_to_mend_first() -> None:
     """The alert begins with the effect at the front there, whichever more windows name."""
     both = (("lost_motion",), ("asymmetric_rate_limit",))

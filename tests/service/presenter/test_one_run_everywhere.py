@@ -472,3 +472,11 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     rows = table[: table.index("</table>")].split("<tr ")
     (row,) = [row for row in rows if SUSPECTED_NOTE in row]
     assert "C-FIRST" in row
+
+
+def test_a_frozen_transmitter_is_not_told_that_there_is_nothing_to_do() -> None:
+    """Its order says to mend it; that OP and PV show no sign of sticking changes nothing."""
+    dead = replace(frozen("FIC-1"), without_position=no_sign())
+    sound = replace(blind("FIC-2", NO_POSITION), without_position=no_sign())
+    (step,) = rank_valves([dead, sound], context([dead, sound])).next_steps
+    assert step.loops == ("FIC-2",)
