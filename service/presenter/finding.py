@@ -17,7 +17,7 @@ from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
-from stemwatch.service.presenter.oscillation_words import where_to_look
+from stemwatch.service.presenter.oscillation_words import is_moved_by_another, where_to_look
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, other_members
 from stemwatch.service.presenter.suspicion_words import worth_a_test_sentence
 from stemwatch.service.presenter.wording import (
@@ -28,7 +28,7 @@ from stemwatch.service.presenter.wording import (
     share,
     span_percent,
 )
-from stemwatch.service.presenter.work_decision import WorkDecision, decide
+from stemwatch.service.presenter.work_decision import NO_POSITION, WorkDecision, decide
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
@@ -126,7 +126,7 @@ def present(
     not, ``confirmed`` what the windows of weeks confirm (``work_decision.decide``), ``groups`` are
     the loops that oscillate together.
     """
-    decision = decide(screening, stands=stands, confirmed=confirmed)
+    decision = decide(screening, stands=stands, confirmed=confirmed, groups=groups)
     mismatch = screening.mismatch
     return PresentedFinding(
         decision=decision,
@@ -273,16 +273,19 @@ def _next_step(
     screening: Screening, decision: WorkDecision, groups: Sequence[OscillationGroup]
 ) -> str:
     """The next step: the screening's advice, with two exceptions. A valve that does not stick but
-    has a defect gets the advice for that defect, since the cause is not elsewhere. A healthy valve
-    that oscillates because of another loop is referred to that loop, which its own recording cannot
-    know."""
+    has a defect gets the advice for that defect, since the cause is not elsewhere. A valve that is
+    healthy, or whose position is not recorded, and that oscillates because of another loop is
+    referred to that loop first, which its own recording cannot know."""
     if decision.verdict is Verdict.DEFECTIVE and decision.effects:
         return present_effect(decision.effects[0]).check
     if decision.verdict is Verdict.DEFECTIVE:
         words = term_words(decision.lasting[0])
         return screening.advice if words is None else words.check
     if decision.verdict is Verdict.HEALTHY:
-        return where_to_look(groups, screening.valve) or screening.advice
+        look = where_to_look(groups, screening.valve)
+        return f"Nothing to do at this valve. {look}" if look else screening.advice
+    if decision.kinds == (NO_POSITION,) and is_moved_by_another(groups, screening.valve):
+        return f"{where_to_look(groups, screening.valve)} After that: {screening.advice}"
     return " ".join(filter(None, (screening.advice, field_test(screening))))
 
 

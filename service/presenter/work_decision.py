@@ -12,14 +12,17 @@ judged are counted apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 from stemwatch.models.mismatch.findings import Effect, Finding
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.without_position.suspicion import Suspicion
+from stemwatch.service.presenter.oscillation_words import is_moved_by_another
 from stemwatch.service.presenter.wording import finite, valves_counted
 
 # A kind of finding is a key of the advice: stiction by its shape, an effect by its slug, a way in
@@ -112,7 +115,8 @@ class WorkDecision:
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
     how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
-    weeks confirm and this one does not name: work is planned on them too.
+    weeks confirm and this one does not name: work is planned on them too. ``can_wait``: only the
+    position is missing, and OP and PV show no sign of sticking, or another loop moves this one.
     """
 
     verdict: Verdict
@@ -122,6 +126,7 @@ class WorkDecision:
     effects: tuple[Effect, ...] = ()
     inherent: tuple[Effect, ...] = ()
     lasting: tuple[str, ...] = ()
+    can_wait: bool = False
 
     @property
     def state(self) -> WorkState:
@@ -142,7 +147,7 @@ class WorkDecision:
     def has_page(self) -> bool:
         """Whether the valve gets a page in the maintenance report: there is something to inspect or
         to find out."""
-        return bool(set(self.kinds) - WITHOUT_PAGE)
+        return bool(set(self.kinds) - WITHOUT_PAGE) and not self.can_wait
 
     @property
     def has_order(self) -> bool:
@@ -151,13 +156,18 @@ class WorkDecision:
 
 
 def decide(
-    screening: Screening, *, stands: bool | None, confirmed: tuple[str, ...] | None = None
+    screening: Screening,
+    *,
+    stands: bool | None,
+    confirmed: tuple[str, ...] | None = None,
+    groups: Sequence[OscillationGroup] = (),
 ) -> WorkDecision:
     """The decision on ``screening``.
 
     ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
     named): effects that are held back are no finding. ``confirmed`` are the slugs that the windows
-    of the last weeks confirm, ``None`` where the valve has no history that decides.
+    of the last weeks confirm, ``None`` where the valve has no history that decides. ``groups`` are
+    the loops that oscillate together.
     """
     mismatch = screening.mismatch
     named_effects = () if mismatch is None or stands is False else mismatch.effects
@@ -183,7 +193,15 @@ def decide(
         effects=effects,
         inherent=tuple(effect for effect in named_effects if effect.inherent),
         lasting=lasting,
+        can_wait=kinds == (NO_POSITION,)
+        and (_shows_no_sign(screening) or is_moved_by_another(groups, screening.valve)),
     )
+
+
+def _shows_no_sign(screening: Screening) -> bool:
+    """Whether OP and PV alone show no sign of sticking."""
+    suspicion = screening.without_position
+    return suspicion is not None and suspicion.verdict is Suspicion.NO_SIGN
 
 
 def _class_of(effect: Effect) -> frozenset[str]:
