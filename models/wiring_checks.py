@@ -182,7 +182,7 @@ def wiring_obstacles(
     # Most valves need no further check.
     if seen is None or seen.at_once < DOUBTED or seen.nearest.left < DOUBTED:
         return []
-    if seen.pairing.slips_to_its_command:
+    if seen.pairing.slips_to_its_command or seen.pairing.has_top_speed:
         return []
     far = seen.far_away
     mixed_up = [(Role.OP, Role.MV, seen.swapped)]

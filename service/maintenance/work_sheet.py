@@ -13,7 +13,6 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.config.schema import Stroke, parse_stroke
 from stemwatch.service.maintenance import first_seen as s
 from stemwatch.service.maintenance.drawing import Drawing
@@ -262,21 +261,11 @@ def _since(
 def brief_of(valve: RankedValve) -> str:
     """One line for a valve that gets no page."""
     screening = valve.screening
-    if valve.decision.can_wait:
-        return f"{why_it_can_wait(screening)} {valve.finding.next_step}".rstrip()
     if screening.verdict is Verdict.UNDETERMINED:
         return f"{screening.reason} {valve.finding.next_step}".rstrip()
     S = finite(screening.S.value)
     size_clause = "" if S is None else f", S {span_percent(S)} %"
     return f"{valve.finding.meaning}{size_clause}; trend: {valve.trend.words}"
-
-
-def why_it_can_wait(screening: Screening) -> str:
-    """Why a valve without a measured position makes no work order."""
-    suspicion = screening.without_position
-    if suspicion is None or suspicion.verdict is not Suspicion.NO_SIGN:
-        return "No position is recorded."
-    return "No position is recorded; OP and PV show no sign of sticking."
 
 
 def how_sure(valve: RankedValve, first_seen: FirstSeen) -> tuple[str, ...]:

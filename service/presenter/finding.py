@@ -17,7 +17,7 @@ from stemwatch.models.own_clock import duration, rate
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter.advice import advice_for, effect_test, term_words
-from stemwatch.service.presenter.oscillation_words import is_moved_by_another, where_to_look
+from stemwatch.service.presenter.oscillation_words import where_to_look
 from stemwatch.service.presenter.physics_words import effect_name, effect_names, other_members
 from stemwatch.service.presenter.suspicion_words import worth_a_test_sentence
 from stemwatch.service.presenter.wording import (
@@ -28,7 +28,7 @@ from stemwatch.service.presenter.wording import (
     share,
     span_percent,
 )
-from stemwatch.service.presenter.work_decision import NO_POSITION, WorkDecision, decide
+from stemwatch.service.presenter.work_decision import WorkDecision, decide
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
@@ -161,7 +161,7 @@ def _measured_beside(screening: Screening) -> str:
 
 
 def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
-    """The effects of a mismatch in words, strongest first."""
+    """The effects of a mismatch in words, what needs work first at the front."""
     return tuple(present_effect(effect) for effect in mismatch.effects)
 
 
@@ -284,7 +284,7 @@ def _next_step(
     if decision.verdict is Verdict.HEALTHY:
         look = where_to_look(groups, screening.valve)
         return f"Nothing to do at this valve. {look}" if look else screening.advice
-    if decision.kinds == (NO_POSITION,) and is_moved_by_another(groups, screening.valve):
+    if decision.moved:
         return f"{where_to_look(groups, screening.valve)} After that: {screening.advice}"
     return " ".join(filter(None, (screening.advice, field_test(screening))))
 
@@ -406,5 +406,5 @@ def baseline_left(ratio: float) -> str:
     return (
         "The valve moves differently than when its baseline was set: a model of how it moved then "
         f"predicts its position {ratio:.1f} times worse now. That alone does not say what is "
-        "wrong. Its page shows where it differs; ask what was changed."
+        "wrong; its page shows where it differs."
     )

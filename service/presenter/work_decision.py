@@ -115,8 +115,9 @@ class WorkDecision:
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
     how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
-    weeks confirm and this one does not name: work is planned on them too. ``can_wait``: only the
-    position is missing, and OP and PV show no sign of sticking, or another loop moves this one.
+    weeks confirm and this one does not name: work is planned on them too. ``no_sign``: there is no
+    position, and OP and PV show no sign of sticking, so that there is nothing to do at the valve;
+    ``moved``: there is no position, and another loop, or what reaches several, makes it oscillate.
     """
 
     verdict: Verdict
@@ -126,7 +127,8 @@ class WorkDecision:
     effects: tuple[Effect, ...] = ()
     inherent: tuple[Effect, ...] = ()
     lasting: tuple[str, ...] = ()
-    can_wait: bool = False
+    no_sign: bool = False
+    moved: bool = False
 
     @property
     def state(self) -> WorkState:
@@ -147,12 +149,14 @@ class WorkDecision:
     def has_page(self) -> bool:
         """Whether the valve gets a page in the maintenance report: there is something to inspect or
         to find out."""
-        return bool(set(self.kinds) - WITHOUT_PAGE) and not self.can_wait
+        return bool(set(self.kinds) - WITHOUT_PAGE)
 
     @property
     def has_order(self) -> bool:
         """Whether it makes a work order: on the valve, or on what keeps it from being judged."""
-        return self.needs_work or (self.has_page and self.state is WorkState.NOT_JUDGED)
+        nothing_here = self.no_sign or self.moved
+        to_find_out = self.has_page and self.state is WorkState.NOT_JUDGED and not nothing_here
+        return self.needs_work or to_find_out
 
 
 def decide(
@@ -185,23 +189,18 @@ def decide(
         finding=None if mismatch is None else mismatch.finding,
     )
     verdict = overall_verdict(screening.verdict, named=bool(effects or lasting))
+    alone = screening.without_position if kinds[0] == NO_POSITION else None
     return WorkDecision(
         verdict=verdict,
         kinds=kinds,
+        no_sign=alone is not None and alone.verdict is Suspicion.NO_SIGN,
         severity=severity_of(screening.verdict, screening.severity, kinds),
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,
         inherent=tuple(effect for effect in named_effects if effect.inherent),
         lasting=lasting,
-        can_wait=kinds == (NO_POSITION,)
-        and (_shows_no_sign(screening) or is_moved_by_another(groups, screening.valve)),
+        moved=kinds == (NO_POSITION,) and is_moved_by_another(groups, screening.valve),
     )
-
-
-def _shows_no_sign(screening: Screening) -> bool:
-    """Whether OP and PV alone show no sign of sticking."""
-    suspicion = screening.without_position
-    return suspicion is not None and suspicion.verdict is Suspicion.NO_SIGN
 
 
 def _class_of(effect: Effect) -> frozenset[str]:
