@@ -25,6 +25,7 @@ from stemwatch.models.signal_pairing import (
     samples_exchanged,
     sums_its_command,
 )
+from stemwatch.models.stickslip.best_pairing import Pairing
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
 from stemwatch.models.words import share, times
@@ -202,6 +203,9 @@ def foreign_obstacles(recording: Recording) -> list[Obstacle]:
     correlated = related(recording)
     if correlated >= UNRELATED or swing(recording.op.values) <= 2.0:
         return []
+    pairing = Pairing.of(recording)
+    if pairing is not None and pairing.has_top_speed:
+        return []  # too slow to be correlated
     unit_s = recording.unit_s
     later = "two minutes" if is_of_seconds(unit_s) else duration(LONGEST_DELAY_S, unit_s)
     return [

@@ -176,7 +176,7 @@ class ExplainedValve:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """The slugs of the named effects beside S and J, strongest first."""
+        """The slugs of the named effects beside S and J, in order of work."""
         return tuple(effect.slug for effect in self.explained.mismatch.effects)
 
     @property

@@ -5,7 +5,6 @@ every valve whose controller output is certain. What is not certain is a comment
 from __future__ import annotations
 
 import glob
-import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.connector import RANGE_HIGH, RANGE_LOW, TagInfo
+from stemwatch.connectors.toml_value import toml_value
 from stemwatch.models.recording import PERCENT, Role
 
 if TYPE_CHECKING:
@@ -117,7 +117,12 @@ def plant_toml(sources: Sequence[ProposedSource], curves: Mapping[str, str] = NO
     proportional to OP. A valve in several sources is listed under the first."""
     lines: list[str] = []
     for source in sources:
-        lines += ["", "[[sources]]", f"name = {_text(source.name)}", f"path = {_text(source.path)}"]
+        lines += [
+            "",
+            "[[sources]]",
+            f"name = {toml_value(source.name)}",
+            f"path = {toml_value(source.path)}",
+        ]
         lines += [_zone_line(source.inspections), *_option_lines(source.options)]
     proposed: set[str] = set()
     questions: list[str] = []
@@ -160,15 +165,10 @@ def _wider(first: ProposedTag, other: ProposedTag) -> ProposedTag:
     return replace(first, low=min(lows, default=None), high=max(highs, default=None), role=role)
 
 
-def _text(value: str) -> str:
-    # JSON's escapes are TOML's, too.
-    return json.dumps(value, ensure_ascii=False)
-
-
 def _zone_line(inspections: Sequence[Inspection]) -> str:
     zones = [inspection.zone_name for inspection in inspections if inspection.zone_name]
     if zones:
-        return f"zone = {_text(zones[0])}"
+        return f"zone = {toml_value(zones[0])}"
     if all(inspection.start is not None for inspection in inspections):
         return "# the times carry their offset or are in UTC; no zone is needed"
     return '# zone = "Europe/Berlin"   # the file does not say; without it dates stay unknown'
@@ -176,11 +176,7 @@ def _zone_line(inspections: Sequence[Inspection]) -> str:
 
 def _option_lines(options: Mapping[str, Any]) -> list[str]:
     """The reading options that the user gave; the zone has a line of its own."""
-    return [
-        f"{name} = {json.dumps(value, ensure_ascii=False)}"
-        for name, value in options.items()
-        if name != "zone"
-    ]
+    return [f"{name} = {toml_value(value)}" for name, value in options.items() if name != "zone"]
 
 
 def valves_of(tags: Sequence[ProposedTag]) -> list[str]:
@@ -193,9 +189,9 @@ def _valve_lines(tags: Sequence[ProposedTag], valve: str, source: str, curve: st
     description = next((t.description for t in mine.values() if t.description), "")
     lines = [
         "[[valves]]",
-        f"id = {_text(valve)}",
-        f"description = {_text(description)}",
-        f"source = {_text(source)}",
+        f"id = {toml_value(valve)}",
+        f"description = {toml_value(description)}",
+        f"source = {toml_value(source)}",
     ]
     if curve:
         lines.append(f"{curve}   # OP:travel in percent, as the recording shows it")
@@ -208,10 +204,12 @@ def _valve_lines(tags: Sequence[ProposedTag], valve: str, source: str, curve: st
 
 
 def _tag_lines(role: Role, tag: ProposedTag) -> list[str]:
-    lines = [f"[valves.tags.{role.value}]", f"tag = {_text(tag.tag)}"]
+    lines = [f"[valves.tags.{role.value}]", f"tag = {toml_value(tag.tag)}"]
     if role is Role.MODE:
         return lines
-    lines.append(f"unit = {_text(tag.unit)}" if tag.unit else '# unit = "%"   # not in the file')
+    lines.append(
+        f"unit = {toml_value(tag.unit)}" if tag.unit else '# unit = "%"   # not in the file'
+    )
     if tag.range_known:
         return [*lines, f"low = {tag.low!r}", f"high = {tag.high!r}   # as the archive has them"]
     percent = tag.unit == PERCENT or (not tag.unit and role is Role.OP and _within_percent(tag))

@@ -4,7 +4,7 @@ separate it from its rivals.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
+from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import estimate
 from stemwatch.models.own_clock import SpokenEstimate, estimate_in_seconds
 from stemwatch.models.recording import Floats, Recording, Role
@@ -113,6 +114,22 @@ def effect(
         ),
         inherent=term.inherent(values, evaluator.summary),
     )
+
+
+def in_order_of_work(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+    """``effects`` with the one to mend first at the front; every output keeps this order.
+
+    Defects come before what such a machine is made with, and what is at the valve before what
+    clocks or a calibration may have made. Among these the order is that of the share of the squared
+    residual: control suffers from how far the position is off, while the gain that names an effect
+    is robust and counts rather how often.
+    """
+    terms = catalogue()
+
+    def rank(one: Effect) -> tuple[bool, bool, float]:
+        return one.inherent, terms[one.slug].words.of_record, -one.evidence.share
+
+    return tuple(sorted(effects, key=rank))
 
 
 def by_events(

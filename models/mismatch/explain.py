@@ -37,6 +37,7 @@ from stemwatch.models.mismatch.base_fit import (
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.between_samples import Archive, find_archive, stands_for_friction
 from stemwatch.models.mismatch.describe_effect import (
+    in_order_of_work,
     residual_map,
     sentence_of,
 )
@@ -231,6 +232,7 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
         )
     unsure = "" if effects else reason
     effects, delays = _but_for_small_delay(effects, evaluator.problem.unit_s)
+    effects = in_order_of_work(effects)
     finding = _finding(effects, hypothesis.open_end or bool(unsure))
     if not hypothesis.effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
         comparison, refitted = comparison.of_naive_alone(), friction_alone

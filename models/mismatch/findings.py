@@ -267,7 +267,7 @@ class Mismatch:
     sentence: str
     naive: Stiction
     restated: Stiction
-    effects: tuple[Effect, ...] = ()
+    effects: tuple[Effect, ...] = ()  # in order of work: see ``describe_effect.in_order_of_work``
     record_effects: tuple[RecordEffect, ...] = ()
     not_testable: tuple[Untestable, ...] = ()
     heldout: HeldOutFit = field(default_factory=HeldOutFit)
@@ -299,5 +299,5 @@ class Mismatch:
 
     @property
     def defects(self) -> tuple[Effect, ...]:
-        """The effects that are something to mend, strongest first."""
+        """The effects that are something to mend, what needs work first at the front."""
         return tuple(effect for effect in self.effects if not effect.inherent)

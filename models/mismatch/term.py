@@ -75,6 +75,8 @@ class Words:
     advice: FieldAdvice  # what to check in which order, with which parts; codes for work orders
     # Why an ``inherent`` size needs no work, a clause after "is"; empty: the machine is made so.
     no_work: str = ""
+    # Whether clocks, scan or calibration can make it without anything being wrong at the valve.
+    of_record: bool = False
 
     @property
     def check(self) -> str:

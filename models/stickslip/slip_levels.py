@@ -54,7 +54,8 @@ WITHIN = 0.3  # of the command's move in a sample: the time of a slip within its
 @dataclass(frozen=True)
 class SlipLevels:
     """``count`` slips; both levels with their standard errors, percent of OP; ``bounds`` is how far
-    apart the bounds of a slip are, percent of OP (median)."""
+    apart the bounds of a slip are, and ``per_sample`` how far OP goes in the sample of a slip,
+    percent of OP (medians)."""
 
     count: int
     level: float
@@ -62,6 +63,13 @@ class SlipLevels:
     kinetic: float
     kinetic_error: float
     bounds: float
+    per_sample: float
+
+    @property
+    def may_slide(self) -> bool:
+        """Whether a slip is no larger than what OP goes in its sample: a stem that slides on with
+        its command, without any jump, would be seen at the same places."""
+        return self.J <= self.per_sample
 
     @property
     def S(self) -> float:
@@ -148,6 +156,7 @@ def slip_levels(slips: Slips) -> SlipLevels:
         kinetic=kinetic,
         kinetic_error=float(np.hypot(kinetic_error, common)),
         bounds=usual_width,
+        per_sample=usual_width / (2.0 * WITHIN) if slips.averaged else usual_width,
     )
 
 

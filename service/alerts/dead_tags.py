@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from stemwatch.service.config import Plant
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do
 from stemwatch.service.store.storable import clean_text
 from stemwatch.service.store.store import Store
 
@@ -105,12 +105,14 @@ def _alert_of_valve(
         kind=AlertKind.NO_DATA,
         severity=_severity(entry.criticality),
         text=(
-            f"{name}: no good sample of {tag_list}. {entry.source} answers, so look at the signal: "
-            "its transmitter, its card, its register."
+            f"{name}: no good sample of {tag_list}. {entry.source} answers, so it is the signal."
         ),
         valve=valve,
         source=entry.source,
-        evidence={"tags": [tag.tag for tag in tags]},
+        evidence={
+            "tags": [tag.tag for tag in tags],
+            **to_do("Look at the signal: its transmitter, its card, its register."),
+        },
     )
 
 
@@ -123,11 +125,13 @@ def _alert_of_device(plant: Plant, device: str, valves: Sequence[str]) -> Raised
         severity=_severity(max(plant.valves[valve].criticality for valve in valves)),
         text=(
             f"{len(valves)} valves of {device} have signals without a good sample, while it "
-            f"answers ({valve_list}{and_more}). Look first for what they share: a card, a "
-            "gateway behind it, a range of registers."
+            f"answers ({valve_list}{and_more})."
         ),
         source=device,
-        evidence={"valves": list(valves)},
+        evidence={
+            "valves": list(valves),
+            **to_do("Look for what they share: a card, a gateway behind it, a range of registers."),
+        },
     )
 
 

@@ -77,6 +77,7 @@ def message_of(
                 "valve": alert.valve,
                 "source": alert.source,
                 "text": alert.text,
+                "first_step": alert.first_step,
                 "link": _link(alert, address),
                 "opened": alert.opened.isoformat(),
                 "opened_again": None
@@ -94,7 +95,7 @@ def _in_short(alerts: Sequence[StoredAlert]) -> str:
     first, and how many are old ones."""
     again = sum(alert.opened_again is not None for alert in alerts)
     if len(alerts) == 1:
-        first = alerts[0].text.split(". ")[0]
+        first = alerts[0].text.split(". ")[0].rstrip(".")
         return f"opened again: {first}" if again else first
     about = [alert.valve or alert.source or kind_words(alert.kind.value) for alert in alerts]
     names = ", ".join(dict.fromkeys(about))
@@ -110,7 +111,9 @@ def _line(alert: StoredAlert, address: str, zone: str) -> str:
         for moment in alert.evidence.get("window") or (None, None)
     )
     found = f"Found in the window {window(start, end, ZoneInfo(zone), zone)}." if end else ""
-    parts = [alert.text, found, opened_again(alert.evidence, ZoneInfo(zone), zone)]
+    first = f"First: {alert.first_step}" if alert.first_step else ""
+    again = opened_again(alert.evidence, ZoneInfo(zone), zone)
+    parts = [alert.text, first, alert.then, found, again]
     if alert.acknowledged is not None:
         comment = f": {alert.comment}" if alert.comment else ""
         by = alert.acknowledged_by or "somebody"

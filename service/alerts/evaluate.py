@@ -23,7 +23,13 @@ from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
-from stemwatch.service.store.alerts.alerts import JOINED, AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.alerts.alerts import (
+    JOINED,
+    AlertKind,
+    AlertSeverity,
+    RaisedAlert,
+    to_do,
+)
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store
 
@@ -220,10 +226,14 @@ def _common(group: _Group, alerts: Sequence[RaisedAlert], run_id: int) -> Raised
         severity=worst,
         text=(
             f"{len(names)} valves of {group.what} {group.name} {words[group.kind]} at once "
-            f"({name_list}{and_more}). Look first for what they share: air supply, signal, archive."
+            f"({name_list}{and_more})."
         ),
         run_id=run_id,
-        evidence={"valves": names, "kind": group.kind.value},
+        evidence={
+            "valves": names,
+            "kind": group.kind.value,
+            **to_do("Look for what they share: air supply, signal, archive."),
+        },
     )
 
 

@@ -14,18 +14,36 @@ from enum import Enum
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.evidence_over_windows import OF_FRICTION, LastingFinding
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.alerts.when_over import begins, is_over, may_still_stick, same_since
 from stemwatch.service.config.service_schema import AlertRules
+from stemwatch.service.presenter.advice import after_first_step, first_step
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import baseline_left, stiction_grown
 from stemwatch.service.presenter.plant_path import levels_of
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.presenter.work_decision import DEPARTED, STICTION, WATCH
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
 
 RATIO = "baseline_ratio"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AlertWords:
+    """What an alert says: what was found, what to do first, and what after that."""
+
+    found: str
+    first_step: str
+    then: str = ""
+
+    @classmethod
+    def with_steps_for(cls, kind: str, found: str, then: str | None = None) -> AlertWords:
+        """``found`` with the first step of the advice for ``kind``, and its other steps where
+        nothing else is to be said ``then``."""
+        rest = after_first_step(kind) if then is None else then
+        return cls(found=found, first_step=first_step(kind), then=rest)
 
 
 class AlertDecision(Enum):
@@ -372,7 +390,7 @@ def cause(kind: AlertKind, valve: str) -> str:
 
 
 _Finding = tuple[
-    AlertKind, Callable[[JudgedScreening], bool | None], Callable[[JudgedScreening], str]
+    AlertKind, Callable[[JudgedScreening], bool | None], Callable[[JudgedScreening], AlertWords]
 ]
 
 
@@ -383,7 +401,9 @@ def _findings(record: ValveRecord, rules: AlertRules) -> list[_Finding]:
         (
             AlertKind.GROWN,
             lambda judged: has_grown(judged.S, record.at_baseline, rules.grown_S_percent),
-            lambda judged: f"{stiction_grown(record.at_baseline, judged.S)} {judged.advice}",
+            lambda judged: AlertWords.with_steps_for(
+                WATCH, stiction_grown(record.at_baseline, judged.S), judged.advice
+            ),
         ),
         (
             AlertKind.BASELINE,
@@ -392,7 +412,9 @@ def _findings(record: ValveRecord, rules: AlertRules) -> list[_Finding]:
                 if judged.id in record.ratios
                 else None
             ),
-            lambda judged: baseline_left(record.ratios[judged.id]),
+            lambda judged: AlertWords.with_steps_for(
+                DEPARTED, baseline_left(record.ratios[judged.id])
+            ),
         ),
         (AlertKind.MISMATCH, lambda judged: judged.named, lambda judged: _mismatch(record, judged)),
     ]
@@ -408,27 +430,33 @@ def has_grown(now: Estimate, before: Estimate | None, least_percent: float) -> b
     return now.value - before.value >= least_percent and now.low > before.high
 
 
-def _sticky(judged: JudgedScreening) -> str:
-    return f"{judged.reason} {judged.advice}".strip()
+def _sticky(judged: JudgedScreening) -> AlertWords:
+    kind = STICTION[judged.shape or Shape.UNDERSHOOT]
+    return AlertWords.with_steps_for(kind, judged.reason, judged.advice)
 
 
-def _foreseen(record: ValveRecord) -> str:
+def _foreseen(record: ValveRecord) -> AlertWords:
     """The trend and when it is there, in the words of report and ranking."""
     assert record.weeks is not None
-    return (
-        f"{record.weeks.words}, where the stem counts as sticky. Plan its maintenance before that; "
-        "the trend on the valve's page says how sure this is."
+    return AlertWords(
+        found=f"{record.weeks.words}, where the stem counts as sticky.",
+        first_step="Plan its maintenance before that.",
+        then="The trend on the valve's page says how sure this is.",
     )
 
 
-def _mismatch(record: ValveRecord, judged: JudgedScreening) -> str:
+def _mismatch(record: ValveRecord, judged: JudgedScreening) -> AlertWords:
     """What is confirmed, in the words of the newest window where that names it too."""
-    if record.by_window is None:
-        return "Something beside stiction was found."
-    return record.by_window.in_short(judged.mismatch, record.zone)
+    assert record.by_window is not None
+    lead = record.by_window.in_order_of_work(judged.mismatch)[0]
+    return AlertWords.with_steps_for(
+        lead.slug, record.by_window.in_short(judged.mismatch, record.zone)
+    )
 
 
-def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreening) -> RaisedAlert:
+def _raised(
+    valve: StoredValve, kind: AlertKind, words: AlertWords, judged: JudgedScreening
+) -> RaisedAlert:
     unit = f"unit {valve.unit}" if valve.unit else ""
     said = ", ".join(part for part in (valve.description, unit) if part)
     name = f"{valve.id} ({said})" if said else valve.id
@@ -440,13 +468,14 @@ def _raised(valve: StoredValve, kind: AlertKind, text: str, judged: JudgedScreen
         "J": judged.J,
         "severity": judged.severity,
         "screening": judged.id,
+        **to_do(words.first_step, words.then),
         "window": [None if end is None else end.isoformat() for end in judged.window],
     }
     return RaisedAlert(
         cause=cause(kind, valve.id),
         kind=kind,
         severity=severity_of(kind, valve.criticality),
-        text=f"{name}: {text}",
+        text=f"{name}: {words.found}",
         valve=valve.id,
         run_id=judged.run_id,
         evidence=evidence,

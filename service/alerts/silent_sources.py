@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 from stemwatch.service.alerts.dead_tags import MANY, VALVE, dead_tags, raised_of
 from stemwatch.service.config import Plant
-from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert, to_do
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.store import Store
 
@@ -88,8 +88,12 @@ def _silent(plant: Plant, name: str, state: SourceState | None, last: datetime) 
         severity=severity,
         text=(
             f"No good sample of {name} since {last:%Y-%m-%d %H:%M} UTC{fault}; its {len(valves)} "
-            "valves are not watched. Check the connection and the device."
+            "valves are not watched."
         ),
         source=name,
-        evidence={"valves": len(valves), "last_good": last.isoformat()},
+        evidence={
+            "valves": len(valves),
+            "last_good": last.isoformat(),
+            **to_do("Check the connection and the device."),
+        },
     )

@@ -3,7 +3,6 @@ people set on the pages."""
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
@@ -11,6 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from stemwatch.connectors.toml_value import toml_value
 from stemwatch.models.limits import Limits
 from stemwatch.service.config.load import LimitsTable
 from stemwatch.service.config.plant import Plant
@@ -135,15 +135,9 @@ def as_plant_toml(limits: Mapping[str, SetLimit], schedules: Iterable[ScreeningS
     for schedule in schedules:
         defaults = ScreeningSchedule(name="")
         lines = [
-            f"{field.name} = {_toml(getattr(schedule, field.name))}"
+            f"{field.name} = {toml_value(getattr(schedule, field.name))}"
             for field in fields(schedule)
             if getattr(schedule, field.name) != getattr(defaults, field.name)
         ]
         parts.append("\n".join(["[[schedules]]", *lines]))
     return "\n\n".join(parts) + ("\n" if parts else "")
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML, whose texts and lists are written as in JSON but for U+007F."""
-    toml_value = list(value) if isinstance(value, tuple) else value
-    return json.dumps(toml_value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 
+from stemwatch.connectors.toml_value import toml_value
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import PlantLoop
 from stemwatch.service.modbus_plant.register_layout import (
@@ -32,7 +32,7 @@ def plant_toml(
 
     ``strokes`` gives, by the loop's tag, the full travel of its valve with the unit (``"40 mm"``).
     """
-    lines = ["[plant]", f"name = {_quoted(name)}", f"zone = {_quoted(zone)}", ""]
+    lines = ["[plant]", f"name = {toml_value(name)}", f"zone = {toml_value(zone)}", ""]
     lines += device_toml(loops, host=host, port=port, every_s=every_s)
     for loop in loops:
         lines += ["", *_valve(loop, (strokes or {}).get(loop.tag))]
@@ -45,9 +45,9 @@ def device_toml(
     """The lines of the ``[[devices]]`` table alone."""
     lines = [
         "[[devices]]",
-        f"name = {_quoted(NAME)}",
+        f"name = {toml_value(NAME)}",
         'type = "tcp"',
-        f"host = {_quoted(host)}",
+        f"host = {toml_value(host)}",
         f"port = {port}",
         "unit_id = 1",
         f"every_s = {every_s}",
@@ -60,14 +60,14 @@ def device_toml(
 
 def _register(register: ServedRegister) -> Iterator[str]:
     yield "[[devices.registers]]"
-    yield f"tag = {_quoted(register.tag)}"
+    yield f"tag = {toml_value(register.tag)}"
     yield 'register = "holding"'
     yield f"address = {register.address}"
-    yield f"type = {_quoted(register.kind)}"
+    yield f"type = {toml_value(register.kind)}"
     if register.role is Role.MODE:
         yield "invalid = [65535]"
         return
-    yield f"unit = {_quoted(register.unit)}"
+    yield f"unit = {toml_value(register.unit)}"
     if register.role in (Role.OP, Role.MV):
         yield "lowest = -10.0"
         yield "highest = 110.0"
@@ -75,24 +75,19 @@ def _register(register: ServedRegister) -> Iterator[str]:
 
 def _valve(loop: PlantLoop, stroke: str | None) -> Iterator[str]:
     yield "[[valves]]"
-    yield f"id = {_quoted(loop.tag)}"
-    yield f"description = {_quoted(loop.description)}"
-    yield f"area = {_quoted(loop.area)}"
+    yield f"id = {toml_value(loop.tag)}"
+    yield f"description = {toml_value(loop.description)}"
+    yield f"area = {toml_value(loop.area)}"
     yield f"criticality = {loop.criticality}"
     if stroke is not None:
-        yield f"stroke = {_quoted(stroke)}"
-    yield f"source = {_quoted(NAME)}"
+        yield f"stroke = {toml_value(stroke)}"
+    yield f"source = {toml_value(NAME)}"
     for role in signals(loop):
         yield f"[valves.tags.{role.value}]"
-        yield f"tag = {_quoted(tag(loop, role))}"
+        yield f"tag = {toml_value(tag(loop, role))}"
         if role in (Role.PV, Role.SP):
-            yield f"unit = {_quoted(unit(loop, role))}"
+            yield f"unit = {toml_value(unit(loop, role))}"
             yield f"low = {float(loop.pv_range.low)}"
             yield f"high = {float(loop.pv_range.high)}"
         elif role is not Role.MODE:
             yield 'unit = "%"'
-
-
-def _quoted(text: str) -> str:
-    """A TOML basic string; its escapes are those of JSON."""
-    return json.dumps(text, ensure_ascii=False)

@@ -100,19 +100,30 @@ def effect_test(effect: Effect) -> FieldTest | None:
 
 
 def steps_for(kinds: Iterable[str]) -> tuple[CheckStep, ...]:
-    """The steps of several kinds together, the cheapest first, none twice, ``MOST_STEPS`` at most.
+    """The steps of several kinds together, none twice, ``MOST_STEPS`` at most.
 
-    All steps of the first kind are included; those of the other kinds fill the remaining places in
-    turn.
+    The first step of the first kind leads, then the cheapest. All steps of the first kind are
+    included; those of the other kinds fill the remaining places in turn.
     """
     first, *queues = ([*advice_for(kind).steps] for kind in kinds)
+    lead = first[0]
     steps = first
     while any(queues) and len(steps) < MOST_STEPS:
         for queue in queues:
             step = queue.pop(0) if queue else None
             if step is not None and step not in steps and len(steps) < MOST_STEPS:
                 steps.append(step)
-    return tuple(sorted(steps, key=lambda step: step.level))
+    return tuple(sorted(steps, key=lambda step: (step is not lead, step.level)))
+
+
+def first_step(kind: str) -> str:
+    """What to do first about ``kind``: the step that leads its work order."""
+    return advice_for(kind).steps[0].text
+
+
+def after_first_step(kind: str) -> str:
+    """The steps after the first, as one paragraph."""
+    return " ".join(step.text for step in advice_for(kind).steps[1:])
 
 
 def parts_for(kinds: Iterable[str]) -> tuple[str, ...]:

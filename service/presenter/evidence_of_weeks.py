@@ -18,7 +18,6 @@ from stemwatch.models.evidence_over_windows import (
     windows_that_count,
 )
 from stemwatch.models.mismatch.findings import Mismatch, Stiction
-from stemwatch.service.presenter.advice import term_words
 from stemwatch.service.presenter.physics_words import effect_name, parameter_name
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks, trend_of_size
 from stemwatch.service.presenter.wording import interval, span_percent
@@ -73,18 +72,18 @@ class EvidenceOfWeeks:
         """The smallest p value of what is confirmed; ``None`` where nothing is."""
         return min((finding.p_value for finding in self.confirmed), default=None)
 
+    def in_order_of_work(self, newest: Mismatch | None) -> tuple[LastingFinding, ...]:
+        """The confirmed findings, in the order of the ``newest`` window as far as it names them."""
+        named = [] if newest is None else [effect.slug for effect in newest.effects]
+        place = {slug: number for number, slug in enumerate(named)}
+        return tuple(sorted(self.confirmed, key=lambda one: place.get(one.slug, len(place))))
+
     def in_short(self, newest: Mismatch | None, zone: tzinfo = UTC) -> str:
-        """The confirmed effects and what to check, in the words of the ``newest`` window where it
-        names them too."""
-        confirmed = self.confirmed
-        sentences = [finding_sentence(finding, zone) for finding in confirmed]
+        """The confirmed effects, in the words of the ``newest`` window where it names them too."""
+        confirmed = self.in_order_of_work(newest)
         effects = {effect.slug: effect for effect in newest.effects} if newest is not None else {}
-        for finding in confirmed[:1]:
-            words = term_words(finding.slug)
-            effect = effects.get(finding.slug)
-            sentences = [*([effect.sentence] if effect is not None else []), *sentences]
-            check = words.check if words is not None else effect.check if effect else ""
-            sentences.append(check)
+        own_words = [effects[one.slug].sentence for one in confirmed[:1] if one.slug in effects]
+        sentences = [*own_words, *(finding_sentence(finding, zone) for finding in confirmed)]
         return " ".join(sentence for sentence in sentences if sentence)
 
     @property

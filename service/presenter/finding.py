@@ -161,7 +161,7 @@ def _measured_beside(screening: Screening) -> str:
 
 
 def present_effects(mismatch: Mismatch) -> tuple[PresentedEffect, ...]:
-    """The effects of a mismatch in words, strongest first."""
+    """The effects of a mismatch in words, what needs work first at the front."""
     return tuple(present_effect(effect) for effect in mismatch.effects)
 
 
@@ -403,5 +403,5 @@ def baseline_left(ratio: float) -> str:
     return (
         "The valve moves differently than when its baseline was set: a model of how it moved then "
         f"predicts its position {ratio:.1f} times worse now. That alone does not say what is "
-        "wrong. Its page shows where it differs; ask what was changed."
+        "wrong; its page shows where it differs."
     )

@@ -159,7 +159,7 @@ def other_members(effect: Effect) -> tuple[str, ...]:
 
 
 def left_out(mismatch: Mismatch) -> str:
-    """The effects for a spreadsheet cell: slugs strongest first, members of a class joined by
+    """The effects for a spreadsheet cell: slugs in order of work, members of a class joined by
     ``|``."""
     return ", ".join("|".join((effect.slug, *other_members(effect))) for effect in mismatch.effects)
 

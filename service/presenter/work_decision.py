@@ -20,6 +20,7 @@ from stemwatch.models.mismatch.findings import Effect, Finding
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.presenter.wording import finite, valves_counted
 
 # A kind of finding is a key of the advice: stiction by its shape, an effect by its slug, a way in
@@ -112,7 +113,8 @@ class WorkDecision:
     front; ``severity`` is 0 to 100 (NaN: not known); ``confidence`` in ``verdict`` is 0 to 1;
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
     how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
-    weeks confirm and this one does not name: work is planned on them too.
+    weeks confirm and this one does not name: work is planned on them too. ``no_sign``: there is no
+    position, and OP and PV show no sign of sticking, so that there is nothing to do at the valve.
     """
 
     verdict: Verdict
@@ -122,6 +124,7 @@ class WorkDecision:
     effects: tuple[Effect, ...] = ()
     inherent: tuple[Effect, ...] = ()
     lasting: tuple[str, ...] = ()
+    no_sign: bool = False
 
     @property
     def state(self) -> WorkState:
@@ -147,7 +150,8 @@ class WorkDecision:
     @property
     def has_order(self) -> bool:
         """Whether it makes a work order: on the valve, or on what keeps it from being judged."""
-        return self.needs_work or (self.has_page and self.state is WorkState.NOT_JUDGED)
+        to_find_out = self.has_page and self.state is WorkState.NOT_JUDGED and not self.no_sign
+        return self.needs_work or to_find_out
 
 
 def decide(
@@ -175,9 +179,11 @@ def decide(
         finding=None if mismatch is None else mismatch.finding,
     )
     verdict = overall_verdict(screening.verdict, named=bool(effects or lasting))
+    alone = screening.without_position if kinds[0] == NO_POSITION else None
     return WorkDecision(
         verdict=verdict,
         kinds=kinds,
+        no_sign=alone is not None and alone.verdict is Suspicion.NO_SIGN,
         severity=severity_of(screening.verdict, screening.severity, kinds),
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,

@@ -14,6 +14,7 @@ from stemwatch.models.evidence_over_windows import LastingFinding, WindowEvidenc
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.physics_words import effect_name
 from stemwatch.service.presenter.wording import printable
+from stemwatch.service.report.svg_text import svg_text
 
 LEFT, TOP, CELL, BOTTOM, RIGHT = 190, 8, 24, 26, 92
 PALEST, DARKEST = 0.08, 0.55  # of a window that gains by an effect without naming it
@@ -49,9 +50,9 @@ def _row(finding: LastingFinding, windows: tuple[WindowEvidence, ...], y: int) -
     end = LEFT + CELL * len(windows) + 6
     return Markup("").join(
         [
-            _text(LEFT - 8, middle, effect_name(finding.slug), "effect-of", "end"),
+            svg_text(LEFT - 8, middle, effect_name(finding.slug), "effect-of", "end"),
             *cells,
-            _text(end, middle, finding.state.value, "state-of", "start"),
+            svg_text(end, middle, finding.state.value, "state-of", "start"),
         ]
     )
 
@@ -79,7 +80,7 @@ def _times(evidence: EvidenceOfWeeks, y: int, zone: tzinfo) -> list[Markup]:
     step = max(step, 2) if len(windows) > 2 else max(len(windows) - 1, 1)
     labelled = [index for index in range(0, len(windows), step) if index + step <= len(windows)]
     return [
-        _text(LEFT + CELL * (index + 0.5), y, _time(evidence, index, zone), "axis", "middle")
+        svg_text(LEFT + CELL * (index + 0.5), y, _time(evidence, index, zone), "axis", "middle")
         for index in labelled
     ]
 
@@ -89,8 +90,3 @@ def _time(evidence: EvidenceOfWeeks, index: int, zone: tzinfo) -> str:
     if recording_began is None:
         return window.at.astimezone(zone).strftime("%m-%d")
     return f"{((window.start or window.at) - recording_began).total_seconds() / 3600.0:.3g} h"
-
-
-def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:
-    words = escape(printable(text))
-    return Markup(f'<text x="{x}" y="{y}" class="{kind}" text-anchor="{anchor}">{words}</text>')

@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 
 from stemwatch.models.mismatch.findings import ResidualMap
 from stemwatch.service.presenter.wording import figure, finite, printable
+from stemwatch.service.report.svg_text import svg_text
 
 LEFT, TOP, CELL_WIDTH, CELL_HEIGHT, LINE = 78, 34, 60, 28, 13
 BOTTOM = 6
@@ -87,11 +88,6 @@ def _travel(edges: Sequence[float], row: int) -> str:
     return f"{edges[row]:.{digits}f}–{edges[row + 1]:.{digits}f} %"
 
 
-def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:
-    words = escape(printable(text))
-    return Markup(f'<text x="{x}" y="{y}" class="{kind}" text-anchor="{anchor}">{words}</text>')
-
-
 def _column(column: int, label: str) -> Markup:
     """The heading of a column, on two lines where it has two words."""
     middle = LEFT + CELL_WIDTH * (column + 0.5)
@@ -99,7 +95,7 @@ def _column(column: int, label: str) -> Markup:
     first, _, second = short.partition(" ")
     lines = [first, second] if second else ["", first]
     return Markup("").join(
-        _text(middle, TOP - 6 - LINE * (1 - index), line, "axis", "middle")
+        svg_text(middle, TOP - 6 - LINE * (1 - index), line, "axis", "middle")
         for index, line in enumerate(lines)
         if line
     )
@@ -109,7 +105,7 @@ def _row(residuals: ResidualMap, row: int, top: float) -> Markup:
     """One row of cells; the highest travel is drawn uppermost."""
     y = TOP + CELL_HEIGHT * (len(residuals.grid) - 1 - row)
     middle = y + CELL_HEIGHT / 2 + 4
-    parts = [_text(LEFT - 6, middle, _travel(residuals.travel_edges, row), "axis", "end")]
+    parts = [svg_text(LEFT - 6, middle, _travel(residuals.travel_edges, row), "axis", "end")]
     for column, cell in enumerate(residuals.grid[row][: len(residuals.columns)]):
         x, number = LEFT + CELL_WIDTH * column, finite(cell)
         box = f'x="{x + 1}" y="{y + 1}" width="{CELL_WIDTH - 2}" height="{CELL_HEIGHT - 2}" rx="3"'
@@ -118,5 +114,5 @@ def _row(residuals: ResidualMap, row: int, top: float) -> Markup:
             continue
         share = min(max(number / top, 0.0), 1.0) if top > 0 else 0.0
         parts.append(Markup(f'<rect {box} class="heat" fill-opacity="{DARKEST * share:.3f}"/>'))
-        parts.append(_text(x + CELL_WIDTH / 2, middle, figure(number, 2), "cell", "middle"))
+        parts.append(svg_text(x + CELL_WIDTH / 2, middle, figure(number, 2), "cell", "middle"))
     return Markup("").join(parts)

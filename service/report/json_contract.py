@@ -52,7 +52,7 @@ NO_NUMBER = "the fit gave no finite number"
 
 
 def mismatch_object(mismatch: Mismatch, *, stands: bool | None = None) -> dict[str, Any]:
-    """``mismatch`` as in docs/json.md; the effects keep their order, strongest first.
+    """``mismatch`` as in docs/json.md; the effects keep their order, that of work.
 
     ``stands`` says whether they stand among all valves of the run; ``None`` where none was named.
     """

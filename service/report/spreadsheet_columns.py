@@ -179,7 +179,9 @@ def _mismatch() -> list[SpreadsheetColumn]:
     heldout = "100 (1 - rmse / std(MV)) on samples not fitted"
     return [
         _text("mismatch", "what came of looking for what S and J leave out", _mismatch_word, 14),
-        _text("left out", "what was named, strongest first; | where not told apart", _left_out, 28),
+        _text(
+            "left out", "what was named, in order of work; | where not told apart", _left_out, 28
+        ),
         _text("beyond chance", BEYOND_CHANCE, lambda v: STANDING[v.stands], 14),
         SpreadsheetColumn(
             header="p value",

@@ -17,6 +17,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from stemwatch.connectors.toml_value import toml_value
 from stemwatch.models.recording import Floats, Quality, Recording, Role, Signal
 from stemwatch.models.studies.simulator import SimulatedLoop
 
@@ -181,12 +182,12 @@ def _engineering(loop: SimulatedLoop, percent: Floats) -> Floats:
 
 
 def _plant_toml(loops: Sequence[SimulatedLoop], name: str, zone: str) -> str:
-    lines = ["[plant]", f"name = {_quoted(name)}", f"zone = {_quoted(zone)}"]
+    lines = ["[plant]", f"name = {toml_value(name)}", f"zone = {toml_value(zone)}"]
     if any(loop.loop.price_per_unit_hour is not None for loop in loops):
         lines.append('currency = "EUR"')
     lines.append("")
     lines += ["[[sources]]", 'name = "historian"', 'path = "export/*.csv"']
-    lines += [f"zone = {_quoted(zone)}"]
+    lines += [f"zone = {toml_value(zone)}"]
     for loop in loops:
         lines += ["", *_valve_toml(loop)]
     return "\n".join(lines) + "\n"
@@ -196,24 +197,19 @@ def _valve_toml(loop: SimulatedLoop) -> list[str]:
     price = loop.loop.price_per_unit_hour
     lines = [
         "[[valves]]",
-        f"id = {_quoted(loop.recording.valve)}",
-        f"description = {_quoted(loop.loop.description)}",
-        f"area = {_quoted(loop.loop.area)}",
-        *([f"unit = {_quoted(loop.loop.unit)}"] if loop.loop.unit else []),
+        f"id = {toml_value(loop.recording.valve)}",
+        f"description = {toml_value(loop.loop.description)}",
+        f"area = {toml_value(loop.loop.area)}",
+        *([f"unit = {toml_value(loop.loop.unit)}"] if loop.loop.unit else []),
         f"criticality = {loop.loop.criticality}",
         *([] if price is None else [f"price_per_unit_hour = {price}"]),
         'source = "historian"',
     ]
     for role, signal in _ordered(loop.recording):
-        lines += [f"[valves.tags.{role.value}]", f"tag = {_quoted(signal.tag)}"]
+        lines += [f"[valves.tags.{role.value}]", f"tag = {toml_value(signal.tag)}"]
         if role is not Role.MODE:
-            lines.append(f"unit = {_quoted(_unit(loop, role))}")
+            lines.append(f"unit = {toml_value(_unit(loop, role))}")
         if role in _ENGINEERING:
             scale = loop.loop.pv_range
             lines += [f"low = {float(scale.low)}", f"high = {float(scale.high)}"]
     return lines
-
-
-def _quoted(text: str) -> str:
-    """A TOML basic string; its escapes are those of JSON."""
-    return json.dumps(text, ensure_ascii=False)

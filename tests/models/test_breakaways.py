@@ -85,6 +85,7 @@ def test_the_interval_is_that_of_the_breakaways():
     assert widths[0] < widths[1]
 
 
+@pytest.mark.long
 def test_a_stem_of_bristles_that_hardly_jumps_keeps_its_J_in_the_interval():
     """It creeps with its command before it slips, so that J is read half as large again."""
     (valve,) = [valve for valve in draw_valves(8, 5151) if valve.sticking][6:7]

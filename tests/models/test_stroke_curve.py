@@ -151,6 +151,7 @@ def test_half_of_op_is_found_about_the_middle_of_its_range():
     assert not curve_suspected(plain_op)
 
 
+@pytest.mark.long
 def test_near_the_foot_of_a_square_root_a_healthy_valve_does_not_seem_to_stick():
     """No polynomial of OP is as steep as it begins: read through a straight line instead, this
     stem of S 0.4 % had an S of 7 and a J of 9 % of travel, and was called sticky."""

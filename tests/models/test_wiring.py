@@ -16,6 +16,8 @@ from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.signal_pairing import moved_without_command, samples_exchanged
 from stemwatch.models.stickslip.best_pairing import BEFORE, Pairing
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
+from stemwatch.models.studies.simulator.valve_life import draw_lives
+from stemwatch.models.validity_checks import related
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.wiring_checks import wiring_obstacles
 
@@ -175,3 +177,43 @@ def test_swapped_tags_of_a_sticking_valve_are_never_healthy_for_sure():
     swapped = wired(sticking, op=values(sticking, Role.MV), mv=values(sticking, Role.OP))
     (screening,) = screen([Case(recording=swapped)], Options(narx=False, mismatch=False))
     assert screening.verdict is not Verdict.HEALTHY
+
+
+def venting(seed: int, day: int) -> Recording:
+    """A window of the fourteenth valve of the alert trial, which vents at no more than 0.6 %/s."""
+    life = draw_lives(14, 90, seed)[13]
+    assert life.has_cause(day)
+    return simulate_loop(life.on(day, 1800.0), life.seed).recording
+
+
+@pytest.mark.parametrize(("seed", "day"), [(5151, 14), (8181, 15), (9393, 14)])
+def test_a_position_that_follows_slowly_one_way_is_its_own_valves(seed, day):
+    """A blocked exhaust holds the stem off its command, on one side, and PV goes with OP better."""
+    slow = venting(seed, day)
+    pairing = Pairing.of(slow)
+    assert pairing is not None
+    assert pairing.explained(BEFORE).left > 0.5
+    assert pairing.has_top_speed
+    assert told(slow) == []
+
+
+def test_a_position_too_slow_to_be_correlated_is_its_own_valves():
+    """The loop cycles faster than the stem can vent."""
+    slow = venting(7171, 27)
+    assert related(slow) < 0.5
+    assert told(slow) == []
+
+
+def test_no_top_speed_explains_another_position(recording):
+    """Nor one that comes minutes late, nor an exchange of the two."""
+    later = np.roll(values(recording, Role.MV), 300)
+    other = values(venting(5151, 14), Role.MV)[: len(recording)]
+    for position in (later, np.pad(other, (0, len(recording) - other.size), mode="edge")):
+        pairing = Pairing.of(wired(recording, mv=position))
+        assert pairing is not None
+        assert not pairing.has_top_speed
+    slow = venting(5151, 14)
+    swapped = wired(slow, op=values(slow, Role.MV), mv=values(slow, Role.OP))
+    pairing = Pairing.of(swapped)
+    assert pairing is not None
+    assert not pairing.has_top_speed

@@ -60,13 +60,10 @@ class AsymmetricLag(CommandTerm):
             title="slow one way (lag)",
             steps=check_steps(
                 (
-                    "desk: See which way is slow (finding above); whether it fills or vents "
-                    "depends on the actuator's action."
+                    "look: Where the slow side vents: exhaust port and silencer, ice, paint, "
+                    "insects. Where it fills: supply pressure during the move."
                 ),
-                (
-                    "look: Where it vents slowly: exhaust port and silencer, ice, paint, "
-                    "insects. Where it fills slowly: supply pressure during the move."
-                ),
+                "look: Whether that side vents or fills, the actuator's action tells.",
                 "manual: Step OP by 5 % and by 20 % in the slow direction and time both.",
                 (
                     "air: Clean or exchange silencer, quick exhaust, restrictor or the "

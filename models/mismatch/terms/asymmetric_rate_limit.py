@@ -66,10 +66,10 @@ class AsymmetricRateLimit(CommandTerm):
             title="top speed too low one way",
             steps=check_steps(
                 (
-                    "desk: See which way is slow (finding above); whether it fills or vents "
-                    "depends on the actuator's action."
+                    "look: Look for a blocked exhaust, a throttled speed controller, a kinked "
+                    "tube on the slow side (finding above)."
                 ),
-                "look: Look for a throttled speed controller, a blocked exhaust, a kinked tube.",
+                "look: Whether that side vents or fills, the actuator's action tells.",
                 "manual: Step OP by 5 % and by 20 % in the slow direction; read the supply gauge.",
                 (
                     "air: Open or clean what is throttled; check volume tank, booster and its "

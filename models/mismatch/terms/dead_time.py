@@ -38,6 +38,7 @@ class DeadTime(CommandTerm):
     slug = "dead_time"
     order = 10
     words = Words(
+        of_record=True,
         plain="the command reaches the valve late, or the clocks of OP and MV differ",
         decide=(
             "Look whether other valves from the same source show the same delay: then it is the "

@@ -32,6 +32,7 @@ class SensorDrift(StemTerm):
     slug = "sensor_drift"
     order = 70
     words = Words(
+        of_record=True,
         plain="the position reading wanders slowly over the record",
         decide=(
             "Read MV with the valve on its seat or against a stop at the beginning and at the "

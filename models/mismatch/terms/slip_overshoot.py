@@ -44,7 +44,10 @@ class SlipOvershoot(ReadingTerm):
         advice=FieldAdvice(
             title="slips overshoot",
             steps=check_steps(
-                "desk: S and J are those of the longer slip; friction itself is what to mend.",
+                (
+                    "desk: Ask when the packing was last tightened or lubricated: S and J are "
+                    "those of the longer slip, and friction itself is what to mend."
+                ),
                 "manual: Ramp OP at 0.02 %/s and at 1 %/s: steps on both confirm it.",
                 "air: Check positioner gain and damping, and the actuator's size for its friction.",
                 "line: Where S is too large: renew the packing, one of less static friction.",

@@ -35,6 +35,7 @@ class SpanError(ReadingTerm):
     order = 80
     contains: tuple[str, ...] = ("zero_shift",)
     words = Words(
+        of_record=True,
         plain="the position reading is stretched or compressed over the stroke",
         decide=(
             "Stroke the valve without flow from stop to stop and compare MV with the travel "

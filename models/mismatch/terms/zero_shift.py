@@ -35,6 +35,7 @@ class ZeroShift(ReadingTerm):
     slug = "zero_shift"
     order = 80
     words = Words(
+        of_record=True,
         plain="the position reading is off by a constant, or the bench set of the spring is",
         decide=(
             "Read MV with the valve on its seat or a mechanical stop: an error of the reading "

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from stemwatch.models.recording import Floats
 from stemwatch.service.presenter.wording import figure, printable
+from stemwatch.service.report.svg_text import svg_text
 
 WIDTH, HEIGHT = 360, 250
 LEFT, RIGHT, TOP, BOTTOM = 52, 10, 10, 38
@@ -86,7 +87,7 @@ class SmallPlot:
         for note in self.notes:
             x, y = at(np.array(note.x), np.array(note.y))
             anchor = "end" if float(x) > LEFT + 0.6 * inner_x else "start"
-            parts.append(_text(float(x), max(float(y), TOP + 10), note.text, "note", anchor))
+            parts.append(svg_text(float(x), max(float(y), TOP + 10), note.text, "note", anchor))
         parts.append(Markup("</svg>"))
         if self.legend:
             parts.append(self._legend())
@@ -103,13 +104,13 @@ class SmallPlot:
         for value in ticks(x_low, x_high):
             x = LEFT + (right - LEFT) * (value - x_low) / (x_high - x_low)
             parts.append(_rule(x, TOP, x, bottom))
-            parts.append(_text(x, bottom + 14, _tick(value), "axis", "middle"))
+            parts.append(svg_text(x, bottom + 14, _tick(value), "axis", "middle"))
         for value in ticks(y_low, y_high):
             y = bottom - (bottom - TOP) * (value - y_low) / (y_high - y_low)
             parts.append(_rule(LEFT, y, right, y))
-            parts.append(_text(LEFT - 5, y + 4, _tick(value), "axis", "end"))
+            parts.append(svg_text(LEFT - 5, y + 4, _tick(value), "axis", "end"))
         middle = (TOP + bottom) / 2
-        parts.append(_text((LEFT + right) / 2, self.height - 6, self.x_label, "axis", "middle"))
+        parts.append(svg_text((LEFT + right) / 2, self.height - 6, self.x_label, "axis", "middle"))
         parts.append(
             Markup(
                 '<text x="11" y="{0}" class="axis" text-anchor="middle" '
@@ -189,10 +190,3 @@ def _line(line: PlottedLine, x: Floats, y: Floats) -> Markup:
 
 def _rule(x1: float, y1: float, x2: float, y2: float) -> Markup:
     return Markup('<path class="rule" d="M{:.1f} {:.1f}L{:.1f} {:.1f}"/>').format(x1, y1, x2, y2)
-
-
-def _text(x: float, y: float, text: str, kind: str, anchor: str) -> Markup:
-    words = escape(printable(text))
-    return Markup(
-        f'<text x="{x:.1f}" y="{y:.1f}" class="{kind}" text-anchor="{anchor}">{words}</text>'
-    )

@@ -101,6 +101,21 @@ class StoredAlert:
         """When it was opened again after it had closed, the last time."""
         return last_opened_again(self.evidence)
 
+    @property
+    def first_step(self) -> str:
+        """What to do first; empty for an alert of an earlier version, whose text says it."""
+        return str(self.evidence.get("first_step", ""))
+
+    @property
+    def then(self) -> str:
+        """What to do after the first step; empty where there is no more to say."""
+        return str(self.evidence.get("then", ""))
+
+
+def to_do(first_step: str, then: str = "") -> dict[str, str]:
+    """What to do about an alert, as its evidence keeps it."""
+    return {"first_step": first_step, "then": then}
+
 
 JOINED = "part of another alert of this valve now, which has the same cause"
 MOST_ALERTS = 200  # the largest number that is shown of one state

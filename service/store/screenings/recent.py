@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.recording import PERCENT
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.service.store.screenings.baselines import BASELINE
 from stemwatch.service.store.screenings.mismatch_json import mismatch_of
 from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
@@ -35,6 +35,7 @@ _COLUMNS = (
     ScreeningRow.window_start,
     ScreeningRow.window_end,
     ScreeningRow.verdict,
+    ScreeningRow.shape,
     ScreeningRow.reason,
     ScreeningRow.advice,
     ScreeningRow.severity,
@@ -144,6 +145,7 @@ def _judged(row: Any, mismatch: Mismatch | None) -> JudgedScreening:
         severity=row.severity,
         S=_percent(row),
         J=row.j_percent,
+        shape=None if row.shape is None else Shape(row.shape),
         named=row.mismatch_finding == _NAMED and bool(standing_defects(row)),
         mismatch=mismatch,
     )

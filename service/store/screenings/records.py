@@ -177,6 +177,7 @@ class JudgedScreening:
     severity: float
     S: Estimate
     J: float | None
+    shape: Shape | None = None
     named: bool = False
     mismatch: Mismatch | None = None
 

@@ -116,7 +116,7 @@ class ScreeningRow(TableBase):
     seconds: Mapped[float]
     baseline_id: Mapped[int | None]  # networks.id of the baseline that indicators refer to
     mismatch_finding: Mapped[str | None]  # ``None`` where nothing was fitted
-    mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, strongest first
+    mismatch_slugs: Mapped[list[str] | None]  # of the effects that were named, in order of work
     mismatch: Mapped[dict[str, Any] | None]  # without samples
     without_position: Mapped[dict[str, Any] | None]  # what OP and PV alone say
     histograms: Mapped[dict[str, Any] | None]  # where the stem stood, travelled and turned round

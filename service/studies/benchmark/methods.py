@@ -146,7 +146,8 @@ def _number(estimate: Estimate) -> Number:
 def _causes(mismatch: Mismatch) -> tuple[str, ...]:
     """The strongest effect with what cannot be told from it."""
     if mismatch.effects:
-        return mismatch.effects[0].members[:MOST_CAUSES]
+        strongest = max(mismatch.effects, key=lambda effect: effect.evidence.mean)
+        return strongest.members[:MOST_CAUSES]
     return {Finding.NONE: (NONE,), Finding.UNKNOWN: (OTHER,)}.get(mismatch.finding, ())
 
 

@@ -59,7 +59,9 @@ class ValveLine(BaseModel):
     cost_per_month: Estimated | None = Field(
         description="money that its sticking costs, 90 % interval; null without a price"
     )
-    left_out: list[str] = Field(description="effects beside S and J, strongest first")
+    left_out: list[str] = Field(
+        description="effects beside S and J, what needs work first at the front"
+    )
     held_back: bool = Field(description="across all valves chance alone may have named left_out")
 
 
@@ -211,6 +213,7 @@ class AlertLine(BaseModel):
     valve: str | None
     source: str | None
     text: str
+    first_step: str = Field(description="what to do first; empty where an older version raised it")
     opened: datetime
     seen: datetime = Field(description="when its cause was last found")
     opened_again: datetime | None = Field(

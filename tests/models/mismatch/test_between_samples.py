@@ -214,9 +214,57 @@ def test_the_archive_found_does_not_depend_on_the_time_unit(seed: int, factor: f
     assert (result.kind, result.per_turn) == (repeated.kind, repeated.per_turn)
 
 
+def levels_of_slips(bounds: float) -> SlipLevels:
+    """An S of 4.8 and a J of 1.2 %, where OP goes ``bounds`` in the sample of a slip."""
+    return SlipLevels(
+        12,
+        level=3.0,
+        level_error=0.1,
+        kinetic=1.8,
+        kinetic_error=0.1,
+        bounds=bounds,
+        per_sample=bounds,
+    )
+
+
+def test_a_jump_smaller_than_op_goes_in_a_sample_may_be_none() -> None:
+    """A stem that slides on with its command is seen at the same places."""
+    fitted = Estimate(value=4.0, low=3.7, high=4.3, unit=PERCENT)
+    for bounds, may_be_none in ((0.5, False), (1.3, True)):
+        archive = Archive(ArchiveKind.SNAPSHOTS, 5.0, 0.0, 5.0, levels=levels_of_slips(bounds))
+        _, J = archive.restored(fitted, fitted, 0.0)
+        assert (J.low == 0.0) == may_be_none
+
+
+def test_an_interval_that_ended_at_zero_is_no_surer_below_when_it_is_moved() -> None:
+    """What ended it was that J is not negative, and not what the record says."""
+    archive = Archive(ArchiveKind.SNAPSHOTS, 3.0, 0.0, 5.0)
+    S = Estimate(value=4.0, low=3.8, high=4.2, unit=PERCENT)
+    J = Estimate(value=0.1, low=0.0, high=0.7, unit=PERCENT)
+    _, moved = archive.restored(S, J, 1.0)
+    assert moved.low is not None
+    assert moved.high is not None
+    assert moved.value == pytest.approx(1.1)
+    assert moved.value - moved.low == pytest.approx(moved.high - moved.value)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_jump_of_averages_is_read_from_the_slips(seed: int) -> None:
+    """A loop that keeps its peaks, at ten averages from turn to turn: a free run has no sample
+    between the old and the new place of a slip, and only the slips tell J. Where the fit takes the
+    smear for a lag (the third), the interval holds both."""
+    result = screened(kept(cycling(300, hours=4.0, width=2.0, seed=seed), 10, mean=True))
+    said = " ".join(result.provenance.decisions)
+    assert ("the intervals hold both" if seed == 3 else "are read from") in said
+    assert result.J.value == pytest.approx(1.0, rel=0.15)
+    assert result.J.low is not None
+    assert result.J.high is not None
+    assert result.J.low <= 1.0 <= result.J.high
+
+
 def test_where_slips_contradict_the_fit_of_a_slower_loop_the_intervals_hold_both() -> None:
     """The value stays the fit's, as a stem that answers a sample late looks the same."""
-    levels = SlipLevels(12, level=3.0, level_error=0.1, kinetic=1.8, kinetic_error=0.1, bounds=0.5)
+    levels = levels_of_slips(bounds=0.5)
     archive = Archive(ArchiveKind.SNAPSHOTS, 15.0, 0.0, 5.0, levels=levels, doubted=True)
     fitted = Estimate(value=4.0, low=3.7, high=4.3, unit=PERCENT)
     S, J = archive.restored(fitted, replace(fitted, value=1.5, low=1.4, high=1.6), 0.0)

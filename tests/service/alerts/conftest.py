@@ -1,4 +1,4 @@
-"""A store on each engine, and PostgreSQL's server of the store's own tests."""
+"""A plant with its store, and a store on each engine; PostgreSQL of the store's own tests."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from stemwatch.service.config import Plant, load_plant
 from stemwatch.service.store.store import Store, open_store
 from tests.service.store.conftest import database_like
 from tests.service.store.conftest import postgres_server as postgres_server
@@ -27,4 +28,21 @@ def either_store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Sto
     template = request.getfixturevalue("postgres_template")
     server = request.getfixturevalue("postgres_server")
     with database_like(template, server) as url, open_store(url) as opened:
+        yield opened
+
+
+def plant_of(text: str, folder: Path) -> Plant:
+    """The plant of a plant file with this text, which must be without problems."""
+    file = folder / "plant.toml"
+    file.write_text(text, encoding="utf-8")
+    loaded = load_plant(file, environment={})
+    assert loaded.problems == ()
+    return loaded
+
+
+@pytest.fixture
+def store(plant: Plant) -> Iterator[Store]:
+    """The store of the test's plant."""
+    with open_store(plant.storage) as opened:
+        opened.save_valves(plant.valves.values())
         yield opened

@@ -13,11 +13,12 @@ import pytest
 from stemwatch.connectors.modbus.sample_batch import SampleBatch
 from stemwatch.models.recording import Quality
 from stemwatch.service.alerts.silent_sources import BACK, JOINED, watch_sources
-from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.config import Plant
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.samples.tables import microseconds
 from stemwatch.service.store.store import Store
+from tests.service.alerts.conftest import plant_of
 from tests.service.open_alerts import open_alerts
 
 NOW = datetime(2026, 3, 2, 12, tzinfo=UTC)
@@ -38,10 +39,7 @@ def plant(tmp_path: Path) -> Plant:
     for n in range(VALVES):
         text += f'[[valves]]\nid = "V{n}"\ndescription = "Feed {n}"\nsource = "plc"\n'
         text += f'[valves.tags.op]\ntag = "V{n}.OP"\n[valves.tags.mv]\ntag = "V{n}.ZT"\n'
-    (tmp_path / "plant.toml").write_text(text, encoding="utf-8")
-    loaded = load_plant(tmp_path / "plant.toml", environment={})
-    assert loaded.problems == ()
-    return loaded
+    return plant_of(text, tmp_path)
 
 
 def poll(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -17,12 +17,14 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import evaluate
 from stemwatch.service.alerts.silent_sources import watch_sources
-from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.config import Plant
+from stemwatch.service.presenter.advice import first_step
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.samples.sources import SourceState
 from stemwatch.service.store.screenings.records import ValveState
-from stemwatch.service.store.store import Store, open_store
+from stemwatch.service.store.store import Store
+from tests.service.alerts.conftest import plant_of
 from tests.service.open_alerts import open_alerts
 
 START = datetime(2026, 3, 2, tzinfo=UTC)
@@ -58,19 +60,7 @@ def plant(tmp_path: Path) -> Plant:
         area = "100" if n < 8 else f"2{n}"
         text += f'[[valves]]\nid = "V{n}"\narea = "{area}"\nsource = "plc"\n'
         text += f'[valves.tags.op]\ntag = "OP{n}"\nunit = "%"\n'
-    file = tmp_path / "plant.toml"
-    file.write_text(text, encoding="utf-8")
-    loaded = load_plant(file, environment={})
-    assert loaded.problems == ()
-    return loaded
-
-
-@pytest.fixture
-def store(plant: Plant) -> Iterator[Store]:
-    """The plant's store."""
-    with open_store(plant.storage) as opened:
-        opened.save_valves(plant.valves.values())
-        yield opened
+    return plant_of(text, tmp_path)
 
 
 def screened(valve: str, hour: int, verdict: Verdict, ratio: float | None) -> Screening:
@@ -131,6 +121,9 @@ def test_a_message_links_to_the_pages_where_their_address_is_known(
     (message,) = store.deliveries.recent()
     assert "\nhttps://valves.example/unit/valve?id=V1\n" in message.message["text"]
     assert "https://valves.example/unit/alerts" in message.message["text"]
+    first = message.message["alerts"][0]["first_step"]
+    assert first == first_step("stiction_undershoot")
+    assert f"\nFirst: {first}\n" in message.message["text"]
     assert message.message["alerts"][0]["link"].endswith("/valve?id=V1")
 
 

@@ -16,13 +16,14 @@ from stemwatch.models.screening_result import DataQuality, Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.evaluate import awaiting_aftermath, evaluate, gathered
 from stemwatch.service.alerts.when_over import WINDOWS_BACK
-from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.config import Plant
 from stemwatch.service.presenter.finding import present_effect
 from stemwatch.service.run.finish import hold_back, p_elsewhere
 from stemwatch.service.store.alerts.alerts import AlertKind
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import ValveState
 from stemwatch.service.store.store import Store
+from tests.service.alerts.conftest import plant_of
 from tests.service.open_alerts import open_alerts
 
 START = datetime(2026, 3, 2, tzinfo=UTC)
@@ -59,8 +60,7 @@ def plant(tmp_path: Path) -> Plant:
     text = '[[sources]]\nname = "s"\npath = "*.csv"\n'
     for n in range(20):
         text += f'[[valves]]\nid = "V{n:02}"\nsource = "s"\n[valves.tags.op]\ntag = "OP{n}"\n'
-    (tmp_path / "plant.toml").write_text(text, encoding="utf-8")
-    return load_plant(tmp_path / "plant.toml", environment={})
+    return plant_of(text, tmp_path)
 
 
 def run(store: Store, plant: Plant, hour: int, result: dict[str, Mismatch | None]) -> int:
@@ -122,7 +122,7 @@ def test_no_alert_comes_of_what_is_held_back(either_store: Store, plant: Plant) 
     assert (alert.kind, alert.valve) == (AlertKind.MISMATCH, "V01")
     assert alert.text.startswith("V01: There is play. Lost motion: first seen on ")
     assert "confirmed in 3 of 3 windows" in alert.text
-    assert alert.text.endswith(present_effect(EFFECT).check)
+    assert f"{alert.first_step} {alert.then}" == present_effect(EFFECT).check
 
 
 @pytest.mark.long

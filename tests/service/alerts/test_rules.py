@@ -20,7 +20,7 @@ from stemwatch.models.mismatch.findings import (
     Stiction,
 )
 from stemwatch.models.mismatch.terms import catalogue
-from stemwatch.models.verdict import Verdict
+from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.wear_forecast import WearForecast
 from stemwatch.service.alerts.rules import (
     AlertDecision,
@@ -32,6 +32,7 @@ from stemwatch.service.alerts.rules import (
     one_per_cause,
 )
 from stemwatch.service.config.service_schema import AlertRules
+from stemwatch.service.presenter.advice import first_step, steps_for
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
@@ -196,7 +197,44 @@ def test_a_named_mismatch_is_told_with_its_check() -> None:
     raised, _ = apply_rules(replace(by_chance, stands=True), RULES)
     check = catalogue()["lost_motion"].words.check
     since = "Lost motion: first seen on 2026-03-02, confirmed in 3 of 3 windows."
-    assert raised[0].text == f"FIC-1 (Feed): There is play. {since} {check}"
+    assert raised[0].text == f"FIC-1 (Feed): There is play. {since}"
+    assert f"{raised[0].evidence['first_step']} {raised[0].evidence['then']}" == check
+
+
+def test_a_sticky_stem_is_told_with_the_first_step_of_its_work_order() -> None:
+    """The shape decides it, as on the order; the advice of the screening comes after it."""
+    several = [screening(n, STICKY, shape=Shape.OVERSHOOT) for n in (2, 1)]
+    (alert,) = apply_rules(ValveRecord(valve=VALVE, screenings=several), RULES)[0]
+    assert alert.text == "FIC-1 (Feed): The stem sticks."
+    assert alert.evidence["first_step"] == steps_for(["stiction_overshoot"])[0].text
+    assert alert.evidence["then"] == "Check the packing."
+
+
+def test_of_several_effects_the_newest_window_says_which_to_mend_first() -> None:
+    """The alert begins with the effect at the front there, whichever more windows name."""
+    both = (("lost_motion",), ("asymmetric_rate_limit",))
+    weeks = evidence_of_weeks(
+        WindowEvidence(at=NOW + timedelta(days=day), named=both if day else both[:1])
+        for day in range(5)
+    )
+    assert weeks is not None
+    effects = [
+        Effect(
+            slug=slug, members=(slug,), sentence=f"It is {slug}.", where="", check="", decide="",
+            parameters={}, evidence=EffectEvidence(mean=0.2, t=5.0, share=0.4),
+        )
+        for slug in ("asymmetric_rate_limit", "lost_motion")
+    ]  # fmt: skip
+    size = Stiction(S=percent(1.0), J=J)
+    mismatch = Mismatch(
+        finding=Finding.NAMED, sentence="", naive=size, restated=size, effects=tuple(effects)
+    )
+    several = [screening(n, mismatch=mismatch, named=True) for n in (2, 1)]
+    record = ValveRecord(valve=VALVE, screenings=several, by_window=weeks, stands=True)
+    assert weeks.confirmed[0].slug == "lost_motion"
+    (alert,) = apply_rules(record, RULES)[0]
+    assert alert.text.startswith("FIC-1 (Feed): It is asymmetric_rate_limit. Asymmetric")
+    assert alert.evidence["first_step"] == first_step("asymmetric_rate_limit")
 
 
 def evidence(*named: bool) -> EvidenceOfWeeks | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -16,12 +16,13 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.alerts.digest import queue_messages
 from stemwatch.service.alerts.evaluate import CLEARED, evaluate
 from stemwatch.service.alerts.when_over import SOON, is_over, may_still_stick
-from stemwatch.service.config import Plant, load_plant
+from stemwatch.service.config import Plant
 from stemwatch.service.presenter.alert_history import opened_again
 from stemwatch.service.store.alerts.alerts import AlertKind, StoredAlert
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import JudgedScreening, ValveState
-from stemwatch.service.store.store import Store, open_store
+from stemwatch.service.store.store import Store
+from tests.service.alerts.conftest import plant_of
 
 START = datetime(2026, 3, 2, 6, 0, tzinfo=UTC)
 DAY = timedelta(days=1)
@@ -36,19 +37,7 @@ def plant(tmp_path: Path) -> Plant:
     text += 'kind = "file"\npath = "all.jsonl"\n[[sources]]\nname = "archive"\nkind = "parquet"\n'
     text += 'path = "parquet"\n[[valves]]\nid = "V1"\nsource = "archive"\n'
     text += 'tags.op = { tag = "V1.OP", unit = "%" }\n'
-    file = tmp_path / "plant.toml"
-    file.write_text(text, encoding="utf-8")
-    loaded = load_plant(file, environment={})
-    assert loaded.problems == ()
-    return loaded
-
-
-@pytest.fixture
-def store(plant: Plant) -> Iterator[Store]:
-    """The plant's store."""
-    with open_store(plant.storage) as opened:
-        opened.save_valves(plant.valves.values())
-        yield opened
+    return plant_of(text, tmp_path)
 
 
 def look(store: Store, plant: Plant, first: int, sizes: Sequence[float]) -> None:

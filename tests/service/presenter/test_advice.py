@@ -15,6 +15,7 @@ from stemwatch.service.presenter.advice import (
     MOST_STEPS,
     advice_for,
     catalogue,
+    first_step,
     isolation_for,
     parts_for,
     steps_for,
@@ -80,6 +81,7 @@ def test_steps_of_several_kinds_keep_all_of_the_first():
     assert set(advice_for("stiction_undershoot").steps) <= set(both)
     assert len(both) == MOST_STEPS
     assert [step.level for step in both] == sorted(step.level for step in both)
+    assert steps_for(["stiction_deadband", "dead_time"])[0].text == first_step("stiction_deadband")
     assert steps_for(["lost_motion", "lost_motion"]) == advice_for("lost_motion").steps
 
 

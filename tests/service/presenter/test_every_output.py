@@ -188,8 +188,8 @@ def mail_about(screening: Screening) -> str:
     (about,) = [item for item in raised if item.kind is AlertKind.MISMATCH]
     stored = StoredAlert(
         id=1, cause=about.cause, kind=about.kind, severity=about.severity, text=about.text,
-        valve=about.valve, source=None, run_id=2, opened=end, seen=end, evidence={},
-        closed=None, closed_why="",
+        valve=about.valve, source=None, run_id=2, opened=end, seen=end,
+        evidence=about.evidence, closed=None, closed_why="",
         acknowledged=None, acknowledged_by="", comment="", snoozed_until=None, snoozed_by="",
         false_alarm=False, told=None,
     )  # fmt: skip

@@ -324,18 +324,19 @@ def test_writers_at_the_same_time_lose_nothing(
     assert store.baseline("V1") is not None
 
 
-def test_processes_that_create_and_write_at_once_all_succeed(store_url: str) -> None:
+@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.long)])
+def test_processes_that_create_and_write_at_once_all_succeed(store_url: str, count: int) -> None:
     """Several processes may find no store, create it, and write the same valves."""
     processes = [
         subprocess.Popen(
-            [sys.executable, "-c", OTHER_PROCESS, store_url, name],
+            [sys.executable, "-c", OTHER_PROCESS, store_url, f"process {n}"],
             stderr=subprocess.PIPE,
             text=True,
         )
-        for name in ("one", "two", "three")
+        for n in range(count)
     ]
     errors = [process.communicate(timeout=120)[1] for process in processes]
-    assert [(0, "")] * 3 == [
+    assert [(0, "")] * count == [
         (process.returncode, error) for process, error in zip(processes, errors, strict=True)
     ]
     with open_store(store_url) as store:

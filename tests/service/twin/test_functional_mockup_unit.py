@@ -233,7 +233,10 @@ def test_the_fmu_keeps_the_records_interval(unit, slug: str) -> None:
 
 
 @needs_compiler
-@pytest.mark.parametrize("step_s", [0.1, 0.5, 2.0, 5.0])
+@pytest.mark.parametrize(
+    "step_s",
+    [0.1, *(pytest.param(step_s, marks=pytest.mark.long) for step_s in (0.5, 2.0)), 5.0],
+)
 @pytest.mark.parametrize("slug", ["growing_stiction", "sensor_drift"])
 def test_what_changes_with_time_does_so_at_every_step_size(unit, slug: str, step_s: float) -> None:
     """Friction grows and the reading drifts by the time of each sample, whatever the step."""
@@ -489,7 +492,10 @@ int main(void)
 
 
 @needs_compiler
-@pytest.mark.parametrize("slug", [None, "underdamped_positioner", "motor_drive"])
+@pytest.mark.parametrize(
+    "slug",
+    [None, pytest.param("underdamped_positioner", marks=pytest.mark.long), "motor_drive"],
+)
 def test_no_address_or_arithmetic_goes_wrong(tmp_path: Path, slug: str | None) -> None:
     """Under the sanitizers of addresses, leaks and undefined behaviour, with OP far beyond its
     range, states kept, a reset, and wrong references."""
