@@ -209,7 +209,11 @@ def is_final(screening: Screening) -> bool:
 
 def summary(screenings: Sequence[Screening]) -> Table:
     """The ranking, worst first, in the order and the words of the report."""
-    from stemwatch.service.presenter.suspicion_words import loops_to_test, suspected_sentence
+    from stemwatch.service.presenter.suspicion_words import (
+        SUSPECTED_NOTE,
+        loops_to_test,
+        suspected_sentence,
+    )
     from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.report.report_context import ReportContext
 
@@ -218,7 +222,8 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table = Table(
         title=f"{ranking.counts.sentence.rstrip('.')}{worst_shown}.", title_justify="left"
     )
-    first = suspected_sentence(loops_to_test(ranking.next_steps))
+    to_test = loops_to_test(ranking.next_steps)
+    first = suspected_sentence(to_test)
     table.caption, table.caption_justify = (
         "\n".join(filter(None, (_verdicts(ranking), escape(first)))),
         "left",
@@ -241,11 +246,12 @@ def summary(screenings: Sequence[Screening]) -> Table:
     for valve in ranking[:SHOWN]:
         screening = valve.screening
         shape = screening.shape.value if screening.shape else ""
+        note = f"\n{SUSPECTED_NOTE}" if screening.valve in to_test else ""
         side_cells = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
         table.add_row(
             str(valve.rank),
             escape("\n".join(filter(None, (screening.valve, valve.recording)))),
-            f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]",
+            f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]{note}",
             _number(screening.S),
             _number(screening.J),
             *side_cells,
@@ -266,10 +272,14 @@ def _verdicts(ranking: Ranking) -> str:
 
 
 def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
-    """One line for each reason why there is no verdict, with its valves."""
+    """One line for each reason why there is no verdict, with its valves; those in which OP and PV
+    let sticking be suspected are told with the ranking, and not as what nobody can tell."""
+    from stemwatch.service.presenter.suspicion_words import loops_to_test, next_steps
+
+    to_test = loops_to_test(next_steps(screenings))
     by_reason: dict[str, dict[str, None]] = {}
     for screening in screenings:
-        if screening.verdict is Verdict.UNDETERMINED:
+        if screening.verdict is Verdict.UNDETERMINED and screening.valve not in to_test:
             by_reason.setdefault(screening.reason, {})[screening.valve] = None
     for reason, tags in by_reason.items():
         valves = [*tags]

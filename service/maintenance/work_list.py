@@ -10,6 +10,7 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
 from stemwatch.service.maintenance.work_compared import WorkCompared, newest_first
 from stemwatch.service.maintenance.work_sheet import WorkSheet, brief_of, work_sheet_of
+from stemwatch.service.presenter.suspicion_words import worth_a_test
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.ranking import discovered, rank_valves
 from stemwatch.service.report.report_context import ReportContext
@@ -98,10 +99,11 @@ def work_list_of(
     )
 
 
-def _order(sheet: WorkSheet) -> tuple[bool, int, float, str]:
+def _order(sheet: WorkSheet) -> tuple[bool, int, float, bool, str]:
     return (
         not sheet.has_order,
         sheet.priority.code,
         -sheet.priority.score,
+        not worth_a_test(sheet.screening),
         sheet.screening.valve,
     )

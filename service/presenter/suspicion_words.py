@@ -161,6 +161,9 @@ def loops_to_test(steps: Iterable[NextStep]) -> tuple[str, ...]:
     return tuple(valve for step in suspected for valve in step.loops)
 
 
+SUSPECTED_NOTE = "sticking suspected"  # beside the verdict in a ranking
+
+
 def suspected_sentence(named: Sequence[str]) -> str:
     """Which of the valves without a verdict to test first, in the order given; empty for none."""
     if not named:

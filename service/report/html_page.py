@@ -28,6 +28,7 @@ from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
 from stemwatch.service.presenter.suspicion_words import (
     HOW_SURE,
+    SUSPECTED_NOTE,
     loops_to_test,
     suspected_sentence,
     suspicion_title,
@@ -110,6 +111,7 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
 def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
     counts = count_verdicts(ranked)
     discoveries, next_steps = discovered(ranked, context), steps_without_position(ranked)
+    to_test = loops_to_test(next_steps)
     page = environment(context, template).get_template("report.html")
     return page.generate(
         context=context,
@@ -119,7 +121,9 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
         told=section_limit(counts),
-        suspected=suspected_sentence(loops_to_test(next_steps)),
+        suspected=suspected_sentence(to_test),
+        suspected_note=SUSPECTED_NOTE,
+        to_test=to_test,
         next_steps=next_steps,
         cost=cost_in_words(ranked),
         glance=glance(ranked),
@@ -219,7 +223,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
             context.groups, loop, context.tz
         ),
         "spectra_map": spectra_map,
-        "strength_bars": strength_bars,
+        "strength_bars": lambda group: strength_bars(group, context.tz),
         "span_percent": words.span_percent,
         "share": words.share,
         "interval": words.interval,

@@ -15,6 +15,7 @@ from starlette.datastructures import QueryParams
 from stemwatch.models.verdict import WORST_FIRST, Verdict
 from stemwatch.service.presenter.cost_of_sticking import money_of, total_in_words
 from stemwatch.service.presenter.suspicion_words import (
+    SUSPECTED_NOTE,
     loops_to_test,
     next_steps,
     suspected_sentence,
@@ -61,6 +62,7 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
     page = deps.store.ranking(ranking_filter, money_of(costs))
     weeks = deps.store.trends([line.valve for line in page.lines], deps.site.limits)
     alerted = deps.store.alerts.open_by_valve(deps.now)
+    to_test = loops_to_test(next_steps(deps.store.without_verdict()))
     open_alerts = deps.open_alerts()
     return deps.renderer.page(
         request,
@@ -70,7 +72,9 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         ranking=page,
         costs=costs,
         cost=total_in_words(costs),
-        suspected=suspected_sentence(loops_to_test(next_steps(deps.store.without_verdict()))),
+        suspected=suspected_sentence(to_test),
+        suspected_note=SUSPECTED_NOTE,
+        to_test=to_test,
         unknown=page.unknown(ranking_filter),
         work=WorkCounts.of_states(page.states),
         trends=[

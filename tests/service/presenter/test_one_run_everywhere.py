@@ -32,6 +32,7 @@ from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter.finding import why_no_work
+from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
@@ -41,6 +42,7 @@ from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
 from tests.service.maintenance.example_work_list import context, frozen, with_effects
 from tests.service.report.conftest import screening
+from tests.service.report.test_without_position import cannot_tell, no_sign, suspected
 from tests.service.web import example_plant
 from tests.service.web.signed_in import cookie_of
 
@@ -437,3 +439,36 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
     assert ranked.counts.sentence.endswith("(4 recordings).")
     (line, *_) = views.undetermined_lines(every)
     assert line.count("LIC-1") == 1
+
+
+def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
+    tmp_path: Path,
+) -> None:
+    """A loop to test first is marked in every ranking, leads the orders, and is nowhere among those
+    of which nothing can be told; one without a sign makes no work order, as its advice says."""
+    answers = {
+        "A-NONE": no_sign(),
+        "B-DUMB": cannot_tell("the record is short"),
+        "C-FIRST": suspected(),
+    }
+    every = [
+        replace(blind(valve, NO_POSITION), without_position=answer)
+        for valve, answer in answers.items()
+    ]
+    ranked = rank_valves(every, context(every))
+    assert ranked.counts.sentence == (
+        "None of 3 valves can be judged; 2 with a work order to find out why."
+    )
+    work_list = work_list_of(every, context(every))
+    assert [one.screening.valve for one in work_list.to_work_on] == ["C-FIRST", "B-DUMB"]
+    told = "\n".join(views.undetermined_lines(every))
+    assert "C-FIRST" not in told
+    assert "A-NONE, B-DUMB" in told
+    (valves, verdicts) = (views.summary(every).columns[n].cells for n in (1, 2))
+    marked = [v for v, word in zip(valves, verdicts, strict=True) if SUSPECTED_NOTE in str(word)]
+    assert [str(valve) for valve in marked] == ["C-FIRST"]
+    report = write_report(every, context(every), tmp_path).html.read_text("utf-8")
+    table = report[report.index('id="ranking-table"') :]
+    rows = table[: table.index("</table>")].split("<tr ")
+    (row,) = [row for row in rows if SUSPECTED_NOTE in row]
+    assert "C-FIRST" in row

@@ -157,6 +157,7 @@ def test_what_cannot_be_judged_is_no_work_but_a_dead_transmitter_gets_an_order()
     assert not k.decide(short, stands=None).has_order
     assert decided.kinds == (k.FROZEN,)
     assert decided.has_order
+    assert not replace(decided, no_sign=True).has_order
     assert not decided.needs_work
 
 
