@@ -128,6 +128,13 @@ class WiringEvidence:
         as_pv = behind_controller(self.recording, answering=Role.MV)
         return self.controller.rather_than(as_pv, PV_PLAINLY)
 
+    @property
+    def far_off_at_a_top_speed(self) -> bool:
+        """Whether the position follows OP, too slowly for friction to explain half of it. A PV that
+        follows OP as well is near it.
+        """
+        return self.nearest.left > FOLLOWS and self.pairing.has_top_speed
+
     @cached_property
     def rests(self) -> Rests:
         """Which of OP and position rests while the other goes on."""
@@ -182,7 +189,7 @@ def wiring_obstacles(
     # Most valves need no further check.
     if seen is None or seen.at_once < DOUBTED or seen.nearest.left < DOUBTED:
         return []
-    if seen.pairing.slips_to_its_command or seen.pairing.has_top_speed:
+    if seen.pairing.slips_to_its_command or seen.far_off_at_a_top_speed:
         return []
     far = seen.far_away
     mixed_up = [(Role.OP, Role.MV, seen.swapped)]

@@ -20,6 +20,12 @@ MEAN, T, PRODUCT = 0.04, 1.4, 0.12
 # Play is nearly the same as another S and J, and dwell as a scatter of the breakaways: chance finds
 # them more often.
 HARDER = {"lost_motion": 1.6, "dwell_dependent_breakaway": 1.9}
+# A top speed acts after large fast moves only. What gains much in k blocks and nothing in the rest
+# has a t of about sqrt(k), however much it gains: 1.4 for two of twenty blocks, each predicted from
+# the other fold. Chance does not imitate it: of 72 valves with nothing hidden none gains more than
+# 0.003 by one (`stemwatch calibrate-mismatch`, seed 4000). It multiplies the limits of t and of the
+# product.
+RARELY_ACTS = {"rate_limit": 0.65, "asymmetric_rate_limit": 0.65}
 # A record of few blocks, or of few samples, shows a large t by chance more often: limits grow by
 # 1 + FEW_BLOCKS / blocks + FEW_SAMPLES / samples.
 FEW_BLOCKS, FEW_SAMPLES = 5.0, 100.0
@@ -54,12 +60,13 @@ def strength(advantage: Advantage, counts: Floats, slug: str, stage: int = 0) ->
     """How far an advantage lies beyond its limits: 1 at the limits, the least of the three ratios
     (mean, t, and their product)."""
     short = short_record_factor(counts)
-    ease = (LATER if stage else 1.0) * HARDER.get(slug, 1.0)
+    rarely = RARELY_ACTS.get(slug, 1.0)
+    ease = (LATER if stage else 1.0) * HARDER.get(slug, 1.0) * rarely
     if advantage.mean <= 0.0 or advantage.t <= 0.0:
         return 0.0
     return min(
         advantage.mean / (MEAN * short),
-        advantage.t / (T * short),
+        advantage.t / (T * rarely * short),
         advantage.mean * advantage.t / (PRODUCT * ease * short * short),
     )
 

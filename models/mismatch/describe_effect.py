@@ -11,7 +11,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.acceptance_limits import strength
-from stemwatch.models.mismatch.dwell import LEAST_Z, Dwelling
+from stemwatch.models.mismatch.breakaway_levels import LEAST_Z, ToldByBreakaways
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
@@ -133,7 +133,7 @@ def in_order_of_work(effects: Iterable[Effect]) -> tuple[Effect, ...]:
 
 
 def by_events(
-    found_effect: Effect, seen: Dwelling, term: Term, found_directions: Directions
+    found_effect: Effect, seen: ToldByBreakaways, term: Term, found_directions: Directions
 ) -> Effect:
     """``found_effect`` with the evidence and the interval from its breakaways in place of those
     from the residual.
@@ -142,12 +142,14 @@ def by_events(
         f"The {seen.events} breakaways together tell it ({seen.z:.1f} standard errors); in the "
         "residual it is small, for each of them scatters as well."
     )
-    evidence = replace(found_effect.evidence, events_z=seen.z, strength=seen.z / LEAST_Z, note=note)
+    evidence = replace(
+        found_effect.evidence, events_z=seen.z, strength=seen.z / LEAST_Z[seen.slug], note=note
+    )
     fitted = found_effect.parameters["b"]
     assert fitted.low is not None
     assert fitted.high is not None
     either = 2.0 * seen.error
-    low, high = min(fitted.low, seen.rise - either), max(fitted.high, seen.rise + either)
+    low, high = min(fitted.low, seen.size - either), max(fitted.high, seen.size + either)
     parameters = {**found_effect.parameters, "b": replace(fitted, low=max(low, 0.0), high=high)}
     sentence = term.sentence(parameters, found_directions.rising, found_directions.falling)
     return replace(found_effect, sentence=sentence, evidence=evidence, parameters=parameters)

@@ -14,6 +14,9 @@ from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
+# Two errors on unseen data whose ratio is no more than this are alike.
+ALIKE_ERRORS = 1.02
+
 
 class Finding(StrEnum):
     """What can be said of a recording's mismatch, in one word."""
@@ -194,6 +197,13 @@ class HeldOutFit:
         if self.rmse_naive is None or self.rmse_extended is None:
             return True
         return self.rmse_extended <= self.rmse_naive
+
+    @property
+    def no_worse(self) -> bool:
+        """Whether the extended model is as good on unseen data, to ``ALIKE_ERRORS``."""
+        if self.rmse_naive is None or self.rmse_extended is None:
+            return True
+        return self.rmse_extended <= ALIKE_ERRORS * self.rmse_naive
 
     def of_naive_alone(self) -> HeldOutFit:
         """The same where S and J alone are published: no gain and no loss."""

@@ -20,6 +20,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
     strength,
 )
 from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
+from stemwatch.models.mismatch.breakaway_levels import PLAY
 from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     GLANCE,
@@ -35,7 +36,6 @@ from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
     NEARLY,
-    PLAY,
     PROMISING,
     Named,
     Needed,

@@ -14,11 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch import dwell
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing, not_little_left
 from stemwatch.models.mismatch.base_fit import BaseFit
 from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
+from stemwatch.models.mismatch.breakaway_levels import (
+    LEAST_T,
+    PLAY,
+    ToldByBreakaways,
+    refit_with_size,
+    told_by_breakaways,
+)
 from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     GLANCE,
@@ -42,12 +48,10 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 
 MOST_TERMS = 3
-PLAY = "lost_motion"
 LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3
 REFINED = 3  # candidates of a stage that are searched with care
 PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
 AS_GOOD = 1.5  # paired t below which two explanations cannot be separated
-CONTRADICTED = 1.0  # t of the trajectories against what the breakaways together show
 ATTEMPTS = 2
 # Terms that are looked at again where the base has moved, the best of the look before.
 LOOKED_AT_AGAIN = 7
@@ -96,7 +100,7 @@ class Needed:
     stage: SelectionStage
     without: Fitted
     advantage: Advantage
-    events: dwell.Dwelling | None = None  # that showed it, where the trajectories did not
+    events: ToldByBreakaways | None = None  # that showed it, where the trajectories did not
     of_pair: bool = False  # was found together with another, without which it gains little
 
     @property
@@ -340,21 +344,22 @@ def name_terms(base: BaseFit, terms: Sequence[Term]) -> Named:
 def told_by_events(
     evaluator: Evaluator, simple: Fitted, terms: Sequence[Term]
 ) -> tuple[Fitted, list[Needed]]:
-    """Dwell, where the breakaways together show it although no trajectory needs a term."""
-    term = next((term for term in terms if term.slug == dwell.SLUG), None)
-    seen = dwell.dwelling(evaluator, simple) if term is not None else None
-    if term is None or seen is None or not seen.convincing:
-        return simple, []
-    neutral_fit = conclude(
-        evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term))
-    )
-    fitted = dwell.refit_with_rise(evaluator, neutral_fit, seen)
-    score = TermScore(term, fitted, gain(evaluator, simple, fitted))
-    if score.advantage.t < -CONTRADICTED:
-        return simple, []  # something else makes breakaways late
-    return fitted, [
-        Needed(SelectionStage(simple, (score,), (score,)), simple, score.advantage, seen)
-    ]
+    """Dwell or play, where the breakaways together show it although no trajectory needs a term."""
+    by_slug = {term.slug: term for term in terms}
+    for seen in told_by_breakaways(evaluator, simple):
+        if not seen.convincing or seen.slug not in by_slug:
+            continue
+        term = by_slug[seen.slug]
+        neutral_fit = conclude(
+            evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term))
+        )
+        fitted = refit_with_size(evaluator, neutral_fit, seen)
+        score = TermScore(term, fitted, gain(evaluator, simple, fitted))
+        if score.advantage.t < LEAST_T[seen.slug]:
+            continue  # something else moves the levels
+        stage = SelectionStage(simple, (score,), (score,))
+        return fitted, [Needed(stage, simple, score.advantage, seen)]
+    return simple, []
 
 
 def lacking(named: Named, slugs: Collection[str]) -> Named:

@@ -42,7 +42,7 @@ NOT_ASKED: Mapping[int, float] = MappingProxyType({})
 class FoundGroup:
     """Loops that oscillate with one period.
 
-    ``members`` (k,) their numbers; ``shares`` (k,) of each one's variance that the oscillation
+    ``members`` (k,) their numbers; ``shares`` (k,) of each PV's variance that the oscillation
     makes; ``coherence`` (k,) with the reference, in the band; ``reference`` (bins,) the common
     spectrum, of unit length; ``statistics`` (4,) the evidence against chance, in the order of the
     weights.
@@ -64,11 +64,13 @@ class FoundGroup:
 
 def find_groups(
     spectra: LoopSpectra,
+    pv: LoopSpectra,
     limits: GroupLimits,
     sticking: Mapping[int, float] = NOT_ASKED,
     of_each_loop: Sequence[LoopOscillation] | None = None,
 ) -> list[FoundGroup]:
-    """The groups, the strongest first. ``sticking``: the log odds from OP and PV that a loop's
+    """The groups, the strongest first. ``spectra`` are those of SP - PV, ``pv`` those of PV, of the
+    same loops on the same clock. ``sticking``: the log odds from OP and PV that a loop's
     valve sticks, where they are known. ``of_each_loop``: ``oscillations(spectra)`` where it is
     known.
     """
@@ -80,7 +82,7 @@ def find_groups(
     groups: list[FoundGroup] = []
     while open_ and len(groups) < _MOST_GROUPS:
         first = open_.pop(0)
-        group = candidate(first, spectra, remaining, seen, limits, sticking)
+        group = candidate(first, spectra, pv, remaining, seen, limits, sticking)
         if group is None or group.statistics @ np.array(limits.weights) < limits.evidence:
             continue
         members = set(group.members)
@@ -89,7 +91,7 @@ def find_groups(
             for peak in open_
             if not (peak.loop in members and _near(peak.frequency, group.frequency, BAND))
         ]
-        group = _with_harmonics(spectra, remaining, group)
+        group = _with_harmonics(spectra, pv, remaining, group, limits)
         if not any(_is_harmonic(group, other) for other in groups):
             groups.append(group)
     return sorted(groups, key=lambda group: -sum(group.shares))
@@ -102,6 +104,7 @@ def _near(a: float, b: float, relative: float) -> bool:
 def candidate(
     first: LoopOscillation,
     spectra: LoopSpectra,
+    pv: LoopSpectra,
     remaining: Complexes,
     seen: Sequence[LoopOscillation],
     limits: GroupLimits,
@@ -127,6 +130,10 @@ def candidate(
         _, _, vectors = np.linalg.svd(weighed, full_matrices=False)
         basis = _basis(vectors[0])
     reference = basis[:, 0]
+    of_pv = _common(pv.spectra[:, band], basis)
+    in_group &= of_pv >= limits.share
+    if in_group.sum() < 2:
+        return None
     members = np.flatnonzero(in_group)
     regular = [
         peak.regularity
@@ -137,15 +144,21 @@ def candidate(
     return FoundGroup(
         frequency=float(weights @ spectra.frequencies[band] / weights.sum()),
         members=tuple(int(i) for i in members),
-        shares=tuple(float(x) for x in common[members]),
+        shares=tuple(float(x) for x in of_pv[members]),
         coherence=tuple(float(x) for x in coherence[members]),
         regularity=float(np.median(regular)),
         reference=reference,
         band=band,
         statistics=_statistics(
-            common[members], max(regular), [sticking.get(int(i)) for i in members]
+            of_pv[members], max(regular), [sticking.get(int(i)) for i in members]
         ),
     )
+
+
+def _common(part: Complexes, basis: Complexes) -> Floats:
+    """(m,) power of ``part`` (m, bins) along a basis, beyond that of noise."""
+    along = (np.abs(part @ basis.conj()) ** 2).sum(axis=1)
+    return _beyond_noise(along, (np.abs(part) ** 2).sum(axis=1), basis.shape)
 
 
 def _beyond_noise(along: Floats, power: Floats, shape: tuple[int, ...]) -> Floats:
@@ -189,15 +202,25 @@ def _take_out(remaining: Complexes, group: FoundGroup) -> None:
     remaining[:, group.band] = part - (part @ basis.conj()) @ basis.T
 
 
-def _with_harmonics(spectra: LoopSpectra, remaining: Complexes, group: FoundGroup) -> FoundGroup:
-    """The group with the share of its harmonics, which are subtracted from all loops too: waves of
-    2 to 7 times the frequency, locked to its phase.
+def _with_harmonics(
+    spectra: LoopSpectra,
+    pv: LoopSpectra,
+    remaining: Complexes,
+    group: FoundGroup,
+    limits: GroupLimits,
+) -> FoundGroup:
+    """The group with its harmonics, which are subtracted from all loops too: waves of 2 to 7 times
+    the frequency, locked to its phase. A loop to which the oscillation comes with harmonics that
+    make up for a small fundamental becomes a member.
     """
+    basis, part = _basis(group.reference), remaining[:, group.band]
+    along = (np.abs(part @ basis.conj()) ** 2).sum(axis=1)
+    coherence = np.sqrt(along / np.maximum((np.abs(part) ** 2).sum(axis=1), 1e-30))
+    shares = _common(pv.spectra[:, group.band], basis)
     _take_out(remaining, group)
     wave = spectra.time(group.reference[None, :], group.band)[0]
     size = np.abs(wave)
     turn = wave / np.maximum(size, 1e-30)
-    shares = np.array(group.shares)
     for k in _HARMONICS:
         low, high = k * group.frequency * (1.0 - BAND / k), k * group.frequency * (1.0 + BAND / k)
         if high >= spectra.frequencies[-1]:
@@ -206,13 +229,18 @@ def _with_harmonics(spectra: LoopSpectra, remaining: Complexes, group: FoundGrou
         reference = np.fft.fft(size * turn ** int(k))[band]
         basis = _basis(reference / max(float(np.linalg.norm(reference)), 1e-30))
         part = remaining[:, band]
-        along = part @ basis.conj()
-        common = (np.abs(along) ** 2).sum(axis=1)
+        projected = part @ basis.conj()
         power = np.maximum((np.abs(part) ** 2).sum(axis=1), 1e-30)
-        bound = common >= _BOUND**2 * power
-        remaining[:, band] = part - np.where(bound[:, None], along, 0.0) @ basis.T
-        shares += np.where(bound, common, 0.0)[list(group.members)]
-    return replace(group, shares=tuple(float(share) for share in shares))
+        bound = (np.abs(projected) ** 2).sum(axis=1) >= _BOUND**2 * power
+        remaining[:, band] = part - np.where(bound[:, None], projected, 0.0) @ basis.T
+        shares += np.where(bound, _common(pv.spectra[:, band], basis), 0.0)
+    members = np.flatnonzero((coherence >= limits.coherence) & (shares >= limits.share))
+    return replace(
+        group,
+        members=tuple(int(i) for i in members),
+        shares=tuple(float(shares[i]) for i in members),
+        coherence=tuple(float(coherence[i]) for i in members),
+    )
 
 
 def _is_harmonic(group: FoundGroup, other: FoundGroup) -> bool:

@@ -41,11 +41,11 @@ NO_FEEDS: Mapping[str, Sequence[str]] = MappingProxyType({})
 
 _WORDS = {
     "share": "most of its movement is this oscillation",
-    "purity": "it has least movement of its own beside it",
+    "purity": "it has little movement of its own beside it",
     "harmonics of PV": "its PV has more of the oscillation's harmonics",
     "harmonics of OP": "its OP has more of the oscillation's harmonics",
     "lead": "it wanders in phase before the others",
-    "suspicion": "its PV follows its OP as behind a valve that sticks",
+    "suspicion": "its OP and PV look more like a sticking valve than those of the others",
     "sticking": "its valve sticks by its measured position",
     "nearness": "by the connections in the plant file it acts on the others more directly",
 }
@@ -214,7 +214,7 @@ def _groups_of(
     suspicion = {i: log_odds(loop.score) for i, loop in enumerate(loops) if loop.score is not None}
     acts_on = _by_number(loops, feeds)
     groups = []
-    for group in find_groups(spectra, LIMITS, suspicion):
+    for group in find_groups(spectra, loop_spectra(pv, interval_s), LIMITS, suspicion):
         evidence = member_evidence(
             spectra,
             outputs,
@@ -326,8 +326,13 @@ def _neighbours(names: Mapping[int, str], member: int, units: Mapping[str, str])
     near = sum(one == unit for one in others)
     if not unit or not near:
         return ()
-    verb = "is" if near == 1 else "are"
-    return (f"{near} of the {len(others)} other loops {verb} of its unit {unit}",)
+    if near == len(others):
+        which = {1: "the other loop is", 2: "both other loops are"}.get(
+            near, f"all {near} other loops are"
+        )
+    else:
+        which = f"{near} of the {len(others)} other loops {'is' if near == 1 else 'are'}"
+    return (f"{which} of its unit {unit}",)
 
 
 def _since(strength: Floats, start: datetime | None, duration_s: float) -> datetime | None:

@@ -33,8 +33,8 @@ SHARES = np.linspace(0.0, 1.0, 12) ** 1.6  # of the widest S
 RATIOS = (0.0, 0.3, 0.6, 1.0)  # J/S
 # The most that a top speed leaves of the loss of a stem that never moves, where it explains the
 # position: 44 of 48 windows of 12 simulated valves that vent slowly leave less (seeds 5151 to
-# 9393). Of 15 kinds of wrong tags and clocks, 24 valves each (5151 and 7171), those that friction
-# does not explain leave 0.27 and more; a position that is 60 s late comes nearest.
+# 9393). Of 16 kinds of wrong tags and clocks, 54 valves each (5151 to 9393), those of which
+# friction leaves half and more leave 0.27 and more; a position that is 60 s late comes nearest.
 TOP_SPEED_LEAVES = 0.24
 LONG_LAGS = (4.0, 8.0, 16.0, 32.0, 64.0, 128.0)  # samples
 SLOWNESSES = np.geomspace(0.35, 5.0, 8)  # s per %, of a valve that has a low top speed

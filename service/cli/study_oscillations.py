@@ -22,7 +22,7 @@ _KINDS = ("sticking valve", "tight loop", "external wave")
 
 def study_oscillations(
     plants: Annotated[int, typer.Option(min=4, max=10_000, help="Simulated plants.")] = 200,
-    seed: o.Seed = 2089,
+    seed: o.Seed = 2097,
     loops: Annotated[
         int, typer.Option(min=0, help="Loops of one day each, timed on one core; 0 leaves it out.")
     ] = 1000,
@@ -41,7 +41,7 @@ def study_oscillations(
             help="With --fit: so many further plants of each seed, of which the quiet ones give "
             "the limit.",
         ),
-    ] = 130,
+    ] = 80,
     workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
@@ -169,5 +169,6 @@ def _seconds(loops: int) -> float:
         rows += list(doubled[:, :_DAY])
     errors = np.array(rows[:loops])
     started = time.process_time()
-    find_groups(loop_spectra(errors, 10.0), LIMITS)
+    spectra = loop_spectra(errors, 10.0)
+    find_groups(spectra, spectra, LIMITS)
     return time.process_time() - started

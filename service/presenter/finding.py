@@ -126,7 +126,7 @@ def present(
     not, ``confirmed`` what the windows of weeks confirm (``work_decision.decide``), ``groups`` are
     the loops that oscillate together.
     """
-    decision = decide(screening, stands=stands, confirmed=confirmed)
+    decision = decide(screening, stands=stands, confirmed=confirmed, groups=groups)
     mismatch = screening.mismatch
     return PresentedFinding(
         decision=decision,
@@ -273,16 +273,19 @@ def _next_step(
     screening: Screening, decision: WorkDecision, groups: Sequence[OscillationGroup]
 ) -> str:
     """The next step: the screening's advice, with two exceptions. A valve that does not stick but
-    has a defect gets the advice for that defect, since the cause is not elsewhere. A healthy valve
-    that oscillates because of another loop is referred to that loop, which its own recording cannot
-    know."""
+    has a defect gets the advice for that defect, since the cause is not elsewhere. A valve that is
+    healthy, or whose position is not recorded, and that oscillates because of another loop is
+    referred to that loop first, which its own recording cannot know."""
     if decision.verdict is Verdict.DEFECTIVE and decision.effects:
         return present_effect(decision.effects[0]).check
     if decision.verdict is Verdict.DEFECTIVE:
         words = term_words(decision.lasting[0])
         return screening.advice if words is None else words.check
     if decision.verdict is Verdict.HEALTHY:
-        return where_to_look(groups, screening.valve) or screening.advice
+        look = where_to_look(groups, screening.valve)
+        return f"Nothing to do at this valve. {look}" if look else screening.advice
+    if decision.moved:
+        return f"{where_to_look(groups, screening.valve)} After that: {screening.advice}"
     return " ".join(filter(None, (screening.advice, field_test(screening))))
 
 

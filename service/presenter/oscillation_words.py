@@ -9,14 +9,22 @@ from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.service.presenter import wording as words
 
 NAMED = 3  # other loops that a sentence names
+WORTH_NAMING = 0.05  # probability from which on the second loop is named
 LIKELY = 0.5  # probability from which on a loop is called the likely source
 
 
 def period(group: OscillationGroup) -> str:
     """The period as people say it, to two digits."""
-    if group.period_s < 120.0:
-        return f"{words.figure(group.period_s, 2)} s"
-    return f"{words.figure(group.period_s / 60.0, 2)} min"
+    return period_in_words(group.period_s)
+
+
+def period_in_words(seconds: float) -> str:
+    """A period as people say it, to two digits, in seconds, minutes or hours."""
+    if seconds < 120.0:
+        return f"{words.figure(seconds, 2)} s"
+    if seconds < 7200.0:
+        return f"{words.figure(seconds / 60.0, 2)} min"
+    return f"{words.figure(seconds / 3600.0, 2)} h"
 
 
 def headline(group: OscillationGroup) -> str:
@@ -34,10 +42,10 @@ def source_clause(group: OscillationGroup) -> str:
         )
     first, second = group.members[:2]
     sure = "likely" if first.probability >= LIKELY else "perhaps"
-    return (
-        f"it {sure} begins in {first.loop} ({words.share(first.probability)}), else in "
-        f"{second.loop} ({words.share(second.probability)})"
-    )
+    begins = f"it {sure} begins in {first.loop} ({words.share(first.probability)})"
+    if second.probability < WORTH_NAMING:
+        return begins
+    return f"{begins}, else in {second.loop} ({words.share(second.probability)})"
 
 
 def cost_sentence(group: OscillationGroup) -> str:
@@ -98,19 +106,32 @@ def loop_sentences(groups: Sequence[OscillationGroup], loop: str, zone: tzinfo) 
     ]
 
 
+def is_moved_by_another(groups: Sequence[OscillationGroup], loop: str) -> bool:
+    """Whether ``loop`` oscillates because of another loop, or of what reaches several: its groups
+    likely begin elsewhere, and none of them in it."""
+    of_it = [one for one in groups if any(member.loop == loop for member in one.members)]
+    return any(_likeliest(group) >= LIKELY for group in of_it) and all(
+        group.source != loop for group in of_it
+    )
+
+
+def _likeliest(group: OscillationGroup) -> float:
+    return max(group.outside, group.members[0].probability)
+
+
 def where_to_look(groups: Sequence[OscillationGroup], loop: str) -> str:
-    """Where to look for the cause of an oscillation in a ``loop`` whose valve is healthy; empty
-    where it is in no group or is the likeliest source itself."""
+    """Where to look for the cause of the oscillation of a ``loop``; empty where it is in no group
+    or is the likeliest source itself."""
     of_it = [one for one in groups if any(member.loop == loop for member in one.members)]
     if not of_it or any(group.source == loop for group in of_it):
         return ""
     begun = next((group.source for group in of_it if group.source), "")
     if begun:
         return (
-            f"Nothing to do at this valve: look at {begun} first, where its oscillation likely "
-            "begins. Retuning this loop would not help."
+            f"Look at {begun} first, where its oscillation likely begins. Retuning this loop would "
+            "not help."
         )
     return (
-        "Nothing to do at this valve: look at what reaches all loops that oscillate with it, such "
-        "as a header or a compressor. Retuning this one alone would not help."
+        "Look first at what reaches all loops that oscillate with it, such as a header or a "
+        "compressor. Retuning this one alone would not help."
     )

@@ -12,15 +12,17 @@ judged are counted apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 from stemwatch.models.mismatch.findings import Effect, Finding
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.models.verdict import Shape, Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
+from stemwatch.service.presenter.oscillation_words import is_moved_by_another
 from stemwatch.service.presenter.wording import finite, valves_counted
 
 # A kind of finding is a key of the advice: stiction by its shape, an effect by its slug, a way in
@@ -114,7 +116,8 @@ class WorkDecision:
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
     how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
     weeks confirm and this one does not name: work is planned on them too. ``no_sign``: there is no
-    position, and OP and PV show no sign of sticking, so that there is nothing to do at the valve.
+    position, and OP and PV show no sign of sticking, so that there is nothing to do at the valve;
+    ``moved``: there is no position, and another loop, or what reaches several, makes it oscillate.
     """
 
     verdict: Verdict
@@ -125,6 +128,7 @@ class WorkDecision:
     inherent: tuple[Effect, ...] = ()
     lasting: tuple[str, ...] = ()
     no_sign: bool = False
+    moved: bool = False
 
     @property
     def state(self) -> WorkState:
@@ -150,18 +154,24 @@ class WorkDecision:
     @property
     def has_order(self) -> bool:
         """Whether it makes a work order: on the valve, or on what keeps it from being judged."""
-        to_find_out = self.has_page and self.state is WorkState.NOT_JUDGED and not self.no_sign
+        nothing_here = self.no_sign or self.moved
+        to_find_out = self.has_page and self.state is WorkState.NOT_JUDGED and not nothing_here
         return self.needs_work or to_find_out
 
 
 def decide(
-    screening: Screening, *, stands: bool | None, confirmed: tuple[str, ...] | None = None
+    screening: Screening,
+    *,
+    stands: bool | None,
+    confirmed: tuple[str, ...] | None = None,
+    groups: Sequence[OscillationGroup] = (),
 ) -> WorkDecision:
     """The decision on ``screening``.
 
     ``stands`` is whether its effects stand among all valves of the run (``None`` where none was
     named): effects that are held back are no finding. ``confirmed`` are the slugs that the windows
-    of the last weeks confirm, ``None`` where the valve has no history that decides.
+    of the last weeks confirm, ``None`` where the valve has no history that decides. ``groups`` are
+    the loops that oscillate together.
     """
     mismatch = screening.mismatch
     named_effects = () if mismatch is None or stands is False else mismatch.effects
@@ -189,6 +199,7 @@ def decide(
         effects=effects,
         inherent=tuple(effect for effect in named_effects if effect.inherent),
         lasting=lasting,
+        moved=kinds == (NO_POSITION,) and is_moved_by_another(groups, screening.valve),
     )
 
 

@@ -223,7 +223,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
             context.groups, loop, context.tz
         ),
         "spectra_map": spectra_map,
-        "strength_bars": strength_bars,
+        "strength_bars": lambda group: strength_bars(group, context.tz),
         "span_percent": words.span_percent,
         "share": words.share,
         "interval": words.interval,

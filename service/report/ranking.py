@@ -121,7 +121,7 @@ class Ranking(Sequence[RankedValve]):
             [context.facts(note.valve).by_window for note in notes],
         )
         decided = [
-            decide(note, stands=stands, confirmed=confirmed)
+            decide(note, stands=stands, confirmed=confirmed, groups=context.groups)
             for note, stands, confirmed in zip(notes, run.standing, run.confirmed, strict=True)
         ]
         by_cost = context.rank_by is RankBy.COST

@@ -57,6 +57,7 @@ class PlantEvidence:
 def plant_evidence(plant: RunPlant) -> PlantEvidence:
     """The candidate groups of a plant before any group is removed from it."""
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
+    pv = loop_spectra(plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     suspicion, seen = PlantSuspicions(plant), oscillations(errors)
     label = np.array(plant.label)
@@ -64,7 +65,7 @@ def plant_evidence(plant: RunPlant) -> PlantEvidence:
     rows, alike = [], []
     best: dict[int, tuple[float, MemberEvidence]] = {}
     for peak in seen:
-        group = candidate(peak, errors, errors.spectra, seen, LIMITS, suspicion)
+        group = candidate(peak, errors, pv, errors.spectra, seen, LIMITS, suspicion)
         if group is None:
             continue
         members = set(group.members)

@@ -92,7 +92,7 @@ def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
     errors = loop_spectra(plant.sp - plant.pv, plant.interval_s)
     outputs = loop_spectra(plant.op, plant.interval_s)
     suspicion = PlantSuspicions(plant)
-    groups = find_groups(errors, limits, suspicion)
+    groups = find_groups(errors, loop_spectra(plant.pv, plant.interval_s), limits, suspicion)
     scored = [
         _scored(plant, member_evidence(errors, outputs, group, suspicion, feeds=plant.feeds))
         for group in groups

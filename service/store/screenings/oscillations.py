@@ -4,7 +4,7 @@ next window, and one that a later run of its loops no longer finds is over."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 from sqlalchemy import delete, func, select
@@ -21,6 +21,7 @@ from stemwatch.service.store.screenings.tables import OscillationRow, ScreeningR
 from stemwatch.service.store.storable import from_row
 
 SHOWN_DAYS = 30
+JUST_BEFORE = timedelta(days=1)  # within which an earlier window without a group dates its begin
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,8 @@ def write_oscillations(
         if linked.windows > 1:
             same_oscillation = [row for row in earlier if is_same_oscillation(group, _group(row))]
             follows = max(same_oscillation, key=lambda row: str(row.start)).id
+        elif linked.since is None and _was_absent(session, run_id, linked):
+            linked = replace(linked, since=linked.start)
         session.add(_row(run_id, follows, linked))
         numbers.append(linked)
     return numbers
@@ -104,6 +107,24 @@ def _rows_before(session: Session, group: OscillationGroup) -> list[OscillationR
             )
         )
     )
+
+
+def _was_absent(session: Session, run_id: int, group: OscillationGroup) -> bool:
+    """Whether windows that ended within a day before the group's were looked at for at least half
+    of its loops: since it was not found there, it began after them."""
+    if group.start is None:
+        return False
+    names = [member.loop for member in group.members]
+    table = ScreeningRow
+    loops_before = session.scalar(
+        select(func.count(func.distinct(table.valve))).where(
+            table.valve.in_(names),
+            table.run_id != run_id,
+            table.window_end <= group.start,
+            table.window_end >= group.start - JUST_BEFORE,
+        )
+    )
+    return 2 * (loops_before or 0) >= len(names)
 
 
 def _last_runs(session: Session, loops: Sequence[str]) -> dict[str, int]:

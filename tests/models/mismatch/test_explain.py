@@ -16,14 +16,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR
+from stemwatch.models.mismatch.acceptance_limits import LEAST_OF_A_PAIR, strength
 from stemwatch.models.mismatch.explain import explain, of_rivals, scores
 from stemwatch.models.mismatch.findings import Finding, Mismatch, TriedOutcome
 from stemwatch.models.mismatch.identifiability import NO_POSITION, PHYSICS
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
+from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.valve_life import draw_lives
 from tests.models.mismatch.fitted_chain import command, recorded, rescaled, simulated_by_chain
 
 # Slug, seed of the draw, parameter, its true size as the draw tells it, and how near it must be.
@@ -376,3 +379,27 @@ def test_rivals_of_the_last_effect_give_their_S_and_J():
     assert (S.low, S.high) == (7.5, 7.5)
     assert J.low == J.high == pytest.approx(1.5)
     assert not list(of_rivals(SimpleNamespace(named=named, effects=())))
+
+
+@pytest.mark.parametrize(("seed", "valve", "day"), [(5151, 29, 20), (9393, 13, 11)])
+def test_a_top_speed_that_few_blocks_of_time_show_is_named(seed, valve, day):
+    """A valve that vents at 0.6 %/s is held by it in 3 % of a window of half an hour, and is then 9
+    to 23 % from its command."""
+    life = draw_lives(valve + 1, 90, seed)[valve]
+    seed_of_day = int(np.random.default_rng([life.seed, day, 3]).integers(2**31))
+    found = explain(simulate_loop(life.on(day, 1800.0), seed_of_day).recording)
+    assert [effect.slug for effect in found.effects] == ["asymmetric_rate_limit"]
+    falling = found.effects[0].parameters["rate_falling"]
+    assert falling.value == pytest.approx(0.6, rel=0.1)
+
+
+def test_two_blocks_of_time_name_a_top_speed_and_one_does_not():
+    """One block of twenty, however much it gains, names nothing."""
+    counts, gains = np.full(20, 87.0), np.zeros(20)
+    gains[3] = 2.0
+    one = Advantage(0.1, float(0.1 / (gains.std(ddof=1) / np.sqrt(20.0) + 0.01)))
+    assert strength(one, counts, "asymmetric_rate_limit") < 1.0
+    gains[8] = 2.0
+    two = Advantage(0.2, float(0.2 / (gains.std(ddof=1) / np.sqrt(20.0) + 0.01)))
+    assert strength(two, counts, "asymmetric_rate_limit") >= 1.0
+    assert strength(two, counts, "actuator_lag") < 1.0

@@ -46,7 +46,8 @@ def wave(period_s: float, *, wander: float = 0.02, seed: int = 7, delay_s: float
 
 
 def found(values: np.ndarray):
-    return find_groups(loop_spectra(values, INTERVAL_S), LIMITS)
+    spectra = loop_spectra(values, INTERVAL_S)
+    return find_groups(spectra, spectra, LIMITS)
 
 
 def test_loops_with_one_wave_are_a_group_whatever_delay_and_sign() -> None:
@@ -115,7 +116,7 @@ def test_records_too_short_for_a_period_show_nothing(samples: int) -> None:
     """No error, no oscillation."""
     spectra = loop_spectra(np.ones((2, samples)) * np.arange(samples), 10.0)
     assert oscillations(spectra) == []
-    assert find_groups(spectra, LIMITS) == []
+    assert find_groups(spectra, spectra, LIMITS) == []
 
 
 def test_squares_of_a_spectrum_add_up_to_one() -> None:
@@ -124,13 +125,29 @@ def test_squares_of_a_spectrum_add_up_to_one() -> None:
     assert (np.abs(spectra.spectra) ** 2).sum(axis=1) == pytest.approx(np.ones(3))
 
 
+def test_a_member_is_a_loop_of_whose_pv_the_wave_makes_enough() -> None:
+    """A set point that moves hides no wave from the search, but a wave that makes little of PV's
+    variance makes no member."""
+    errors = 0.1 * noises(4)
+    for loop_number in (0, 1, 2):
+        errors[loop_number] += wave(400.0)
+    set_points = np.zeros_like(errors)
+    set_points[1] = wave(2400.0)
+    set_points[2] = 10.0 * wave(2400.0, seed=8)
+    spectra = loop_spectra(errors, INTERVAL_S)
+    (group,) = find_groups(spectra, loop_spectra(set_points - errors, INTERVAL_S), LIMITS)
+    assert group.members == (0, 1)
+    assert group.shares[0] > 0.9
+    assert group.shares[1] == pytest.approx(0.5, abs=0.1)
+
+
 def test_the_loop_before_the_others_leads() -> None:
     """The wandering of its phase comes first, whatever the signs."""
     values = 0.1 * noises(4)
     for loop, (size, delay) in {0: (2.0, 150.0), 1: (-3.0, 0.0), 2: (2.0, 300.0)}.items():
         values[loop] += size * wave(400.0, delay_s=delay, wander=0.08)
     spectra = loop_spectra(values, INTERVAL_S)
-    (group,) = find_groups(spectra, LIMITS)
+    (group,) = find_groups(spectra, spectra, LIMITS)
     evidence = member_evidence(spectra, spectra, group, {})
     lead = evidence.values[:, 4]
     assert lead[1] > lead[0] > lead[2]
@@ -194,9 +211,9 @@ def test_an_irregular_swing_in_common_is_a_group_where_a_valve_looks_as_if_it_st
     values[1] += 2.0 * swing
     values[4] += 1.5 * swing
     spectra = loop_spectra(values, INTERVAL_S)
-    assert find_groups(spectra, LIMITS) == []
-    assert find_groups(spectra, LIMITS, {1: -4.0, 4: -4.0, 2: 4.0}) == []
-    (group,) = find_groups(spectra, LIMITS, {1: 4.0, 4: -4.0})
+    assert find_groups(spectra, spectra, LIMITS) == []
+    assert find_groups(spectra, spectra, LIMITS, {1: -4.0, 4: -4.0, 2: 4.0}) == []
+    (group,) = find_groups(spectra, spectra, LIMITS, {1: 4.0, 4: -4.0})
     assert group.members == (1, 4)
 
 
@@ -231,7 +248,10 @@ def test_a_suspicion_by_op_and_pv_favours_the_loop_as_source() -> None:
     before = {member.loop: member.probability for member in alike.members}
     assert group.members[0].loop == "C"
     assert group.members[0].probability > before["C"]
-    assert "its PV follows its OP as behind a valve that sticks" in group.members[0].evidence
+    assert (
+        "its OP and PV look more like a sticking valve than those of the others"
+        in group.members[0].evidence
+    )
 
 
 def test_undated_loops_are_compared_within_a_file() -> None:

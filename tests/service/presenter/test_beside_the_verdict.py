@@ -250,7 +250,7 @@ def test_a_healthy_loop_that_another_moves_is_sent_there(run: Outputs) -> None:
     recording alone would have blamed, is blamed nowhere."""
     (victim,) = [one for one in run.ranking if one.screening.valve == "FIC-7"]
     advice = victim.finding.next_step
-    assert "look at FIC-1 first" in advice
+    assert "Look at FIC-1 first" in advice
     assert run.objects["FIC-7"]["advice"] == advice
     for table in run.tables:
         assert table["FIC-7"]["advice"] == advice

@@ -7,7 +7,13 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from zoneinfo import ZoneInfo
 
+import pytest
+
+from stemwatch.models.estimate import Estimate
 from stemwatch.models.oscillation_groups.plant_groups import GroupMember, OscillationGroup
+from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter import oscillation_words as said
 from stemwatch.service.report.group_pictures import MOST_ROWS, spectra_map, strength_bars
 from stemwatch.service.report.html_page import html_bytes
@@ -52,6 +58,54 @@ def test_source_and_victims_are_told_apart() -> None:
     assert said.loop_sentences([GROUP], "other", zone) == []
 
 
+def test_a_second_loop_that_hardly_comes_into_question_is_not_named() -> None:
+    """Nobody looks next at a loop with 2 %."""
+    members = (replace(GROUP.members[0], probability=0.97), *GROUP.members[1:])
+    certain = replace(GROUP, members=(members[0], replace(members[1], probability=0.02)))
+    assert said.headline(certain).endswith("it likely begins in FIC-104 (97 %)")
+
+
+def test_periods_are_said_in_the_unit_that_fits() -> None:
+    """To two digits, without decimals that nobody measured."""
+    said_of = {42.0: "42 s", 229.0: "3.8 min", 1080.0: "18 min", 9000.0: "2.5 h"}
+    assert {period: said.period_in_words(period) for period in said_of} == said_of
+
+
+@pytest.mark.parametrize(
+    ("moved", "answer", "has_order"),
+    [
+        (False, Suspicion.CANNOT_TELL, True),
+        (False, Suspicion.SUSPECTED, True),
+        (False, Suspicion.NO_SIGN, False),
+        (True, Suspicion.CANNOT_TELL, False),
+    ],
+)
+def test_a_loop_without_position_that_another_moves_makes_no_order(
+    make_screening, moved, answer, has_order
+) -> None:
+    """Nor one without any sign of sticking: the others ask for a position."""
+    suspicion = WithoutPosition(
+        verdict=answer, reason="r", advice="a", apparent_S=Estimate.unknown("r")
+    )
+    screening = replace(
+        make_screening(valve="TIC-2", verdict=Verdict.UNDETERMINED),
+        reason="Cannot tell: there is no valve position in this recording.",
+        advice="Record the position.",
+        without_position=suspicion,
+    )
+    context = ReportContext(started=STARTED, groups=(GROUP,) if moved else ())
+    ranked = rank_valves([screening], context)
+    assert ranked[0].decision.has_order is has_order
+    assert ranked.counts.orders == int(has_order)
+    assert ranked[0].finding.next_step == (
+        "Look at FIC-104 first, where its oscillation likely begins. Retuning this loop would not "
+        "help. After that: Record the position."
+        if moved
+        else "Record the position."
+    )
+    assert len(work_list_of([screening], context).to_work_on) == int(has_order)
+
+
 def test_no_source_among_them_is_an_answer() -> None:
     """Where a cause outside is likelier than any loop, no loop is blamed."""
     outside = replace(GROUP, outside=0.7)
@@ -67,7 +121,11 @@ def test_pictures_escape_names_and_hold_many_loops() -> None:
     assert drawn.count("<rect") == 7
     changed = replace(GROUP, members=GROUP.members * 40, spectra=GROUP.spectra * 40)
     assert spectra_map(changed).count('text-anchor="end"') == MOST_ROWS
-    assert strength_bars(GROUP).count("<rect") == 2
+    bars = strength_bars(GROUP, UTC)
+    assert bars.count("<rect") == 2
+    assert "2026-03-02 06:00" in bars
+    assert "2026-03-03 06:00" in bars
+    assert "<text" not in strength_bars(replace(GROUP, start=None), UTC)
 
 
 def test_the_report_has_a_section_and_each_member_its_sentence(make_screening) -> None:

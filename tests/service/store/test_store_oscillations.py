@@ -64,6 +64,20 @@ def test_a_group_comes_back_whole_and_is_recognised_the_next_day(
     assert store.oscillations_of("PIC-9", NOW) == []
 
 
+def test_a_group_that_the_window_before_did_not_show_began_with_its_own(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """It has a begin then, which the windows after it keep; where nobody looked it has none."""
+    screened(store, make_screening, START)
+    for day in (1, 2):
+        run = screened(store, make_screening, START + day * DAY)
+        (kept,) = store.keep_oscillations(run, [group(START + day * DAY)])
+        assert (kept.since, kept.windows) == (START + DAY, day)
+    later = screened(store, make_screening, START + 30 * DAY)
+    (unknown,) = store.keep_oscillations(later, [group(START + 30 * DAY)])
+    assert unknown.since is None
+
+
 def test_a_later_run_that_does_not_find_it_ends_it(
     store: Store, make_screening: MakeScreening
 ) -> None:

@@ -1,5 +1,5 @@
-"""Dwell is found from a hundred breakaways where no trajectory shows it, and scatter is not
-dwell.
+"""Dwell and play are found from all breakaways together where no trajectory shows them, and scatter
+is neither.
 """
 
 from __future__ import annotations
@@ -11,8 +11,14 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.breakaway_levels import (
+    DWELL,
+    LEAST_Z,
+    PLAY,
+    refit_with_size,
+    told_by_breakaways,
+)
 from stemwatch.models.mismatch.crossfit import scored
-from stemwatch.models.mismatch.dwell import LEAST_Z, LEAST_Z_BESIDE_SPEED, dwelling, refit_with_rise
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.term_selection import neutral
@@ -27,7 +33,6 @@ from tests.models.mismatch.fitted_chain import (
     simulated_by_chain,
 )
 
-DWELL = "dwell_dependent_breakaway"
 PLACE = 12  # of a valve whose packing is made of bristles
 
 
@@ -46,25 +51,37 @@ def simulated(place):
     return run.recording, run.truth.S, run.truth.J, case.sizes[f"{DWELL}.percent"]
 
 
-@pytest.mark.parametrize("rise", [0.2, 0.4])
+def told(recording, slug, S=4.0, J=1.2):
+    """What the breakaways of a recording tell of one effect."""
+    answers = told_by_breakaways(*base_of(recording, S, J))
+    return next((answer for answer in answers if answer.slug == slug), None)
+
+
+@pytest.mark.parametrize("rise", [0.3, 0.5])
 def test_the_rise_of_the_breakaways_is_seen(rise):
-    """A stem that the fitted chain made: a slope over the rests, and no steeper than the rise.
-
-    Between two samples of a quick ramp the force is not known, which flattens the slope.
-    """
-    evaluator, result = base_of(
-        simulated_by_chain(samples=7200, dwell_dependent_breakaway=[rise]), S=4.4, J=1.6
-    )
-    seen = dwelling(evaluator, result)
+    """A stem that the fitted chain made: dwell, of about its size, and no play."""
+    recording = simulated_by_chain(samples=7200, dwell_dependent_breakaway=[rise])
+    seen, play = (told(recording, slug, S=4.4, J=1.6) for slug in (DWELL, PLAY))
     assert seen is not None
-    assert seen.z >= LEAST_Z
-    assert 0.25 * rise < seen.rise < 1.2 * rise
+    assert seen.convincing
+    assert 0.5 * rise < seen.size < 1.5 * rise
+    assert play is None or not play.convincing
 
 
-def test_without_dwell_there_is_none():
-    """Breakaways at one level have no slope."""
-    seen = dwelling(*base_of(simulated_by_chain(samples=7200)))
-    assert seen is None or not seen.convincing
+def test_play_is_seen_where_the_stem_turns():
+    """After a turn the reading lags the other way: play, of about its size, and no dwell."""
+    recording = simulated_by_chain(samples=7200, lost_motion=[0.8])
+    seen, dwell = (told(recording, slug, S=4.0, J=0.8) for slug in (PLAY, DWELL))
+    assert seen is not None
+    assert seen.convincing
+    assert 0.4 < seen.size < 1.2
+    assert dwell is None or not dwell.convincing
+
+
+def test_breakaways_at_one_level_tell_neither():
+    """Without dwell and play there is no such thing."""
+    answers = told_by_breakaways(*base_of(simulated_by_chain(samples=7200)))
+    assert not any(answer.convincing for answer in answers)
 
 
 def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
@@ -73,34 +90,31 @@ def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
     bristles = PackingDefects(presliding_percent=0.002)
     loop = replace(case.loop, valve=replace(case.loop.valve, packing=bristles))
     recording = simulate_loop(loop, case.seed).recording
-    seen = dwelling(*base_of(recording, S=4.4, J=2.3))
+    seen = told(recording, DWELL, S=4.4, J=2.3)
     assert seen is not None
-    assert seen.z >= LEAST_Z
-    assert seen.z_beside_speed < LEAST_Z_BESIDE_SPEED
     assert not seen.convincing
 
 
-def test_fewer_than_ten_breakaways_give_no_dwell():
-    """Fewer than ten events are no regression."""
-    assert dwelling(*base_of(simulated_by_chain(samples=120))) is None
+def test_few_breakaways_tell_nothing():
+    """Two minutes hold fewer than eight."""
+    assert told_by_breakaways(*base_of(simulated_by_chain(samples=120))) == []
 
 
-def test_the_refit_holds_the_rise_and_gives_back_s_and_j():
-    """The rise from the breakaways stays in the model; S and J shrink by the part that belongs to
-    it.
-    """
-    evaluator, result = base_of(
-        simulated_by_chain(samples=7200, dwell_dependent_breakaway=[0.4]), S=4.8, J=2.0
-    )
-    seen = dwelling(evaluator, result)
-    assert seen is not None
+@pytest.mark.parametrize(
+    ("slug", "size", "S", "J"), [(DWELL, 0.4, 4.8, 2.0), (PLAY, 0.8, 4.0, 0.8)]
+)
+def test_the_refit_holds_the_size_and_gives_back_s_and_j(slug, size, S, J):
+    """The size from the breakaways stays in the model; S and J change by what belongs to it."""
+    evaluator, result = base_of(simulated_by_chain(samples=7200, **{slug: [size]}), S, J)
+    seen = next(item for item in told_by_breakaways(evaluator, result) if item.slug == slug)
     conclusion = conclude(
-        evaluator, neutral(evaluator, result, hypothesis().plus(catalogue()[DWELL]))
+        evaluator, neutral(evaluator, result, hypothesis().plus(catalogue()[slug]))
     )
-    fitted = refit_with_rise(evaluator, conclusion, seen)
-    values = fitted.values(DWELL)
-    assert np.all(np.abs(values - seen.rise) <= 2.0 * seen.error + 1e-9)
-    assert np.all(fitted.candidates[:, 0] < 4.8)
+    fitted = refit_with_size(evaluator, conclusion, seen)
+    assert np.all(np.abs(fitted.values(slug) - seen.size) <= 2.0 * seen.error + 1e-9)
+    found_S = fitted.candidates[:, 0].mean()
+    found_J = (fitted.candidates[:, 0] * fitted.candidates[:, 1]).mean()
+    assert abs(found_S - 4.0) + abs(found_J - 1.2) < 0.6 * (abs(S - 4.0) + abs(J - 1.2))
 
 
 @pytest.mark.parametrize("place", [2, pytest.param(3, marks=pytest.mark.long)])
@@ -110,7 +124,7 @@ def test_hidden_dwell_is_named_with_its_events(place):
     explanation = explain(recording)
     (item,) = explanation.effects
     assert DWELL == item.slug
-    assert item.evidence.events_z >= LEAST_Z
+    assert item.evidence.events_z >= LEAST_Z[DWELL]
     assert "breakaways together" in item.evidence.note
     assert item.parameters["b"].low <= item.parameters["b"].value <= item.parameters["b"].high
     assert item.parameters["b"].value == pytest.approx(rise, rel=0.6)
@@ -120,7 +134,8 @@ def test_hidden_dwell_is_named_with_its_events(place):
 
 def test_dwell_that_does_not_improve_unseen_samples_is_reported_but_not_named():
     """The breakaways show it, but the free run does not improve: the disagreement is reported."""
-    explanation = explain(simulated(0)[0])
+    _, run = simulate_hidden(draw_effect(DWELL, 2, 4097, "quiet")[1])
+    explanation = explain(run.recording)
     assert Finding.UNKNOWN is explanation.finding
     assert () == explanation.effects
     assert "Dwell dependent breakaway would explain" in explanation.sentence
