@@ -190,7 +190,7 @@ def lasting_findings(windows: Iterable[WindowEvidence]) -> tuple[LastingFinding,
     windows name, and for no other.
     """
     ordered = windows_that_count(windows)
-    findings = [_followed(slug, ordered) for slug in _spoken_for(ordered)]
+    findings = [_followed(slug, ordered) for slug in _slugs_followed(ordered)]
     order = list(FindingState)
     return tuple(
         sorted(
@@ -205,7 +205,7 @@ def lasting_findings(windows: Iterable[WindowEvidence]) -> tuple[LastingFinding,
     )
 
 
-def _spoken_for(windows: Sequence[WindowEvidence]) -> list[str]:
+def _slugs_followed(windows: Sequence[WindowEvidence]) -> list[str]:
     """The slug under which each class of effects is followed, the one with most windows first."""
     classes = [members for window in windows for members in window.named]
     slugs: list[str] = []

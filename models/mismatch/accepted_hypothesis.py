@@ -244,7 +244,7 @@ def _terms_that_stand(
     reading must do so nearly alone, predict the rest of the record, and leave no bend.
     """
     # An archive that drew lines, or a flow, leaves no noise to compare with.
-    noise_known = case.own_reading and not is_compressed(case.settled)
+    noise_known = case.own_reading and not is_compressed(case.measured)
     open_end = noise_known and not_little_left(evaluator, fitted)
     if noise_known and much_left(evaluator, fitted):
         nearer = _much_nearer(heldout)

@@ -23,15 +23,15 @@ def run_together(searches: Iterable[Search[T]]) -> Search[list[T]]:
     going = dict(enumerate(searches))
     answers: dict[int, T] = {}
     while going:
-        asks: list[RunRequest] = []
+        requests: list[RunRequest] = []
         for number, search in list(going.items()):
             try:
-                asks += next(search)
+                requests += next(search)
             except StopIteration as end:
                 answers[number] = end.value
                 del going[number]
-        if asks:
-            yield asks
+        if requests:
+            yield requests
     return [answers[number] for number in sorted(answers)]
 
 
@@ -39,8 +39,8 @@ def conclude(evaluator: Evaluator, search: Search[T]) -> T:
     """Run the requests of a search until it returns."""
     while True:
         try:
-            asks = next(search)
+            requests = next(search)
         except StopIteration as end:
             answer: T = end.value
             return answer
-        evaluator.answer(asks)
+        evaluator.answer(requests)

@@ -145,7 +145,7 @@ class Archive:
         return self.unseen or self.per_turn < TOO_FEW
 
     @property
-    def would_do_s(self) -> float:
+    def sufficient_interval_s(self) -> float:
         """The longest sampling interval at which S and J could be identified, in seconds, to two
         digits.
         """
@@ -224,7 +224,7 @@ class Archive:
         return (
             f"the archive keeps {self._what_is_kept} {_seconds(self.interval_s)} and OP turns "
             f"round every {self.per_turn:.2g} of them, so its peaks lie between; a sample every "
-            f"{_seconds(self.would_do_s)} would do"
+            f"{_seconds(self.sufficient_interval_s)} would do"
         )
 
     @property
@@ -252,7 +252,7 @@ class Archive:
             f"round every {self.per_turn:.2g} samples"
         )
         if self.too_slow:
-            enough_text = _seconds(self.would_do_s)
+            enough_text = _seconds(self.sufficient_interval_s)
             return f"{kept_text}: too slow for this loop, a sample every {enough_text} would do."
         if self.levels is not None and self.doubted:
             return (

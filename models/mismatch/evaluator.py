@@ -251,10 +251,10 @@ class Evaluator:
         self.answer([request])
         return request.losses
 
-    def answer(self, asks: Iterable[RunRequest]) -> None:
+    def answer(self, requests: Iterable[RunRequest]) -> None:
         """Run the requests, candidates of one kind side by side, whichever search made them."""
         requests_of_layout = defaultdict(list)
-        for request in asks:
+        for request in requests:
             request.losses = np.empty((request.candidates.shape[0], self.problem.n_blocks))
             requests_of_layout[request.layout.kind].append(request)
         for group in requests_of_layout.values():

@@ -60,9 +60,9 @@ from stemwatch.models.mismatch.prepared_recording import (
     why_not,
 )
 from stemwatch.models.mismatch.record_effects import (
-    RecordSettled,
+    MeasuredRecord,
     late_effect,
-    settle,
+    measured_record,
     small_delay_effect,
     with_steps_resolved,
 )
@@ -114,42 +114,42 @@ def explain(
     """
     started, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
-    settled = replace(settle(recording), restore=restore, archive=archive)
-    recording, settled = _stilled(recording, settled)
+    measured = replace(measured_record(recording), restore=restore, archive=archive)
+    recording, measured = _stilled(recording, measured)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
         recording = brought_forward(recording, late_s)
-        effects = (late_effect(late_s, recording.unit_s), *settled.effects)
-        settled = replace(settled, effects=effects)
+        effects = (late_effect(late_s, recording.unit_s), *measured.effects)
+        measured = replace(measured, effects=effects)
     resolved = op_within_steps(recording) if look_within_steps else None
     if resolved is not None:
-        recording, settled = resolved.recording, with_steps_resolved(settled, resolved)
+        recording, measured = resolved.recording, with_steps_resolved(measured, resolved)
     if curve is None and look_for_curve:
         curve = refined(recording, find_stroke_curve(recording))
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:
-        mismatch = _through_curve(recording, settled, ceiling, curve)
+        mismatch = _through_curve(recording, measured, ceiling, curve)
     else:
-        mismatch = _explained(recording, settled, ceiling)
+        mismatch = _explained(recording, measured, ceiling)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
     return replace(mismatch, open_question=question, seconds=time.perf_counter() - started)
 
 
-def _stilled(recording: Recording, settled: RecordSettled) -> tuple[Recording, RecordSettled]:
+def _stilled(recording: Recording, measured: MeasuredRecord) -> tuple[Recording, MeasuredRecord]:
     """Without a vibration of the position's reading, which is told with the record's effects."""
-    if settled.slack.any() or settled.spacing_s > recording.interval_s:
-        return recording, settled
-    vibration = find_vibration(recording, settled.real)
+    if measured.slack.any() or measured.spacing_s > recording.interval_s:
+        return recording, measured
+    vibration = find_vibration(recording, measured.real)
     if vibration is None:
-        return recording, settled
-    effects = (*settled.effects, vibration_effect(vibration, recording))
-    return without_vibration(recording, vibration), replace(settled, effects=effects)
+        return recording, measured
+    effects = (*measured.effects, vibration_effect(vibration, recording))
+    return without_vibration(recording, vibration), replace(measured, effects=effects)
 
 
 def _explained(
     recording: Recording,
-    settled: RecordSettled,
+    measured: MeasuredRecord,
     ceiling: Floats | None,
     *,
     own_reading: bool = True,
@@ -157,22 +157,22 @@ def _explained(
     unsure_degree: int = 0,
 ) -> Mismatch:
     """``refused`` are terms that are left out from the start, and why."""
-    reason = why_not(recording, settled)
+    reason = why_not(recording, measured)
     if reason is not None:
-        return _not_testable(settled, reason)
-    problem = replace(problem_of(recording, settled), unsure_degree=unsure_degree)
-    case = prepare(recording, settled, ceiling, problem, own_reading=own_reading)
+        return _not_testable(measured, reason)
+    problem = replace(problem_of(recording, measured), unsure_degree=unsure_degree)
+    case = prepare(recording, measured, ceiling, problem, own_reading=own_reading)
     return _mismatch_of(replace(case, refused={**case.refused, **refused}))
 
 
 def _through_curve(
-    recording: Recording, settled: RecordSettled, ceiling: Floats | None, curve: StrokeCurve
+    recording: Recording, measured: MeasuredRecord, ceiling: Floats | None, curve: StrokeCurve
 ) -> Mismatch:
     """A recording whose command is percent of travel only after a curve; S and J in percent of
     OP."""
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
     degree, commanded = curve.unsure_degree, in_travel(recording, curve)
-    mismatch = _explained(commanded, settled, ceiling, refused=refused, unsure_degree=degree)
+    mismatch = _explained(commanded, measured, ceiling, refused=refused, unsure_degree=degree)
     return replace(
         mismatch,
         sentence=f"{curve.sentence()} {mismatch.sentence}",
@@ -197,9 +197,9 @@ def _through_flow(recording: Recording) -> Mismatch:
             "where the stem would be: other things change it too. Record the position, or give "
             "its values at 0 % and 100 %"
         )
-        return _not_testable(settle(recording), reason)
+        return _not_testable(measured_record(recording), reason)
     position, curve = read
-    mismatch = _explained(position, settle(position), None, own_reading=False)
+    mismatch = _explained(position, measured_record(position), None, own_reading=False)
     not_explained = (
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."
@@ -251,7 +251,7 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
         naive=friction_alone,
         restated=refitted,
         effects=effects,
-        record_effects=(*case.settled.effects, *delays),
+        record_effects=(*case.measured.effects, *delays),
         not_testable=tuple(Untestable(slug=s, reason=r) for s, r in case.refused.items()),
         heldout=comparison.heldout,
         before=before,
@@ -304,8 +304,8 @@ def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mis
 
 def _archive(case: PreparedRecording, evaluator: Evaluator, best: Floats) -> Archive | None:
     """The slow archive that S and J are restored from, if any."""
-    if not case.settled.restore or case.settled.archive is not None:
-        return case.settled.archive
+    if not case.measured.restore or case.measured.archive is not None:
+        return case.measured.archive
     archive = find_archive(case.recording)
     if archive is None:
         return None
@@ -377,11 +377,11 @@ def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
     return Finding.NAMED if single else Finding.CANDIDATES
 
 
-def _not_testable(settled: RecordSettled, reason: str) -> Mismatch:
+def _not_testable(measured: MeasuredRecord, reason: str) -> Mismatch:
     return Mismatch.unknown(
         f"Nothing can be said: {reason}.",
         reason,
-        record_effects=settled.effects,
+        record_effects=measured.effects,
         not_testable=tuple(Untestable(slug=slug, reason=reason) for slug in catalogue()),
     )
 
@@ -406,10 +406,10 @@ def scores(recording: Recording) -> NullScores:
     terms where nothing can be fitted.
     """
     recording = on_own_clock(recording)
-    settled = settle(recording)
-    if why_not(recording, settled) is not None:
+    measured = measured_record(recording)
+    if why_not(recording, measured) is not None:
         return NullScores({}, 0.0)
-    case = prepare(recording, settled, None, problem_of(recording, settled))
+    case = prepare(recording, measured, None, problem_of(recording, measured))
     terms = of_the_valve(admissible(case.refused))
     named = name_terms(case.base, terms)
     evaluator, told = named.evaluator, named.evaluator.measured_counts

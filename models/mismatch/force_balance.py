@@ -48,11 +48,11 @@ class ForceBalance:
     """The fitted force balance, in percent and units of the recording's clock.
 
     ``load`` (3,) are a, b and c; ``left`` is the robust spread of what remains, percent.
-    ``S_drawn`` (REPLICATES,) are the values of S from the block bootstrap.
+    ``S_replicates`` (REPLICATES,) are the values of S from the block bootstrap.
     """
 
     S: float
-    S_drawn: Floats
+    S_replicates: Floats
     zero: float
     load: Floats
     lag_s: float
@@ -71,7 +71,7 @@ def force_balance(problem: FitProblem) -> ForceBalance | None:
     zero, *load, friction, lag, _ = resolved.coefficients.tolist()
     return ForceBalance(
         S=max(2.0 * float(friction), 0.0),
-        S_drawn=np.maximum(2.0 * resolved.drawn()[:, FRICTION], 0.0),
+        S_replicates=np.maximum(2.0 * resolved.drawn()[:, FRICTION], 0.0),
         zero=-float(zero),
         load=np.array(load),
         lag_s=float(lag) * dt,

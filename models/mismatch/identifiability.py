@@ -266,7 +266,7 @@ def untestable_effects(
 
     ``op``, ``mv`` and the base simulation (n,), finite, in percent; ``sigma`` the noise of MV; S
     and J of the base fit; ``spacing_s`` how far apart true samples are, where that is more than the
-    interval (``RecordSettled.spacing_s``); times in units of ``unit_s`` seconds.
+    interval (``MeasuredRecord.spacing_s``); times in units of ``unit_s`` seconds.
     Without a position nothing of the valve can be tested.
     """
     if mv is None or simulated is None:

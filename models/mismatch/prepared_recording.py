@@ -18,7 +18,7 @@ from stemwatch.models.mismatch.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.identifiability import NO_POSITION, untestable_effects
-from stemwatch.models.mismatch.record_effects import RecordSettled
+from stemwatch.models.mismatch.record_effects import MeasuredRecord
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording
@@ -38,7 +38,7 @@ class PreparedRecording:
     """One recording with the results of the first steps of ``explain``."""
 
     recording: Recording
-    settled: RecordSettled
+    measured: MeasuredRecord
     base: BaseFit
     refused: Mapping[str, str]
     ceiling: Floats | None
@@ -46,13 +46,13 @@ class PreparedRecording:
     balance: ForceBalance | None  # of a drive whose motion the samples resolve
 
 
-def why_not(recording: Recording, settled: RecordSettled) -> str | None:
+def why_not(recording: Recording, measured: MeasuredRecord) -> str | None:
     """Why nothing can be said of this recording, or ``None``."""
     if recording.mv is None:
         return NO_POSITION
-    if np.count_nonzero(settled.real & recording.usable) < FEWEST_SAMPLES:
+    if np.count_nonzero(measured.real & recording.usable) < FEWEST_SAMPLES:
         return f"fewer than {FEWEST_SAMPLES} samples of the position were really measured"
-    real = recording.mv.values[settled.real & recording.usable]
+    real = recording.mv.values[measured.real & recording.usable]
     if float(np.ptp(real)) == 0.0:
         return "the position does not change by one digit"
     if float(np.ptp(recording.op.values[recording.op.usable])) == 0.0:
@@ -60,31 +60,31 @@ def why_not(recording: Recording, settled: RecordSettled) -> str | None:
     return None
 
 
-def problem_of(recording: Recording, settled: RecordSettled) -> FitProblem:
+def problem_of(recording: Recording, measured: MeasuredRecord) -> FitProblem:
     """The fitting problem, scored on measured samples and on interpolated ones near them."""
     problem = make_problem(recording)
     n = problem.op.size
     n_blocks = max(problem.n_blocks, min(FEWEST_BLOCKS, n // LEAST_BLOCK_SAMPLES))
-    is_informative = settled.real | (settled.slack > 0.0)
+    is_informative = measured.real | (measured.slack > 0.0)
     block = np.where(problem.scored & is_informative, np.arange(n) * n_blocks // n, -1)
-    sigma = max(_noise(recording, settled), settled.sigma_floor, LEAST_SIGMA)
-    block, op_open = block.astype(np.int64), settled.op_open
+    sigma = max(_noise(recording, measured), measured.sigma_floor, LEAST_SIGMA)
+    block, op_open = block.astype(np.int64), measured.op_open
     return replace(problem, block=block, n_blocks=n_blocks, sigma=sigma, op_open=op_open)
 
 
-def _noise(recording: Recording, settled: RecordSettled) -> float:
+def _noise(recording: Recording, measured: MeasuredRecord) -> float:
     """Noise of MV, percent. Stored knots do not show it: an archive stores them where the signal
     bends.
     """
-    if settled.slack.any():
-        return DOOR_NOISE * float(settled.slack.max())
-    return quiet_sigma(_measured(recording, settled))
+    if measured.slack.any():
+        return DOOR_NOISE * float(measured.slack.max())
+    return quiet_sigma(_measured(recording, measured))
 
 
-def _measured(recording: Recording, settled: RecordSettled) -> Floats:
+def _measured(recording: Recording, measured: MeasuredRecord) -> Floats:
     """(n,) MV where it was really measured, else NaN."""
     assert recording.mv is not None
-    return np.where(recording.usable & settled.real, recording.mv.values, np.nan)
+    return np.where(recording.usable & measured.real, recording.mv.values, np.nan)
 
 
 def summary_of(problem: FitProblem) -> RecordingSummary:
@@ -107,7 +107,7 @@ def summary_of(problem: FitProblem) -> RecordingSummary:
 
 def prepare(
     recording: Recording,
-    settled: RecordSettled,
+    measured: MeasuredRecord,
     ceiling: Floats | None,
     problem: FitProblem,
     *,
@@ -117,7 +117,7 @@ def prepare(
 
     ``own_reading``: MV is the valve\'s own position and not read from a flow.
     """
-    base = fit_base(problem, summary_of(problem), settled.slack, own_reading=own_reading)
+    base = fit_base(problem, summary_of(problem), measured.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
     summary = base.evaluator.summary
@@ -130,7 +130,7 @@ def prepare(
         problem.sigma,
         min(summary.S, MOST_S),
         min(summary.J, MOST_S),
-        settled.spacing_s,
+        measured.spacing_s,
         problem.unit_s,
     )
     if not own_reading:
@@ -138,7 +138,7 @@ def prepare(
     balance = force_balance(problem) if own_reading else None
     if balance is None:
         refused |= dict.fromkeys(OF_A_DRIVE, NOT_RESOLVED)
-    return PreparedRecording(recording, settled, base, refused, ceiling, own_reading, balance)
+    return PreparedRecording(recording, measured, base, refused, ceiling, own_reading, balance)
 
 
 def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
@@ -146,6 +146,6 @@ def admissible(refused: Mapping[str, str]) -> dict[str, Term]:
     return {slug: term for slug, term in catalogue().items() if slug not in refused}
 
 
-def is_compressed(settled: RecordSettled) -> bool:
+def is_compressed(measured: MeasuredRecord) -> bool:
     """True where the archive did not store every sample that it received."""
-    return any(effect.slug == "historian_compression" for effect in settled.effects)
+    return any(effect.slug == "historian_compression" for effect in measured.effects)

@@ -63,7 +63,7 @@ MOST_JITTER = 0.1  # of the interval
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordSettled:
+class MeasuredRecord:
     """The record effects, and what is left to score a model on.
 
     ``real`` (n,) is True where MV was measured: stored points only where the archive drew lines or
@@ -87,7 +87,7 @@ class RecordSettled:
     archive: Archive | None = None
 
 
-def settle(recording: Recording) -> RecordSettled:
+def measured_record(recording: Recording) -> MeasuredRecord:
     """Find quantisation, historian compression, sampling jitter and frozen readings.
 
     Takes the recording as it was read, before anything is masked. Without MV only what the clock
@@ -116,7 +116,7 @@ def settle(recording: Recording) -> RecordSettled:
     deviation = of_mv.deviation if of_mv is not None and of_mv.held else 0.0
     reports = held_reports(op, mv)
     op_deviation = reports.deviation if reports is not None else 0.0
-    return RecordSettled(
+    return MeasuredRecord(
         effects=tuple(effect for effect in effects if effect is not None),
         real=np.asarray(real & stored & ~frozen & refreshed),
         sigma_floor=float(max(step / np.sqrt(12.0), deviation / np.sqrt(3.0))),
@@ -164,14 +164,14 @@ def _quantisation(step: float, op_step: float) -> RecordEffect | None:
     )
 
 
-def with_steps_resolved(settled: RecordSettled, resolved: OpWithinSteps) -> RecordSettled:
+def with_steps_resolved(measured: MeasuredRecord, resolved: OpWithinSteps) -> MeasuredRecord:
     """The record effects with OP as PV and set point resolve it within its recorder's steps."""
-    steps = next((one for one in settled.effects if one.slug == "quantisation"), None)
+    steps = next((one for one in measured.effects if one.slug == "quantisation"), None)
     steps = steps or _quantisation(0.0, resolved.step)
     assert steps is not None
-    others = tuple(one for one in settled.effects if one.slug != "quantisation")
+    others = tuple(one for one in measured.effects if one.slug != "quantisation")
     said = replace(steps, sentence=f"{steps.sentence} {WITHIN_STEPS}")
-    return replace(settled, effects=(said, *others), op_open=resolved.open)
+    return replace(measured, effects=(said, *others), op_open=resolved.open)
 
 
 def _compression(of_mv: StoredPoints | None, of_op: StoredPoints | None) -> RecordEffect | None:

@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.base_fit import BaseFit, fit_base
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import folds, gain, scored
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.find_stroke_curve import (
     DEGREES,
@@ -65,9 +65,9 @@ def refined(recording: Recording, curve: StrokeCurve | None) -> StrokeCurve | No
 
 def _base_of(recording: Recording, curve: StrokeCurve) -> BaseFit:
     """S, J and reading alone, fitted to a recording read through the curve."""
-    settled = settle(recording)
-    problem = problem_of(in_travel(recording, curve), settled)
-    return fit_base(problem, summary_of(problem), settled.slack)
+    measured = measured_record(recording)
+    problem = problem_of(in_travel(recording, curve), measured)
+    return fit_base(problem, summary_of(problem), measured.slack)
 
 
 def _correction(recording: Recording, base: BaseFit) -> Floats | None:

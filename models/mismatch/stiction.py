@@ -63,11 +63,13 @@ def stiction(
     share, least = (ERROR_WITH_LAG, LEAST_WITH_LAG) if with_lag else (MODEL_ERROR, LEAST_ERROR)
     error = max(share * 0.5 * (S + J), least)
     all_drawn = drawn_candidates()
-    S_drawn = all_drawn[:, base_coordinate.S_PERCENT]
+    S_replicates = all_drawn[:, base_coordinate.S_PERCENT]
     return Stiction(
-        S=_positive(estimate(S_drawn, float(S), PERCENT, float(error))),
+        S=_positive(estimate(S_replicates, float(S), PERCENT, float(error))),
         J=_positive(
-            estimate(S_drawn * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error))
+            estimate(
+                S_replicates * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error)
+            )
         ),
     )
 
@@ -118,7 +120,9 @@ def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Sti
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
     """S from the force balance, which uses every moving sample; J as it was ``fitted``."""
     error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
-    return replace(fitted, S=_positive(estimate(balance.S_drawn, balance.S, PERCENT, float(error))))
+    return replace(
+        fitted, S=_positive(estimate(balance.S_replicates, balance.S, PERCENT, float(error)))
+    )
 
 
 def _positive(estimate: Estimate) -> Estimate:

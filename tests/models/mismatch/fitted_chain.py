@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet, make_evaluator
 from stemwatch.models.mismatch.kernel import Record, Scoring, follow
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Floats, Recording, Role, Signal
@@ -57,7 +57,7 @@ def hypothesis(*slugs: str) -> TermSet:
 
 def evaluator_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
     """The evaluator of a recording before any fit."""
-    problem = problem_of(recording, settle(recording))
+    problem = problem_of(recording, measured_record(recording))
     summary = summary_of(problem)
     bounds = base_bounds(problem, summary)
     return make_evaluator(problem, summary, bounds, delta, CANONICAL, first_scatter(summary))

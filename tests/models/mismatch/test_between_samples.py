@@ -114,7 +114,7 @@ def test_too_slow_sampling_gives_a_bound_and_a_sufficient_interval() -> None:
     """OP turns at every sample: S is at least its low end, J is unknown, and 5 s is advised."""
     archive = Archive(ArchiveKind.SNAPSHOTS, per_turn=1.0, deviation=0.0, interval_s=30.0)
     assert archive.too_slow
-    assert archive.would_do_s == 5.0
+    assert archive.sufficient_interval_s == 5.0
     numbers = [Estimate(value=v, low=v - 0.5, high=v + 0.5, unit=PERCENT) for v in (4.0, 1.0)]
     width, jump = archive.restored(numbers[0], numbers[1], 2.0)
     assert width.value is None

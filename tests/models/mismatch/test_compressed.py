@@ -19,7 +19,7 @@ from stemwatch.models.mismatch.compression import (
 from stemwatch.models.mismatch.evaluator import make_evaluator
 from stemwatch.models.mismatch.explain import explain, scores
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
 from stemwatch.models.studies.simulator.historian import swinging_door
@@ -39,12 +39,12 @@ def archived(recording, deviation=DEVIATION):
 
 def evaluator_with_slack(recording):
     """The evaluator of a compressed recording as ``explain`` makes it."""
-    settled = settle(recording)
-    problem = problem_of(recording, settled)
+    measured = measured_record(recording)
+    problem = problem_of(recording, measured)
     summary = summary_of(problem)
     scatter = first_scatter(summary)
     bounds = base_bounds(problem, summary)
-    return make_evaluator(problem, summary, bounds, 0.15, CANONICAL, scatter, settled.slack)
+    return make_evaluator(problem, summary, bounds, 0.15, CANONICAL, scatter, measured.slack)
 
 
 @given(
@@ -68,18 +68,18 @@ def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
 def test_only_interpolated_values_have_slack():
     """Stored points are measured, the others are bounded, and a frozen stretch is neither."""
     recording, stored = archived(simulated_by_chain())
-    settled = settle(recording)
-    assert np.array_equal(settled.real, settled.slack == 0.0)
-    assert np.mean(settled.real == stored) > 0.97
+    measured = measured_record(recording)
+    assert np.array_equal(measured.real, measured.slack == 0.0)
+    assert np.mean(measured.real == stored) > 0.97
     mv = recording.mv.values.copy()
     mv[600:900] = mv[600]
-    frozen = settle(rescaled(recording, mv))
+    frozen = measured_record(rescaled(recording, mv))
     assert not (frozen.real | (frozen.slack > 0.0))[650:850].any()
 
 
 def test_a_record_without_lines_has_no_slack():
     """A measured position is scored sample by sample, as ever."""
-    assert not settle(simulated_by_chain()).slack.any()
+    assert not measured_record(simulated_by_chain()).slack.any()
 
 
 def test_the_residual_is_zero_inside_the_corridor_and_counts_from_its_edge():

@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 
 from stemwatch.models.mismatch.force_balance import force_balance, parabolas
 from stemwatch.models.mismatch.prepared_recording import problem_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
@@ -20,7 +20,7 @@ from tests.models.mismatch.simulated_drive import drive
 def balanced(recording):
     """The balance of a recording as ``explain`` takes it, and seconds in the unit of its times."""
     own = on_own_clock(recording)
-    return force_balance(problem_of(own, settle(own))), own.unit_s
+    return force_balance(problem_of(own, measured_record(own))), own.unit_s
 
 
 @pytest.mark.parametrize("window", [7, 15, 45, 241])
@@ -45,7 +45,7 @@ def test_friction_lag_and_load_are_those_of_the_drive(S, lag_s, run_up_s, load):
     assert result.S == pytest.approx(S, rel=0.12, abs=0.03)
     assert result.lag_s * unit_s == pytest.approx(lag_s, rel=0.2)
     assert 0.5 * run_up_s < result.run_up_s * unit_s < 2.0 * run_up_s
-    low, high = np.percentile(result.S_drawn, (2.5, 97.5))
+    low, high = np.percentile(result.S_replicates, (2.5, 97.5))
     assert low < 1.1 * S + 0.03
     assert high > 0.9 * S - 0.03
     z = 0.4  # 70 to 30 % of a turn

@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.evaluator import make_evaluator
 from stemwatch.models.mismatch.held_out import compare_held_out
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.terms import catalogue
 from tests.models.mismatch.fitted_chain import hypothesis, simulated_by_chain
 
@@ -22,7 +22,9 @@ from tests.models.mismatch.fitted_chain import hypothesis, simulated_by_chain
 @cache
 def prepared(*slugs):
     """The scaled evaluator of a valve whose command comes 3 s late, and the terms in question."""
-    problem = problem_of(recording := simulated_by_chain(dead_time=[3.0]), settle(recording))
+    problem = problem_of(
+        recording := simulated_by_chain(dead_time=[3.0]), measured_record(recording)
+    )
     evaluator = fit_base(problem, summary_of(problem)).evaluator
     return evaluator, evaluator.layout(hypothesis(*slugs)), [catalogue()[slug] for slug in slugs]
 

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from stemwatch.models.mismatch.record_effects import refresh_period, scan_sentence, settle
+from stemwatch.models.mismatch.record_effects import measured_record, refresh_period, scan_sentence
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import ClockFacts, Recording, Role, Signal
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
@@ -72,7 +72,7 @@ def frozen(start_s, stop_s) -> SimulatedArchive:
 
 def found(recording) -> dict:
     """Record effects by slug; each says so in one sentence or more, without NaN."""
-    effects = settle(recording).effects
+    effects = measured_record(recording).effects
     for effect in effects:
         assert effect.sentence[0].isupper()
         assert effect.sentence.endswith(".")
@@ -86,31 +86,31 @@ def found(recording) -> dict:
 def test_a_clean_record_has_no_effect(S, J, transmitters, digits):
     """A noisy or noiseless position of any valve, printed with any digits, is left alone."""
     recording = plant(S, J, transmitters)
-    settled = settle(recording if digits is None else printed(recording, digits))
-    assert () == settled.effects
-    assert settled.real.all()
-    assert (0.0, 1.0) == (settled.sigma_floor, settled.spacing_s)
+    measured = measured_record(recording if digits is None else printed(recording, digits))
+    assert () == measured.effects
+    assert measured.real.all()
+    assert (0.0, 1.0) == (measured.sigma_floor, measured.spacing_s)
 
 
 @pytest.mark.parametrize(("S", "J"), VALVES)
 @pytest.mark.parametrize("step", [0.1, 0.25, 0.5, 1.0])
 def test_a_coarse_position_is_quantised_and_nothing_else(S, J, step):
     """Steps from 0.1 to 1 % are measured; that a resting stem then repeats itself is not frozen."""
-    settled = settle(plant(S, J, Transmitters(position_noise=0.05, position_step=step)))
-    (effect,) = settled.effects
+    measured = measured_record(plant(S, J, Transmitters(position_noise=0.05, position_step=step)))
+    (effect,) = measured.effects
     assert "quantisation" == effect.slug
     assert effect.parameters["step_percent"] == pytest.approx(step)
     assert f"the position in steps of {step:.2g} %" in effect.sentence
-    assert settled.sigma_floor == pytest.approx(step / np.sqrt(12.0))
-    assert settled.real.all()
+    assert measured.sigma_floor == pytest.approx(step / np.sqrt(12.0))
+    assert measured.real.all()
 
 
 def test_a_coarse_command_is_named_as_such():
     """Steps of OP are separated from steps of the position, and do not change its noise."""
-    settled = settle(plant(transmitters=Transmitters(op_step=0.5)))
-    (effect,) = settled.effects
+    measured = measured_record(plant(transmitters=Transmitters(op_step=0.5)))
+    (effect,) = measured.effects
     assert {"op_step_percent": pytest.approx(0.5)} == effect.parameters
-    assert 0.0 == settled.sigma_floor
+    assert 0.0 == measured.sigma_floor
 
 
 @pytest.mark.parametrize("digits", [None, 4])
@@ -120,35 +120,35 @@ def test_interpolated_samples_are_left_out(S, J, deviation, digits):
     """Behind a swinging door exactly the stored points count as measured."""
     true = plant(S, J).signals[Role.MV].values
     recording = plant(S, J, None, compressed(DOOR, deviation))
-    settled = settle(recording if digits is None else printed(recording, digits))
-    (effect,) = settled.effects
+    measured = measured_record(recording if digits is None else printed(recording, digits))
+    (effect,) = measured.effects
     assert "historian_compression" == effect.slug
     assert "drew straight lines between them" in effect.sentence
-    kept = settled.real.mean()
+    kept = measured.real.mean()
     assert effect.parameters["kept_share"] == pytest.approx(kept)
     assert 0.01 < kept < 0.5
     error = np.abs(recording.signals[Role.MV].values - true)
-    assert np.mean(error[settled.real] < 1e-9) > 0.9
-    assert np.mean(error[~settled.real] < 1e-9) < 0.1
+    assert np.mean(error[measured.real] < 1e-9) > 0.9
+    assert np.mean(error[~measured.real] < 1e-9) < 0.1
 
 
 def test_held_reports_are_left_out():
     """Exception reporting is recognised by steps that are never small; its deviation is
     estimated.
     """
-    settled = settle(plant(archive=compressed(EXCEPTION, 0.1)))
-    (effect,) = settled.effects
+    measured = measured_record(plant(archive=compressed(EXCEPTION, 0.1)))
+    (effect,) = measured.effects
     assert effect.parameters["deviation_percent"] == pytest.approx(0.1, rel=0.05)
     assert "held the last between them" in effect.sentence
-    assert settled.sigma_floor == pytest.approx(0.1 / np.sqrt(3.0), rel=0.05)
+    assert measured.sigma_floor == pytest.approx(0.1 / np.sqrt(3.0), rel=0.05)
 
 
 def test_a_compressed_command_is_named_and_leaves_out_no_sample():
     """Lines in OP are reported; the position still counts as measured."""
-    settled = settle(plant(archive=compressed(DOOR, 0.3, Role.OP)))
-    (effect,) = settled.effects
+    measured = measured_record(plant(archive=compressed(DOOR, 0.3, Role.OP)))
+    (effect,) = measured.effects
     assert {"op_kept_share"} == set(effect.parameters)
-    assert settled.real.all()
+    assert measured.real.all()
 
 
 def test_a_ramped_command_is_not_compressed():
@@ -176,14 +176,14 @@ def test_a_noiseless_speed_limit_is_not_compressed():
 @pytest.mark.parametrize(("start_s", "stop_s"), [(1300.0, 1360.0), (900.0, 1900.0)])
 def test_a_frozen_reading_is_left_out(S, J, start_s, stop_s):
     """Exact repeats of a noisy reading are frozen, from their second sample on, and no others."""
-    settled = settle(plant(S, J, None, frozen(start_s, stop_s)))
-    (effect,) = settled.effects
+    measured = measured_record(plant(S, J, None, frozen(start_s, stop_s)))
+    (effect,) = measured.effects
     assert "frozen_signal" == effect.slug
     assert stop_s - start_s - 1.0 == effect.parameters["frozen_s"]
     assert "check the transmitter" in effect.sentence
     inside = slice(int(start_s) + 1, int(stop_s))
-    assert not settled.real[inside].any()
-    assert np.count_nonzero(~settled.real) == stop_s - start_s - 1.0
+    assert not measured.real[inside].any()
+    assert np.count_nonzero(~measured.real) == stop_s - start_s - 1.0
 
 
 def test_a_coarse_reading_freezes_where_the_command_moves_on():
@@ -215,13 +215,13 @@ def test_a_slow_scan_is_measured(period, place, seed):
 def test_a_slowly_scanned_position_is_scored_where_it_is_fresh():
     """Of a position that is read every 5 s only the fresh readings are real."""
     mv = plant().signals[Role.MV].values
-    settled = settle(with_position(mv[np.arange(mv.size) // 5 * 5]))
-    (effect,) = settled.effects
+    measured = measured_record(with_position(mv[np.arange(mv.size) // 5 * 5]))
+    (effect,) = measured.effects
     assert "sampling_jitter" == effect.slug
     assert {"spacing_s": 5.0} == effect.parameters
     assert "The values change only every 5 s" in effect.sentence
-    assert 5.0 == settled.spacing_s
-    assert settled.real.mean() == pytest.approx(0.2)
+    assert 5.0 == measured.spacing_s
+    assert measured.real.mean() == pytest.approx(0.2)
 
 
 def test_a_controller_that_scans_slowly_is_no_record_effect():
@@ -268,25 +268,25 @@ def test_a_scan_with_a_few_changes_off_it_is_still_measured(period, stray, seed)
 def test_an_uneven_clock_is_said():
     """Time stamps that scatter by more than a tenth of the interval are named with their size."""
     recording = replace(plant(), clock=ClockFacts(jitter_s=0.4))
-    (effect,) = settle(recording).effects
+    (effect,) = measured_record(recording).effects
     assert ("sampling_jitter", {"jitter_s": 0.4}) == (effect.slug, effect.parameters)
     assert "scatter by 0.4 s about 1 s" in effect.sentence
-    assert () == settle(replace(plant(), clock=ClockFacts(jitter_s=0.05))).effects
+    assert () == measured_record(replace(plant(), clock=ClockFacts(jitter_s=0.05))).effects
 
 
 def test_missing_samples_are_left_out_without_a_record_effect():
     """Missing samples are left out without a word about the archive."""
     mv = plant().signals[Role.MV].values.copy()
     mv[500:600] = np.nan
-    settled = settle(with_position(mv))
-    assert () == settled.effects
-    assert 100 == np.count_nonzero(~settled.real)
+    measured = measured_record(with_position(mv))
+    assert () == measured.effects
+    assert 100 == np.count_nonzero(~measured.real)
 
 
 def test_without_a_position_nothing_is_real():
     """A recording of OP and PV alone has nothing to score, and its clock can still be said."""
     base = plant()
     signals = {role: s for role, s in base.signals.items() if role is not Role.MV}
-    settled = settle(replace(base, signals=signals, clock=ClockFacts(jitter_s=0.5)))
-    assert not settled.real.any()
-    assert ["sampling_jitter"] == [effect.slug for effect in settled.effects]
+    measured = measured_record(replace(base, signals=signals, clock=ClockFacts(jitter_s=0.5)))
+    assert not measured.real.any()
+    assert ["sampling_jitter"] == [effect.slug for effect in measured.effects]

@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.crossfit import gain
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import best_pairs, with_pair
 from stemwatch.models.mismatch.term_selection import SelectionStage, TermScore, name_terms
@@ -31,7 +31,7 @@ PAIR = {"dead_time": 3.0, "lost_motion": 0.8}
 def one_of_two():
     """The result for two effects when the second was not searched for: the first alone."""
     recording = simulated_by_chain(samples=1200, **PAIR)
-    problem = problem_of(recording, settle(recording))
+    problem = problem_of(recording, measured_record(recording))
     selection = name_terms(fit_base(problem, summary_of(problem)), TERMS)
     (needed,) = [item for item in selection.needed if item.term.slug == "dead_time"]
     stages = selection.stages[:2]

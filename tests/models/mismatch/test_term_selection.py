@@ -16,7 +16,7 @@ from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import TermSet
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
@@ -45,7 +45,7 @@ NAMES = [slug for slug, term in catalogue().items() if term.acts_on is not ActsO
 
 def begun(recording: Recording):
     """The base of a recording, and every term that does not belong to the reading."""
-    problem = problem_of(recording, settle(recording))
+    problem = problem_of(recording, measured_record(recording))
     terms = [catalogue()[slug] for slug in NAMES]
     return fit_base(problem, summary_of(problem)), terms
 

@@ -11,7 +11,7 @@ import pytest
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.prepared_recording import problem_of
-from stemwatch.models.mismatch.record_effects import settle
+from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.vibration import find_vibration, without_vibration
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
@@ -46,7 +46,7 @@ def shaken(recording: Recording, amplitude: float, frequency: float) -> Recordin
 
 
 def found(recording: Recording):
-    return find_vibration(recording, settle(recording).real)
+    return find_vibration(recording, measured_record(recording).real)
 
 
 @pytest.mark.parametrize(
@@ -61,9 +61,9 @@ def test_a_line_is_found_at_its_alias_and_taken_out_of_the_noise(amplitude, true
     assert vibration is not None
     assert amplitude == pytest.approx(vibration.amplitude, rel=0.05)
     assert seen == pytest.approx(vibration.frequency, abs=1e-3)
-    settled = settle(recording)
+    measured = measured_record(recording)
     still = without_vibration(recording, vibration)
-    before, after, never = (problem_of(one, settled).sigma for one in (recording, still, plant()))
+    before, after, never = (problem_of(one, measured).sigma for one in (recording, still, plant()))
     assert before > 1.5 * never
     assert never == pytest.approx(after, rel=0.1)
 
@@ -133,7 +133,7 @@ def test_valves_with_nothing_hidden_show_no_vibration(each_kind, ringing):
 def test_a_short_or_broken_record_has_no_line():
     """Too few samples, or too many holes in them, say nothing."""
     recording = shaken(plant(), 1.0, 0.21)
-    real = settle(recording).real
+    real = measured_record(recording).real
     holes = real & (np.arange(real.size) % 3 > 0)
     assert find_vibration(recording, real) is not None
     assert find_vibration(recording, holes) is None
