@@ -64,13 +64,10 @@ def stiction(
     error = max(share * 0.5 * (S + J), least)
     all_drawn = drawn_candidates()
     S_replicates = all_drawn[:, base_coordinate.S_PERCENT]
+    J_replicates = S_replicates * all_drawn[:, base_coordinate.RATIO]
     return Stiction(
         S=_positive(estimate(S_replicates, float(S), PERCENT, float(error))),
-        J=_positive(
-            estimate(
-                S_replicates * all_drawn[:, base_coordinate.RATIO], float(J), PERCENT, float(error)
-            )
-        ),
+        J=_positive(estimate(J_replicates, float(J), PERCENT, float(error))),
     )
 
 
@@ -120,9 +117,8 @@ def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Sti
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:
     """S from the force balance, which uses every moving sample; J as it was ``fitted``."""
     error = max(MODEL_ERROR * balance.S, LEAST_ERROR)
-    return replace(
-        fitted, S=_positive(estimate(balance.S_replicates, balance.S, PERCENT, float(error)))
-    )
+    S = estimate(balance.S_replicates, balance.S, PERCENT, float(error))
+    return replace(fitted, S=_positive(S))
 
 
 def _positive(estimate: Estimate) -> Estimate:

@@ -22,9 +22,8 @@ from tests.models.mismatch.fitted_chain import hypothesis, simulated_by_chain
 @cache
 def prepared(*slugs):
     """The scaled evaluator of a valve whose command comes 3 s late, and the terms in question."""
-    problem = problem_of(
-        recording := simulated_by_chain(dead_time=[3.0]), measured_record(recording)
-    )
+    recording = simulated_by_chain(dead_time=[3.0])
+    problem = problem_of(recording, measured_record(recording))
     evaluator = fit_base(problem, summary_of(problem)).evaluator
     return evaluator, evaluator.layout(hypothesis(*slugs)), [catalogue()[slug] for slug in slugs]
 
