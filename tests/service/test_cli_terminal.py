@@ -131,10 +131,14 @@ def test_progress_counts_recordings_and_names_those_that_matter(
 
 def test_reasons_that_are_alike_are_said_once(stemwatch, export: Path, tmp_path: Path) -> None:
     """Below the summary, valves without a verdict are grouped by their reason."""
-    outcome = stemwatch("screen", export, "--out", tmp_path, "--workers", 1)
-    lines = [line for line in outcome.out.splitlines() if line.startswith("undetermined FIC-113")]
-    assert 1 == len(lines)
-    assert "there is no valve position in this recording" in lines[0]
+    minutes = ("--to", "2026-03-02T06:03Z")
+    outcome = stemwatch("screen", export, *minutes, "--out", tmp_path, "--workers", 1)
+    lines = [line for line in outcome.out.splitlines() if line.startswith("undetermined ")]
+    assert 2 == len(lines)
+    both = "undetermined FIC-104, FIC-107  Cannot tell: the recording is too short"
+    assert lines[0].startswith(both)
+    assert "FIC-113" in lines[1]
+    assert "there is no valve position in this recording" in lines[1]
 
 
 def test_a_folder_named_like_markup_is_shown_as_it_is(
