@@ -45,8 +45,11 @@ def of_stiction(fit: StickSlipFit, *, resynced: bool) -> Residual | None:
 
 
 def better_of(stiction: Residual | None, mismatch: Mismatch | None) -> Residual | None:
-    """The residual of the fit with the named effects where that is smaller, else ``stiction``."""
+    """The residual of the free run with the named effects where that is smaller, else
+    ``stiction``."""
     if mismatch is None or not mismatch.effects or stiction is None:
+        return stiction
+    if mismatch.heldout.slip_by_slip:
         return stiction
     rmse, fit = mismatch.heldout.rmse_extended, mismatch.heldout.fit_extended
     if rmse is None or fit is None or rmse >= stiction.rmse:

@@ -34,7 +34,12 @@ from stemwatch.models.mismatch.findings import (
     Effect,
     HeldOutFit,
 )
-from stemwatch.models.mismatch.held_out import FirstPart, HeldOutComparison, compare_held_out
+from stemwatch.models.mismatch.held_out import (
+    FirstPart,
+    HeldOutComparison,
+    compare_held_out,
+    slip_by_slip,
+)
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -174,6 +179,8 @@ def _whole_record(
     )
     comparison = compare_held_out(evaluator, layout, in_turn, case.ceiling, of_drive, first_part)
     effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
+    if effects and all(effect.slug in STICKS_AGAIN for effect in effects):
+        comparison = slip_by_slip(comparison, layout, first_part)
     proposed = {candidate.slug for candidate in candidates}
     hypothesis = AcceptedHypothesis(
         evaluator, layout, fitted, best, drawn_candidates, effects, open_end, comparison, named
@@ -203,14 +210,12 @@ def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
 
 
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
-    """Whether the free run on unseen samples is no worse than that of S and J alone.
-
-    A stem that sticks again after each slip is at times a slip ahead or behind, whichever model it
-    is: where nothing else is named, errors that hardly differ are alike.
+    """Whether unseen samples are predicted no worse than by S and J alone, in a free run; slip by
+    slip, where both are near, better beyond chance.
     """
     heldout = hypothesis.shown.heldout
-    if all(effect.slug in STICKS_AGAIN for effect in hypothesis.effects):
-        return heldout.no_worse
+    if heldout.slip_by_slip and heldout.gain_low is not None:
+        return heldout.gain_low > 0.0
     return heldout.improves
 
 

@@ -14,9 +14,6 @@ from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
-# Two errors on unseen data whose ratio is no more than this are alike.
-ALIKE_ERRORS = 1.02
-
 
 class Finding(StrEnum):
     """What can be said of a recording's mismatch, in one word."""
@@ -175,7 +172,8 @@ class HeldOutFit:
 
     Errors in percent of span, fits ``100 (1 - rmse / std(MV))``; ``None`` where too few samples are
     left to compute one. ``gain_low`` and ``gain_high`` are the 95 % interval of ``fit_extended -
-    fit_naive``, by a block bootstrap.
+    fit_naive``, by a block bootstrap. ``slip_by_slip``: both models let go where the stem was seen
+    to, else they run freely.
     """
 
     rmse_naive: float | None = None
@@ -188,6 +186,7 @@ class HeldOutFit:
     fit_extended: float | None = None
     gain_low: float | None = None
     gain_high: float | None = None
+    slip_by_slip: bool = False
 
     @property
     def improves(self) -> bool:
@@ -197,13 +196,6 @@ class HeldOutFit:
         if self.rmse_naive is None or self.rmse_extended is None:
             return True
         return self.rmse_extended <= self.rmse_naive
-
-    @property
-    def no_worse(self) -> bool:
-        """Whether the extended model is as good on unseen data, to ``ALIKE_ERRORS``."""
-        if self.rmse_naive is None or self.rmse_extended is None:
-            return True
-        return self.rmse_extended <= ALIKE_ERRORS * self.rmse_naive
 
     def of_naive_alone(self) -> HeldOutFit:
         """The same where S and J alone are published: no gain and no loss."""
@@ -227,7 +219,8 @@ class Stiction:
 
 @dataclass(frozen=True, kw_only=True)
 class FreeRuns:
-    """(n,) free runs of MV in percent: S and J alone, and with what was named.
+    """(n,) free runs of MV in percent: S and J alone, and with what was named. Where the fit is
+    ``HeldOutFit.slip_by_slip``, both let go where the stem was seen to.
 
     ``heldout_from`` is the first sample that neither was fitted to. ``position`` (n,) is what they
     follow where MV is no position but a flow that was read as one, NaN where the flow tells

@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from stemwatch.models.block_bootstrap import COVERAGE, block_weights
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.base_fit import (
+    AGAIN,
+    CLEARLY,
     NAIVE,
     beyond_command,
     fit_naive,
     naive_evaluator,
     naive_layout,
+    sticking_again,
 )
 from stemwatch.models.mismatch.batched_search import Search, conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search, widened
@@ -33,10 +36,12 @@ FEWEST = 30  # samples, from which an error is given
 @dataclass(frozen=True)
 class HeldOutComparison:
     """Free runs with the parameters of the first part, and their errors on the rest; ``followed``
-    is the fit there of the extended model with the breakaways where they were seen, percent."""
+    is the fit there of the extended model with the breakaways where they were seen, percent, and
+    ``trained`` (size,) that model."""
 
     heldout: HeldOutFit
     runs: FreeRuns
+    trained: Floats
     followed: float | None = None
 
     def of_naive_alone(self) -> HeldOutComparison:
@@ -61,13 +66,30 @@ class FirstPart:
         return conclude(self.naive_only, fit_naive(self.naive_only, self.blocks))
 
     @cached_property
+    def naive_slip_by_slip(self) -> Floats:
+        """(6,) S and J alone, fitted with the breakaways where they were seen."""
+        layout = naive_layout(self.evaluator)
+        starts = np.vstack((_few_candidates(self.evaluator), self.naive, self.base.candidates[:1]))
+        starts = layout.bounds.clip(starts)
+        return conclude(
+            self.evaluator, search(self.evaluator, layout, self.blocks, starts, CAREFUL)
+        ).candidate
+
+    @cached_property
     def base(self) -> Fitted:
         """S, J and the reading, with the breakaways where they were seen."""
         evaluator = self.evaluator
         layout = evaluator.layout(TermSet())
         starts = np.vstack((_few_candidates(evaluator), beyond_command(evaluator.summary, 0.0)))
-        found = search(evaluator, layout, self.blocks, layout.bounds.clip(starts), CAREFUL)
-        return _on_both(layout, conclude(evaluator, found).candidate)
+        found = conclude(
+            evaluator,
+            search(evaluator, layout, self.blocks, layout.bounds.clip(starts), CAREFUL),
+        )
+        slides = found.candidate[None, :]
+        starts = np.vstack((slides, *sticking_again(layout, slides)))
+        again = conclude(evaluator, search(evaluator, layout, self.blocks, starts, AGAIN))
+        best = again if again.loss < CLEARLY * found.loss else found
+        return _on_both(layout, best.candidate)
 
 
 def compare_held_out(
@@ -100,11 +122,35 @@ def compare_held_out(
     candidate = _running_free(evaluator, layout, terms, train, trained, simple)
     extended = evaluator.simulate(layout, candidate)
     begin = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
-    late = evaluator.measured & (np.arange(problem.op.size) >= begin)
+    late = _unseen(evaluator, begin)
     runs = FreeRuns(naive=naive, extended=extended, heldout_from=begin)
     heldout = _heldout(evaluator, runs, late, ceiling)
     assimilated, _ = evaluator.assimilated(layout, trained)
-    return HeldOutComparison(heldout, runs, _fit(problem.mv[late], assimilated[late]))
+    followed = _fit(problem.mv[late], assimilated[late])
+    return HeldOutComparison(heldout, runs, trained, followed)
+
+
+def slip_by_slip(
+    comparison: HeldOutComparison, layout: CoordinateLayout, first_part: FirstPart
+) -> HeldOutComparison:
+    """The same two models, each of them with the breakaways where they were seen.
+
+    A stem that sticks again after each slip is, in a free run, soon a slip ahead or behind, and no
+    free run of it is nearer than that of a stem that slides, which forgets. What is asked here is
+    where a stem that has let go comes to rest; neither model was fitted to these slips.
+    """
+    evaluator = first_part.evaluator
+    naive, _ = evaluator.assimilated(naive_layout(evaluator), first_part.naive_slip_by_slip)
+    extended, _ = evaluator.assimilated(layout, comparison.trained)
+    runs = replace(comparison.runs, naive=naive, extended=extended)
+    late = _unseen(evaluator, runs.heldout_from)
+    heldout = replace(_heldout(evaluator, runs, late, None), slip_by_slip=True)
+    return replace(comparison, heldout=heldout, runs=runs)
+
+
+def _unseen(evaluator: Evaluator, begin: int) -> Bools:
+    """(n,) the measured samples from ``begin`` on."""
+    return evaluator.measured & (np.arange(evaluator.problem.op.size) >= begin)
 
 
 def _fit(mv: Floats, run: Floats) -> float | None:

@@ -28,7 +28,7 @@ from stemwatch.service.presenter.wording import (
     not_yet_said,
     span_percent,
 )
-from stemwatch.service.report.mismatch_view import alternatives_of, residual_bars
+from stemwatch.service.report.mismatch_view import alternatives_of, how_both_ran, residual_bars
 
 STYLE = {
     Finding.NAMED: "bold red",
@@ -147,6 +147,8 @@ def _caption(mismatch: Mismatch, *, shown_alone: bool) -> str:
         parts.append(
             f"fit grows by {figure(heldout.gain_low, 2)} to {figure(heldout.gain_high, 2)} points"
         )
+    if heldout.slip_by_slip:
+        parts.append(how_both_ran(mismatch))
     bar_of_kind = {bar.kind: bar for bar in residual_bars(mismatch)}
     parts += [
         f"{bar_of_kind[kind].name} {figure(bar_of_kind[kind].rmse, 2)} %"

@@ -42,6 +42,7 @@ from stemwatch.service.report.histogram_table import histogram_table
 from stemwatch.service.report.mismatch_view import (
     MismatchView,
     gain_rows,
+    how_both_ran,
     mismatch_view,
     rejected_rows,
     residual_bars,
@@ -233,6 +234,7 @@ def environment(context: ReportContext, load: Callable[[str], str]) -> Environme
         "fit_bars": fit_bars,
         "spread_percent": spread_percent,
         "residual_bars": residual_bars,
+        "how_both_ran": how_both_ran,
         "gain_rows": gain_rows,
         "rejected_rows": rejected_rows,
         "effect_name": mismatch_words.effect_name,

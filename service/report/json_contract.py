@@ -185,8 +185,9 @@ def _stiction(stiction: Stiction) -> dict[str, Any]:
     return {"S": estimate_object(stiction.S), "J": estimate_object(stiction.J)}
 
 
-def _heldout(heldout: HeldOutFit) -> dict[str, float | None]:
-    return {name: finite(getattr(heldout, name)) for name in HELD_OUT}
+def _heldout(heldout: HeldOutFit) -> dict[str, float | bool | None]:
+    numbers = {name: finite(getattr(heldout, name)) for name in HELD_OUT}
+    return {**numbers, "slip_by_slip": heldout.slip_by_slip}
 
 
 def _hot(places: Sequence[HotPlace]) -> list[dict[str, Any]]:

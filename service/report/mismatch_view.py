@@ -176,6 +176,16 @@ def residual_bars(mismatch: Mismatch) -> list[ResidualBar]:
     ]
 
 
+def how_both_ran(mismatch: Mismatch) -> str:
+    """How the two models ran whose errors are shown, a clause; the pictures have these runs too."""
+    if not mismatch.heldout.slip_by_slip:
+        return "of free runs"
+    return (
+        "slip by slip: both models, in the pictures too, let go where the stem was seen to, as a "
+        "stem that sticks again after each slip is soon a slip ahead or behind in a free run"
+    )
+
+
 def _after(mismatch: Mismatch) -> str:
     """What the model contains beside S and J."""
     return "with what was left out" if mismatch.effects else "with the reading's zero and gain"
