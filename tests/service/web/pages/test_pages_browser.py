@@ -98,8 +98,16 @@ def drawn(page):
     return page
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("size", [PHONE, DESK], ids=["phone", "desk"])
+# Each size and each theme has its turn in the short run.
+SIZES_AND_THEMES = [
+    pytest.param(PHONE, "dark", id="phone-dark"),
+    pytest.param(DESK, "light", id="desk-light"),
+    pytest.param(PHONE, "light", id="phone-light", marks=pytest.mark.long),
+    pytest.param(DESK, "dark", id="desk-dark", marks=pytest.mark.long),
+]
+
+
+@pytest.mark.parametrize(("size", "theme"), SIZES_AND_THEMES)
 def test_a_valves_plots_are_drawn(opened, theme, size):
     """Signals, loop and months have their lines, on a phone and in the dark as well."""
     page = drawn(opened.page(valve_path(STICKY), color_scheme=theme, viewport=size))
