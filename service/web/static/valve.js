@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   var base = document.body.dataset.base || "";
-  var LONGEST_S = 31 * 86400, SHORTEST_S = 10, SHEET_PX = 690, LOOP_PX = 340;
+  var LONGEST_S = 31 * 86400, SHORTEST_S = 10, SHEET_PX = 690, LOOP_PX = 300;
 
   function ask(what, fields, signal) {
     var query = new URLSearchParams(fields);
