@@ -86,8 +86,8 @@ def twin(
         text = json.dumps(to_object(loop, rows), indent=1, ensure_ascii=False, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
     views.say_next(
-        "ask for a change of your own with --s, --j, --gain-times, --reset-times or --knock; repair "
-        "where the valve is what costs, tune where it is the controller."
+        "ask for a change of your own with --s, --j, --gain-times, --reset-times or --knock; "
+        "repair where the valve is what costs, tune where it is the controller."
     )
 
 
