@@ -33,7 +33,7 @@ EARLIER = (0, 1, 2, 3, 5, 8, 12)  # samples, of the position
 FEWEST = 200  # samples
 # `stemwatch calibrate-wiring` derives these from recordings whose tags are right, of valves that
 # stick by so much: a healthy stem stands where OP says, so that either tells the same.
-OP_ALONE, EVIDENT, STICKS_PERCENT = 0.6, 100.0, 0.75
+OP_ALONE, EVIDENT, STICKS_PERCENT = 0.65, 100.0, 0.75
 
 
 @dataclass(frozen=True)
