@@ -69,6 +69,9 @@ FASTER = (
 )
 
 
+MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
+
+
 @dataclass(frozen=True, kw_only=True)
 class DecisionEvidence:
     """The evidence on one valve from which ``decide`` derives the verdict. S and J in percent of OP
@@ -121,7 +124,7 @@ def shape_of(S: float, J: float) -> Shape:
 def undetermined(obstacles: tuple[Obstacle, ...]) -> Decision:
     """No verdict; the reason names the first obstacle and how many more there are."""
     first = obstacles[0]
-    and_more = f" (and {len(obstacles) - 1} more, see data quality)" if obstacles[1:] else ""
+    and_more = MORE.format(len(obstacles) - 1) if obstacles[1:] else ""
     return Decision(
         verdict=Verdict.UNDETERMINED,
         reason=f"Cannot tell: {first.reason}{and_more}.",

@@ -56,6 +56,7 @@ def effect_name(slug: str) -> str:
 # What the parameters of an effect mean; where two effects use one letter, by effect and letter.
 PARAMETERS = {
     "A": "extra friction",
+    "bend": "pull at 50 % of travel beyond halfway from 25 to 75 %",
     "D": "drift over the record",
     "U": "push of the fluid at mid-travel",
     "creep": "speed of the creep",
@@ -72,6 +73,8 @@ PARAMETERS = {
     "rate_rising": "top speed rising",
     "ratio": "jump rising over jump falling",
     "recovery": "time constant of the recovery",
+    "rise": "pull at 75 % of travel more than at 25 %",
+    "run_up": "time to run up",
     "sag": "share of a move that is missing",
     "stop_high": "upper stop",
     "stop_low": "lower stop",

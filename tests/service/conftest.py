@@ -163,8 +163,13 @@ def export(small_plant: Path) -> Path:
 @pytest.fixture
 def plant(small_plant: Path, tmp_path: Path) -> Path:
     """A plant file of its own, with a database of its own, that names the shared export."""
+    return plant_with_database(small_plant, tmp_path)
+
+
+def plant_with_database(small_plant: Path, folder: Path) -> Path:
+    """The small plant's file in ``folder``, where its database will be; the export is shared."""
     text = small_plant.read_text(encoding="utf-8")
-    path = tmp_path / "plant.toml"
+    path = folder / "plant.toml"
     export = (small_plant.parent / "export").as_posix()
     path.write_text(text.replace('"export/', f'"{export}/'), encoding="utf-8")
     return path
