@@ -15,6 +15,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import jumps_from_rest, swing
+from stemwatch.models.mismatch.findings import NO_TOP_SPEED
 from stemwatch.models.recording import Bools, Floats
 
 MOST_SHIFT = 4.0  # times the dead time, up to which the correlation is tried
@@ -135,7 +136,8 @@ def _limited(moves: Moves) -> EffectSignature:
     error, speed, took = _speed_by_error(moves, STEP_OF_SWING * swing(moves.op) / slower)
     low, high = _ends(error)
     speeds = np.unique(np.clip([low, -down * took, up * took, high], low, high))
-    label = f"limit: {up:.3g} %/s" if both_rates else f"limits: {up:.3g} and {down:.3g} %/s"
+    ways = f"{_top_speed(up)} rising, {_top_speed(down)} falling"
+    label = f"limit: {_top_speed(up)}" if both_rates else f"limits: {ways}"
     caption = (
         "However far the stem is from its command, its speed stays near the limit; "
         "without one the points would go on along the slope."
@@ -143,6 +145,10 @@ def _limited(moves: Moves) -> EffectSignature:
     return _of_speed(
         error, speed, caption, FittedLine(label, speeds, np.clip(speeds / took, -down, up))
     )
+
+
+def _top_speed(rate: float) -> str:
+    return f"{rate:.3g} %/s" if 0.0 < rate < NO_TOP_SPEED else "none"
 
 
 def _lagging(moves: Moves) -> EffectSignature:

@@ -16,6 +16,7 @@ from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
 # Two errors on unseen data whose ratio is no more than this are alike.
 ALIKE_ERRORS = 1.02
+NO_TOP_SPEED = 99.0  # %/s; a top speed from here on means that there is no limit
 
 
 class Finding(StrEnum):

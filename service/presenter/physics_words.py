@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch, TriedOutcome
+from stemwatch.models.mismatch.findings import (
+    NO_TOP_SPEED,
+    Effect,
+    Finding,
+    Mismatch,
+    TriedOutcome,
+)
 from stemwatch.service.presenter.wording import figure, finite, share
 
 # A symbol beside each word, so that no meaning depends on colour alone.
@@ -98,7 +104,6 @@ def parameter_name(name: str, slug: str = "") -> str:
 
 # Endings of the names of recorder and archive parameters, and the unit of each.
 RECORD_UNITS = {"_percent": "%", "_s": "s", "_samples": "samples"}
-FREE = 99.0  # %/s; a top speed from here on means that there is no limit
 
 
 def record_parameter(name: str, value: float) -> str:
@@ -115,7 +120,7 @@ def record_parameter(name: str, value: float) -> str:
 
 def no_limit(estimate: Estimate) -> bool:
     """Whether a top speed is so high that the stem has no speed limit."""
-    return estimate.unit == "%/s" and (finite(estimate.value) or 0.0) >= FREE
+    return estimate.unit == "%/s" and (finite(estimate.value) or 0.0) >= NO_TOP_SPEED
 
 
 ALONE = "S and J alone"

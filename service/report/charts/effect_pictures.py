@@ -343,9 +343,13 @@ def _loops(seen: _Seen, stictions: tuple[Stiction, Stiction], scale: float) -> I
     runs = (("naive", NAIVE, seen.runs.naive), ("extended", EXTENDED, seen.runs.extended))
     all_values = np.concatenate([seen.mv[part], *(run[part] for _, _, run in runs)])
     command = seen.command[part]
-    limits = (*_around(command), *_around(all_values))
-    for (kind, name, run), stiction in zip(runs, stictions, strict=True):
-        band = _band_of(seen, part, stiction, scale)
+    bands = [_band_of(seen, part, stiction, scale) for stiction in stictions]
+    drawn = [line for band in bands for line in band]
+    limits = (
+        *_around(np.concatenate([command, *(line.x for line in drawn)])),
+        *_around(np.concatenate([all_values, *(line.y for line in drawn)])),
+    )
+    for (kind, name, run), stiction, band in zip(runs, stictions, bands, strict=True):
         plot = SmallPlot(
             x_label=f"{seen.command_name}, %",
             y_label=f"{seen.position}, %",

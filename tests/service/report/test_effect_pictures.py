@@ -106,7 +106,14 @@ def test_a_limit_is_shown_against_op_as_the_stem_had_it(
     loops = [plot for title, plot in every.items() if title.startswith("MV against OP")]
     assert [plot.x_label for plot in loops] == [f"{name}, %"] * 2
     assert all(plot.equal for plot in loops)
+    for plot in loops:
+        (band,) = [line for line in plot.lines if line.kind == "band"]
+        left, right, low, high = plot.limits
+        assert left <= band.x.min() < band.x.max() <= right
+        assert low <= band.y.min() < band.y.max() <= high
     signature = every["What shows it: asymmetric rate limit"]
+    (limit,) = [line.label for line in signature.lines if line.kind == "law"]
+    assert re.fullmatch(r"limits: \S+( %/s)? rising, 2\.9\d* %/s falling", limit)
     (far,) = [line for line in signature.lines if line.label == "recorded, falling"]
     speeds = far.y[far.x < -2.0 * FALLS_AT]
     assert speeds.size > 20
