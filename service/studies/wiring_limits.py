@@ -213,17 +213,11 @@ def run_wiring_limits(
     return [one for index in sorted(shown_at) for one in shown_at[index]]
 
 
-def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
-    """Each limit of the checks with the nulls and the recordings that it tells apart."""
-    v, w, p, r = validity_checks, wiring_checks, signal_pairing, stored_range
-    nulls = [one for one in seen if one.rightly]
-
-    def beside(*kinds: str) -> Tested[WiringShown]:
-        return Tested(nulls, [one for one in seen if one.way in kinds], MAY_PASS)
-
-    doubted = JointCondition("left as mapped", "left", w.DOUBTED)
+def _checks_of_signals() -> Sequence[tuple[str, tuple[str, ...], list[JointCondition]]]:
+    """Name, kinds it is there for, and limits of each check that is asked of every recording."""
+    v, p, r = validity_checks, signal_pairing, stored_range
     least, most = p.TOWARDS_COMMAND
-    checks: Sequence[tuple[str, tuple[str, ...], list[JointCondition]]] = (
+    return (
         ("a copy", (COPY,), [JointCondition("share", "copied", p.COPIED_SHARE)]),
         (
             "samples exchanged",
@@ -272,7 +266,18 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
             ],
         ),
     )
-    for name, kinds, limits in checks:
+
+
+def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
+    """Each limit of the checks with the nulls and the recordings that it tells apart."""
+    w = wiring_checks
+    nulls = [one for one in seen if one.rightly]
+
+    def beside(*kinds: str) -> Tested[WiringShown]:
+        return Tested(nulls, [one for one in seen if one.way in kinds], MAY_PASS)
+
+    doubted = JointCondition("left as mapped", "left", w.DOUBTED)
+    for name, kinds, limits in _checks_of_signals():
         yield from beside(*kinds).together(name, limits)
     exchanged = [
         doubted,
