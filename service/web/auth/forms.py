@@ -116,7 +116,7 @@ async def _checked(request: Request, token: str) -> Form:
     if not token or not hmac.compare_digest(sent_token.encode(), token.encode()):
         raise HTTPException(403, TOO_OLD)
     problems = [
-        f"{name} {fields[name][0].strip()[:80]}"
+        f"{name} {', '.join(value.strip()[:80] for value in fields[name])}"
         for name in NAMED_IN_AUDIT
         if any(fields.get(name, ()))
     ]
