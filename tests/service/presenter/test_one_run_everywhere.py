@@ -34,7 +34,7 @@ from stemwatch.service.maintenance.labels import labels_csv
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
-from stemwatch.service.maintenance.work_list import work_list_of
+from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.finding import why_no_work
 from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
@@ -181,6 +181,14 @@ def text_of(page: str) -> str:
 
 
 @pytest.fixture(scope="module")
+def work_list(stored: tuple[Store, int], tmp_path_factory: pytest.TempPathFactory) -> WorkList:
+    """What maintenance gets, from the store, with a page for each valve that has one."""
+    store, run = stored
+    folder = tmp_path_factory.mktemp("maintenance")
+    return report_of_store(store, folder, run=run, all_valves=True).work_list
+
+
+@pytest.fixture(scope="module")
 def valve_pages(ranking: Ranking, pages: httpx.Client) -> dict[str, str]:
     """The page of each valve, as it is sent."""
     valves = (valve.screening.valve for valve in ranking)
@@ -216,6 +224,7 @@ def told(
     stored: tuple[Store, int],
     files: Path,
     valve_pages: dict[str, str],
+    work_list: WorkList,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> Told:
     """What each output tells, read once."""
@@ -223,7 +232,7 @@ def told(
     folder = tmp_path_factory.mktemp("told")
     valves = [valve.screening.valve for valve in ranking]
     articles = (files / "report.html").read_text("utf-8").split("<article")[1:]
-    book = report_of_store(store, folder, run=run, all_valves=True).work_list
+    book = work_list
     parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
     orders = csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig")))
     (folder / "plant.toml").write_text("[alerts]\nraise_after_runs = 1\nof_runs = 1\n")
@@ -505,7 +514,11 @@ def _late_on(day: int, valve: str) -> Screening:
 
 
 def test_headline_and_counts_are_the_same(
-    ranking: Ranking, stored: tuple[Store, int], files: Path, pages: httpx.Client, tmp_path: Path
+    ranking: Ranking,
+    stored: tuple[Store, int],
+    files: Path,
+    pages: httpx.Client,
+    work_list: WorkList,
 ) -> None:
     """Report, ranking page, terminal, run page, metrics, and the work list made from the store."""
     store, run = stored
@@ -523,20 +536,17 @@ def test_headline_and_counts_are_the_same(
         counts.no_work,
     ]
     assert headline in str(views.summary([in_brief(item) for item in every_kind()]).title)
-    book = report_of_store(store, tmp_path, run=run)
-    assert headline in book.work_list.counts
+    assert headline in work_list.counts
     by_word = Counter(valve.verdict.value for valve in ranking)
     assert dict(store.run(run).counts) == dict(by_word)
     assert {k: v for k, v in pages.get("/api/v1/valves").json()["counts"].items() if v} == by_word
 
 
 def test_work_orders_are_of_the_valves_that_need_work(
-    ranking: Ranking, stored: tuple[Store, int], tmp_path: Path
+    ranking: Ranking, work_list: WorkList
 ) -> None:
     """And of those that somebody can find out about; severity and order are the ranking's."""
-    store, run = stored
-    book = report_of_store(store, tmp_path, run=run).work_list
-    ordered = {sheet.screening.valve: sheet for sheet in book.to_work_on}
+    ordered = {sheet.screening.valve: sheet for sheet in work_list.to_work_on}
     needing = {valve.screening.valve for valve in ranking if valve.decision.needs_work}
     assert needing == {"FIC-1", "FIC-2", "FIC-3", "FIC-4", "FIC-5"}
     assert needing | {"PIC-1", "PIC-2", "PIC-3", "PIC-5", "PIC-7"} == set(ordered)
@@ -576,10 +586,10 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
     assert ">4 recordings</output>" in report
     assert "3 without a state" not in text_of(report)
     assert "1 out of specification, 1 without a state" in text_of(report)
-    work_list = work_list_of(every, context(every))
-    assert [sheet.screening.valve for sheet in work_list.sheets] == ["FIC-1", "LIC-1"]
-    assert work_list.to_work_on == work_list.sheets
-    page = text_of(work_list_html(work_list).decode())
+    listed = work_list_of(every, context(every))
+    assert [sheet.screening.valve for sheet in listed.sheets] == ["FIC-1", "LIC-1"]
+    assert listed.to_work_on == listed.sheets
+    page = text_of(work_list_html(listed).decode())
     assert "The most urgent of 3 recordings:" in page
     assert ranked.counts.sentence in page
     assert ranked.counts.sentence.startswith("1 of 2 valves needs work; 1 cannot be judged (1 with")
@@ -606,8 +616,8 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     assert ranked.counts.sentence == (
         "None of 3 valves can be judged; 2 with a work order to find out why."
     )
-    work_list = work_list_of(every, context(every))
-    assert [one.screening.valve for one in work_list.to_work_on] == ["C-FIRST", "B-DUMB"]
+    listed = work_list_of(every, context(every))
+    assert [one.screening.valve for one in listed.to_work_on] == ["C-FIRST", "B-DUMB"]
     told = "\n".join(views.undetermined_lines(every))
     assert "C-FIRST" not in told
     assert "A-NONE, B-DUMB" in told
