@@ -19,6 +19,10 @@ class UnreadableSource(ConnectorError):
     """The source as a whole cannot be read: missing, not text, no time column, no numbers."""
 
 
+class NothingInWindow(ConnectorError):
+    """The source is readable, but holds no sample in the window that was asked for."""
+
+
 class MappingNeeded(ConnectorError):
     """The source is readable, but a person must say which tag is OP or MV."""
 

@@ -40,6 +40,7 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
             op = short_recording().op.values.copy()
             element(op, 4.0, 2.0, np.empty_like(op))  # of loops with PV
             _run_a_loop(op)
+            _compare_units_and_rests()
         elif part is Kernels.MISMATCH:
             explain(short_recording())
         else:
@@ -57,9 +58,21 @@ def _run_a_loop(op: Floats) -> None:
     kernel.run_loop(op, op, op, np.ones(kernel.N_NUMBERS), np.zeros(2), op, *signals)
 
 
-def short_recording() -> Recording:
-    """Ten minutes of a sticking valve with noise, for which all kernels are needed."""
-    n, stick, jump = 600, 4.0, 2.0  # samples, percent, percent
+def _compare_units_and_rests() -> None:
+    """Compile the kernels of a recording that is long enough for a slower unit of time, and of a
+    position that rests."""
+    from stemwatch.models.stickslip.own_unit import samples_in_unit
+    from stemwatch.models.stickslip.problem import make_problem
+    from stemwatch.models.stickslip.rests import Rests
+
+    recording = short_recording(1500)
+    samples_in_unit(recording)
+    Rests.of(make_problem(recording))
+
+
+def short_recording(n: int = 600) -> Recording:
+    """``n`` seconds of a sticking valve with noise, for which all kernels are needed."""
+    stick, jump = 4.0, 2.0  # percent
     sample_index = np.arange(n)
     op = (
         50.0

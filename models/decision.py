@@ -16,6 +16,7 @@ from stemwatch.models.screening_result import Residual
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.fit import S_and_J, StickSlipFit
 from stemwatch.models.stickslip.speed_limits import shown_speed_limits
+from stemwatch.models.stickslip.stored_range import StoredRange
 from stemwatch.models.verdict import Shape, Verdict
 
 # J/S at which one shape ends and the next begins (Choudhury 2005 names them at 0, 1 exactly).
@@ -24,6 +25,7 @@ NO_OFFSET = (0.85, 1.15)
 # Below this gain over a valve without friction a large S is not trusted (held-out log ratio).
 FRICTION_MEAN, FRICTION_T = 0.05, 2.0
 MOST_CONFIDENCE = 0.99  # bootstrap draws do not cover what no model here describes
+EITHER_RANGE = 0.5  # confidence where OP and position may be stored in another range
 # From these gains on, friction is certain, however much its slips scatter in time.
 BEYOND_DOUBT_MEAN, BEYOND_DOUBT_T = 0.5, 4.0
 EXPLAINS_AS_WELL = 2.5  # times the residual of the better of noise and NARX
@@ -67,6 +69,9 @@ FASTER = (
 )
 
 
+MORE = " (and {} more, see data quality)"  # obstacles that the sentence does not name
+
+
 @dataclass(frozen=True, kw_only=True)
 class DecisionEvidence:
     """The evidence on one valve from which ``decide`` derives the verdict. S and J in percent of OP
@@ -89,6 +94,7 @@ class DecisionEvidence:
     baseline_ratio: float | None
     cycling_s: float | None  # period of the loop's regular oscillation, on the record's own clock
     unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
+    both_in: StoredRange | None = None  # in which OP and position may both be stored, unscaled
     sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
 
 
@@ -118,7 +124,7 @@ def shape_of(S: float, J: float) -> Shape:
 def undetermined(obstacles: tuple[Obstacle, ...]) -> Decision:
     """No verdict; the reason names the first obstacle and how many more there are."""
     first = obstacles[0]
-    and_more = f" (and {len(obstacles) - 1} more, see data quality)" if obstacles[1:] else ""
+    and_more = MORE.format(len(obstacles) - 1) if obstacles[1:] else ""
     return Decision(
         verdict=Verdict.UNDETERMINED,
         reason=f"Cannot tell: {first.reason}{and_more}.",
@@ -268,12 +274,24 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         text += f" The loop oscillates all the same, every {cycle_text}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
     S = float(evidence.S.value or 0.0)
+    confidence, stored = _share(evidence.S_draws < limits.sticky_S_percent), evidence.both_in
+    if stored is not None and stored.times * S >= limits.watch_S_percent:
+        in_range = f"{stored.low:g} to {stored.high:g}"
+        text += (
+            f" OP and position both stay within {in_range}: if they are stored in {stored.unit}, S "
+            f"is {_percent(stored.times * S)}."
+        )
+        advice = (
+            f"See whether OP and position are in percent. If they are in {stored.unit}, give low = "
+            f"{stored.low:g}, high = {stored.high:g} for both in the plant file. {advice}"
+        )
+        confidence = min(confidence, EITHER_RANGE)
     return Decision(
         verdict=Verdict.HEALTHY,
         reason=text,
         advice=advice,
         severity=10.0 * min(S / limits.watch_S_percent, 1.0),
-        confidence=_share(evidence.S_draws < limits.sticky_S_percent),
+        confidence=confidence,
     )
 
 

@@ -132,6 +132,7 @@ class Screening:
     without_position: WithoutPosition | None = None
     stroke_curve: StrokeCurve | None = None  # where OP is not percent for percent of travel
     histograms: PositionHistograms | None = None  # where the stem stood; None without a position
+    outside_window: bool = False  # readable, but without a sample in the window asked for
     changed: str = ""  # what differs from the window before, such as the curve from OP to stroke
     seconds: float = 0.0
 

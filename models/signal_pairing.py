@@ -29,6 +29,7 @@ LEAST_MOVE_PERCENT = 1.0
 STRETCHES, FEWEST_IN_STRETCH = 25, 10  # of a record, and samples in one
 SUMMED, TOWARDS_COMMAND = 0.9, (-0.5, 0.1)
 SETTLED_S = 30.0  # of the own clock, after which a stem has followed a constant OP
+AT_ITS_END, AFTER_THE_END = 6, 3  # samples of a rest of OP at its end, and those left out first
 
 
 def _pairs(recording: Recording) -> tuple[Floats, Floats]:
@@ -135,6 +136,24 @@ def moved_without_command(recording: Recording) -> float:
     path = travel(mv, least)
     runs = [(first + settled, last) for first, last in equal_runs(op) if last - first > 2 * settled]
     return sum(travel(mv[first:last], least) for first, last in runs) / path if path else 0.0
+
+
+def to_and_fro_at_the_end(recording: Recording) -> float:
+    """Share of the position's travel, 0 to 1, that it makes to and fro while OP rests at the lowest
+    or highest value it has. A stem may still arrive then, but it does not turn round.
+    """
+    op, mv = _pairs(recording)
+    if not op.size:
+        return 0.0
+    least = max(6.0 * noise_sigma(mv), LEAST_MOVE_PERCENT)
+    path, ends = travel(mv, least), (op.min(), op.max())
+    rests = [
+        mv[first + AFTER_THE_END : last]
+        for first, last in equal_runs(op)
+        if last - first >= AT_ITS_END and op[first] in ends
+    ]
+    turned = sum(max(travel(rest, least) - abs(rest[-1] - rest[0]), 0.0) for rest in rests)
+    return float(turned) / path if path else 0.0
 
 
 @dataclass(frozen=True)

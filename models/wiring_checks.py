@@ -1,8 +1,8 @@
 """Mixed-up tags, or clocks that are minutes apart: what else explains the position.
 
 Which command a position follows is decided from the fit of a sticking stem
-(``stickslip.best_pairing``), from the rests of the stem (``rests``), and from the controller's law
-(``clock_shift``).
+(``stickslip.best_pairing``), from the rests of the stem (``rests``), from the controller's law
+(``clock_shift``), and from what PV answers (``pv_answers``).
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ import numpy as np
 from stemwatch.models.excitation import swing
 from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import POSSIBLE_PERCENT
+from stemwatch.models.pv_answers import STICKS_PERCENT as STICKS_SO_THAT_PV_TELLS
+from stemwatch.models.pv_answers import PvAnswers
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.stickslip.best_pairing import AFTER, BEFORE, BestShift, Pairing, paired
 from stemwatch.models.stickslip.clock_shift import BehindController, behind_controller
@@ -136,6 +138,16 @@ class WiringEvidence:
         return self.nearest.left > FOLLOWS and self.pairing.has_top_speed
 
     @cached_property
+    def pv_answers(self) -> PvAnswers:
+        """Whether PV answers the position or OP alone, with the clocks as they were stored."""
+        return PvAnswers.of(self.as_stored or self.recording)
+
+    @property
+    def of_another_loop(self) -> bool:
+        """Whether the position seems to stick, and PV answers OP and not where the position is."""
+        return self.at_most.S >= STICKS_SO_THAT_PV_TELLS and self.pv_answers.of_op_only
+
+    @cached_property
     def rests(self) -> Rests:
         """Which of OP and position rests while the other goes on."""
         return Rests.of(self.pairing.evaluator.problem)
@@ -186,8 +198,18 @@ def wiring_obstacles(
     an OP that seemed late was shifted; ``first_look`` saves time where it has been made already.
     """
     seen = WiringEvidence.of(recording, as_stored, first_look)
+    if seen is None:
+        return []
+    obstacles = _otherwise_explained(recording, seen)
+    if not obstacles and seen.of_another_loop:
+        return [_not_answered(seen.pv_answers)]
+    return obstacles
+
+
+def _otherwise_explained(recording: Recording, seen: WiringEvidence) -> list[Obstacle]:
+    """Where the position follows OP badly: what explains it better, or that nothing does."""
     # Most valves need no further check.
-    if seen is None or seen.at_once < DOUBTED or seen.nearest.left < DOUBTED:
+    if seen.at_once < DOUBTED or seen.nearest.left < DOUBTED:
         return []
     if seen.pairing.slips_to_its_command or seen.far_off_at_a_top_speed:
         return []
@@ -251,6 +273,16 @@ def _clocks_apart(recording: Recording, samples: float) -> Obstacle:
         f"the position moves about {difference_text} {direction}: their clocks differ, or one "
         "of the two was exported for another time",
         "Export OP and position for the same time from one archive, and compare a step.",
+    )
+
+
+def _not_answered(answers: PvAnswers) -> Obstacle:
+    return Obstacle(
+        "position_unanswered",
+        f"PV answers OP, and not where the position is: of what the two tell of PV, OP alone tells "
+        f"{share(min(answers.op_alone, 1.0))}. The position may be that of another valve with the "
+        "same set points",
+        "Check which tag is this valve's position; step OP and see whether it answers.",
     )
 
 

@@ -52,6 +52,12 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests marked ``early`` begin before all others, which go on beside them: begun last, they
+    would keep the machine waiting."""
+    items.sort(key=lambda item: item.get_closest_marker("early") is None)
+
+
 @pytest.fixture(scope="session")
 def recordings() -> Path:
     """The folder of real recordings: ``STEMWATCH_RECORDINGS``, or beside the checkout."""

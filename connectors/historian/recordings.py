@@ -12,6 +12,7 @@ import numpy as np
 from stemwatch.connectors.connector import (
     ConnectorError,
     MappingNeeded,
+    NothingInWindow,
     TagMapping,
     UnknownTag,
     ValveTags,
@@ -98,7 +99,7 @@ def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recordin
     op = columns[Role.OP]
     grid = make_grid(_clock(op), op.tag, opened.source_name, _window_ns(opened, window))
     if grid.size == 0:
-        raise ConnectorError(_outside_window(opened, op, window))
+        raise NothingInWindow(_outside_window(opened, op, window))
     notes: list[str] = []
     signals = {
         role: _signal(role, column, valve.tags[role], grid, notes)

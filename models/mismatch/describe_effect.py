@@ -97,10 +97,12 @@ def effect(
         name: SpokenEstimate.of(own_estimate, unit_s)
         for name, own_estimate in own_estimates.items()
     }
+    inherent = term.inherent(values, evaluator.summary)
+    sentence = term.sentence(spoken_estimates, found_directions.rising, found_directions.falling)
     return Effect(
         slug=term.slug,
         members=members,
-        sentence=term.sentence(spoken_estimates, found_directions.rising, found_directions.falling),
+        sentence=_without_work(sentence) if inherent else sentence,
         where=_places_in_record(evaluator, *without_term),
         check=term.words.check,
         decide=term.words.decide,
@@ -112,8 +114,14 @@ def effect(
             strength=strength(advantage, evaluator.measured_counts, term.slug),
             note=_note(advantage, members),
         ),
-        inherent=term.inherent(values, evaluator.summary),
+        inherent=inherent,
     )
+
+
+def _without_work(sentence: str) -> str:
+    """``sentence`` without what it says to check: what belongs to the machine asks for no work."""
+    told, check, _ = sentence.partition(": check ")
+    return f"{told}." if check else sentence
 
 
 def in_order_of_work(effects: Iterable[Effect]) -> tuple[Effect, ...]:

@@ -8,13 +8,14 @@ the recording and of the free runs of both models, so that a reader sees which m
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import jumps_from_rest, swing
+from stemwatch.models.mismatch.findings import NO_TOP_SPEED
 from stemwatch.models.recording import Bools, Floats
 
 MOST_SHIFT = 4.0  # times the dead time, up to which the correlation is tried
@@ -135,14 +136,19 @@ def _limited(moves: Moves) -> EffectSignature:
     error, speed, took = _speed_by_error(moves, STEP_OF_SWING * swing(moves.op) / slower)
     low, high = _ends(error)
     speeds = np.unique(np.clip([low, -down * took, up * took, high], low, high))
-    label = f"limit: {up:.3g} %/s" if both_rates else f"limits: {up:.3g} and {down:.3g} %/s"
+    ways = f"{_top_speed(up)} rising, {_top_speed(down)} falling"
+    label = f"limit: {_top_speed(up)}" if both_rates else f"limits: {ways}"
     caption = (
-        "However far the stem is from its command, it does not move faster than the limit; "
+        "However far the stem is from its command, its speed stays near the limit; "
         "without one the points would go on along the slope."
     )
     return _of_speed(
         error, speed, caption, FittedLine(label, speeds, np.clip(speeds / took, -down, up))
     )
+
+
+def _top_speed(rate: float) -> str:
+    return f"{rate:.3g} %/s" if 0.0 < rate < NO_TOP_SPEED else "none"
 
 
 def _lagging(moves: Moves) -> EffectSignature:
@@ -234,10 +240,14 @@ def _friction_by_place(moves: Moves) -> EffectSignature:
 
 
 def _force_by_place(moves: Moves) -> EffectSignature:
-    return _by_place(
+    signature = _by_place(
         moves,
-        "A force that depends on the place moves both directions alike, up or down.",
+        "A force that depends on the place moves both directions alike, up or down. Shown is the "
+        "half of the samples in which OP moves least, because a moving stem lags as well.",
     )
+    speed = np.abs(np.gradient(later(moves.op, moves.late_s, moves.interval_s)))
+    moving = ~(speed <= np.nanmedian(speed)) if np.isfinite(speed).any() else speed > 0.0
+    return replace(signature, y=np.where(moving, np.nan, signature.y))
 
 
 def _zero(moves: Moves) -> EffectSignature:

@@ -14,6 +14,8 @@ from stemwatch.models.mismatch.open_question import OpenQuestion
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve
 
+NO_TOP_SPEED = 99.0  # %/s; a top speed from here on means that there is no limit
+
 
 class Finding(StrEnum):
     """What can be said of a recording's mismatch, in one word."""

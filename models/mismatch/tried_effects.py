@@ -82,12 +82,15 @@ def _rejected(named: Named, score: TermScore, beside_score: TermScore | None) ->
     informative, summary = named.evaluator.measured_counts, named.evaluator.summary
     if not convincing(score.advantage, informative, score.slug):
         return TriedOutcome.CHANCE
+    # A gain that what is named makes as well says nothing about the size of this one.
+    if beside_score is not None and not convincing(
+        beside_score.advantage, informative, beside_score.slug, 1
+    ):
+        return TriedOutcome.ADDS_NOTHING
     if not score.term.material(score.values, summary):
         return TriedOutcome.TOO_SMALL
     if beside_score is None:
         return TriedOutcome.NOT_HELD
-    if not convincing(beside_score.advantage, informative, beside_score.slug, 1):
-        return TriedOutcome.ADDS_NOTHING
     return (
         TriedOutcome.NOT_HELD
         if beside_score.term.material(beside_score.values, summary)

@@ -39,7 +39,8 @@ from stemwatch.models.stickslip.fit import (
 
 # Samples by which OP is shifted earlier: where neither of the first two lowers the loss, none does.
 LOOKED_AT, TRIED = (1, 3), (2, 5, 8, 12)
-WITHIN = np.arange(-2.0, 2.01, 0.25)  # samples about the best of them
+FURTHER = (17, 22, 27, 32)  # where the best of those before is the last that was tried
+WITHIN = np.arange(-2.0, 2.01, 0.25)  # samples about the best of them, FURTHER twice as far
 # Limits of the block-wise advantage (``stickslip.fit.advantage``). `stemwatch calibrate-archives`
 # derives these and ``LEFT_AT_ONCE`` from valves whose clocks agree.
 LEAST_MEAN, LEAST_T = 0.1, 1.5
@@ -148,7 +149,14 @@ def late_evidence(recording: Recording, first_look: FirstLook | None = None) -> 
     if min(map(_total, looked)) >= _total(unshifted):
         return _NOTHING
     best = min(*looked, *(_cheapest(evaluator, grid, float(shift)) for shift in TRIED), key=_total)
-    near_grid, parts = _grid_about(best.candidate), best.samples + WITHIN
+    last = float(TRIED[-1])
+    for shift in FURTHER:  # an optimum at the edge of what was tried is none
+        if best.samples < last:
+            break
+        last = float(shift)
+        best = min(best, _cheapest(evaluator, grid, last), key=_total)
+    near_grid = _grid_about(best.candidate)
+    parts = best.samples + WITHIN * (2.0 if best.samples >= TRIED[-1] else 1.0)
     best = min(
         (_cheapest(evaluator, near_grid, float(shift)) for shift in parts[parts > 0.0]), key=_total
     )

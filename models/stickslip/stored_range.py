@@ -59,6 +59,11 @@ class StoredRange:
         percent = 100.0 * (signal.values - self.low) / (self.high - self.low)
         return replace(signal, values=percent, unit=PERCENT)
 
+    @property
+    def times(self) -> float:
+        """By how much a difference of two values is larger in percent of the range."""
+        return 100.0 / (self.high - self.low)
+
     def sentence(self, signal: Signal, name: str) -> str:
         """What was assumed, and how to state the range in the plant file or the export."""
         unit_text = f" {self.unit}" if self.unit else ""
@@ -87,6 +92,9 @@ FORWARD = (
     StoredRange(0.0, 65535.0, "counts"),
 )
 RANGES = (*FORWARD, *(StoredRange(one.high, one.low, one.unit) for one in FORWARD))
+# Ranges with a live zero, which no signal falls below: for these alone the values of OP and
+# position, both within, say that both may be stored so.
+LIVE_ZERO = tuple(stored for stored in FORWARD if stored.low > 0.0)
 NAMES = {Role.MV: "The position", Role.OP: "OP"}
 
 
@@ -127,6 +135,18 @@ def fitting_ranges(recording: Recording) -> list[tuple[float, Role, StoredRange]
         if (offset := _offset_from_op(recording, role, stored)) is not None
     ]
     return sorted(candidates, key=lambda candidate: candidate[0])
+
+
+def range_of_both(recording: Recording) -> StoredRange | None:
+    """The range with a live zero within which both OP and position stay; ``None`` where there is
+    none. They may then be stored so, although they agree as they are: a valve that is hardly open
+    looks the same.
+    """
+    mv = recording.mv
+    if mv is None or not _moves(recording):
+        return None
+    both = (stored for stored in LIVE_ZERO if stored.holds(recording.op) and stored.holds(mv))
+    return next(both, None)
 
 
 def _moves(recording: Recording) -> bool:

@@ -49,14 +49,12 @@ NAMES = (
 @dataclass(frozen=True, kw_only=True)
 class Evidence:
     """The evidence of OP and PV. ``values`` are in the order of ``NAMES``; period in samples;
-    amplitude and S in percent of OP; ``beyond`` the gain in standard deviations of the loop's
-    surrogates.
+    amplitude and S in percent of OP.
     """
 
     values: Floats
     period: float
     amplitude: float
-    beyond: float
     fine: HeldOut
     coarse: HeldOut
     sizes: Floats
@@ -129,7 +127,6 @@ def evidence(op: Floats, pv: Floats, *, seed: int = 1) -> Evidence:
         values=np.nan_to_num(values, nan=0.0, posinf=20.0, neginf=-20.0),
         period=period,
         amplitude=amplitude,
-        beyond=float(gains[0]),
         fine=fine,
         coarse=coarse,
         sizes=sizes,

@@ -18,7 +18,6 @@ from stemwatch.models.holes import bridged, longest_stretch
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
 from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.features import (
-    FEWEST_PERIODS,
     NAMES,
     PER_PERIOD,
     Evidence,
@@ -32,6 +31,7 @@ from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 200
 ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
+FEW_PERIODS = 5  # fewer have their own limit of "no sign": scores are lower where little is seen
 # of a long record the last ones, after averaging to at most 400 samples a period
 MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
@@ -42,7 +42,6 @@ MOST_HELD = 0.75  # of PV repeating its last value
 MOST_BELOW_SHUT = 0.25  # of OP below -0.5: then it is centred or scaled and not in percent
 FEWEST_MOVES = 30  # changes of OP
 LEAST_MOVED_PERCENT = 0.3
-BEYOND = float(np.arcsinh(1.0))  # a standard deviation of the loop's own surrogates
 _ROUND = NAMES.index("triangle beside sine, OP")
 _TEST = (
     "Do a bump test: step OP by about 1 % one way until PV answers, then back, and compare what "
@@ -86,13 +85,26 @@ class WithoutPosition:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NoSignLimit:
+    """The score below which there is no sign of sticking; and the S, as a share of OP's amplitude,
+    from which on sticking loops do not score below that."""
+
+    below: float
+    shows_from: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class SuspicionLimits:
-    """Scores from which sticking is suspected, and below which there is no sign of it; and the S,
-    as a share of OP's amplitude, from which on sticking loops do not score below that."""
+    """The score from which sticking is suspected; and what is no sign in records of fewer than
+    ``FEW_PERIODS`` swings, and of more."""
 
     suspected_from: float
-    no_sign_below: float
-    shows_from: float
+    no_sign_few: NoSignLimit
+    no_sign: NoSignLimit
+
+    def no_sign_of(self, swings: float) -> NoSignLimit:
+        """The limit for a record of so many swings of its loop."""
+        return self.no_sign_few if swings < FEW_PERIODS else self.no_sign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,8 +197,12 @@ def trained_judge() -> Judge:
         network=LoopNetwork(unpacked(trained_weights.SHAPES, trained_weights.PACKED)),
         limits=SuspicionLimits(
             suspected_from=trained_weights.SUSPECTED_FROM,
-            no_sign_below=trained_weights.NO_SIGN_BELOW,
-            shows_from=trained_weights.SHOWS_FROM,
+            no_sign_few=NoSignLimit(
+                below=trained_weights.NO_SIGN_BELOW_FEW, shows_from=trained_weights.SHOWS_FROM_FEW
+            ),
+            no_sign=NoSignLimit(
+                below=trained_weights.NO_SIGN_BELOW, shows_from=trained_weights.SHOWS_FROM
+            ),
         ),
     )
 
@@ -270,16 +286,25 @@ def _thinned(
     return short(op), short(pv), None if sp is None else short(sp), stride
 
 
+def estimated_S(loop_evidence: Evidence, answer: LoopScore) -> float:
+    """S in percent of OP, should the valve stick."""
+    return loop_evidence.amplitude * float(np.exp(answer.log_S))
+
+
+def predicts_better(loop_evidence: Evidence) -> bool:
+    """Whether an element that sticks, beside OP, predicts unseen PV better than any linear loop."""
+    return loop_evidence.coarse.gain_of_both > 0.0
+
+
 def _answer(
     seen: SeenLoop, loop_evidence: Evidence, answer: LoopScore, limits: SuspicionLimits
 ) -> WithoutPosition:
     unit = seen.unit
     said_unit = f" {unit}" if unit else ""
-    S = loop_evidence.amplitude * float(np.exp(answer.log_S))
+    S = estimated_S(loop_evidence, answer)
     low, high = (S * float(np.exp(side * 1.96 * answer.spread)) for side in (-1.0, 1.0))
     periods = seen.samples / loop_evidence.period
-    better = loop_evidence.coarse.gain_of_both > 0.0 and loop_evidence.beyond > BEYOND
-    is_suspected = answer.score >= limits.suspected_from and better
+    is_suspected = answer.score >= limits.suspected_from and predicts_better(loop_evidence)
     if is_suspected and unit != PERCENT:
         return _cannot_tell(
             f"it looks as if the valve sticks by {S:.2g}{said_unit} of OP, not in percent: "
@@ -308,10 +333,9 @@ def _answer(
             apparent_S=Estimate(value=S, low=low, high=high, unit=unit),
             rivals=_rivals(loop_evidence),
         )
-    if periods < FEWEST_PERIODS + 1:
-        return _cannot_tell("the record holds too few swings of the loop", _LONGER, answer.score)
-    shows = limits.shows_from * loop_evidence.amplitude
-    if answer.score < limits.no_sign_below:
+    no_sign = limits.no_sign_of(periods)
+    if answer.score < no_sign.below:
+        shows = no_sign.shows_from * loop_evidence.amplitude
         return WithoutPosition(
             verdict=Suspicion.NO_SIGN,
             reason=(

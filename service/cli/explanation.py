@@ -45,6 +45,8 @@ def explanation(explained: Explained) -> RenderableType:
     """One valve: finding, places with the largest residual, effects with checks, numbers."""
     mismatch = explained.mismatch
     parts: list[RenderableType] = [Text.from_markup(_headline(explained))]
+    if explained.signals_read:
+        parts.append(_line(f"[dim]{views.escape(explained.signals_read)}[/]"))
     parts += [_line(text) for text in _sentences(mismatch)]
     if mismatch.finding is not Finding.NOT_TESTABLE:
         parts.append(Padding(_numbers(explained), (0, 0, 0, INDENT)))
@@ -96,7 +98,7 @@ def _effect(effect: PresentedEffect, finding_sentence: str) -> Iterator[str]:
     if effect.as_built:
         yield f"[bold]{views.escape(effect.as_built)}[/]"
     if effect.check:
-        yield f"[dim]Check[/]  {views.escape(effect.check)}"
+        yield f"[dim]{effect.check_heading}[/]  {views.escape(effect.check)}"
     if effect.instead:
         yield f"[dim]Not told from[/]  {views.escape(f'{effect.instead}. {effect.decide}')}"
     yield f"[dim]Evidence[/]  {views.escape(effect.evidence)}"

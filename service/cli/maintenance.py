@@ -43,7 +43,8 @@ def maintenance(
         ):
             raise typer.BadParameter(f"no valve {valve} in this store", param_hint="VALVE")
         store.record_maintenance(valve, moment, note, who)
-    line = views.escape(f"Recorded for {valve} at {moment.isoformat()}: {note}")
+    at_minute = moment.isoformat(timespec="minutes")
+    line = views.escape(f"Recorded for {valve} at {at_minute}: {note}")
     views.out.print(line, highlight=False)
     views.say_next(
         "screen a window after the work: it becomes the new baseline and shows whether it helped."

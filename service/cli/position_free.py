@@ -42,7 +42,7 @@ def study_without_position(
     """Count what OP and PV alone would tell of simulated valves whose position is left out.
 
     Judges the networks that screening uses, or with --train those it trains first, on simulated
-    loops alone; half as many of another seed then give the limits.
+    loops alone; as many of another seed then give the limits.
     """
     from rich.progress import Progress
 

@@ -199,6 +199,8 @@ def show(result: RunResult, json_file: Path | None) -> None:
     views.out.print(views.summary(result.brief))
     for line in views.undetermined_lines(result.brief):
         views.out.print(line, highlight=False)
+    if result.outside_window:
+        views.say(result.outside_window)
     for source, reason in (*result.not_read, *result.not_saved):
         views.say(f"left out: {source}: {reason}")
     if json_file is not None:

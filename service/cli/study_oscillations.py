@@ -78,6 +78,7 @@ def study_oscillations(
         views.out.print(f"{name}: {value}", highlight=False)
     if json_file is not None:
         json_file.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    views.say_read_on("oscillation-groups.md")
 
 
 def _seeds(text: str) -> list[int]:

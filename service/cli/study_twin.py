@@ -47,3 +47,4 @@ def study_twin(
     views.out.print(table)
     for reason, count in Counter(one.reason for one in judged if one.reason).most_common(5):
         views.out.print(f"no twin of {count}: {reason}", highlight=False, markup=False)
+    views.say_read_on("twin.md")

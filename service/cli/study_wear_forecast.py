@@ -71,3 +71,4 @@ def study_wear_forecast(
             f"{np.median(ahead):.1f}" if ahead else "\N{EN DASH}",
         )
     views.out.print(alerts)
+    views.say_read_on("wear-forecast.md")

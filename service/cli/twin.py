@@ -74,6 +74,9 @@ def twin(
     if fmu is not None or modelica is not None:
         _write_models(screening, fmu, modelica)
         if asked == LoopChange() and json_file is None:
+            views.say_next(
+                "open the model in a simulator; docs/twin.md says what it takes and gives."
+            )
             return
     loop = _twin_of(read, screening)
     changes = [("as asked", asked)] if asked != LoopChange() else usual_changes(loop)
@@ -82,6 +85,10 @@ def twin(
     if json_file is not None:
         text = json.dumps(to_object(loop, rows), indent=1, ensure_ascii=False, allow_nan=False)
         json_file.write_text(text + "\n", encoding="utf-8")
+    views.say_next(
+        "ask for a change of your own with --s, --j, --gain-times, --reset-times or --knock; "
+        "repair where the valve is what costs, tune where it is the controller."
+    )
 
 
 def _check_ending(file: Path | None, ending: str, option: str) -> None:

@@ -294,10 +294,14 @@ def inspection_tables(inspection: Inspection) -> Iterator[Table]:
     for name, value in _facts(inspection):
         facts.add_row(name, escape(value))
     yield facts
-    tags = Table(title="Tags", title_justify="left", box=SIMPLE_HEAD)  # fits 80 columns
+    # Fits 80 columns: the gap between two is one blank, so that evidence has room for its words.
+    tags = Table(
+        title="Tags", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False
+    )
     tag_width = min(LONGEST_TAG, max((len(tag.tag) for tag in inspection.tags), default=0))
     for name in ("tag", "role", "unit", "valve", "range", "bad", "every, s", "evidence"):
-        tags.add_column(name, overflow="fold", min_width=tag_width if name == "tag" else None)
+        width = {"tag": tag_width, "evidence": 10}.get(name)
+        tags.add_column(name, overflow="fold", min_width=width, no_wrap=name == "range")
     for tag in inspection.tags:
         low_high = "" if tag.low is None or tag.high is None else f"{tag.low:.4g} to {tag.high:.4g}"
         interval_s = tag.own_interval_s or tag.interval_s

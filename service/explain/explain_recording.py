@@ -13,9 +13,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from stemwatch.connectors.connector import ConnectorError
+from stemwatch.models.decision import MORE
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
-from stemwatch.models.recording import Recording
+from stemwatch.models.recording import Recording, Role
 from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.service.explain.requested_recordings import RecordingToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
@@ -39,6 +40,19 @@ class Explained:
     mismatch: Mismatch
     recording: Recording | None = None
     by_window: EvidenceOfWeeks | None = None
+
+    @property
+    def signals_read(self) -> str:
+        """The tags that were read and what was not, because numbers change with it: PV and set
+        point tell where OP was within its recorder's steps. Empty where nothing was read."""
+        if self.recording is None:
+            return ""
+        signals = self.recording.signals
+        read = [f"{role.value.upper()} {one.tag}" for role, one in signals.items()]
+        missing = [role.value.upper() for role in (Role.PV, Role.SP) if role not in signals]
+        return f"read: {', '.join(read)}" + (
+            f"; without {' and '.join(missing)}" if missing else ""
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,9 +211,19 @@ def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:
     """
     untold = obstacle_kind(screening.reason) in (FROZEN, BAD) or SUMS_OP in screening.reason
     compressed = any(one.slug == "historian_compression" for one in mismatch.record_effects)
-    told = f"{screening.reason} {screening.advice}"
+    reason = _with_all_obstacles(screening)
+    told = f"{reason} {screening.advice}"
     if untold or (mismatch.finding is Finding.NONE and not compressed):
         return Mismatch.unknown(told)
     if mismatch.finding is not Finding.NOT_TESTABLE:
-        told = f"No verdict. {screening.reason} {mismatch.sentence}"
+        told = f"No verdict. {reason} {mismatch.sentence}"
     return replace(mismatch, sentence=told)
+
+
+def _with_all_obstacles(screening: Screening) -> str:
+    """The reason with the obstacles that it only counts: an explanation has no data quality."""
+    others = screening.quality.reasons[1:]
+    for count in range(1, len(others) + 1):
+        if MORE.format(count) in screening.reason:
+            return f"{screening.reason} Data quality: {'; '.join(others[:count])}."
+    return screening.reason

@@ -199,7 +199,11 @@ class TypeSize:
         width = (WIDTH - GAP * (len(cells) - 1)) / len(cells)
         widths = [width + (GAP if column < len(cells) - 1 else 0.0) for column in range(len(cells))]
         style = [*BARE, ("RIGHTPADDING", (0, 0), (-2, -1), GAP)]
-        return Table([[list(cell) for cell in cells]], colWidths=widths, style=style)
+        # The space before the first flowable of a cell is dropped, so the table has it.
+        before = 0.5 * self.size
+        return Table(
+            [[list(cell) for cell in cells]], colWidths=widths, style=style, spaceBefore=before
+        )
 
     def grid(self, rows: Sequence[Sequence[Any]], widths: Sequence[float]) -> Table:
         """A table of texts without rules; the first row and column are bold."""

@@ -67,6 +67,11 @@ class PresentedEffect:
     as_built: str = ""
 
     @property
+    def check_heading(self) -> str:
+        """What ``check`` is for: what belongs to the machine is looked at only where it is new."""
+        return "What to check, only if it was not always so" if self.as_built else "What to check"
+
+    @property
     def passes(self) -> str:
         """What passes the field test, and that this effect passes it where it is no defect."""
         if self.test is None:

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import Effect, Finding, Mismatch, TriedOutcome
+from stemwatch.models.mismatch.findings import (
+    NO_TOP_SPEED,
+    Effect,
+    Finding,
+    Mismatch,
+    TriedOutcome,
+)
 from stemwatch.service.presenter.wording import figure, finite, share
 
 # A symbol beside each word, so that no meaning depends on colour alone.
@@ -56,6 +62,7 @@ def effect_name(slug: str) -> str:
 # What the parameters of an effect mean; where two effects use one letter, by effect and letter.
 PARAMETERS = {
     "A": "extra friction",
+    "bend": "pull at 50 % of travel beyond halfway from 25 to 75 %",
     "D": "drift over the record",
     "U": "push of the fluid at mid-travel",
     "creep": "speed of the creep",
@@ -72,6 +79,8 @@ PARAMETERS = {
     "rate_rising": "top speed rising",
     "ratio": "jump rising over jump falling",
     "recovery": "time constant of the recovery",
+    "rise": "pull at 75 % of travel more than at 25 %",
+    "run_up": "time to run up",
     "sag": "share of a move that is missing",
     "stop_high": "upper stop",
     "stop_low": "lower stop",
@@ -95,7 +104,6 @@ def parameter_name(name: str, slug: str = "") -> str:
 
 # Endings of the names of recorder and archive parameters, and the unit of each.
 RECORD_UNITS = {"_percent": "%", "_s": "s", "_samples": "samples"}
-FREE = 99.0  # %/s; a top speed from here on means that there is no limit
 
 
 def record_parameter(name: str, value: float) -> str:
@@ -112,7 +120,7 @@ def record_parameter(name: str, value: float) -> str:
 
 def no_limit(estimate: Estimate) -> bool:
     """Whether a top speed is so high that the stem has no speed limit."""
-    return estimate.unit == "%/s" and (finite(estimate.value) or 0.0) >= FREE
+    return estimate.unit == "%/s" and (finite(estimate.value) or 0.0) >= NO_TOP_SPEED
 
 
 ALONE = "S and J alone"

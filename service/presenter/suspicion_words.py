@@ -45,6 +45,15 @@ def worth_a_test(screening: Screening) -> bool:
     )
 
 
+def score_of_suspicion(verdict: Verdict, suspicion: WithoutPosition | None) -> float:
+    """By which valves without a verdict are ordered in every ranking where their severity is the
+    same: the score of those that are worth a test before the others, else 0."""
+    if verdict is not Verdict.UNDETERMINED or suspicion is None:
+        return 0.0
+    suspected = suspicion.verdict is Suspicion.SUSPECTED
+    return finite(suspicion.score) or 0.0 if suspected else 0.0
+
+
 def worth_a_test_sentence(screening: Screening) -> str:
     """That a loop is worth a test before the others; empty where it is not."""
     suspicion = screening.without_position

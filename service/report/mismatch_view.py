@@ -153,7 +153,8 @@ def residual_bars(mismatch: Mismatch) -> list[ResidualBar]:
         network = "NARX network"
     floor, floor_name = noise, "noise floor"
     if noise is not None and nearest < noise:
-        floor, floor_name = nearest, "noise floor, at most"
+        # The nearest model leaves noise at least, so what it leaves is all that is known of it.
+        floor, floor_name = nearest, "noise, no more than the nearest model's"
     rows = (
         ("naive", "S and J alone", before, heldout.fit_naive),
         ("extended", _after(mismatch), after, heldout.fit_extended),

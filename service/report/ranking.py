@@ -22,7 +22,7 @@ from stemwatch.service.presenter.cost_of_sticking import (
 )
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
-from stemwatch.service.presenter.suspicion_words import NextStep, next_steps, worth_a_test
+from stemwatch.service.presenter.suspicion_words import NextStep, next_steps, score_of_suspicion
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.wording import finite, instant, printable
 from stemwatch.service.presenter.work_decision import (
@@ -329,8 +329,7 @@ def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
 def _key(screening: Screening, decided: WorkDecision) -> RankKey:
     """By verdict, then severity and tag; of those without a verdict whose severity is the same,
     the suspected first, by their score."""
-    suspicion = screening.without_position if worth_a_test(screening) else None
-    score = 0.0 if suspicion is None else finite(suspicion.score) or 0.0
+    score = score_of_suspicion(screening.verdict, screening.without_position)
     severity = finite(decided.severity) or 0.0
     return WORST_FIRST.index(decided.verdict), -severity, -score, screening.valve
 

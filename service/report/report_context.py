@@ -76,6 +76,7 @@ class ReportContext:
     settings_digest: str = ""
     valves: Mapping[str, ValveFacts] = field(default_factory=dict)
     sources_not_read: tuple[SourceNotRead, ...] = ()
+    outside_window: str = ""  # how many recordings were left out for the window, one sentence
     p_elsewhere: tuple[float | None, ...] = ()
     work_files: Mapping[str, str] = field(default_factory=dict)
     groups: tuple[OscillationGroup, ...] = ()

@@ -79,6 +79,7 @@ class RunResult:
     report: ReportFiles
     not_read: tuple[tuple[str, str], ...]
     not_saved: tuple[tuple[str, str], ...]
+    outside_window: str = ""  # how many recordings were left out for the window, one sentence
 
 
 class NothingScreened(ConnectorError):
@@ -143,7 +144,8 @@ def _screen_planned(run: Run, planned: Plan, on_screened: OnScreened) -> RunResu
     executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
     brief = tuple(in_brief(result) for result in executed.results)
     if not any(screening.was_read for screening in brief):
-        raise NothingScreened.of(brief, planned.not_read)
+        nothing_read = (*brief, *executed.outside_window.screenings)
+        raise NothingScreened.of(nothing_read, planned.not_read)
     report = finish(run, executed, planned.not_read)
     assert report is not None  # a run of the command line writes one or raises
     return RunResult(
@@ -152,6 +154,7 @@ def _screen_planned(run: Run, planned: Plan, on_screened: OnScreened) -> RunResu
         report=report,
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),
+        outside_window=executed.outside_window.sentence,
     )
 
 

@@ -19,6 +19,7 @@ from stemwatch.service.presenter.cost_of_sticking import RankBy
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.charts.window_pictures import pack_pictures
 from stemwatch.service.report.html_page import MOST_PLOTTED
+from stemwatch.service.run.outside_window import OutsideWindow
 from stemwatch.service.run.saving import (
     PlacedScreening,
     Saving,
@@ -109,11 +110,15 @@ class Run:
 @dataclass(frozen=True, kw_only=True)
 class Executed:
     """The results of the tasks in their order, without samples (valves that may need work keep an
-    excerpt); ``previous`` is each valve's result in the window before."""
+    excerpt); ``previous`` is each valve's result in the window before; ``outside_window`` is what
+    was left out, with a sentence that says so."""
 
     results: ResultSpill
     previous: dict[str, PreviousFinding | None]
     not_saved: Sequence[tuple[str, str]] = ()
+    outside_window: OutsideWindow = field(
+        default_factory=lambda: OutsideWindow((), must_appear=False)
+    )
 
 
 def execute(
@@ -128,7 +133,9 @@ def execute(
 
     Each result is saved and its samples released as soon as it arrives, so that memory does not
     grow with the number of valves and an interrupted run loses only what was not done. A task whose
-    worker hung or died gets a screening with that reason. Ends early when ``stop`` is set.
+    worker hung or died gets a screening with that reason. Recordings outside the window are left
+    out, but not of a queued run, each of whose valves gets a result. Ends early when ``stop`` is
+    set.
     """
     tasks = with_stored_context(tasks, run.store)
     results = ResultSpill(MOST_PLOTTED)
@@ -141,12 +148,35 @@ def execute(
         must_save=run.queued,
         on_valve_done=on_valve_done,
     )
-    for outcome in _screened(run, tasks, stop):
-        arrived = [_put(results, outcome) for outcome in outcome]
+    outside_window = OutsideWindow(tasks, must_appear=run.plant is not None)
+    done = 0
+    for finished in _screened(run, tasks, stop):
+        arrived = []
+        for outcome in finished:
+            if _is_left_out(run, outcome, outside_window):
+                saving.skip(outcome.index, outcome.item.tags.valve, results)
+            else:
+                arrived.append(_put(results, outcome))
         saving.take(arrived, results)
-        for nth, result in enumerate(arrived, start=len(results) - len(arrived) + 1):
-            on_screened(result.screening, nth, len(tasks))
-    return Executed(results=results, previous=saving.previous, not_saved=tuple(saving.not_saved))
+        done += len(finished) - len(arrived)
+        for result in arrived:
+            done += 1
+            on_screened(result.screening, done, len(tasks))
+    return Executed(
+        results=results,
+        previous=saving.previous,
+        not_saved=tuple(saving.not_saved),
+        outside_window=outside_window,
+    )
+
+
+def _is_left_out(
+    run: Run, outcome: Outcome[Task, tuple[Screening, ValvePlots]], outside_window: OutsideWindow
+) -> bool:
+    if run.queued:
+        return False
+    screening = None if outcome.result is None else outcome.result[0]
+    return outside_window.leaves_out(outcome.item.tags.valve, screening)
 
 
 def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:

@@ -201,6 +201,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
             for valve, before in executed.previous.items()
         },
         sources_not_read=tuple(notes),
+        outside_window=executed.outside_window.sentence,
         groups=_groups(run, executed),
         currency=plant.currency if plant else "",
         rank_by=run.rank_by,

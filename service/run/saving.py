@@ -117,7 +117,12 @@ class Saving:
         self._save(arrived)
         for result in arrived:
             self._waiting.add(result.task_index)
-            self._save_due_networks(result, spill)
+            self._save_due_networks(result.screening.valve, spill, result)
+
+    def skip(self, task_index: int, valve: str, spill: ResultSpill) -> None:
+        """A task whose result is left out: later windows of its valve need not wait for it."""
+        self._to_come[valve].remove(task_index)
+        self._save_due_networks(valve, spill)
 
     def _save(self, arrived: Sequence[PlacedScreening]) -> None:
         screenings = [result.screening for result in arrived]
@@ -136,16 +141,18 @@ class Saving:
                 self._unsaved.add(result.task_index)
                 self._left_out(result.screening.valve, f"not saved: {reason}")
 
-    def _save_due_networks(self, result: PlacedScreening, spill: ResultSpill) -> None:
+    def _save_due_networks(
+        self, valve: str, spill: ResultSpill, newest: PlacedScreening | None = None
+    ) -> None:
         """Save the valve's networks in the order of its windows, up to the first that has not
-        arrived."""
-        valve = result.screening.valve
+        arrived. ``newest`` is not read from ``spill``."""
         to_come = self._to_come[valve]
         while to_come and to_come[0] in self._waiting:
             first = to_come.pop(0)
             self._waiting.remove(first)
-            screening = result.screening
-            if first != result.task_index:
+            if newest is not None and first == newest.task_index:
+                screening = newest.screening
+            else:
                 screening = spill.at_place(first)
                 self._note_previous(screening)
             if first not in self._unsaved:

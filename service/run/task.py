@@ -17,6 +17,7 @@ from stemwatch.connectors.connector import (
     ArchiveConnector,
     Connector,
     ConnectorError,
+    NothingInWindow,
     ValveTags,
     Window,
 )
@@ -229,6 +230,8 @@ def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported lat
         return replace(_unread(task, task.reason), still_seen=task.file_remarks)
     try:
         recording = recording_of(task)
+    except NothingInWindow as error:
+        return replace(_unread(task, str(error)), outside_window=True)
     except (ConnectorError, StoreError) as error:
         return _unread(task, str(error))
     except (OSError, ValueError, MemoryError) as error:

@@ -20,17 +20,21 @@ from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.without_position.network import LoopNetwork, packed
 from stemwatch.models.without_position.suspicion import (
-    BEYOND,
     ENOUGH_PERIODS,
+    FEW_PERIODS,
+    LEAST_S_PERCENT,
     Judge,
+    NoSignLimit,
     SeenLoop,
     Suspicion,
     SuspicionLimits,
+    estimated_S,
     look_at_loop,
+    predicts_better,
 )
 from stemwatch.service.executors import Executor, map_in_order
 
-FALSE_ALARMS = 0.02  # share of sound loops that may be suspected
+FALSE_ALARMS = 0.02  # share of sound loops that may be suspected, of those that can be judged
 MISSED = 0.05  # share of loops that plainly stick which may be told "no sign"
 PLAIN = 0.5  # S over the amplitude of OP, from which a loop plainly sticks
 SEEN = 0.9  # share of sticking loops of an S, and of any larger, that are not told "no sign"
@@ -57,12 +61,12 @@ def example_item(item: LoopToDraw) -> list[LoopExample | WindowsExample | None]:
 
 
 def items_of_training(loops: int, seed: int) -> tuple[list[LoopToDraw], list[LoopToDraw]]:
-    """What is drawn to train on, and what gives the limits: half as many of the next seed, and
-    sound valves of the force-balance plant."""
+    """What is drawn to train on, and what gives the limits: as many of the next seed, and sound
+    valves of the force-balance plant."""
     examples = [LoopToDraw(seed, index) for index in range(loops)]
     examples += [LoopToDraw(seed, index, WINDOWS_ONLY) for index in range(loops, loops * _MORE)]
-    judged = [LoopToDraw(seed + 1, index) for index in range(loops // 2)]
-    judged += [LoopToDraw(seed + 1, 2 * index + 1, "plant") for index in range(loops // 10)]
+    judged = [LoopToDraw(seed + 1, index) for index in range(loops)]
+    judged += [LoopToDraw(seed + 1, 2 * index + 1, "plant") for index in range(loops // 5)]
     return examples, judged
 
 
@@ -85,34 +89,71 @@ def run_training(
     return Judge(network=network, limits=limits_of(seen, network))
 
 
+@dataclass(frozen=True, kw_only=True)
+class _JudgedLoop:
+    """A loop that gives the limits. ``size`` is its true S over OP's amplitude, 0 for a sound one;
+    ``alarm`` the score where all else lets it be suspected, else 0."""
+
+    is_own: bool
+    size: float
+    score: float
+    alarm: float
+    has_few_swings: bool
+
+
 def limits_of(draws: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimits:
     """The limits by loops that no network was trained on. At most ``FALSE_ALARMS`` of the sound
     loops of each simulator may be suspected."""
-    judged = [(draw, draw.seen.shown, draw.seen.windows) for draw in draws]
-    judgeable = [(draw, seen, cut) for draw, seen, cut in judged if seen is not None]
-    score = np.array(
-        [network.answer(e.values, cut).score for _, e, cut in judgeable if cut is not None]
+    loops = [loop for loop in (_judged(draw, network) for draw in draws) if loop is not None]
+    of_each_simulator = (
+        [loop.alarm for loop in loops if loop.size <= 0.0 and loop.is_own is own]
+        for own in (True, False)
     )
-    is_own_family = np.array([draw.place.family == "own" for draw, _, _ in judgeable])
-    S = np.array([draw.S for draw, _, _ in judgeable])
-    sticky, size = S > 0.0, S / np.array([seen.amplitude for _, seen, _ in judgeable])
-    is_beyond = np.array([seen.beyond for _, seen, _ in judgeable]) > BEYOND
-    alarming = np.where(is_beyond, score, 0.0)
     suspected = max(
-        float(np.quantile(alarming[~sticky & family], 1.0 - FALSE_ALARMS))
-        for family in (is_own_family, ~is_own_family)
-        if np.any(~sticky & family)
+        float(np.quantile(alarms, 1.0 - FALSE_ALARMS)) for alarms in of_each_simulator if alarms
     )
-    no_sign = min(float(np.quantile(score[sticky & (size >= PLAIN)], MISSED)), suspected)
+    few, more = (
+        [loop for loop in loops if loop.size > 0.0 and loop.has_few_swings is is_few]
+        for is_few in (True, False)
+    )
+    return SuspicionLimits(
+        suspected_from=suspected,
+        no_sign_few=_no_sign(few, suspected),
+        no_sign=_no_sign(more, suspected),
+    )
+
+
+def _judged(draw: SeenDraw, network: LoopNetwork) -> _JudgedLoop | None:
+    shown, windows = draw.seen.shown, draw.seen.windows
+    if shown is None or windows is None:
+        return None
+    answer = network.answer(shown.values, windows)
+    may_alarm = predicts_better(shown) and estimated_S(shown, answer) >= LEAST_S_PERCENT
+    return _JudgedLoop(
+        is_own=draw.place.family == "own",
+        size=draw.S / shown.amplitude,
+        score=answer.score,
+        alarm=answer.score if may_alarm else 0.0,
+        has_few_swings=draw.seen.samples / shown.period < FEW_PERIODS,
+    )
+
+
+def _no_sign(sticking: Sequence[_JudgedLoop], suspected: float) -> NoSignLimit:
+    """The limit by loops that stick. Without one that plainly sticks nothing is "no sign"."""
+    score = np.array([loop.score for loop in sticking])
+    size = np.array([loop.size for loop in sticking])
+    if not np.any(size >= PLAIN):
+        return NoSignLimit(below=0.0, shows_from=1.0)
+    below = min(float(np.quantile(score[size >= PLAIN], MISSED)), suspected)
     # Only S up to OP's amplitude: a valve that sticks by more would make OP swing wider.
     candidates = np.geomspace(0.05, 1.0, 60)
     shows = candidates[-1]
     for least in candidates[::-1]:
-        is_near = sticky & (size > least / _NEAR) & (size <= least)
-        if is_near.sum() >= _ENOUGH and float(np.mean(score[is_near] >= no_sign)) < SEEN:
+        is_near = (size > least / _NEAR) & (size <= least)
+        if is_near.sum() >= _ENOUGH and float(np.mean(score[is_near] >= below)) < SEEN:
             break
         shows = least
-    return SuspicionLimits(suspected_from=suspected, no_sign_below=no_sign, shows_from=float(shows))
+    return NoSignLimit(below=below, shows_from=float(shows))
 
 
 def module_of(judge: Judge, loops: int, seed: int) -> str:
@@ -131,8 +172,10 @@ def module_of(judge: Judge, loops: int, seed: int) -> str:
             "# SHA-256 of PACKED in one line",
             f'DIGEST = "{sha256(text.encode()).hexdigest()}"',
             f"SUSPECTED_FROM = {judge.limits.suspected_from:.4f}",
-            f"NO_SIGN_BELOW = {judge.limits.no_sign_below:.4f}",
-            f"SHOWS_FROM = {judge.limits.shows_from:.4f}",
+            f"NO_SIGN_BELOW_FEW = {judge.limits.no_sign_few.below:.4f}",
+            f"SHOWS_FROM_FEW = {judge.limits.no_sign_few.shows_from:.4f}",
+            f"NO_SIGN_BELOW = {judge.limits.no_sign.below:.4f}",
+            f"SHOWS_FROM = {judge.limits.no_sign.shows_from:.4f}",
             "SHAPES: dict[str, tuple[int, ...]] = {",
             *(f'    "{name}": {shape},' for name, shape in shapes.items()),
             "}",

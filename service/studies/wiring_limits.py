@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models import signal_pairing, validity_checks, wiring_checks
+from stemwatch.models import pv_answers, signal_pairing, validity_checks, wiring_checks
 from stemwatch.models.excitation import swing
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording, Role, Signal
@@ -21,6 +21,7 @@ from stemwatch.models.signal_pairing import (
     lag_one_correlation,
     moved_without_command,
     summed_command,
+    to_and_fro_at_the_end,
 )
 from stemwatch.models.stickslip import stored_range
 from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidence
@@ -49,6 +50,8 @@ HIDDEN, PIECE = "with hidden effects", "fifteen minutes"
 OF_ANOTHER = ("MV of another loop", "OP of another loop", "OP of the cascade's master")
 FOR_ANOTHER = ("PV for OP", "PV for MV", "SP for OP", "SP for MV")
 APART = ("MV 60 s late", "MV 60 s early", "MV 300 s late", "MV 300 s early")
+SAME_POINTS = "MV of another loop with the same set points"
+SPLIT = "OP of the split range's other valve"
 SWAPPED, MANUAL = "OP and MV swapped", "OP of a manual station that does not track"
 EXCHANGED, COPY = "every second sample of OP and MV exchanged", "MV a copy of OP, rounded to 0.1"
 RANGES = (
@@ -58,7 +61,18 @@ RANGES = (
     "OP a fraction, 0 to 1",
 )
 SPEED, SPEED_OVER, SPEED_PERCENT = "OP a speed", 10, 20.0  # samples; standard deviation
-MIXED_UP = (*OF_ANOTHER, *FOR_ANOTHER, *APART, SWAPPED, MANUAL, EXCHANGED, COPY, *RANGES)
+MIXED_UP = (
+    *OF_ANOTHER,
+    *FOR_ANOTHER,
+    *APART,
+    SWAPPED,
+    MANUAL,
+    EXCHANGED,
+    COPY,
+    *RANGES,
+    SAME_POINTS,
+    SPLIT,
+)
 
 
 @dataclass(frozen=True)
@@ -75,6 +89,7 @@ class WiringShown:
     rightly: bool
     related: float
     moved_alone: float
+    turned_alone: float
     neighbours: float
     copied: float
     summed: float
@@ -85,6 +100,9 @@ class WiringShown:
     left: float
     exchanged: float
     sticks: float
+    sticks_here: float
+    op_alone: float
+    op_evident: float
     of_position: bool
     op_plainly: bool
     another: float
@@ -104,7 +122,11 @@ def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
     if way not in CURVES:
         seen = WiringEvidence.of(brought_forward(recording, late), as_stored)
     numbers = dict.fromkeys(
-        ("left", "exchanged", "sticks", "another", "far", "far_left", "as_mapped"), np.nan
+        (
+            *("left", "exchanged", "sticks", "sticks_here", "op_alone", "op_evident"),
+            *("another", "far", "far_left", "as_mapped"),
+        ),
+        np.nan,
     )
     if seen is not None:
         others = [left for _, _, left in seen.by_another]
@@ -112,6 +134,9 @@ def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
             "left": seen.nearest.left,
             "exchanged": seen.exchanged.left / seen.as_mapped / _times_simpler(seen),
             "sticks": seen.sticks_either_way,
+            "sticks_here": seen.at_most.S,
+            "op_alone": seen.pv_answers.op_alone,
+            "op_evident": seen.pv_answers.evident,
             "another": min(others) / seen.as_mapped,
             "far": seen.far_away.left / seen.nearest.left,
             "far_left": seen.far_away.left,
@@ -122,6 +147,7 @@ def shown(way: str, rightly: bool, recording: Recording) -> WiringShown:
         rightly=rightly,
         related=related(recording) if swing(recording.op.values) > 2.0 else np.nan,
         moved_alone=moved_without_command(recording),
+        turned_alone=to_and_fro_at_the_end(recording),
         neighbours=lag_one_correlation(recording),
         copied=copied_share(recording),
         summed=summed.explained,
@@ -187,17 +213,11 @@ def run_wiring_limits(
     return [one for index in sorted(shown_at) for one in shown_at[index]]
 
 
-def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
-    """Each limit of the checks with the nulls and the recordings that it tells apart."""
-    v, w, p, r = validity_checks, wiring_checks, signal_pairing, stored_range
-    nulls = [one for one in seen if one.rightly]
-
-    def beside(*kinds: str) -> Tested[WiringShown]:
-        return Tested(nulls, [one for one in seen if one.way in kinds], MAY_PASS)
-
-    doubted = JointCondition("left as mapped", "left", w.DOUBTED)
+def _checks_of_signals() -> Sequence[tuple[str, tuple[str, ...], list[JointCondition]]]:
+    """Name, kinds it is there for, and limits of each check that is asked of every recording."""
+    v, p, r = validity_checks, signal_pairing, stored_range
     least, most = p.TOWARDS_COMMAND
-    checks: Sequence[tuple[str, tuple[str, ...], list[JointCondition]]] = (
+    return (
         ("a copy", (COPY,), [JointCondition("share", "copied", p.COPIED_SHARE)]),
         (
             "samples exchanged",
@@ -219,6 +239,20 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
             [JointCondition("share of its way", "moved_alone", v.MOVED_WITHOUT_OP)],
         ),
         (
+            "turns round alone",
+            (SPLIT,),
+            [JointCondition("share of its way", "turned_alone", v.TURNED_AT_THE_END)],
+        ),
+        (
+            "PV does not answer it",
+            (SAME_POINTS,),
+            [
+                JointCondition("OP alone tells", "op_alone", pv_answers.OP_ALONE),
+                JointCondition("evident", "op_evident", pv_answers.EVIDENT),
+                JointCondition("S", "sticks_here", pv_answers.STICKS_PERCENT),
+            ],
+        ),
+        (
             "does not go with OP",
             OF_ANOTHER,
             [JointCondition("correlation", "related", v.UNRELATED, above=False)],
@@ -232,7 +266,18 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
             ],
         ),
     )
-    for name, kinds, limits in checks:
+
+
+def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
+    """Each limit of the checks with the nulls and the recordings that it tells apart."""
+    w = wiring_checks
+    nulls = [one for one in seen if one.rightly]
+
+    def beside(*kinds: str) -> Tested[WiringShown]:
+        return Tested(nulls, [one for one in seen if one.way in kinds], MAY_PASS)
+
+    doubted = JointCondition("left as mapped", "left", w.DOUBTED)
+    for name, kinds, limits in _checks_of_signals():
         yield from beside(*kinds).together(name, limits)
     exchanged = [
         doubted,

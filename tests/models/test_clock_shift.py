@@ -54,6 +54,16 @@ def test_a_late_command_is_found_to_a_fraction_of_a_sample(place):
     assert late_s == pytest.approx(LATE, abs=0.75)
 
 
+@pytest.mark.parametrize("place", PLACES)
+def test_a_position_far_ahead_is_found_by_more_than_was_tried_first(place):
+    """A position 20 s ahead of OP and PV: 14 s is the most of the shifts tried first. By the stem
+    alone a smaller S looks much like a lateness, so that it may be some seconds off."""
+    _, recording = recorded(place)
+    late = later(later(recording, Role.OP, 20), Role.PV, 20)
+    late = later(late, Role.SP, 20)
+    assert find_op_late(late) == pytest.approx(20, abs=3.5)
+
+
 @pytest.mark.parametrize("samples", [4, 11])
 @pytest.mark.parametrize("place", PLACES)
 def test_the_controller_law_shows_how_late_op_is(place, samples):

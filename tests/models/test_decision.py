@@ -12,6 +12,7 @@ from stemwatch.models.decision import DecisionEvidence, decide, shape_of, undete
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.screening_result import Residual
+from stemwatch.models.stickslip.stored_range import StoredRange
 from stemwatch.models.validity_checks import Obstacle
 from stemwatch.models.verdict import Shape, Verdict
 
@@ -200,6 +201,18 @@ def test_limits_of_the_plant_decide():
     """A plant that sets wider limits judges the same evidence more mildly."""
     wide = Limits(watch_S_percent=6.0, sticky_S_percent=8.0)
     assert Verdict.HEALTHY is decide(evidence(5.0), wide).verdict
+
+
+@pytest.mark.parametrize(("S", "doubted"), [(0.05, False), (0.5, True)])
+def test_a_healthy_valve_that_may_be_stored_in_milliamperes_is_not_sure(S, doubted):
+    """Both stay within 4 to 20: healthy with doubt where S in milliamperes would be too large."""
+    case = evidence(S, 0.05, J=0.0, both_in=StoredRange(4.0, 20.0, "mA"))
+    decision = decide(case, LIMITS)
+    assert decision.verdict is Verdict.HEALTHY
+    assert decision.confidence is not None
+    assert (decision.confidence < 0.8) == doubted
+    assert ("if they are stored in mA, S is 3.1 %" in decision.reason) == doubted
+    assert ("low = 4, high = 20" in decision.advice) == doubted
 
 
 def test_limits_in_order():

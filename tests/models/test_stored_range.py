@@ -9,7 +9,7 @@ import pytest
 
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.stickslip.stored_range import in_percent
+from stemwatch.models.stickslip.stored_range import in_percent, range_of_both
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 
 QUICK = Options(narx=False, mismatch=False)
@@ -43,6 +43,19 @@ def test_a_range_in_use_is_read_as_such_and_said(recording, role, low, high):
 def test_percent_stays_as_it_is(recording):
     """Nothing is read otherwise where command and position go together as they stand."""
     assert in_percent(recording) is recording
+
+
+@pytest.mark.parametrize(("low", "high"), [(4, 20), (1, 5)])
+def test_both_stored_in_a_range_with_a_live_zero_are_doubted(recording, low, high):
+    """They agree as they are, so that nothing is converted; but they may be stored so."""
+    both = stored(stored(recording, Role.MV, low, high), Role.OP, low, high)
+    assert in_percent(both) is both
+    found = range_of_both(both)
+    assert found is not None
+    assert (found.low, found.high) == (low, high)
+    assert found.times == pytest.approx(100.0 / (high - low))
+    assert range_of_both(recording) is None
+    assert range_of_both(stored(recording, Role.MV, low, high)) is None
 
 
 @pytest.mark.parametrize(("low", "high"), [(50, 100), (0, 50)])

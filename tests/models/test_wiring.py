@@ -13,7 +13,11 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.signal_pairing import moved_without_command, samples_exchanged
+from stemwatch.models.signal_pairing import (
+    moved_without_command,
+    samples_exchanged,
+    to_and_fro_at_the_end,
+)
 from stemwatch.models.stickslip.best_pairing import BEFORE, Pairing
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.valve_life import draw_lives
@@ -169,6 +173,19 @@ def test_a_station_that_does_not_track_is_no_command(recording):
     held = np.repeat(50.0 + 4.0 * (np.arange(len(recording) // 200 + 1) % 3), 200)
     station = wired(recording, op=held[: len(recording)])
     assert told(station)[0] == "op_not_followed"
+
+
+def test_a_stem_that_turns_round_while_op_rests_at_its_end_is_moved_by_another() -> None:
+    """OP of a split range's other valve rests at 0 for less than a minute each time."""
+    k = np.arange(len(slipping()))
+    command = 50.0 + 30.0 * np.sin(2.0 * np.pi * k / 80.0)
+    position = command + 0.05 * np.random.default_rng(1).standard_normal(k.size)
+    own = wired(slipping(), op=command, mv=position)
+    other = wired(own, op=np.clip(2.0 * (command - 50.0), 0.0, 100.0))
+    assert to_and_fro_at_the_end(own) == 0.0
+    assert moved_without_command(other) < 0.15
+    assert to_and_fro_at_the_end(other) > 0.3
+    assert "op_not_followed" in told(other)
 
 
 def test_swapped_tags_of_a_sticking_valve_are_never_healthy_for_sure():

@@ -12,11 +12,13 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 import pytest
+import typer.main
 from argon2 import PasswordHasher
 
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
@@ -83,6 +85,8 @@ class Outcome:
 
 
 Stemwatch = Callable[..., Outcome]
+# Building all commands takes as long as many of them run; they keep nothing from call to call.
+BUILT_ONCE = cache(typer.main.get_command)
 
 
 def run_main(*arguments: object) -> Outcome:
@@ -91,6 +95,7 @@ def run_main(*arguments: object) -> Outcome:
     status = 0
     with contextlib.ExitStack() as around:
         around.enter_context(patch.object(sys, "argv", ["stemwatch", *map(str, arguments)]))
+        around.enter_context(patch.object(typer.main, "get_command", BUILT_ONCE))
         around.enter_context(patch.dict(os.environ, COLUMNS=str(WIDTH)))
         for console in (views.out, views.err):
             around.enter_context(patch.object(console, "_width", WIDTH))
@@ -163,8 +168,13 @@ def export(small_plant: Path) -> Path:
 @pytest.fixture
 def plant(small_plant: Path, tmp_path: Path) -> Path:
     """A plant file of its own, with a database of its own, that names the shared export."""
+    return plant_with_database(small_plant, tmp_path)
+
+
+def plant_with_database(small_plant: Path, folder: Path) -> Path:
+    """The small plant's file in ``folder``, where its database will be; the export is shared."""
     text = small_plant.read_text(encoding="utf-8")
-    path = tmp_path / "plant.toml"
+    path = folder / "plant.toml"
     export = (small_plant.parent / "export").as_posix()
     path.write_text(text.replace('"export/', f'"{export}/'), encoding="utf-8")
     return path

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+
 import pytest
 
 from stemwatch.service import __version__
+from stemwatch.service.cli import app
 
 COMMANDS = {
     "inspect": "propose a mapping for plant.toml",
@@ -57,3 +61,10 @@ def test_help_does_not_load_the_numerical_libraries(stemwatch_process) -> None:
     loaded = {line.rpartition("|")[2].strip() for line in outcome.err.splitlines()}
     assert "typer" in loaded
     assert loaded & {"torch", "pandas", "numba", "scipy", "sqlalchemy"} == set()
+
+
+@pytest.mark.parametrize("command", app.registered_commands, ids=lambda one: one.callback.__name__)
+def test_each_command_ends_with_what_to_do_next(command) -> None:
+    """The module of every command says what comes after it."""
+    said = inspect.getsource(inspect.getmodule(command.callback))
+    assert re.search(r"\.(say_next|say_read_on|say_plant_written)\(", said)

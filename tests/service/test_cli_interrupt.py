@@ -13,7 +13,10 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way"),
+    pytest.mark.early,
+]
 
 
 def _ignore_ctrl_c() -> None:

@@ -192,9 +192,9 @@ def test_the_report_is_four_files_that_agree(screened, export: Path, tmp_path: P
 
 
 @pytest.mark.parametrize(("verdict", "status"), [("sticky", 1), ("watch", 0)])
-def test_findings_count_where_asked(screened, export: Path, verdict: str, status: int) -> None:
+def test_findings_count_where_asked(screened, one_valve: Path, verdict: str, status: int) -> None:
     """--fail-on ends with 1 where a valve has that verdict and with 0 where none has."""
-    outcome, _ = screened(export, "--fail-on", verdict)
+    outcome, _ = screened(one_valve, "--fail-on", verdict)
     assert status == outcome.status
 
 

@@ -29,7 +29,7 @@ def compiled():
     return {(module, name, str(sig)) for module, name, sigs in names for sig in sigs
             if module.startswith("stemwatch.models") and ".studies." not in module}
 
-recording = simulate_loop(replace(draw_sticky(1, 7)[0], duration_s=900.0), 1).recording
+recording = simulate_loop(replace(draw_sticky(1, 7)[0], duration_s=1500.0), 1).recording
 compile_kernels(list(Kernels))
 ahead = compiled()
 screen([Case(recording=recording)])

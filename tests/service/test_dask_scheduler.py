@@ -18,7 +18,10 @@ from stemwatch.service.executors.executor import Outcome
 from tests.service import clusters
 from tests.service.worker_jobs import squares_slowly
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way")
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="signals are sent the POSIX way"),
+    pytest.mark.early,
+]
 
 
 @pytest.fixture

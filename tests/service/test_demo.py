@@ -19,6 +19,8 @@ from stemwatch.service.explain.requested_recordings import recordings_to_explain
 from stemwatch.service.run.plan import Request
 from tests.shared_setup import made_once
 
+pytestmark = pytest.mark.early
+
 WHOLE = pytest.param("whole", marks=pytest.mark.long)
 # One that sticks and has earlier weeks, one healthy, one without position, one that vents slowly.
 FEW = ("FIC-104", "FIC-107", "FIC-113", "FIC-115")

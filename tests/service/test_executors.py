@@ -51,6 +51,8 @@ from tests.service.worker_jobs import (
     wait_long,
 )
 
+pytestmark = pytest.mark.early
+
 NAMES = ["in process", "local processes", "dask"]
 
 

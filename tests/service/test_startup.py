@@ -17,6 +17,8 @@ ROOMS = ("stemwatch", "connectors", "service")
 EVERY = """
 import sys
 from importlib import import_module
+
+pytestmark = pytest.mark.early
 for name in sys.argv[1:]:
     import_module(name)
     if "torch" in sys.modules:

@@ -23,6 +23,7 @@ from stemwatch.models.mismatch.effect_signature import (
     later,
 )
 from stemwatch.models.mismatch.findings import Effect, FreeRuns, Mismatch, Stiction
+from stemwatch.models.own_clock import duration
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip.stroke_curve import in_travel
 from stemwatch.service.presenter.physics_words import effect_name
@@ -36,6 +37,7 @@ STROKES = 3
 # The least lag of the stem behind OP, and the least size of a move, as shares of OP's swing.
 LEAST_BEHIND, LEAST_STROKE = 0.05, 0.25
 SMALLEST_STROKE_PERCENT = 0.3
+SHORTEST_STROKE = 3  # samples; one wild value of the reading is back after two
 NEAR_AGAIN = 0.2  # of the farthest
 MOST_POINTS = 350  # of a cloud
 BINS, FEWEST_IN_BIN = 14, 5
@@ -68,13 +70,23 @@ class _Seen:
     runs: FreeRuns
     interval_s: float
     late_s: float
+    late_digits: str  # as many as the sentence about it has
     recording: Recording
     position: str  # what is drawn as the position
 
     @property
     def command(self) -> Floats:
-        """OP, delayed by the named dead time."""
+        """OP as the stem had it: later by what MV follows by, earlier where OP is stored late."""
         return later(self.op, self.late_s, self.interval_s) if self.late_s else self.op
+
+    @property
+    def command_name(self) -> str:
+        """What ``command`` is called beside a picture."""
+        if not self.late_s:
+            return "OP"
+        unit_s = self.recording.unit_s
+        size = duration(abs(self.late_s) / unit_s, unit_s, self.late_digits)
+        return f"OP, {size} {'later' if self.late_s > 0.0 else 'earlier'}"
 
 
 def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Picture, ...]:
@@ -90,22 +102,30 @@ def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Pi
         scale = abs(mismatch.stroke_curve.slope)
         recording = in_travel(recording, mismatch.stroke_curve)
     assert recording.mv is not None
-    late = next((effect for effect in mismatch.effects if effect.slug == "dead_time"), None)
     seen = _Seen(
         op=recording.op.values,
         mv=recording.mv.values,
         runs=runs,
         interval_s=recording.interval_s,
-        late_s=0.0 if late is None else _value(late, "theta"),
+        late_s=_late_s(mismatch),
+        late_digits=".3g" if any(one.slug == "dead_time" for one in mismatch.effects) else ".1f",
         recording=recording,
         position="MV" if runs.position is None else FLOW,
     )
     return (
         *_strokes(seen, mismatch.effects),
-        *_shifted(seen),
         *_loops(seen, (mismatch.naive, mismatch.restated), scale),
+        *_shifted(seen),
         *(picture for effect in mismatch.effects for picture in _signature(seen, effect)),
     )
+
+
+def _late_s(mismatch: Mismatch) -> float:
+    """How much later than in the record the stem had OP, seconds: a dead time that was named, a
+    delay too small to be one, less what the record stores OP late."""
+    named = sum(_value(one, "theta") for one in mismatch.effects if one.slug == "dead_time")
+    of_record = (one.parameters for one in mismatch.record_effects)
+    return named + sum(one.get("delay_s", 0.0) - one.get("late_s", 0.0) for one in of_record)
 
 
 def _value(effect: Effect, name: str) -> float:
@@ -221,7 +241,8 @@ def _farthest_behind(seen: _Seen, direction: int, begin: int) -> list[_Stroke]:
         before, after = np.flatnonzero(within[:peak]), np.flatnonzero(within[peak:])
         first = int(before[-1]) if before.size else 0
         last = peak + int(after[0]) if after.size else distance.size - 1
-        if free[first + 1 : last].all() and before.size and after.size:
+        long_enough = last - first >= SHORTEST_STROKE
+        if free[first + 1 : last].all() and before.size and after.size and long_enough:
             strokes.append(_Stroke(first, last, 1 if behind[peak] > 0.0 else -1))
         free[first : last + 1] = False
     return sorted(strokes, key=lambda stroke: stroke.first)
@@ -244,14 +265,12 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
     if seen.late_s:
         lines.insert(
             1,
-            PlottedLine(
-                "op", "OP, later by the dead time", time, seen.command[sample_index], dashed=True
-            ),
+            PlottedLine("op", seen.command_name, time, seen.command[sample_index], dashed=True),
         )
     if limit is not None and math.isfinite(limit.of(direction)):
         slope = limit.of(direction)
         # From where the stem turns to where the command ends.
-        after = first + np.arange(round(seen.late_s / seen.interval_s) + TURNS_WITHIN)
+        after = first + np.arange(max(round(seen.late_s / seen.interval_s), 0) + TURNS_WITHIN)
         turn = int(after[np.argmin(direction * seen.mv[after[after < end]])])
         start, start_s = float(seen.mv[turn]), (turn - first) * seen.interval_s
         took = min(abs(float(seen.op[last]) - start) / abs(slope), float(time[-1]) - start_s)
@@ -274,7 +293,7 @@ def _stroke(seen: _Seen, stroke: _Stroke, limit: _Slope | None) -> SmallPlot:
     )
 
 
-# OP later by the dead time, over MV
+# OP as the stem had it, over MV
 
 
 def _shifted(seen: _Seen) -> Iterator[Picture]:
@@ -286,18 +305,16 @@ def _shifted(seen: _Seen) -> Iterator[Picture]:
     plot = SmallPlot(
         x_label="time, s",
         y_label="percent",
-        description="OP, OP later by the dead time, and MV over a typical stretch.",
+        description=f"OP; {seen.command_name}; and MV over a typical stretch.",
         lines=[
             PlottedLine("op", "OP", time, seen.op[sample_index], dashed=True),
-            PlottedLine(
-                "sp", f"OP, {figure(seen.late_s)} s later", time, seen.command[sample_index]
-            ),
+            PlottedLine("sp", seen.command_name, time, seen.command[sample_index]),
             PlottedLine("mv", f"{seen.position}, recorded", time, seen.mv[sample_index]),
         ],
         width=740,
     )
     yield Picture(
-        title="OP, later by the dead time, over MV",
+        title=f"{seen.command_name}, over MV",
         plot=plot,
         caption="Where the delay is right, MV turns where the shifted OP turns.",
     )
@@ -325,24 +342,29 @@ def _loops(seen: _Seen, stictions: tuple[Stiction, Stiction], scale: float) -> I
     part = slice(first, last)
     runs = (("naive", NAIVE, seen.runs.naive), ("extended", EXTENDED, seen.runs.extended))
     all_values = np.concatenate([seen.mv[part], *(run[part] for _, _, run in runs)])
-    limits = (*_around(seen.op[part]), *_around(all_values))
-    for (kind, name, run), stiction in zip(runs, stictions, strict=True):
-        band = _band_of(seen, part, stiction, scale)
+    command = seen.command[part]
+    bands = [_band_of(seen, part, stiction, scale) for stiction in stictions]
+    drawn = [line for band in bands for line in band]
+    limits = (
+        *_around(np.concatenate([command, *(line.x for line in drawn)])),
+        *_around(np.concatenate([all_values, *(line.y for line in drawn)])),
+    )
+    for (kind, name, run), stiction, band in zip(runs, stictions, bands, strict=True):
         plot = SmallPlot(
-            x_label="OP, %",
+            x_label=f"{seen.command_name}, %",
             y_label=f"{seen.position}, %",
             description=f"{seen.position} against OP, recorded and {name}.",
             lines=[
                 *band,
-                PlottedLine("mv", "recorded", seen.op[part], seen.mv[part]),
-                PlottedLine(kind, name, seen.op[part], run[part]),
+                PlottedLine("mv", "recorded", command, seen.mv[part]),
+                PlottedLine(kind, name, command, run[part]),
             ],
             equal=True,
             limits=limits,
             height=300,
         )
         yield Picture(
-            title=f"MV against OP: {name}",
+            title=f"{seen.position[:1].upper()}{seen.position[1:]} against OP: {name}",
             plot=plot,
             caption=(
                 f"A typical stretch; one percent is as long along both axes. {_sizes(stiction)}"

@@ -28,6 +28,7 @@ from stemwatch.service.presenter.plant_path import (
     levels_of,
     names_by_level,
 )
+from stemwatch.service.presenter.suspicion_words import score_of_suspicion
 from stemwatch.service.presenter.wording import finite
 from stemwatch.service.presenter.work_decision import (
     STATE_OF,
@@ -183,6 +184,7 @@ def _deciding() -> tuple[Any, ...]:
         ScreeningRow.mismatch_slugs,
         *standing_columns(),
         case((undetermined, ScreeningRow.reason)).label("why"),
+        case((undetermined, ScreeningRow.without_position)).label("suspicion"),
     )
 
 
@@ -224,11 +226,12 @@ def _in_order(
     them, rows with equal values are ordered worst first."""
     decided = {row.id: _decided(row) for row in rows}
 
-    def urgency(row: Any) -> tuple[int, float]:
+    def urgency(row: Any) -> tuple[int, float, float]:
         verdict, severity = decided[row.id]
         if verdict is None:
-            return len(WORST_FIRST), 0.0
-        return WORST_FIRST.index(verdict), -severity
+            return len(WORST_FIRST), 0.0, 0.0
+        score = score_of_suspicion(verdict, without_position_of(row.suspicion))
+        return WORST_FIRST.index(verdict), -severity, -score
 
     def worst_first(row: Any) -> tuple[Any, ...]:
         return *urgency(row), -row.criticality

@@ -24,7 +24,7 @@ COOKIE = "stemwatch_form"  # for the pages that are open before anybody has sign
 FIELD = "mark"
 MOST_TEXT = 2000
 MOST_FIELDS = 400  # all alerts that a page shows, and what is done with them
-NAMED_IN_AUDIT = ("valve", "alert", "how", "run", "area", "user", "role", "token", "name")
+NAMED_IN_AUDIT = ("how", "valve", "alert", "run", "area", "user", "role", "token", "name")
 TOO_OLD = "This form is too old, or was not opened here. Open the page again and repeat."
 
 
@@ -116,7 +116,7 @@ async def _checked(request: Request, token: str) -> Form:
     if not token or not hmac.compare_digest(sent_token.encode(), token.encode()):
         raise HTTPException(403, TOO_OLD)
     problems = [
-        f"{name} {fields[name][0].strip()[:80]}"
+        f"{name} {', '.join(value.strip()[:80] for value in fields[name])}"
         for name in NAMED_IN_AUDIT
         if any(fields.get(name, ()))
     ]

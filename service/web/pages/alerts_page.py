@@ -62,6 +62,8 @@ def settle(
     else:
         raise HTTPException(422, f"acknowledge, snooze or false is expected, received {action!r}")
     action_done = {"snooze": "snoozed", "acknowledge": "acknowledged", "false": "false"}[action]
+    if len(numbers) > 1:
+        action_done = f"all-{action_done}"
     base, valve = request.scope.get("root_path", "").rstrip("/"), form.text("back")
     address = (
         f"{valve_link(valve)}&done={action_done}#alerts"

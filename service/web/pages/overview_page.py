@@ -20,7 +20,7 @@ from stemwatch.service.presenter.suspicion_words import (
     suspected_sentence,
 )
 from stemwatch.service.presenter.trend_over_weeks import WEEKS
-from stemwatch.service.presenter.work_decision import WorkCounts
+from stemwatch.service.presenter.work_decision import WorkCounts, WorkState
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.report.charts.small_plot import PlottedLine, SmallPlot
 from stemwatch.service.store.runs.schedules import StoredSchedule
@@ -79,7 +79,7 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
     weeks = weeks_of(deps, 0 if last is None else last.id)
     trends = deps.store.trends([line.valve for line in ranking.lines], deps.site.limits)
     steps = next_steps(deps.store.without_verdict())
-    worst = [line for line in ranking.lines if line.verdict is not None]
+    worst = [line for line in ranking.lines if line.state not in (None, WorkState.NO_WORK)]
     return deps.renderer.page(
         request,
         "overview_page.html",
@@ -142,7 +142,7 @@ def picture_of(weeks: list[Week]) -> Markup | None:
             for kind, label, counts, dashed in lines
         ],
         limits=(float(days[0]) - 1.0, 1.0, 0.0, 1.08 * top),
-        width=740,
+        width=480,
     )
     return plot.svg()
 

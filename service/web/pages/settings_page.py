@@ -25,6 +25,7 @@ from stemwatch.service.config.in_force import (
     checked_limits,
     checked_schedule,
 )
+from stemwatch.service.presenter.setting_words import LIMIT_WORDS, RULE_WORDS
 from stemwatch.service.store.runs.browser_settings import SetLimit
 from stemwatch.service.store.runs.schedules import FROM_BROWSER
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
@@ -161,6 +162,8 @@ def _page(
         said=message,
         plant=plant,
         limits=_limits(deps),
+        limit_words=LIMIT_WORDS,
+        rule_words=RULE_WORDS,
         rules=shown_keys(plant.alerts.model_dump()) if plant else [],
         schedules=deps.store.schedules.all(),
         authors=deps.store.browser_settings.schedules(),

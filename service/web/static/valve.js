@@ -2,7 +2,7 @@
 (function () {
   "use strict";
   var base = document.body.dataset.base || "";
-  var LONGEST_S = 31 * 86400, SHORTEST_S = 10;
+  var LONGEST_S = 31 * 86400, SHORTEST_S = 10, SHEET_PX = 690, LOOP_PX = 300;
 
   function ask(what, fields, signal) {
     var query = new URLSearchParams(fields);
@@ -194,10 +194,26 @@
     document.querySelectorAll(".months").forEach(function (box) { redraws.push(months(box)); });
     var redraw = function () { redraws.forEach(function (one) { one(); }); };
     document.addEventListener("themechange", redraw);
+    // For paper the plots are drawn as wide as the sheet, in ink: shrunk from a wide window their
+    // numbers could not be read.
+    var places = document.querySelectorAll(".live-plots .plot, .months .plot"), root = document.documentElement, theme = null;
+    window.addEventListener("beforeprint", function () {
+      theme = root.dataset.theme;
+      root.dataset.theme = "light";
+      places.forEach(function (place) { place.style.width = (place.classList.contains("plot-loop") ? LOOP_PX : SHEET_PX) + "px"; });
+      redraw();
+    });
+    window.addEventListener("afterprint", function () {
+      if (theme === null) return;
+      root.dataset.theme = theme;
+      theme = null;
+      places.forEach(function (place) { place.style.width = ""; });
+      redraw();
+    });
     var pending = 0, width = window.innerWidth;
     window.addEventListener("resize", function () {
       // A phone fires resize when its address bar slides away; only the width matters.
-      if (window.innerWidth === width) return;
+      if (theme !== null || window.innerWidth === width) return;
       width = window.innerWidth;
       clearTimeout(pending);
       pending = setTimeout(redraw, 150);

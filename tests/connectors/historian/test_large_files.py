@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,18 @@ ROWS = 900
 START = datetime(2026, 10, 25, 0, 50, tzinfo=UTC)  # clocks are put back ten minutes later
 
 
+@cache
+def texts_of_rows(form: str, decimal: str) -> list[tuple[str, ...]]:
+    """Time and five values of each row, as most of the exports below print them."""
+    rng = np.random.default_rng(3)
+    values = 50.0 + np.cumsum(rng.standard_normal((ROWS, 5)) * 0.3, axis=0)
+    times = [(START + timedelta(seconds=10 * i)).strftime(form) for i in range(ROWS)]
+    return [
+        (time, *(f"{value:.3f}".replace(".", decimal) for value in row))
+        for time, row in zip(times, values, strict=True)
+    ]
+
+
 def export(
     *,
     separator: str = ",",
@@ -33,16 +46,12 @@ def export(
     decimal: str = ".",
 ) -> bytes:
     """Two valves at 10 s; some cells and some whole lines are something else."""
-    rng = np.random.default_rng(3)
-    values = 50.0 + np.cumsum(rng.standard_normal((ROWS, 5)) * 0.3, axis=0)
     names = ["FIC-1.OP", "FIC-1.ZT", "FIC-1.PV", "FIC-2.OP", "FIC-2.ZT"]
+    table = [list(texts) for texts in texts_of_rows(form, decimal)]
+    for (i, column), text in (cells or {}).items():
+        table[i][column] = text
     rows = [header or separator.join(["Time", *names])]
-    for i in range(ROWS):
-        texts = [(START + timedelta(seconds=10 * i)).strftime(form)]
-        texts += [f"{value:.3f}".replace(".", decimal) for value in values[i]]
-        for column in range(6):
-            texts[column] = (cells or {}).get((i, column), texts[column])
-        rows.append((lines or {}).get(i, separator.join(texts)))
+    rows += [(lines or {}).get(i, separator.join(texts)) for i, texts in enumerate(table)]
     return (end.join(rows) + end).encode("utf-8")
 
 

@@ -72,8 +72,15 @@ def screened(recording: Recording) -> Screening:
     return result
 
 
-@pytest.mark.parametrize("mean", [False, True])
-@pytest.mark.parametrize("every", [5, 10])
+@pytest.mark.parametrize(
+    ("every", "mean"),
+    [
+        (5, False),
+        (10, True),
+        pytest.param(5, True, marks=pytest.mark.long),
+        pytest.param(10, False, marks=pytest.mark.long),
+    ],
+)
 def test_peaks_between_samples_are_restored(every: int, mean: bool) -> None:
     """Snapshots and averages of a cycling loop: S is read from the slips, within 5 %, with its
     truth inside; where the slips could not tell it, the free run's is within 12 %."""

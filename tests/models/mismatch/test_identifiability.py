@@ -112,7 +112,7 @@ def test_a_stop_that_was_reached_is_testable():
     "slug",
     [
         "dead_time",
-        "rate_limit",
+        pytest.param("rate_limit", marks=pytest.mark.long),
         pytest.param("supply_sag", marks=pytest.mark.long),
         "lost_motion",
         pytest.param("dwell_dependent_breakaway", marks=pytest.mark.long),

@@ -93,7 +93,9 @@ def test_a_clean_record_has_no_effect(S, J, transmitters, digits):
 
 
 @pytest.mark.parametrize(("S", "J"), VALVES)
-@pytest.mark.parametrize("step", [0.1, 0.25, 0.5, 1.0])
+@pytest.mark.parametrize(
+    "step", [0.1, *(pytest.param(step, marks=pytest.mark.long) for step in (0.25, 0.5)), 1.0]
+)
 def test_a_coarse_position_is_quantised_and_nothing_else(S, J, step):
     """Steps from 0.1 to 1 % are measured; that a resting stem then repeats itself is not frozen."""
     measured = measured_record(plant(S, J, Transmitters(position_noise=0.05, position_step=step)))
@@ -115,7 +117,7 @@ def test_a_coarse_command_is_named_as_such():
 
 @pytest.mark.parametrize("digits", [None, 4])
 @pytest.mark.parametrize(("S", "J"), VALVES)
-@pytest.mark.parametrize("deviation", [0.1, 0.3, 1.0])
+@pytest.mark.parametrize("deviation", [0.1, pytest.param(0.3, marks=pytest.mark.long), 1.0])
 def test_interpolated_samples_are_left_out(S, J, deviation, digits):
     """Behind a swinging door exactly the stored points count as measured."""
     true = plant(S, J).signals[Role.MV].values

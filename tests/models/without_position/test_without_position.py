@@ -29,6 +29,7 @@ from stemwatch.models.without_position.network import KERNELS, LoopNetwork, pack
 from stemwatch.models.without_position.suspicion import (
     MOST_SAMPLES,
     Judge,
+    NoSignLimit,
     Suspicion,
     SuspicionLimits,
     WithoutPosition,
@@ -43,7 +44,8 @@ from stemwatch.models.without_position.windows import LENGTH, windows
 def few_trained() -> Judge:
     """Networks trained on a few loops, poor but working; trained once, on the first use."""
     shown = [example(5151, index) for index in range(40)]
-    limits = SuspicionLimits(suspected_from=0.8, no_sign_below=0.3, shows_from=0.5)
+    no_sign = NoSignLimit(below=0.3, shows_from=0.5)
+    limits = SuspicionLimits(suspected_from=0.8, no_sign_few=no_sign, no_sign=no_sign)
     network: LoopNetwork = train(
         [item for item in shown if item is not None], seed=1, epochs=10, window_epochs=3
     )
@@ -245,8 +247,18 @@ def test_what_is_shipped_is_what_was_trained() -> None:
     result = sha256("".join(trained_weights.PACKED.split()).encode()).hexdigest()
     assert result == trained_weights.DIGEST
     limits = trained_judge().limits
-    assert 0.0 < limits.no_sign_below <= limits.suspected_from < 1.0
+    for no_sign in (limits.no_sign_few, limits.no_sign):
+        assert 0.0 < no_sign.below <= limits.suspected_from < 1.0
+        assert 0.0 < no_sign.shows_from <= 1.0
     assert trained_judge().network.arrays["mean"].shape == (len(NAMES),)
+
+
+def test_few_swings_have_a_limit_of_their_own() -> None:
+    """What is no sign is decided by the number of swings, and a lower score is asked of few."""
+    limits = trained_judge().limits
+    assert limits.no_sign_of(4.9) == limits.no_sign_few
+    assert limits.no_sign_of(5.0) == limits.no_sign
+    assert limits.no_sign_few.below < limits.no_sign.below
 
 
 def test_numbers_come_back_from_text_in_half_precision() -> None:

@@ -19,6 +19,8 @@ from stemwatch.service.modbus_plant.register_layout import registers
 from stemwatch.service.store.store import open_store
 from tests.service.live_demo.running_demo import Started
 
+pytestmark = pytest.mark.early
+
 
 def test_it_serves_what_its_plant_file_says_until_ctrl_c(tmp_path: Path) -> None:
     """Every register of the map has a value; a valve is repaired once work on it is recorded."""

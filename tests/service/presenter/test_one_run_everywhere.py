@@ -9,8 +9,9 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
@@ -18,25 +19,30 @@ from zoneinfo import ZoneInfo
 import httpx
 import openpyxl
 import pytest
+from rich.text import Text
 
 from stemwatch.models.recording import Provenance
 from stemwatch.models.screening import failed
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.evaluate import gathered
 from stemwatch.service.alerts.rules import apply_rules
 from stemwatch.service.cli import views
 from stemwatch.service.config import load_plant
 from stemwatch.service.maintenance.labels import labels_csv
 from stemwatch.service.maintenance.maintenance_html import work_list_html
+from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
-from stemwatch.service.maintenance.work_list import work_list_of
+from stemwatch.service.maintenance.work_list import WorkList, work_list_of
+from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.finding import why_no_work
 from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
 from stemwatch.service.run.finish import hold_back
+from stemwatch.service.store.alerts.alerts import RaisedAlert, StoredAlert
 from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
@@ -53,6 +59,11 @@ NO_POSITION = (
     "sticking valve from a badly tuned loop or a disturbance."
 )
 BAD = "Cannot tell: 62 % of the samples are missing or marked bad."
+IN_MM = (
+    "Cannot tell: ZT8 is in mm, not in percent of travel, so OP and position cannot be compared."
+)
+SHORT = "Cannot tell: the recording is too short: 90 usable samples in 1.5 minutes."
+SLOW = "Cannot tell: the archive stores the position every 300 s, too seldom to see how it moves."
 
 
 def blind(valve: str, reason: str) -> Screening:
@@ -86,8 +97,14 @@ def slightly_off(valve: str) -> Screening:
 
 
 def every_kind() -> list[Screening]:
-    """Sticky, sticky with an effect, defective, to watch, healthy, and what cannot be judged."""
-    return [
+    """Sticky, sticky with an effect, defective, to watch, healthy, and what cannot be judged, for
+    each main reason, also where OP and PV alone let sticking be suspected or show no sign of it."""
+    return [*_made_once()]
+
+
+@cache
+def _made_once() -> tuple[Screening, ...]:
+    return (
         screening("FIC-1", S=6.0),
         screening("FIC-2", S=2.1, J=0.3),
         with_effects("FIC-3", Verdict.STICKY),
@@ -104,7 +121,12 @@ def every_kind() -> list[Screening]:
         failed(
             "PIC-4", "x.csv: the file is empty", "Look at the file.", Provenance(source="x.csv")
         ),
-    ]
+        replace(blind("PIC-5", NO_POSITION), without_position=suspected()),
+        replace(blind("PIC-6", NO_POSITION), without_position=no_sign()),
+        blind("PIC-7", IN_MM),
+        blind("PIC-8", SHORT),
+        blind("PIC-9", SLOW),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +180,139 @@ def text_of(page: str) -> str:
     return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", page)).split())
 
 
+@pytest.fixture(scope="module")
+def work_list(stored: tuple[Store, int], tmp_path_factory: pytest.TempPathFactory) -> WorkList:
+    """What maintenance gets, from the store, with a page for each valve that has one."""
+    store, run = stored
+    folder = tmp_path_factory.mktemp("maintenance")
+    return report_of_store(store, folder, run=run, all_valves=True).work_list
+
+
+@pytest.fixture(scope="module")
+def valve_pages(ranking: Ranking, pages: httpx.Client) -> dict[str, str]:
+    """The page of each valve, as it is sent."""
+    valves = (valve.screening.valve for valve in ranking)
+    return {valve: pages.get("/valve", params={"id": valve}).text for valve in valves}
+
+
+@dataclass(frozen=True)
+class Told:
+    """All texts of the run without blanks and breaks; what is of one valve, by valve."""
+
+    report: dict[str, str]
+    pages: dict[str, str]
+    terminal: dict[str, str]
+    orders: dict[str, dict[str, str]]
+    maintenance: str
+    paper: str
+    mails: dict[str, dict[str, Any]]
+
+
+def bare(text: str) -> str:
+    """Without blanks, line breaks and what stands for an unprintable letter."""
+    return re.sub(r"[\s\N{NO-BREAK SPACE}\ufffd]+", "", html.unescape(text))
+
+
+def page_text(page: str) -> str:
+    """What a reader of a page sees, without blanks."""
+    return bare(re.sub(r"<script.*?</script>|<style.*?</style>|<[^>]+>", " ", page, flags=re.S))
+
+
+@pytest.fixture(scope="module")
+def told(
+    ranking: Ranking,
+    stored: tuple[Store, int],
+    files: Path,
+    valve_pages: dict[str, str],
+    work_list: WorkList,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Told:
+    """What each output tells, read once."""
+    store, run = stored
+    folder = tmp_path_factory.mktemp("told")
+    valves = [valve.screening.valve for valve in ranking]
+    articles = (files / "report.html").read_text("utf-8").split("<article")[1:]
+    book = work_list
+    parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
+    orders = csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig")))
+    (folder / "plant.toml").write_text("[alerts]\nraise_after_runs = 1\nof_runs = 1\n")
+    records = gathered(store, plant := load_plant(folder / "plant.toml"), valves)
+    raised = [one for record in records for one in apply_rules(record, plant.alerts)[0]]
+    return Told(
+        report={
+            valve: next(page_text(one) for one in articles if f'id="valve-{valve}"' in one)
+            for valve in valves
+        },
+        pages={valve: page_text(page) for valve, page in valve_pages.items()},
+        terminal={
+            valve.screening.valve: Text.from_markup(views.verdict_line(valve.screening)).plain
+            for valve in ranking
+        },
+        orders={row["functional_location"]: row for row in orders},
+        maintenance=page_text(work_list_html(book).decode()),
+        paper=bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1"))),
+        mails={one.valve: message_of([_kept(one)], "plant", run) for one in raised if one.valve},
+    )
+
+
+def _kept(raised: RaisedAlert) -> StoredAlert:
+    """An alert as it is stored when it was raised and nobody has done anything yet."""
+    return StoredAlert(
+        id=1, cause=raised.cause, kind=raised.kind, severity=raised.severity, text=raised.text,
+        valve=raised.valve, source=None, run_id=1, opened=example_plant.NOW, seen=example_plant.NOW,
+        evidence=raised.evidence, closed=None, closed_why="", acknowledged=None,
+        acknowledged_by="", comment="", snoozed_until=None, snoozed_by="", false_alarm=False,
+        told=None,
+    )  # fmt: skip
+
+
+def test_why_and_what_to_do_read_the_same_in_every_output(
+    ranking: Ranking, told: Told, files: Path
+) -> None:
+    """Of a valve of every kind: reason and next step in report, page, tables, workbook, JSON, PDF,
+    its HTML, work orders and terminal, the verdict beside them."""
+    objects = {item["valve"]: item for item in _objects(files)}
+    tables = [
+        {row["valve"]: row for row in rows}
+        for rows in (_rows(files / "valves.csv"), _workbook(files / "valves.xlsx"))
+    ]
+    for valve in ranking:
+        name, answer = valve.screening.valve, valve.finding
+        reason, step = bare(answer.reason), bare(answer.next_step)
+        for row in (objects[name], *(table[name] for table in tables)):
+            assert (bare(row["reason"]), bare(row["advice"])) == (reason, step), name
+        for where in (told.report[name], told.pages[name]):
+            assert reason in where, name
+            assert step in where, name
+        assert reason in bare(told.terminal[name])
+        if valve.stands is not False:
+            assert told.terminal[name].startswith(valve.verdict.value)
+        if valve.decision.has_page:
+            for where in (told.paper, told.maintenance):
+                assert reason in where, name
+        assert (name in told.orders) == valve.decision.has_order, name
+        if name in told.orders:
+            assert reason in bare(told.orders[name]["long_text"])
+            assert told.orders[name]["ne107"] == tables[0][name]["NE 107"]
+
+
+def test_a_mail_says_of_a_valve_what_its_page_and_order_say(ranking: Ranking, told: Told) -> None:
+    """Only of valves that need work; what was found and the first step are those of all others."""
+    needing = {valve.screening.valve for valve in ranking if valve.decision.needs_work}
+    assert told.mails
+    assert set(told.mails) <= needing
+    for valve in ranking:
+        name = valve.screening.valve
+        if name not in told.mails:
+            continue
+        (alert,) = told.mails[name]["alerts"]
+        found = bare(alert["text"].removeprefix(f"{name}: "))
+        for where in (told.report[name], told.pages[name], told.maintenance, told.paper):
+            assert found in where, alert["text"]
+        assert bare(alert["first_step"]) in bare(told.orders[name]["long_text"])
+        assert bare(alert["first_step"]) in told.paper
+
+
 def test_each_kind_has_the_verdict_that_it_should(verdicts: dict[str, str]) -> None:
     """A material defect is no healthy valve; one that chance may have named is none, nor is what
     belongs to the machine."""
@@ -165,12 +320,12 @@ def test_each_kind_has_the_verdict_that_it_should(verdicts: dict[str, str]) -> N
         **{"FIC-1": "sticky", "FIC-2": "sticky", "FIC-3": "sticky"},
         **{"FIC-4": "defective", "FIC-5": "defective", "FIC-6": "watch"},
         **dict.fromkeys(("FIC-7", "FIC-8", "FIC-9", "FIC-10"), "healthy"),
-        **dict.fromkeys(("PIC-1", "PIC-2", "PIC-3", "PIC-4"), "undetermined"),
+        **{f"PIC-{number}": "undetermined" for number in range(1, 10)},
     }
 
 
 def test_tables_report_and_pages_have_one_verdict_a_valve(
-    verdicts: dict[str, str], files: Path, pages: httpx.Client
+    verdicts: dict[str, str], files: Path, pages: httpx.Client, valve_pages: dict[str, str]
 ) -> None:
     """CSV, JSON, the report's ranking, API, ranking page and each valve's page."""
     with (files / "valves.csv").open(encoding="utf-8-sig", newline="") as table:
@@ -182,7 +337,7 @@ def test_tables_report_and_pages_have_one_verdict_a_valve(
         title = re.search(rf'<h2 id="valve-{valve}-title">.*?</header>', report, re.DOTALL)
         assert title is not None
         assert f"v-{verdict}" in title[0]
-        page = pages.get("/valve", params={"id": valve}).text
+        page = valve_pages[valve]
         head = page[page.index('id="valve-title"') : page.index("↑ All valves")]
         assert f"v-{verdict}" in head
     assert {line["valve"]: line["verdict"] for line in _lines(pages)} == verdicts
@@ -248,8 +403,7 @@ def test_what_asks_for_no_work_is_a_defect_nowhere(
     ranking: Ranking,
     files: Path,
     pages: httpx.Client,
-    stored: tuple[Store, int],
-    tmp_path: Path,
+    told: Told,
     tag: str,
     words: str,
     effects: int,
@@ -267,13 +421,11 @@ def test_what_asks_for_no_work_is_a_defect_nowhere(
         (row,) = [row for row in rows if row["valve"] == tag]
         assert says in row["reason"]
         assert (row["verdict"], row["maintenance"]) == ("healthy", "no work")
-    report = text_of((files / "report.html").read_text("utf-8"))
-    assert says in report
-    assert says in text_of(pages.get("/valve", params={"id": tag}).text)
+    assert bare(says) in told.report[tag]
+    assert bare(says) in told.pages[tag]
     (line,) = [line for line in _lines(pages) if line["valve"] == tag]
     assert line["verdict"] == "healthy"
-    book = report_of_store(stored[0], tmp_path, run=stored[1]).work_list
-    assert tag not in {sheet.screening.valve for sheet in book.to_work_on}
+    assert tag not in told.orders
 
 
 def _objects(files: Path) -> list[dict[str, Any]]:
@@ -362,13 +514,17 @@ def _late_on(day: int, valve: str) -> Screening:
 
 
 def test_headline_and_counts_are_the_same(
-    ranking: Ranking, stored: tuple[Store, int], files: Path, pages: httpx.Client, tmp_path: Path
+    ranking: Ranking,
+    stored: tuple[Store, int],
+    files: Path,
+    pages: httpx.Client,
+    work_list: WorkList,
 ) -> None:
     """Report, ranking page, terminal, run page, metrics, and the work list made from the store."""
     store, run = stored
     counts, headline = ranking.counts, ranking.counts.headline
-    assert headline == "5 of 14 valves need work"
-    assert (counts.watch, counts.not_judged, counts.no_work) == (1, 4, 4)
+    assert headline == "5 of 19 valves need work"
+    assert (counts.watch, counts.not_judged, counts.no_work) == (1, 9, 4)
     assert headline in text_of((files / "report.html").read_text("utf-8"))
     assert headline in text_of(pages.get("/").text)
     assert headline in text_of(pages.get("/overview").text)
@@ -380,23 +536,20 @@ def test_headline_and_counts_are_the_same(
         counts.no_work,
     ]
     assert headline in str(views.summary([in_brief(item) for item in every_kind()]).title)
-    book = report_of_store(store, tmp_path, run=run)
-    assert headline in book.work_list.counts
+    assert headline in work_list.counts
     by_word = Counter(valve.verdict.value for valve in ranking)
     assert dict(store.run(run).counts) == dict(by_word)
     assert {k: v for k, v in pages.get("/api/v1/valves").json()["counts"].items() if v} == by_word
 
 
 def test_work_orders_are_of_the_valves_that_need_work(
-    ranking: Ranking, stored: tuple[Store, int], tmp_path: Path
+    ranking: Ranking, work_list: WorkList
 ) -> None:
     """And of those that somebody can find out about; severity and order are the ranking's."""
-    store, run = stored
-    book = report_of_store(store, tmp_path, run=run).work_list
-    ordered = {sheet.screening.valve: sheet for sheet in book.to_work_on}
+    ordered = {sheet.screening.valve: sheet for sheet in work_list.to_work_on}
     needing = {valve.screening.valve for valve in ranking if valve.decision.needs_work}
     assert needing == {"FIC-1", "FIC-2", "FIC-3", "FIC-4", "FIC-5"}
-    assert needing | {"PIC-1", "PIC-2", "PIC-3"} == set(ordered)
+    assert needing | {"PIC-1", "PIC-2", "PIC-3", "PIC-5", "PIC-7"} == set(ordered)
     for valve in ranking:
         if valve.screening.valve in ordered:
             sheet = ordered[valve.screening.valve]
@@ -419,7 +572,11 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
     assert ranked[0].recording == ""
     named = {valve.recording for valve in ranked[1:]}
     assert named == {f"{file}, 2026-03-02 07:00" for file in files}
-    report = write_report(every, context(every), tmp_path).html.read_text("utf-8")
+    written = write_report(every, context(every), tmp_path)
+    sources = [(valve.screening.valve, valve.screening.provenance.source) for valve in ranked]
+    for rows in (_rows(written.csv), _workbook(written.xlsx), _objects(tmp_path)):
+        assert [(row["valve"], row["recording"]) for row in rows] == sources
+    report = written.html.read_text("utf-8")
     table = report[report.index('id="ranking-table"') :]
     table = table[: table.index("</table>")]
     terminal = list(views.summary([in_brief(item) for item in every]).columns[1].cells)
@@ -429,10 +586,10 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
     assert ">4 recordings</output>" in report
     assert "3 without a state" not in text_of(report)
     assert "1 out of specification, 1 without a state" in text_of(report)
-    work_list = work_list_of(every, context(every))
-    assert [sheet.screening.valve for sheet in work_list.sheets] == ["FIC-1", "LIC-1"]
-    assert work_list.to_work_on == work_list.sheets
-    page = text_of(work_list_html(work_list).decode())
+    listed = work_list_of(every, context(every))
+    assert [sheet.screening.valve for sheet in listed.sheets] == ["FIC-1", "LIC-1"]
+    assert listed.to_work_on == listed.sheets
+    page = text_of(work_list_html(listed).decode())
     assert "The most urgent of 3 recordings:" in page
     assert ranked.counts.sentence in page
     assert ranked.counts.sentence.startswith("1 of 2 valves needs work; 1 cannot be judged (1 with")
@@ -459,8 +616,8 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     assert ranked.counts.sentence == (
         "None of 3 valves can be judged; 2 with a work order to find out why."
     )
-    work_list = work_list_of(every, context(every))
-    assert [one.screening.valve for one in work_list.to_work_on] == ["C-FIRST", "B-DUMB"]
+    listed = work_list_of(every, context(every))
+    assert [one.screening.valve for one in listed.to_work_on] == ["C-FIRST", "B-DUMB"]
     told = "\n".join(views.undetermined_lines(every))
     assert "C-FIRST" not in told
     assert "A-NONE, B-DUMB" in told

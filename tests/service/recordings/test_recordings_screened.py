@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = pytest.mark.recordings
+pytestmark = [pytest.mark.recordings, pytest.mark.early]
 
 FOLDERS = ("damadics", "uolab", "refinery", "isdb", "emps", "cascaded_tanks", "historian_faults")
 Valves = list[dict[str, Any]]

@@ -6,8 +6,10 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
+from stemwatch.models.mismatch.findings import FreeRuns, Mismatch, RecordEffect
+from stemwatch.models.mismatch.record_effects import late_effect, small_delay_effect
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
 from tests.service.example_mismatches import named
@@ -25,13 +27,18 @@ def limited(op: Floats) -> Floats:
 
 def pictures(op: Floats, mv: Floats) -> list[Picture]:
     """The strokes of a recording with a limit when falling."""
+    return [item for item in all_pictures(op, mv) if item.title.startswith("Stroke")]
+
+
+def all_pictures(op: Floats, mv: Floats, *of_record: RecordEffect) -> tuple[Picture, ...]:
+    """Every picture of a recording with a limit when falling, and what the record did to it."""
     created = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
     recording = Recording(valve="FV-1", signals=created, interval_s=1.0)
     mismatch: Mismatch = named()
     runs = FreeRuns(naive=op, extended=mv, heldout_from=op.size // 2)
     effects = mismatch.effects[:1]
-    result = effect_pictures(recording, replace(mismatch, runs=runs, effects=effects))
-    return [item for item in result if item.title.startswith("Stroke")]
+    mismatch = replace(mismatch, runs=runs, effects=effects, record_effects=of_record)
+    return effect_pictures(recording, mismatch)
 
 
 def test_strokes_are_those_on_which_the_stem_stays_behind() -> None:
@@ -75,3 +82,39 @@ def test_a_gap_is_in_no_stroke() -> None:
     lines = drawings[0].plot.lines[0]
     assert re.match("The only stroke on which ", drawings[0].caption)
     assert lines.y.max() <= 60.0
+
+
+@pytest.mark.parametrize(
+    ("shift", "of_record", "name"),
+    [
+        (1, small_delay_effect(1.0, 1.0), "OP, 1.0 s later"),
+        (-2, late_effect(2.0, 1.0), "OP, 2.0 s earlier"),
+    ],
+)
+def test_a_limit_is_shown_against_op_as_the_stem_had_it(
+    shift: int, of_record: RecordEffect, name: str
+) -> None:
+    """Also where the delay is one of clocks and no physics: it is drawn over MV, and without it
+    speed and error would not belong together."""
+    rng = np.random.default_rng(5151)
+    command = 60.0 + np.repeat(rng.normal(0.0, 8.0, 500), 3)
+    mv = limited(command)
+    every = {
+        item.title: item.plot for item in all_pictures(np.roll(command, -shift), mv, of_record)
+    }
+    assert f"{name}, over MV" in every
+    loops = [plot for title, plot in every.items() if title.startswith("MV against OP")]
+    assert [plot.x_label for plot in loops] == [f"{name}, %"] * 2
+    assert all(plot.equal for plot in loops)
+    for plot in loops:
+        (band,) = [line for line in plot.lines if line.kind == "band"]
+        left, right, low, high = plot.limits
+        assert left <= band.x.min() < band.x.max() <= right
+        assert low <= band.y.min() < band.y.max() <= high
+    signature = every["What shows it: asymmetric rate limit"]
+    (limit,) = [line.label for line in signature.lines if line.kind == "law"]
+    assert re.fullmatch(r"limits: \S+( %/s)? rising, 2\.9\d* %/s falling", limit)
+    (far,) = [line for line in signature.lines if line.label == "recorded, falling"]
+    speeds = far.y[far.x < -2.0 * FALLS_AT]
+    assert speeds.size > 20
+    assert np.mean(np.abs(speeds + FALLS_AT) < 0.1) > 0.95

@@ -212,7 +212,9 @@ def test_zooming_one_plot_zooms_all_of_the_valve(open_page):
     assert [a == b for a, b in zip(dragged, pictures(), strict=True)] == [False] * 4
 
 
-@pytest.mark.parametrize("width", [320, 390, 768])
+@pytest.mark.parametrize(
+    "width", [320, *(pytest.param(width, marks=pytest.mark.long) for width in (390, 768))]
+)
 def test_a_phone_never_scrolls_sideways(open_page, width):
     """At phone width the page is as wide as the screen, details opened."""
     page = open_page(viewport={"width": width, "height": 800})

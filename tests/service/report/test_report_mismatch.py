@@ -204,8 +204,15 @@ def explained_page(make_screening, make_context, tmp_path):
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("which", ["report", "explain"])
+@pytest.mark.parametrize(
+    ("which", "theme"),
+    [
+        ("report", "light"),
+        ("explain", "dark"),
+        pytest.param("report", "dark", marks=pytest.mark.long),
+        pytest.param("explain", "light", marks=pytest.mark.long),
+    ],
+)
 def test_the_section_is_drawn_in_a_browser(browser, written, explained_page, theme, which):
     """Overlay and maps stand, on a phone too, without an error and no wider than the screen."""
     path = {"report": written.html, "explain": explained_page}[which]

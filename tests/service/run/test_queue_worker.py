@@ -27,6 +27,8 @@ import sys, threading
 from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.config import load_plant
 from stemwatch.service.store.store import open_store
+
+pytestmark = pytest.mark.early
 if __name__ == "__main__":
     plant = load_plant(sys.argv[1], environment={})
     with open_store(plant.storage) as store:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
@@ -12,18 +13,43 @@ from typing import Any
 
 import pytest
 
+from tests.service.conftest import plant_with_database
+
 EARLY = ("--to", "2026-03-02T06:15Z")
 LATE = ("--from", "2026-03-02T06:15Z")
 STICKY = "FIC-104"
 
 
-@pytest.fixture
-def plant(plant: Path) -> Path:
-    """The small plant without its healthy valve."""
+def without_healthy(plant: Path) -> Path:
+    """``plant`` without its healthy valve."""
     parts = plant.read_text(encoding="utf-8").split("\n[[valves]]\n")
     kept = [part for part in parts if 'id = "FIC-107"' not in part]
     plant.write_text("\n[[valves]]\n".join(kept), encoding="utf-8")
     return plant
+
+
+@pytest.fixture
+def plant(plant: Path) -> Path:
+    """The small plant without its healthy valve."""
+    return without_healthy(plant)
+
+
+@pytest.fixture(scope="module")
+def first_run(stemwatch, small_plant: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder with plant file, database and results after a run over the first window."""
+    folder = tmp_path_factory.mktemp("first_run")
+    plant = without_healthy(plant_with_database(small_plant, folder))
+    out = folder / "out"
+    outcome = stemwatch("screen", "--plant", plant, *EARLY, "--out", out, "--workers", 1)
+    assert outcome.status == 0, outcome.said
+    return folder
+
+
+@pytest.fixture
+def first(first_run: Path, plant: Path) -> dict[str, Any]:
+    """The sticking valve's object of the first window, which was screened in this test's plant."""
+    shutil.copytree(first_run, plant.parent, dirs_exist_ok=True)
+    return sticking_of(plant.parent / "out")
 
 
 @pytest.fixture
@@ -34,8 +60,7 @@ def screened(stemwatch, plant: Path, tmp_path: Path) -> Callable[..., dict[str, 
         out = tmp_path / "out"
         outcome = stemwatch("screen", "--plant", plant, *arguments, "--out", out, "--workers", 1)
         assert outcome.status == 0, outcome.said
-        valves = json.loads((out / "valves.json").read_text(encoding="utf-8"))
-        return next(valve for valve in valves if valve["valve"] == STICKY)
+        return sticking_of(out)
 
     return screen
 
@@ -51,15 +76,21 @@ def rows(plant: Path) -> Callable[..., list[tuple[Any, ...]]]:
     return query
 
 
+def sticking_of(out: Path) -> dict[str, Any]:
+    """The sticking valve's object of the results in ``out``."""
+    valves = json.loads((out / "valves.json").read_text(encoding="utf-8"))
+    return next(valve for valve in valves if valve["valve"] == STICKY)
+
+
 def trend_of(valve: str, out: Path) -> str:
     """What the report's table says of the change since the run before."""
     with (out / "valves.csv").open(encoding="utf-8-sig", newline="") as table:
         return next(row["trend"] for row in csv.DictReader(table) if row["valve"] == valve)
 
 
-def test_the_same_window_twice_is_one_row(screened, rows) -> None:
+def test_the_same_window_twice_is_one_row(first, screened, rows) -> None:
     """Screening a window again updates its row; both runs stay on record."""
-    first, second = screened(*EARLY), screened(*EARLY)
+    second = screened(*EARLY)
     assert first["stiction"] == second["stiction"]
     counts = rows("SELECT valve, count(*), max(run_id) FROM screenings GROUP BY valve")
     assert sorted(counts) == [("FIC-104", 1, 2), ("FIC-113", 1, 2)]
@@ -69,9 +100,10 @@ def test_the_same_window_twice_is_one_row(screened, rows) -> None:
     )
 
 
-def test_a_later_window_has_a_trend_and_a_baseline_ratio(screened, rows, tmp_path: Path) -> None:
+def test_a_later_window_has_a_trend_and_a_baseline_ratio(
+    first, screened, rows, tmp_path: Path
+) -> None:
     """The second window of the same export is a new row, compared with what was found before."""
-    first = screened(*EARLY)
     assert "baseline_ratio" not in first["indicators"]
     assert "baseline" in first["baseline"].lower()
     assert "first" in trend_of(STICKY, tmp_path / "out")
@@ -88,25 +120,22 @@ def test_a_later_window_has_a_trend_and_a_baseline_ratio(screened, rows, tmp_pat
 
 
 @pytest.mark.long
-def test_the_same_window_again_is_no_change(screened, tmp_path: Path) -> None:
+def test_the_same_window_again_is_no_change(first, screened, tmp_path: Path) -> None:
     """A window is not compared with itself: screened again, it still has no run before it."""
-    screened(*EARLY)
     before = trend_of(STICKY, tmp_path / "out")
     screened(*EARLY)
     assert before == trend_of(STICKY, tmp_path / "out")
 
 
-def test_a_window_is_not_compared_with_itself(screened) -> None:
+def test_a_window_is_not_compared_with_itself(first, screened) -> None:
     """The window that the baseline comes from is said to be the baseline, and gets no ratio."""
-    screened(*EARLY)
     repeated = screened(*EARLY)
     assert repeated["baseline"] == "This window is the baseline."
     assert repeated["residuals"]["baseline"] is None
 
 
-def test_a_valve_keeps_its_first_baseline(screened, rows) -> None:
+def test_a_valve_keeps_its_first_baseline(first, screened, rows) -> None:
     """A second window does not replace the baseline, but the network fitted last is its own."""
-    screened(*EARLY)
     screened(*LATE)
     kept = rows(
         "SELECT kind, window_start, active FROM networks WHERE valve = ? ORDER BY kind", STICKY
@@ -116,9 +145,8 @@ def test_a_valve_keeps_its_first_baseline(screened, rows) -> None:
     assert "06:15" in kept[1][1]
 
 
-def test_maintenance_gives_a_new_baseline(stemwatch, screened, rows, plant: Path) -> None:
+def test_maintenance_gives_a_new_baseline(stemwatch, first, screened, rows, plant: Path) -> None:
     """After work on a valve, the old baseline is said to be outdated and the next window's set."""
-    screened(*EARLY)
     noted = stemwatch(
         "maintenance", STICKY, "--note", "packing renewed", "--plant", plant,
         "--at", "2026-03-02T07:15", "--who", "Anna",
@@ -140,10 +168,9 @@ def test_maintenance_gives_a_new_baseline(stemwatch, screened, rows, plant: Path
 
 
 def test_a_window_before_the_maintenance_is_no_new_baseline(
-    stemwatch, screened, rows, plant: Path
+    stemwatch, first, screened, rows, plant: Path
 ) -> None:
     """Only a window that begins after the work shows the valve as it is now."""
-    screened(*EARLY)
     stemwatch(
         "maintenance", STICKY, "--note", "seat lapped", "--plant", plant,
         "--at", "2026-03-02T06:20Z",
@@ -153,9 +180,8 @@ def test_a_window_before_the_maintenance_is_no_new_baseline(
     assert [("first window with a fit (sticky)",)] == reasons
 
 
-def test_the_user_may_choose_the_baseline(screened, rows) -> None:
+def test_the_user_may_choose_the_baseline(first, screened, rows) -> None:
     """--new-baseline makes this window the baseline, and the one before stays on record."""
-    screened(*EARLY)
     screened(*LATE, "--new-baseline")
     kept = rows(
         "SELECT reason, active FROM networks WHERE valve = ? AND kind = 'baseline' ORDER BY id",
@@ -181,9 +207,8 @@ def test_maintenance_needs_a_store(stemwatch) -> None:
     assert "give --plant plant.toml or --db URL" in outcome.said
 
 
-def test_a_spoilt_baseline_is_said_and_costs_nothing(screened, plant: Path) -> None:
+def test_a_spoilt_baseline_is_said_and_costs_nothing(first, screened, plant: Path) -> None:
     """A baseline whose bytes are damaged is reported; the valve is screened all the same."""
-    screened(*EARLY)
     with closing(sqlite3.connect(plant.parent / "stemwatch.db")) as connection:
         connection.execute("UPDATE networks SET network = x'00112233' WHERE kind = 'baseline'")
         connection.commit()

@@ -28,6 +28,8 @@ from stemwatch.service.store.store import Store
 from tests.service.example_user import make_user
 from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
+pytestmark = pytest.mark.early
+
 
 @pytest.fixture
 def site(tmp_path: Path) -> Iterator[Site]:

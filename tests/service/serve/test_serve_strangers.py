@@ -17,6 +17,8 @@ from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from tests.service.serve.running_service import SERVICE, Site, get, site_in, until
 
+pytestmark = pytest.mark.early
+
 PATIENCE_S = 20.0
 HALF_A_HEADER = b"GET / HTTP/1.1\r\nX-Waits: "
 LONG_BODY = (

@@ -39,8 +39,9 @@ def test_training_again_gives_the_same(trained) -> None:
 def test_the_limits_are_in_order(trained) -> None:
     """No sign below what is suspected, both scores."""
     limits = trained.limits
-    assert 0.0 <= limits.no_sign_below <= limits.suspected_from <= 1.0
-    assert 0.0 < limits.shows_from <= 1.0
+    for no_sign in (limits.no_sign_few, limits.no_sign):
+        assert 0.0 <= no_sign.below <= limits.suspected_from <= 1.0
+        assert 0.0 < no_sign.shows_from <= 1.0
 
 
 @pytest.mark.long

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.models import signal_pairing, validity_checks, wiring_checks
+from stemwatch.models import pv_answers, signal_pairing, validity_checks, wiring_checks
 from stemwatch.models.stickslip import stored_range
 from stemwatch.service.studies.miswiring import AS_IT_IS, draw_miswired
 from stemwatch.service.studies.wiring_limits import (
@@ -25,6 +25,10 @@ CONSTANTS = {
     "moves as fast as OP says: towards OP, least": signal_pairing.TOWARDS_COMMAND[0],
     "moves as fast as OP says: towards OP, most": signal_pairing.TOWARDS_COMMAND[1],
     "moves alone: share of its way": validity_checks.MOVED_WITHOUT_OP,
+    "turns round alone: share of its way": validity_checks.TURNED_AT_THE_END,
+    "PV does not answer it: OP alone tells": pv_answers.OP_ALONE,
+    "PV does not answer it: evident": pv_answers.EVIDENT,
+    "PV does not answer it: S": pv_answers.STICKS_PERCENT,
     "does not go with OP: correlation": validity_checks.UNRELATED,
     "stored in another range: off OP": stored_range.OFF_PERCENT,
     "stored in another range: next range": stored_range.WORSE_PERCENT,

@@ -437,8 +437,16 @@ def sources(tmp_path: Path, chain: ValveChain) -> Path:
 
 
 @needs_compiler
-@pytest.mark.parametrize("more", [[], ["-DFMI3_STANDARD_HEADERS"], ["-DFMI3_FUNCTION_PREFIX=V_"]])
-@pytest.mark.parametrize("chain", [quick_fit(), replace(quick_fit(BENT), one_actuator=False)])
+@pytest.mark.parametrize(
+    ("chain", "more"),
+    [
+        pytest.param(chain, more, marks=[] if (k + kind) in (0, 2) else [pytest.mark.long])
+        for k, chain in enumerate((quick_fit(), replace(quick_fit(BENT), one_actuator=False)))
+        for kind, more in enumerate(
+            ([], ["-DFMI3_STANDARD_HEADERS"], ["-DFMI3_FUNCTION_PREFIX=V_"])
+        )
+    ],
+)
 def test_the_sources_compile_without_a_warning(tmp_path: Path, chain, more: list[str]) -> None:
     """As C99, with every warning an error; also by the standard's own headers, whose declarations
     the functions must then fit."""

@@ -64,8 +64,14 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
     wrong = send("/alerts/settle", alert=[*numbers, "999999"], how="acknowledge", text="x")
     assert wrong.status_code == 404
     assert live.store.alerts.count_open(NOW) == len(numbers)
-    send("/alerts/settle", alert=numbers, how="acknowledge", text="seen in the meeting")
+    done = send("/alerts/settle", alert=numbers, how="acknowledge", text="seen in the meeting")
+    assert (
+        "The alerts that were on the page are acknowledged."
+        in client.get(done.headers["location"]).text
+    )
     assert live.store.alerts.count_open(NOW) == 0
+    noted = client.get("/api/v1/audit", params={"outcome": "done"}).json()[0]
+    assert noted["about"] == f"how acknowledge; alert {', '.join(numbers)}"
     assert {open_alert.comment for open_alert in open_alerts(live.store)} == {"seen in the meeting"}
 
 

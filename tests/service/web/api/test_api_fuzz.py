@@ -42,6 +42,8 @@ FEW = settings(
 
 pytestmark = pytest.mark.hypothesis  # drawn anew by ``make explore``
 
+IN_LONG = [pytest.mark.postgres, pytest.mark.long]
+
 
 class Api:
     """The API of a small plant, and the headers by which each role is let in."""
@@ -94,11 +96,16 @@ def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
 
 @pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
 @pytest.mark.parametrize(
-    "role",
+    ("api", "role"),
     [
-        pytest.param(role, marks=[pytest.mark.long] if role is UserRole.ENGINEER else [])
-        for role in UserRole
+        ("sqlite", UserRole.VIEWER),
+        ("sqlite", UserRole.ADMIN),
+        pytest.param("sqlite", UserRole.ENGINEER, marks=pytest.mark.long),
+        pytest.param("pg", UserRole.ADMIN, marks=pytest.mark.postgres),
+        pytest.param("pg", UserRole.VIEWER, marks=IN_LONG),
+        pytest.param("pg", UserRole.ENGINEER, marks=IN_LONG),
     ],
+    indirect=["api"],
 )
 def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: UserRole) -> None:
     """No failure, no undescribed status, no field of another shape; and whoever lacks the right
@@ -109,6 +116,7 @@ def test_every_answer_is_as_described_whoever_asks(api: Api, name: str, role: Us
 
 
 @pytest.mark.parametrize("name", [*OPERATIONS, *OTHERS])
+@pytest.mark.parametrize("api", ["sqlite", pytest.param("pg", marks=IN_LONG)], indirect=True)
 def test_without_credentials_no_operation_gives_anything(api: Api, name: str) -> None:
     """401 to whatever is sent, as described; only the supervisors' questions are answered."""
     for headers in ({}, {"authorization": "Bearer stw_" + "x" * 43}):

@@ -88,7 +88,7 @@ def test_the_first_admin_arrives_by_the_printed_link(browser, store) -> None:
     assert at.errors == []
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+@pytest.mark.parametrize("theme", ["light", pytest.param("dark", marks=pytest.mark.long)])
 @pytest.mark.parametrize("path", ADMIN_PAGES)
 def test_a_phone_never_scrolls_sideways(opened: Opened, path: str, theme: str) -> None:
     """With everything unfolded, long addresses and a name of 27 signs."""

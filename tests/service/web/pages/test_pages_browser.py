@@ -98,8 +98,16 @@ def drawn(page):
     return page
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("size", [PHONE, DESK], ids=["phone", "desk"])
+# Each size and each theme has its turn in the short run.
+SIZES_AND_THEMES = [
+    pytest.param(PHONE, "dark", id="phone-dark"),
+    pytest.param(DESK, "light", id="desk-light"),
+    pytest.param(PHONE, "light", id="phone-light", marks=pytest.mark.long),
+    pytest.param(DESK, "dark", id="desk-dark", marks=pytest.mark.long),
+]
+
+
+@pytest.mark.parametrize(("size", "theme"), SIZES_AND_THEMES)
 def test_a_valves_plots_are_drawn(opened, theme, size):
     """Signals, loop and months have their lines, on a phone and in the dark as well."""
     page = drawn(opened.page(valve_path(STICKY), color_scheme=theme, viewport=size))
@@ -277,3 +285,44 @@ def test_a_page_stays_when_the_service_goes(opened):
     opened.errors[:] = [
         error for error in opened.errors if "ERR_INTERNET_DISCONNECTED" not in error
     ]
+
+
+@pytest.mark.parametrize("path", ["/overview", "/", "/alerts", "/settings", valve_path(STICKY)])
+def test_paper_has_no_buttons_nothing_cut_off_and_no_sheet_for_the_foot(opened, path):
+    """On A4 each page is as wide as the sheet, and says at its head when it was printed."""
+    page = opened.page(path, viewport=DESK)
+    page.emulate_media(media="print")
+    page.set_viewport_size({"width": 700, "height": 990})
+    assert page.locator("button:visible, footer:visible, nav:visible").count() == 0
+    assert "all times in Europe/Berlin" in page.locator(".printed").inner_text()
+    reach = "all => Math.max(...all.map(one => one.scrollWidth - one.clientWidth))"
+    assert page.locator("html, .sheet:visible").evaluate_all(reach) <= 0
+
+
+def test_at_a_desk_the_head_is_one_line(opened, live):
+    """However long the names of plant and person, no button goes to a second line."""
+    page = opened.page("/overview", viewport={"width": 1280, "height": 800})
+    page.evaluate(
+        """() => {
+            document.querySelector(".plant").textContent = "Refinery of a long name, unit 100";
+            document.querySelector(".whoami a bdi").textContent = "A. B. von und zu Beispielhausen";
+        }"""
+    )
+    lines = page.locator(".brand, .top nav, .whoami, .tools").evaluate_all(
+        "all => all.map(one => one.getBoundingClientRect()).map(box => (box.top + box.bottom) / 2)"
+    )
+    assert max(lines) - min(lines) < 4
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1280
+
+
+def test_a_valves_plots_are_drawn_anew_for_paper(opened):
+    """As wide as the sheet and in ink, whatever the window and theme; afterwards as before."""
+    page = drawn(opened.page(valve_path(STICKY), color_scheme="dark", viewport=DESK))
+    wide = "document.querySelector('.plot-S .uplot').getBoundingClientRect().width"
+    before = page.evaluate(wide)
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.locator("html").get_attribute("data-theme") == "light"
+    assert page.evaluate(wide) < 700 < before
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator("html").get_attribute("data-theme") == "dark"
+    assert page.evaluate(wide) == before

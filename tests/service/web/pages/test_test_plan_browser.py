@@ -38,8 +38,16 @@ def opened(browser, filled: Store) -> Iterator[Opened]:
         site_opened.close()
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-@pytest.mark.parametrize("size", [PHONE, DESK], ids=["phone", "desk"])
+# Each size and each theme has its turn in the short run.
+SIZES_AND_THEMES = [
+    pytest.param(PHONE, "dark", id="phone-dark"),
+    pytest.param(DESK, "light", id="desk-light"),
+    pytest.param(PHONE, "light", id="phone-light", marks=pytest.mark.long),
+    pytest.param(DESK, "dark", id="desk-dark", marks=pytest.mark.long),
+]
+
+
+@pytest.mark.parametrize(("size", "theme"), SIZES_AND_THEMES)
 def test_the_plan_fits_and_is_drawn(opened: Opened, size, theme) -> None:
     """Nothing runs out of the window, the picture has a name and is seen, nothing is logged or
     asked of another machine."""
