@@ -24,7 +24,7 @@ COOKIE = "stemwatch_form"  # for the pages that are open before anybody has sign
 FIELD = "mark"
 MOST_TEXT = 2000
 MOST_FIELDS = 400  # all alerts that a page shows, and what is done with them
-NAMED_IN_AUDIT = ("valve", "alert", "how", "run", "area", "user", "role", "token", "name")
+NAMED_IN_AUDIT = ("how", "valve", "alert", "run", "area", "user", "role", "token", "name")
 TOO_OLD = "This form is too old, or was not opened here. Open the page again and repeat."
 
 

@@ -71,7 +71,7 @@ def test_all_alerts_of_a_page_are_acknowledged_at_once(live, send, client):
     )
     assert live.store.alerts.count_open(NOW) == 0
     noted = client.get("/api/v1/audit", params={"outcome": "done"}).json()[0]
-    assert noted["about"] == f"alert {', '.join(numbers)}; how acknowledge"
+    assert noted["about"] == f"how acknowledge; alert {', '.join(numbers)}"
     assert {open_alert.comment for open_alert in open_alerts(live.store)} == {"seen in the meeting"}
 
 
