@@ -152,7 +152,7 @@ def test_maintenance_gives_a_new_baseline(stemwatch, first, screened, rows, plan
         "--at", "2026-03-02T07:15", "--who", "Anna",
     )  # fmt: skip
     assert noted.status == 0
-    assert "2026-03-02T07:15:00+01:00: packing renewed" in noted.said
+    assert "2026-03-02T07:15+01:00: packing renewed" in noted.said
 
     second = screened(*LATE)
     assert "it describes the valve before maintenance (packing renewed" in second["baseline"]
