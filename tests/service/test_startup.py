@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.early
+
 REPOSITORY = Path(__file__).parents[2]
 # The process that workers are forked from loads what they train with.
 PRELOAD = "stemwatch.service.executors.worker_preload"
@@ -18,7 +20,6 @@ EVERY = """
 import sys
 from importlib import import_module
 
-pytestmark = pytest.mark.early
 for name in sys.argv[1:]:
     import_module(name)
     if "torch" in sys.modules:

@@ -21,6 +21,8 @@ from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
 
+pytestmark = pytest.mark.early
+
 HEALTHY, STICKY, BLIND = "FIC-107", "FIC-104", "FIC-113"
 WORK = """
 import sys, threading
@@ -28,7 +30,6 @@ from stemwatch.service.run.queue_worker import QueueWorker
 from stemwatch.service.config import load_plant
 from stemwatch.service.store.store import open_store
 
-pytestmark = pytest.mark.early
 if __name__ == "__main__":
     plant = load_plant(sys.argv[1], environment={})
     with open_store(plant.storage) as store:

@@ -246,6 +246,8 @@ def test_without_javascript_everything_but_the_plots_is_there(opened):
     page.goto(opened.base + "/")
     page.fill('input[name="q"]', "fic")
     page.get_by_role("button", name="Show").click()
+    # A page that is still arriving has fewer rows.
+    page.wait_for_url("**/?q=fic*")
     assert page.locator("#ranking-table tbody tr").count() == 2
 
 
