@@ -44,6 +44,11 @@ class TagMapping:
     low: float | None = None
     high: float | None = None
 
+    @property
+    def scales(self) -> bool:
+        """Whether the values at 0 % and at 100 % are stated."""
+        return self.low is not None and self.high is not None
+
     def process_range(self, unit: str = "") -> ProcessRange | None:
         """The range in its own unit, or that which the source names; ``None`` where range or unit
         is not known, or is percent already."""

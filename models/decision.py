@@ -283,7 +283,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         )
         advice = (
             f"See whether OP and position are in percent. If they are in {stored.unit}, give low = "
-            f"{stored.low:g}, high = {stored.high:g} for both in the plant file. {advice}"
+            f"{stored.low:g}, high = {stored.high:g} for both in the plant file, else low = 0, "
+            f"high = 100. {advice}"
         )
         confidence = min(confidence, EITHER_RANGE)
     return Decision(

@@ -62,7 +62,8 @@ class Signal:
     ``values`` (n,) float64, NaN where ``quality`` is not GOOD or HELD; ``quality`` (n,) uint8 of
     ``Quality``. ``unit`` is ``%`` when the values are percent of span or of travel. ``interval_s``
     is the signal's own rate of change in the source where that is slower than the clock's.
-    ``range`` has the engineering values behind the percent, where the plant file gives them.
+    ``scaled`` is set where the plant stated the values at 0 and 100 %, which then hold. ``range``
+    has the engineering values behind the percent, where the plant file gives them.
     """
 
     values: Floats
@@ -71,6 +72,7 @@ class Signal:
     unit: str = PERCENT
     interval_s: float | None = None
     range: ProcessRange | None = None
+    scaled: bool = False
 
     def __post_init__(self) -> None:
         values = np.ascontiguousarray(self.values, dtype=np.float64)

@@ -212,6 +212,7 @@ def _signal(
         unit=unit,
         interval_s=own_spacing_s,
         range=mapping.process_range(column.unit),
+        scaled=mapping.scales,
     )
 
 

@@ -140,10 +140,10 @@ def fitting_ranges(recording: Recording) -> list[tuple[float, Role, StoredRange]
 def range_of_both(recording: Recording) -> StoredRange | None:
     """The range with a live zero within which both OP and position stay; ``None`` where there is
     none. They may then be stored so, although they agree as they are: a valve that is hardly open
-    looks the same.
+    looks the same, and is told apart by a plant that states the range of one of them.
     """
     mv = recording.mv
-    if mv is None or not _moves(recording):
+    if mv is None or mv.scaled or recording.op.scaled or not _moves(recording):
         return None
     both = (stored for stored in LIVE_ZERO if stored.holds(recording.op) and stored.holds(mv))
     return next(both, None)

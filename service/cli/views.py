@@ -58,7 +58,7 @@ STYLE = {
 }
 WIDE = 130  # columns of a terminal from which the summary has room for sentences
 LONGEST_TAG = 24  # characters of a tag that stay on one line
-NAMED = 6  # valves that are named for one reason
+NAMED = 6  # valves that are named for one reason, or whose signals are listed
 NARROW, MIDDLE = 76, 100  # below these only what matters most, and what has room beside it
 SHOWN = 40  # lines of the summary; the report has all
 
@@ -286,6 +286,17 @@ def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
         names = ", ".join(valves[:NAMED])
         and_more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
         yield f"[cyan]undetermined[/] [bold]{escape(names)}{and_more}[/]  {escape(reason)}"
+
+
+def signal_lines(screenings: Sequence[Screening]) -> Iterator[str]:
+    """What was read of each valve, where the valves are few."""
+    from stemwatch.service.presenter.wording import signals_read
+
+    for screening in screenings if len(screenings) <= NAMED else ():
+        seen = screening.seen
+        if seen is not None:
+            tags = {role: tag for role, (tag, _) in seen.tags.items()}
+            yield f"[bold]{escape(screening.valve)}[/]  {escape(signals_read(tags))}"
 
 
 def inspection_tables(inspection: Inspection) -> Iterator[Table]:

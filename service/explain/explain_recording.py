@@ -16,10 +16,11 @@ from stemwatch.connectors.connector import ConnectorError
 from stemwatch.models.decision import MORE
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
-from stemwatch.models.recording import Recording, Role
+from stemwatch.models.recording import Recording
 from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.service.explain.requested_recordings import RecordingToExplain
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
+from stemwatch.service.presenter.wording import signals_read
 from stemwatch.service.presenter.work_decision import BAD, FROZEN, obstacle_kind
 from stemwatch.service.run.task import recording_of
 
@@ -43,16 +44,9 @@ class Explained:
 
     @property
     def signals_read(self) -> str:
-        """The tags that were read and what was not, because numbers change with it: PV and set
-        point tell where OP was within its recorder's steps. Empty where nothing was read."""
-        if self.recording is None:
-            return ""
-        signals = self.recording.signals
-        read = [f"{role.value.upper()} {one.tag}" for role, one in signals.items()]
-        missing = [role.value.upper() for role in (Role.PV, Role.SP) if role not in signals]
-        return f"read: {', '.join(read)}" + (
-            f"; without {' and '.join(missing)}" if missing else ""
-        )
+        """The tags that were read and which were not; empty where nothing was read."""
+        signals = {} if self.recording is None else self.recording.signals
+        return signals_read({role: signal.tag for role, signal in signals.items()})
 
 
 @dataclass(frozen=True, kw_only=True)

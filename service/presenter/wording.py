@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import datetime, timedelta, tzinfo
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
 
 NOTHING = "–"
@@ -128,6 +129,16 @@ def window(start: datetime | None, end: datetime | None, zone: tzinfo, zone_name
     if first[:10] == last[:10]:
         last = last[11:]
     return f"{first} to {last} ({zone_name})"
+
+
+def signals_read(tags: Mapping[Role, str]) -> str:
+    """The tags that were read and what was not, because numbers change with it: PV and set point
+    tell where OP was within its recorder's steps. Empty where nothing was read."""
+    if not tags:
+        return ""
+    read = [f"{role.value.upper()} {tag}" for role, tag in tags.items()]
+    missing = [role.value.upper() for role in (Role.PV, Role.SP) if role not in tags]
+    return f"read: {', '.join(read)}" + (f"; without {' and '.join(missing)}" if missing else "")
 
 
 def valves_counted(count: int) -> str:

@@ -56,6 +56,9 @@ def test_both_stored_in_a_range_with_a_live_zero_are_doubted(recording, low, hig
     assert found.times == pytest.approx(100.0 / (high - low))
     assert range_of_both(recording) is None
     assert range_of_both(stored(recording, Role.MV, low, high)) is None
+    for role in (Role.OP, Role.MV):  # the plant has said that this is percent
+        scaled = {**both.signals, role: replace(both.signals[role], scaled=True)}
+        assert range_of_both(replace(both, signals=scaled)) is None
 
 
 @pytest.mark.parametrize(("low", "high"), [(50, 100), (0, 50)])

@@ -40,6 +40,7 @@ def test_op_and_mv_screen_one_valve_named_after_the_file(screened, one_valve: Pa
     assert outcome.status == 0
     assert verdicts(valves) == {"historian": "sticky"}
     assert "sticky historian" in outcome.said
+    assert "historian read: OP FIC-104.OP, MV FIC-104.ZT; without PV and SP" in outcome.said
 
 
 def test_all_roles_and_the_valve_name_can_be_given(screened, one_valve: Path) -> None:

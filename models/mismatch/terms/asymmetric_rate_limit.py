@@ -142,17 +142,17 @@ class AsymmetricRateLimit(CommandTerm):
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:
         up, down = (
-            "at once"
+            "without such a limit"
             if number(parameters[name]) >= 0.99 * FREE
             else f"in about {about_value(inverse(parameters[name], STEP_PERCENT))}"
             for name in ("rate_rising", "rate_falling")
         )
         return FieldTest(
             do=(
-                f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem to its "
-                "place."
+                f"Loop in manual: step OP by {STEP_PERCENT:g} % each way and time the stem from "
+                "where it begins to move, which leaves out a delay, to its place."
             ),
-            fails=f"{up} rising and {down} falling",
+            fails=f"rising {up} and falling {down}",
             passes=(
                 f"both within {STEP_PERCENT / AS_BUILT:g} s, or alike to within "
                 f"{MATERIAL_RATIO} times"

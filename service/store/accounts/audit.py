@@ -13,6 +13,8 @@ from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.storable import from_row
 
 LONGEST = 500  # characters of a field: texts from outside must not fill the database
+LONGEST_ACCOUNT = 10_000  # of what was done to what, which may name every alert of a plant
+CUT = " … (cut)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,13 +43,13 @@ class AuditLog:
             session.add(
                 AuditRow(
                     at=entry.at,
-                    who=entry.who[:LONGEST],
-                    how=entry.how[:LONGEST],
-                    address=entry.address[:LONGEST],
-                    action=entry.action[:LONGEST],
-                    about=entry.about[:LONGEST],
+                    who=_shortened(entry.who),
+                    how=_shortened(entry.how),
+                    address=_shortened(entry.address),
+                    action=_shortened(entry.action),
+                    about=_shortened(entry.about, LONGEST_ACCOUNT),
                     outcome=entry.outcome.value,
-                    detail=entry.detail[:LONGEST],
+                    detail=_shortened(entry.detail, LONGEST_ACCOUNT),
                 )
             )
 
@@ -73,6 +75,11 @@ class AuditLog:
         """The actions that occur in the log, sorted."""
         with self._transactions.reading() as session:
             return list(session.scalars(select(AuditRow.action).distinct().order_by("action")))
+
+
+def _shortened(text: str, longest: int = LONGEST) -> str:
+    """``text``, which says so where its end was left out."""
+    return text if len(text) <= longest else text[: longest - len(CUT)] + CUT
 
 
 def _entry_of(row: AuditRow) -> StoredAuditEntry:

@@ -139,4 +139,5 @@ def _signal(
         tag=column.tag,
         unit=unit,
         range=mapping.process_range(column.unit),
+        scaled=mapping.scales,
     )

@@ -56,6 +56,10 @@ class Form:
         """Every value of a field that may be given more than once."""
         return self._fields.get(name, [])
 
+    def typed(self) -> dict[str, list[str]]:
+        """Every field as it was sent, for a page that shows a refused form again."""
+        return dict(self._fields)
+
     def number(self, name: str, needed: str) -> int:
         """The whole number in a field; 422 with ``needed`` where there is none."""
         return _number(self.text(name, needed=needed), needed)

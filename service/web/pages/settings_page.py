@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from enum import Enum
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -29,7 +30,7 @@ from stemwatch.service.presenter.setting_words import LIMIT_WORDS, RULE_WORDS
 from stemwatch.service.store.runs.browser_settings import SetLimit
 from stemwatch.service.store.runs.schedules import FROM_BROWSER
 from stemwatch.service.web.auth.current_user import SignedIn, note_about
-from stemwatch.service.web.auth.forms import SentForm
+from stemwatch.service.web.auth.forms import Form, SentForm
 from stemwatch.service.web.dependencies import Dependencies, Deps
 from stemwatch.service.web.pages.account_page import to_page
 
@@ -96,7 +97,7 @@ def set_limits(request: Request, deps: Deps, current_user: SignedIn, form: SentF
     try:
         read = checked_limits(deps.site.plant, limits_before, changes)
     except BadSetting as error:
-        return _page(request, deps, message=f"{error}. Nothing is changed.", status=422)
+        return _refused(request, deps, error, form)
     deps.store.browser_settings.set_limits(read, current_user.signature(), deps.now)
     for name, value in read.items():
         new_text = "as in the plant file" if value is None else f"{value:g}"
@@ -106,7 +107,8 @@ def set_limits(request: Request, deps: Deps, current_user: SignedIn, form: SentF
 
 @router.post("/settings/schedule")
 def set_schedule(request: Request, deps: Deps, current_user: SignedIn, form: SentForm) -> Response:
-    """Make a schedule, or change one that was made here."""
+    """Make a schedule, or change one that was made here; what is refused is shown as it was
+    typed."""
     table: dict[str, Any] = {
         "name": form.text("name", longest=100),
         "cron": form.text("cron", longest=100) or None,
@@ -121,7 +123,7 @@ def set_schedule(request: Request, deps: Deps, current_user: SignedIn, form: Sen
         known_valves = [valve.id for valve in deps.store.valves()]
         schedule = checked_schedule(table, deps.store.levels(), known_valves)
     except BadSetting as error:
-        return _page(request, deps, message=f"{error}. Nothing is changed.", status=422)
+        return _refused(request, deps, error, form)
     deps.actions.set_schedule(schedule, current_user.signature(), deps.now)
     return to_page(request, "/settings", "schedule")
 
@@ -149,8 +151,19 @@ def _seconds(text: str, key: str, field: str, unit_s: float) -> dict[str, float]
     return {key: value * unit_s}
 
 
+def _refused(request: Request, deps: Dependencies, error: BadSetting, form: Form) -> HTMLResponse:
+    return _page(
+        request, deps, message=f"{error}. Nothing is changed.", typed=form.typed(), status=422
+    )
+
+
 def _page(
-    request: Request, deps: Dependencies, *, message: str = "", status: int = 200
+    request: Request,
+    deps: Dependencies,
+    *,
+    message: str = "",
+    typed: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    status: int = 200,
 ) -> HTMLResponse:
     plant = deps.site.plant
     return deps.renderer.page(
@@ -160,6 +173,7 @@ def _page(
         here="settings",
         open_alerts=deps.open_alerts(),
         said=message,
+        typed=typed,
         plant=plant,
         limits=_limits(deps),
         limit_words=LIMIT_WORDS,

@@ -269,8 +269,9 @@ def test_a_refusal_that_may_be_to_an_earlier_request_is_not_believed() -> None:
             asyncio.get_running_loop().call_later(self._delay_s(), lambda: self.send(refusal))
 
     async def run() -> list:
-        async with behind_pty(Refusing(Script(0.75, None, 0.0))) as link:
-            return await reads(replace(link, timeout_s=0.5), (0, 4), (0, 3), (9, 5), (9, 2))
+        # Half a time-out after the one, and half before the next: a busy machine is late as well.
+        async with behind_pty(Refusing(Script(2.4, None, 0.0))) as link:
+            return await reads(replace(link, timeout_s=1.6), (0, 4), (0, 3), (9, 5), (9, 2))
 
     silent, doubted = FaultKind.SILENT, FaultKind.NONSENSE
     assert asyncio.run(run()) == [silent, doubted, doubted, doubted]

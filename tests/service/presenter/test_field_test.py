@@ -139,4 +139,4 @@ def test_a_stem_that_is_free_has_no_top_speed() -> None:
     test = catalogue()["asymmetric_rate_limit"].field_test(
         {"rate_rising": free, "rate_falling": slow}
     )
-    assert test.fails == "at once rising and in about 40 s (36 to 44) falling"
+    assert test.fails == "rising without such a limit and falling in about 40 s (36 to 44)"

@@ -141,6 +141,22 @@ def test_a_schedule_that_cannot_hold_is_refused(site: Site, client_of, changes, 
     assert len(site.store.schedules.all()) == 1
 
 
+def test_a_refused_form_comes_back_as_it_was_typed(site: Site, client_of) -> None:
+    """Nobody types ten fields again for one mistake, and what was typed is text and no markup."""
+    sent = NIGHTLY | {"window_hours": "soon", "valves": '"><b>X', "off": "1"}
+    page = sender(client_of(site))("/settings/schedule", **sent).text
+    assert "<details open>" in page
+    for name, value in sent.items():
+        if name in ("name", "cron", "window_hours"):
+            assert f'name="{name}" value="{value}"' in page, name
+    assert 'name="valves" value="&#34;&gt;&lt;b&gt;X"' in page
+    assert 'name="off" value="1" checked' in page
+    assert "<details open>" not in client_of(site).get("/settings").text
+    refused = sender(client_of(site))("/settings/limits", watch_S_percent="a lot")
+    assert refused.status_code == 422
+    assert 'name="watch_S_percent" value="a lot"' in refused.text
+
+
 def test_a_limit_that_is_set_holds_from_the_next_run_on(site: Site, client_of) -> None:
     """It is what pages and runs go by, until it is taken back."""
     client = client_of(site)
