@@ -13,7 +13,7 @@ from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.storable import from_row
 
 LONGEST = 500  # characters of a field: texts from outside must not fill the database
-LONGEST_ACCOUNT = 10_000  # of what was done to what, which may name every alert of a plant
+LONGEST_SIGNED_IN = 10_000  # of what a known user did, which may name every alert of a plant
 CUT = " … (cut)"
 
 
@@ -39,6 +39,7 @@ class AuditLog:
 
     def add(self, entry: AuditEntry) -> None:
         """Add an entry."""
+        longest = LONGEST_SIGNED_IN if entry.how else LONGEST
         with self._transactions.writing("writing the audit log") as session:
             session.add(
                 AuditRow(
@@ -47,9 +48,9 @@ class AuditLog:
                     how=_shortened(entry.how),
                     address=_shortened(entry.address),
                     action=_shortened(entry.action),
-                    about=_shortened(entry.about, LONGEST_ACCOUNT),
+                    about=_shortened(entry.about, longest),
                     outcome=entry.outcome.value,
-                    detail=_shortened(entry.detail, LONGEST_ACCOUNT),
+                    detail=_shortened(entry.detail, longest),
                 )
             )
 

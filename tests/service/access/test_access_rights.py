@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+from dataclasses import replace
 from datetime import timedelta
 
 import pytest
@@ -119,5 +120,8 @@ def test_the_log_is_read_by_who_what_when_and_outcome(store: Store) -> None:
 
 def test_what_somebody_sends_cannot_fill_the_log(store: Store) -> None:
     """Long fields are cut."""
-    store.audit.add(entry(0, about="x" * 10_000))
-    assert len(store.audit.read(AuditFilter())[0].about) == audit.LONGEST
+    for how, longest in (("", audit.LONGEST), ("session", audit.LONGEST_SIGNED_IN)):
+        store.audit.add(replace(entry(0, about="x" * 20_000), how=how))
+        about = store.audit.read(AuditFilter())[0].about
+        assert len(about) == longest
+        assert about.endswith("x … (cut)")
