@@ -6,10 +6,13 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from datetime import datetime, timedelta, tzinfo
+from typing import TYPE_CHECKING
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.recording import Role
 from stemwatch.models.verdict import Verdict
+
+if TYPE_CHECKING:
+    from stemwatch.models.recording import Role  # loads NumPy
 
 NOTHING = "–"
 
@@ -137,7 +140,7 @@ def signals_read(tags: Mapping[Role, str]) -> str:
     if not tags:
         return ""
     read = [f"{role.value.upper()} {tag}" for role, tag in tags.items()]
-    missing = [role.value.upper() for role in (Role.PV, Role.SP) if role not in tags]
+    missing = [name.upper() for name in ("pv", "sp") if name not in tags]
     return f"read: {', '.join(read)}" + (f"; without {' and '.join(missing)}" if missing else "")
 
 

@@ -90,7 +90,7 @@ def test_a_sceptic_sees_what_was_tried_and_the_pictures(written):
     for heading in ("Stroke 1", "Stroke 2", "Stroke 3", "MV against OP: S and J alone"):
         assert f"<figcaption>{heading}" in article
     assert "What shows it: asymmetric rate limit" in article
-    assert "6.9 s (6.5 to 7.4) falling" in article
+    assert "falling in about 6.9 s (6.5 to 7.4)" in article
     assert "Passes:" in article
 
 
