@@ -64,6 +64,7 @@ from stemwatch.models.mismatch.record_effects import (
     late_effect,
     measured_record,
     small_delay_effect,
+    uneven_readings_effect,
     with_steps_resolved,
 )
 from stemwatch.models.mismatch.refined_curve import refined
@@ -75,6 +76,7 @@ from stemwatch.models.mismatch.term_selection import TermScore, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
+from stemwatch.models.mismatch.uneven_readings import UnevenReadings, find_uneven_readings
 from stemwatch.models.mismatch.vibration import find_vibration, vibration_effect, without_vibration
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.percent import without_impossible_values
@@ -231,7 +233,7 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
             naive,
         )
     unsure = "" if effects else reason
-    effects, delays = _but_for_small_delay(effects, evaluator.problem.unit_s)
+    effects, delays = _but_for_clocks(case, hypothesis)
     effects = in_order_of_work(effects)
     finding = _finding(effects, hypothesis.open_end or bool(unsure))
     if not hypothesis.effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
@@ -268,20 +270,40 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
 
-def _but_for_small_delay(
-    effects: tuple[Effect, ...], unit_s: float
+def _but_for_clocks(
+    case: PreparedRecording, hypothesis: AcceptedHypothesis
 ) -> tuple[tuple[Effect, ...], tuple[RecordEffect, ...]]:
     """What is named as physics, and a delay that is not: as long as a sound loop's own, a dead time
-    cannot be told from clocks of the two tags that differ."""
-    small = next(
-        (one for one in effects if one.members == (DELAY,) and one.inherent),
-        None,
-    )
-    if small is None:
+    cannot be told from clocks of the two tags that differ, and no more can what readings of uneven
+    age are late by on the average.
+    """
+    evaluator, effects = hypothesis.evaluator, hypothesis.effects
+    delay = next((one for one in effects if one.slug == DELAY), None)
+    if delay is None:
         return effects, ()
-    delay_s = (small.parameters["theta"].value or 0.0) / unit_s
-    named = tuple(one for one in effects if one is not small)
-    return named, (small_delay_effect(delay_s, unit_s),)
+    named = tuple(one for one in effects if one is not delay)
+    unit_s = evaluator.problem.unit_s
+    delay_s = (delay.parameters["theta"].value or 0.0) / unit_s
+    uneven = _uneven_readings(case, hypothesis)
+    if uneven is not None:
+        age_s = uneven.half_width * evaluator.problem.interval_s
+        beyond_s = np.array([delay_s - age_s])
+        if catalogue()[DELAY].inherent(beyond_s, evaluator.summary):
+            return named, (uneven_readings_effect(age_s, unit_s),)
+    if delay.members == (DELAY,) and delay.inherent:
+        return named, (small_delay_effect(delay_s, unit_s),)
+    return effects, ()
+
+
+def _uneven_readings(
+    case: PreparedRecording, hypothesis: AcceptedHypothesis
+) -> UnevenReadings | None:
+    """The uneven ages of the position's readings, if it has such; averages mix them anyhow."""
+    evaluator, problem = hypothesis.evaluator, hypothesis.evaluator.problem
+    if case.measured.spacing_s > problem.interval_s:
+        return None
+    run, _ = evaluator.assimilated(hypothesis.layout, hypothesis.best)
+    return find_uneven_readings(run, problem.mv, evaluator.measured, problem.sigma)
 
 
 def _restored(mismatch: Mismatch, archive: Archive, evaluator: Evaluator) -> Mismatch:

@@ -87,13 +87,16 @@ def _measured(recording: Recording, measured: MeasuredRecord) -> Floats:
     return np.where(recording.usable & measured.real, recording.mv.values, np.nan)
 
 
-def summary_of(problem: FitProblem) -> RecordingSummary:
-    """The summary of the recording that terms choose their ranges by."""
+def summary_of(problem: FitProblem, spacing_s: float) -> RecordingSummary:
+    """The summary of the recording that terms choose their ranges by.
+
+    ``spacing_s``: how far apart true samples are (``MeasuredRecord``); nothing quicker is told.
+    """
     op, mv = problem.op, problem.mv[problem.scored]
     op_low, op_high = np.percentile(op, (1.0, 99.0))
     mv_low, mv_high = np.percentile(mv, (1.0, 99.0))
     return RecordingSummary(
-        interval_s=problem.interval_s,
+        interval_s=max(problem.interval_s, spacing_s),
         duration_s=problem.op.size * problem.interval_s,
         op_low=float(op_low),
         op_high=float(op_high),
@@ -117,7 +120,8 @@ def prepare(
 
     ``own_reading``: MV is the valve\'s own position and not read from a flow.
     """
-    base = fit_base(problem, summary_of(problem), measured.slack, own_reading=own_reading)
+    summary = summary_of(problem, measured.spacing_s)
+    base = fit_base(problem, summary, measured.slack, own_reading=own_reading)
     candidate = base.fitted.candidates.mean(axis=0)
     simulated = base.evaluator.simulate(base.fitted.layout, candidate)
     summary = base.evaluator.summary

@@ -273,6 +273,21 @@ def _freezing(frozen: Bools, interval_s: float, unit_s: float) -> RecordEffect |
     )
 
 
+def uneven_readings_effect(age_s: float, unit_s: float) -> RecordEffect:
+    """The record effect of position readings of uneven age, ``age_s`` units of ``unit_s`` seconds
+    on the average and up to twice that."""
+    latest_s = 2.0 * age_s
+    return RecordEffect(
+        slug="sampling_jitter",
+        sentence=(
+            f"The position is up to {duration(latest_s, unit_s, '.1f')} older than its stamp, in "
+            "each sample by another amount: within one move it goes to and fro. A delay this "
+            "short cannot be told from it; have OP and position read and stamped by one clock."
+        ),
+        parameters={"latest_s": seconds_of(latest_s, "s", unit_s)},
+    )
+
+
 def late_effect(late_s: float, unit_s: float) -> RecordEffect:
     """The record effect of an OP stored late by ``late_s`` units of ``unit_s`` seconds."""
     return RecordEffect(

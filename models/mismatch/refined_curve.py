@@ -67,7 +67,7 @@ def _base_of(recording: Recording, curve: StrokeCurve) -> BaseFit:
     """S, J and reading alone, fitted to a recording read through the curve."""
     measured = measured_record(recording)
     problem = problem_of(in_travel(recording, curve), measured)
-    return fit_base(problem, summary_of(problem), measured.slack)
+    return fit_base(problem, summary_of(problem, measured.spacing_s), measured.slack)
 
 
 def _correction(recording: Recording, base: BaseFit) -> Floats | None:

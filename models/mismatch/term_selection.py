@@ -85,11 +85,13 @@ class TermScore:
 @dataclass(frozen=True)
 class SelectionStage:
     """One round: what stood before, the scores of all terms on top of it, best first, and those
-    accepted as explaining it, the chosen one first."""
+    accepted as explaining it, the chosen one first; ``promising`` where it was taken for the sake
+    of a second term alone."""
 
     before: Fitted
     scores: tuple[TermScore, ...]
     accepted: tuple[TermScore, ...]
+    promising: bool = False
 
 
 @dataclass(frozen=True)
@@ -336,12 +338,13 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
         simple, scores = conclude(evaluator, refined(evaluator, simple, terms_left, effort))
         if stage == 0:
             first = simple
-        accepted_scores = accepted(evaluator, scores, stage)
+        accepted_scores, promising = accepted(evaluator, scores, stage), False
         if not accepted_scores and stage == 0 and not_little_left(evaluator, simple):
             # Two terms that explain it together may gain nothing one by one; whether both are
             # needed is tested at the end.
             accepted_scores = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
-        stages.append(SelectionStage(simple, tuple(scores), tuple(accepted_scores)))
+            promising = True
+        stages.append(SelectionStage(simple, tuple(scores), tuple(accepted_scores), promising))
         if not accepted_scores:
             break
         simple = conclude(evaluator, refit(evaluator, accepted_scores[0].fitted, POLISH))
@@ -418,8 +421,9 @@ def pruned(
             )
             before = conclude(evaluator, refit(evaluator, start, CAREFUL))
         advantage = gain(evaluator, before, fitted)
-        if not convincing(advantage, evaluator.measured_counts, only.accepted[0].slug):
-            # What was polished on both folds predicts less than it did at its first look.
+        if not _is_needed(evaluator, fitted, only, advantage):
+            # What was polished on both folds predicts less than it did at its first look, or was
+            # taken for the sake of a second term that was not found.
             return before, []
         return fitted, [Needed(only, before, advantage)]
     needed: list[Needed] = []
@@ -429,10 +433,27 @@ def pruned(
         start = conclude(evaluator, scored(layout, reduced(evaluator, fitted, lacking)))
         without_term = conclude(evaluator, refit(evaluator, start, CAREFUL))
         advantage = gain(evaluator, without_term, fitted)
-        if convincing(advantage, evaluator.measured_counts, stage.accepted[0].slug, 1):
+        if _is_needed(evaluator, fitted, stage, advantage, 1):
             needed.append(Needed(stage, without_term, advantage))
         else:
             fitted = without_term
     if len(needed) == 1:
         return pruned(evaluator, fitted, [needed[0].stage])
     return fitted, needed
+
+
+def _is_needed(
+    evaluator: Evaluator,
+    fitted: Fitted,
+    stage: SelectionStage,
+    advantage: Advantage,
+    number: int = 0,
+) -> bool:
+    """True where the hypothesis gains by the term of a stage beyond chance; where that was only
+    promising, and has passed no test of its size, its size must be material as well.
+    """
+    term = stage.accepted[0].term
+    if not convincing(advantage, evaluator.measured_counts, term.slug, number):
+        return False
+    values = fitted.values(term.slug).mean(axis=0)
+    return not stage.promising or term.material(values, evaluator.summary)

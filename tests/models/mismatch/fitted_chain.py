@@ -58,7 +58,7 @@ def hypothesis(*slugs: str) -> TermSet:
 def evaluator_of(recording: Recording, *, delta: float = 0.15) -> Evaluator:
     """The evaluator of a recording before any fit."""
     problem = problem_of(recording, measured_record(recording))
-    summary = summary_of(problem)
+    summary = summary_of(problem, problem.interval_s)
     bounds = base_bounds(problem, summary)
     return make_evaluator(problem, summary, bounds, delta, CANONICAL, first_scatter(summary))
 

@@ -41,7 +41,7 @@ def evaluator_with_slack(recording):
     """The evaluator of a compressed recording as ``explain`` makes it."""
     measured = measured_record(recording)
     problem = problem_of(recording, measured)
-    summary = summary_of(problem)
+    summary = summary_of(problem, problem.interval_s)
     scatter = first_scatter(summary)
     bounds = base_bounds(problem, summary)
     return make_evaluator(problem, summary, bounds, 0.15, CANONICAL, scatter, measured.slack)

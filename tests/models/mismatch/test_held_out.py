@@ -24,7 +24,7 @@ def prepared(*slugs):
     """The scaled evaluator of a valve whose command comes 3 s late, and the terms in question."""
     recording = simulated_by_chain(dead_time=[3.0])
     problem = problem_of(recording, measured_record(recording))
-    evaluator = fit_base(problem, summary_of(problem)).evaluator
+    evaluator = fit_base(problem, summary_of(problem, problem.interval_s)).evaluator
     return evaluator, evaluator.layout(hypothesis(*slugs)), [catalogue()[slug] for slug in slugs]
 
 

@@ -32,7 +32,7 @@ def one_of_two():
     """The result for two effects when the second was not searched for: the first alone."""
     recording = simulated_by_chain(samples=1200, **PAIR)
     problem = problem_of(recording, measured_record(recording))
-    selection = name_terms(fit_base(problem, summary_of(problem)), TERMS)
+    selection = name_terms(fit_base(problem, summary_of(problem, problem.interval_s)), TERMS)
     (needed,) = [item for item in selection.needed if item.term.slug == "dead_time"]
     stages = selection.stages[:2]
     return replace(selection, fitted=stages[1].before, needed=(needed,), stages=stages)

@@ -47,7 +47,7 @@ def begun(recording: Recording):
     """The base of a recording, and every term that does not belong to the reading."""
     problem = problem_of(recording, measured_record(recording))
     terms = [catalogue()[slug] for slug in NAMES]
-    return fit_base(problem, summary_of(problem)), terms
+    return fit_base(problem, summary_of(problem, problem.interval_s)), terms
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 import schemathesis
@@ -72,15 +73,32 @@ class Api:
         return result
 
 
-@pytest.fixture(scope="module", params=["sqlite", pytest.param("pg", marks=pytest.mark.postgres)])
-def api(request, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
-    """The small plant on either engine, without a plant file."""
-    url = f"sqlite:///{tmp_path_factory.mktemp('fuzz') / 'store.db'}"
-    if request.param == "pg":
-        url = request.getfixturevalue("module_postgres_url")
+@contextmanager
+def small_plant(url: str) -> Iterator[Api]:
+    """The small plant in this database, without a plant file."""
     with open_store(url) as store:
         fill(store, months=1)
         yield Api(Site(store=store, clock=lambda: NOW))
+
+
+@pytest.fixture(scope="module")
+def sqlite_api(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Api]:
+    """On SQLite."""
+    with small_plant(f"sqlite:///{tmp_path_factory.mktemp('fuzz') / 'store.db'}") as api:
+        yield api
+
+
+@pytest.fixture(scope="module")
+def pg_api(module_postgres_url: str) -> Iterator[Api]:
+    """On PostgreSQL."""
+    with small_plant(module_postgres_url) as api:
+        yield api
+
+
+@pytest.fixture(params=["sqlite", pytest.param("pg", marks=pytest.mark.postgres)])
+def api(request: pytest.FixtureRequest) -> Api:
+    """The small plant on either engine, made once for all tests: a user has 50 tokens at most."""
+    return request.getfixturevalue(f"{request.param}_api")
 
 
 def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
