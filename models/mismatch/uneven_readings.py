@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 from stemwatch.models.recording import Bools, Floats
 
 # Of 80 simulated valves with a dead time (`prove --effect dead_time --seed 4071`) none gained more
-# than 42; of the 18 of 80 with uneven readings to which a delay was fitted (`prove --effect
+# than 42; of the 17 of 80 with uneven readings to which a delay was fitted (`prove --effect
 # sampling_jitter --seed 4070`) none less than 70.
 LEAST_GAIN = 50.0  # natural logarithm of the likelihood
 HALF_WIDTHS = (0.5, 1.0, 1.5, 2.0)  # samples, of the ages about their mean

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.uneven_readings import HALF_WIDTHS, find_uneven_readings
+from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidden
 
 SIGMA = 0.05
@@ -19,7 +20,8 @@ SAMPLES = 1800
 def stem(seed: int):
     """(n,) a stem that rests for 20 to 40 s, slips by 1 to 3 %, and slides on for some seconds."""
     rng = np.random.default_rng(seed)
-    position, course = 50.0, []
+    position = 50.0
+    course: list[Floats] = []
     while sum(map(len, course)) < SAMPLES:
         side = 1.0 if position < 50.0 else -1.0
         slip, slide = rng.uniform(1.0, 3.0), rng.uniform(0.2, 0.8) * np.arange(1, 6)
