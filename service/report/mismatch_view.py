@@ -183,7 +183,7 @@ def how_both_ran(mismatch: Mismatch) -> str:
         return "of free runs"
     return (
         "slip by slip: both models, in the pictures too, let go where the stem was seen to, as a "
-        "stem that sticks again after each slip is soon a slip ahead or behind in a free run"
+        "free run that misses single breakaways is soon a slip ahead or behind"
     )
 
 

@@ -144,6 +144,27 @@ def test_a_delay_of_about_a_sample_is_mentioned_but_not_named(delay_s, named):
         assert tried.outcome is TriedOutcome.TOO_SMALL
 
 
+def test_where_free_runs_miss_breakaways_both_models_are_judged_slip_by_slip():
+    """In a quiet loop one missed breakaway is an error until the next. What explains the recording
+    by far is named all the same, with a fit that grows and is said to be slip by slip."""
+    case = draw_effect("growing_stiction", 2, 4075, "quiet")[1]
+    case, run = simulate_hidden(case)
+    answer = explain(run.recording)
+    sound(answer, len(run.recording))
+    assert ["growing_stiction"] == [effect.slug for effect in answer.effects]
+    assert answer.heldout.slip_by_slip
+    assert answer.heldout.fit_extended > 65.0
+    assert answer.heldout.gain_low > 0.0
+    assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
+
+
+@pytest.mark.long
+def test_slip_by_slip_nothing_is_named_in_quiet_loops_that_hide_nothing():
+    """The second comparison is no second chance for what is not there."""
+    for case in draw_nulls(12, 4075, "quiet"):
+        assert explain(simulate_hidden(case)[1].recording).effects == ()
+
+
 @hidden
 def test_s_and_j_are_restated_closer_to_the_valve(slug, seed, name, size, within):
     """With the physics accounted for, S and J are near the truth, nearer than S and J alone."""
