@@ -125,6 +125,12 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
+        immaterial = _immaterial(hypothesis)
+        if immaterial:
+            # What explained it as well may be large enough where it stands alone.
+            terms = {slug: term for slug, term in terms.items() if slug not in immaterial}
+            named = named_effects(case, terms)
+            continue
         stand = {effect.slug for effect in hypothesis.effects}
         if stand and not _predicts_as_well(hypothesis):
             worse = worse or _worse(hypothesis)
@@ -143,6 +149,20 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         pinned |= dropped & set(STRAIGHT_LINE)
         terms = {slug: term for slug, term in terms.items() if slug not in dropped}
         named = lacking(named, dropped)
+
+
+def _immaterial(hypothesis: AcceptedHypothesis) -> set[str]:
+    """The effects that are large enough where they were found, and too small on the whole
+    record."""
+    places, summary = hypothesis.layout.places, hypothesis.evaluator.summary
+    if DRIVE in places:
+        return set()  # motor and load are one model
+    return {
+        effect.slug
+        for effect in hypothesis.effects
+        if effect.slug in places
+        and not catalogue()[effect.slug].material(hypothesis.best[places[effect.slug]], summary)
+    }
 
 
 def _whole_record(

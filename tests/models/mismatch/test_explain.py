@@ -158,6 +158,13 @@ def test_where_free_runs_miss_breakaways_both_models_are_judged_slip_by_slip():
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
 
 
+def test_what_is_too_small_on_the_whole_record_is_not_named():
+    """A positioner that overshoots by a hundredth of each move was large enough where it was found;
+    fitted to all of the record it is how good ones are made."""
+    case = draw_nulls(17, 4076, "quiet")[16]
+    assert explain(simulate_hidden(case)[1].recording).effects == ()
+
+
 @pytest.mark.long
 def test_slip_by_slip_nothing_is_named_in_quiet_loops_that_hide_nothing():
     """The second comparison is no second chance for what is not there."""
