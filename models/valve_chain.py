@@ -18,6 +18,7 @@ import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion
+from stemwatch.models.mismatch.terms.bowed_linkage import TO_HEIGHT
 from stemwatch.models.own_clock import seconds_of
 from stemwatch.models.response_figures import OF_FIT
 from stemwatch.models.screening_result import Screening
@@ -199,6 +200,7 @@ _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "flow_force": (("flow_force", "%"),),
     "load_by_position": (("load_linear", "%"), ("load_square", "%"), ("load_cube", "%")),
+    "bowed_linkage": (("bow", "%"),),
     "dwell_dependent_breakaway": (("dwell_breakaway", "%"),),
     "lost_motion": (("play", "%"),),
     "growing_stiction": (("friction_growth", ""),),
@@ -334,6 +336,8 @@ def _named(name: str, value: float, delay: float) -> dict[str, float]:
         "slowness_rising": {"speed_rising": speed},
         "slowness_falling": {"speed_falling": speed},
         "slowness_of_drive": {"top_speed": speed},
+        # A reading that is bent is the same as a force of that shape.
+        "bow": {"load_linear": -TO_HEIGHT * value, "load_cube": TO_HEIGHT * value},
         "supply_share": {"supply_sag": 100.0 * value},
         "inside_low": {"stop_low": value if value > 0.0 else -NO_STOP},
         "inside_high": {"stop_high": 100.0 - value if value > 0.0 else NO_STOP},

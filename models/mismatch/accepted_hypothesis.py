@@ -26,6 +26,7 @@ from stemwatch.models.mismatch.describe_effect import (
     by_events,
     directions,
     effect,
+    told_by,
 )
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.drive import name_drive, starts_of_first_part
@@ -54,6 +55,7 @@ from stemwatch.models.mismatch.reading_errors import (
     values_of,
     without_error,
 )
+from stemwatch.models.mismatch.spring_hysteresis import IMITATED, follows_turns
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
 from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name_terms
@@ -292,7 +294,8 @@ def _terms_that_stand(
     """The effects that stand although something is left, and whether it must be said to be unknown.
 
     Where much is left, an effect must explain a good part of it; a straight line through the
-    reading must do so nearly alone, predict the rest of the record, and leave no bend.
+    reading must do so nearly alone, predict the rest of the record, and leave no bend. An error of
+    the reading, or play, must leave nothing of a spring with hysteresis.
     """
     # An archive that drew lines, or a flow, leaves no noise to compare with.
     noise_known = case.own_reading and not is_compressed(case.measured)
@@ -310,6 +313,9 @@ def _terms_that_stand(
         or convincing(curvature(evaluator, fitted), evaluator.measured_counts, BEND)
     ):
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
+        open_end = open_end or not effects
+    if any(effect.slug in IMITATED for effect in effects) and follows_turns(evaluator, fitted):
+        effects = tuple(effect for effect in effects if effect.slug not in IMITATED)
         open_end = open_end or not effects
     return effects, open_end
 
@@ -354,19 +360,18 @@ def _effects(
     ]
     for reading in reading_errors:
         share = _share(evaluator, reading.without, named.fitted)
-        effects.append(
-            effect(
-                evaluator,
-                reading.term,
-                reading.members,
-                values_of(reading.term.slug, best),
-                np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
-                reading.advantage,
-                share,
-                (reading.without.layout, reading.without.candidates.mean(axis=0)),
-                found_directions,
-            )
+        found_effect = effect(
+            evaluator,
+            reading.term,
+            reading.members,
+            values_of(reading.term.slug, best),
+            np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
+            reading.advantage,
+            share,
+            (reading.without.layout, reading.without.candidates.mean(axis=0)),
+            found_directions,
         )
+        effects.append(told_by(found_effect, reading.tells))
     return tuple(sorted(effects, key=lambda item: -item.evidence.mean))
 
 
