@@ -80,7 +80,8 @@ class AcceptedHypothesis:
     """A hypothesis fitted to the whole record, with the effects that were accepted.
 
     ``drawn`` returns the candidates (m, size) of its bootstrap. ``worse`` says, where it is not
-    empty, that another effect was dropped because it made the prediction of unseen samples worse.
+    empty, that another effect was dropped because it made the prediction of unseen samples worse;
+    ``spring`` that one was dropped because a spring with hysteresis stands behind it.
     """
 
     evaluator: Evaluator
@@ -93,6 +94,7 @@ class AcceptedHypothesis:
     shown: HeldOutComparison
     named: Named
     worse: str = ""
+    spring: bool = False
 
 
 def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
@@ -123,7 +125,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     terms = admissible(case.refused)
     named = named_effects(case, terms)
     pinned: set[str] = set()
-    worse = ""
+    worse, spring = "", False
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -133,6 +135,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             terms = {slug: term for slug, term in terms.items() if slug not in immaterial}
             named = named_effects(case, terms)
             continue
+        spring = spring or hypothesis.spring
         stand = {effect.slug for effect in hypothesis.effects}
         if stand and not _predicts_as_well(hypothesis):
             worse = worse or _worse(hypothesis)
@@ -147,7 +150,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             return hypothesis
         dropped = proposed - stand
         if not dropped:
-            return replace(hypothesis, worse=worse)
+            open_end = hypothesis.open_end or (spring and not stand)
+            return replace(hypothesis, worse=worse, open_end=open_end, spring=spring)
         pinned |= dropped & set(STRAIGHT_LINE)
         terms = {slug: term for slug, term in terms.items() if slug not in dropped}
         named = lacking(named, dropped)
@@ -201,11 +205,23 @@ def _whole_record(
     )
     comparison = compare_held_out(evaluator, layout, in_turn, case.ceiling, of_drive, first_part)
     effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
+    # An error of the reading, or play, must leave nothing of a spring with hysteresis.
+    spring = any(one.slug in IMITATED for one in effects) and follows_turns(evaluator, fitted)
+    effects = tuple(one for one in effects if not (spring and one.slug in IMITATED))
     if effects and DRIVE not in layout.places:
         comparison = _as_it_is_judged(comparison, effects, layout, first_part)
     proposed = {candidate.slug for candidate in candidates}
     hypothesis = AcceptedHypothesis(
-        evaluator, layout, fitted, best, drawn_candidates, effects, open_end, comparison, named
+        evaluator,
+        layout,
+        fitted,
+        best,
+        drawn_candidates,
+        effects,
+        open_end,
+        comparison,
+        named,
+        spring=spring,
     )
     return hypothesis, proposed
 
@@ -294,8 +310,7 @@ def _terms_that_stand(
     """The effects that stand although something is left, and whether it must be said to be unknown.
 
     Where much is left, an effect must explain a good part of it; a straight line through the
-    reading must do so nearly alone, predict the rest of the record, and leave no bend. An error of
-    the reading, or play, must leave nothing of a spring with hysteresis.
+    reading must do so nearly alone, predict the rest of the record, and leave no bend.
     """
     # An archive that drew lines, or a flow, leaves no noise to compare with.
     noise_known = case.own_reading and not is_compressed(case.measured)
@@ -313,9 +328,6 @@ def _terms_that_stand(
         or convincing(curvature(evaluator, fitted), evaluator.measured_counts, BEND)
     ):
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
-        open_end = open_end or not effects
-    if any(effect.slug in IMITATED for effect in effects) and follows_turns(evaluator, fitted):
-        effects = tuple(effect for effect in effects if effect.slug not in IMITATED)
         open_end = open_end or not effects
     return effects, open_end
 

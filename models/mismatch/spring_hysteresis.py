@@ -18,7 +18,7 @@ from stemwatch.models.stickslip.fit import Advantage, advantage
 
 WAYS = (3.0, 6.0, 12.0)  # percent of travel
 # What takes its place: errors of the reading, and play.
-IMITATED = ("zero_shift", "span_error", "bowed_linkage", "sensor_drift", "lost_motion")
+IMITATED = ("zero_shift", "span_error", "bowed_linkage", "lost_motion")
 # Least mean log ratio of the losses and least t of what is left. Of eight valves with a span error
 # none leaves more than 0.01 (t 0.3), of six whose spring was taken for one, or for play, none less
 # than 0.06 (t 1.0): seed 4060, development.
