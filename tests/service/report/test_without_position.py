@@ -150,7 +150,7 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "suspected there: A, B. Of 185" in suspected_sentence(["A", "B"])
+    assert "suspected there: A, B. Of 858" in suspected_sentence(["A", "B"])
 
 
 def cannot_tell(reason: str, score: float | None = None) -> WithoutPosition:
