@@ -36,7 +36,10 @@ def plan_of(
 
 
 def _without_position(plan: FieldTestPlan) -> FieldTestPlan:
-    reason = "the position (MV) is not recorded, and OP and PV alone tell nothing of the stem"
+    reason = (
+        "the position (MV), by which its recording would be judged, is not there; a bump test by "
+        "hand tells, or an hour with a portable transmitter"
+    )
     return replace(plan, kind=PlanKind.CANNOT_TELL, rivals=(), test=None, reason=reason)
 
 

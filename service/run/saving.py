@@ -9,6 +9,7 @@ from datetime import datetime
 
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.work_decision import decide
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
@@ -186,7 +187,7 @@ def keep_network(screening: Screening, store: Store, *, new_baseline: bool = Fal
     if screening.network is None or screening.verdict not in WITH_VERDICT:
         return
     blob = screening.network.to_bytes()
-    kept_because = f"fitted to a window that was {screening.verdict.value}"
+    kept_because = f"fitted to a window that was {_state(screening).value}"
     store.set_fitted(screening.valve, blob, window=screening.window, reason=kept_because)
     reason = _due(screening, store, new_baseline)
     if reason:
@@ -195,7 +196,7 @@ def keep_network(screening: Screening, store: Store, *, new_baseline: bool = Fal
 
 def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
     """Why this window becomes the valve's baseline; empty where it does not."""
-    state = screening.verdict.value
+    state = _state(screening)
     if new_baseline:
         return f"window chosen by the user ({state})"
     baseline = store.baseline(screening.valve)
@@ -203,9 +204,14 @@ def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
         return f"first window with a fit ({state})"
     if baseline.maintenance is not None and _after(screening, baseline.maintenance.at):
         return f"first window after maintenance ({state})"
-    if screening.verdict is Verdict.HEALTHY and f"({Verdict.HEALTHY.value})" not in baseline.reason:
+    if state is Verdict.HEALTHY and f"({Verdict.HEALTHY})" not in baseline.reason:
         return f"first healthy window ({state})"
     return ""
+
+
+def _state(screening: Screening) -> Verdict:
+    """The verdict on the valve as a whole, which its pages show too."""
+    return decide(screening, stands=None).verdict
 
 
 def _after(screening: Screening, instant: datetime) -> bool:
