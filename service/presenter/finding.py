@@ -22,7 +22,6 @@ from stemwatch.service.presenter.physics_words import effect_name, effect_names,
 from stemwatch.service.presenter.suspicion_words import worth_a_test_sentence
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
-    figure,
     finite,
     not_yet_said,
     share,

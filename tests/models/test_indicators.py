@@ -104,7 +104,7 @@ def test_dead_band_and_wear():
 
 
 def test_S_and_J_are_the_only_ones_of_a_valve():
-    """S - J and S in percent of the swing are of the S and J that the pages show, restated or not."""
+    """S - J and S in percent of the swing are of the S and J that the pages show."""
     fit = fit_stickslip(simulated().recording)
     S, J = Estimate(value=3.0, unit="%"), Estimate(value=1.0, unit="%")
     results = {item.name: item.value for item in indicators.of_friction(fit, S, J)}
