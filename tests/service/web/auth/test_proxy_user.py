@@ -61,6 +61,10 @@ def test_whom_a_trusted_proxy_names_is_signed_in(live: Site, tmp_path: Path) -> 
         page = client.get("/", headers={HEADER: ENGINEER})
         assert STICKY in page.text
         assert "/logout" not in page.text  # the proxy would sign in again at once
+        account = client.get("/account", headers={HEADER: ENGINEER}).text
+        assert "Signed in" in account
+        assert "/logout" not in account
+        assert "Change the password" not in account
         assert client.get("/users", headers={HEADER: ENGINEER}).status_code == 403
 
 
