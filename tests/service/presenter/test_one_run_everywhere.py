@@ -610,6 +610,7 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
         assert [f"LIC-1\n{file}" in str(cell) for cell in terminal].count(True) == 1
     assert ">4 recordings</output>" in report
     assert "3 without a state" not in text_of(report)
+    assert "Of the recordings:" in text_of(report)
     assert "1 out of specification, 1 without a state" in text_of(report)
     listed = work_list_of(every, context(every))
     assert [sheet.screening.valve for sheet in listed.sheets] == ["FIC-1", "LIC-1"]
