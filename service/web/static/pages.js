@@ -32,10 +32,12 @@
   function put(part, fresh) {
     var stops = "a, button, summary, [tabindex]", folded = {};
     var at = Array.from(part.querySelectorAll(stops)).indexOf(document.activeElement);
-    part.querySelectorAll("details").forEach(function (one) { folded[one.firstElementChild.textContent] = one.open; });
+    // A summary may count what is in it, and one more is the same summary.
+    function named(one) { return one.firstElementChild.textContent.replace(/\d+/g, ""); }
+    part.querySelectorAll("details").forEach(function (one) { folded[named(one)] = one.open; });
     part.innerHTML = fresh.innerHTML;
     part.querySelectorAll("details").forEach(function (one) {
-      var name = one.firstElementChild.textContent;
+      var name = named(one);
       if (name in folded) one.open = folded[name];
       else if (one.dataset.wide !== undefined && window.matchMedia("(max-width: 760px)").matches) one.open = false;
     });
@@ -48,16 +50,18 @@
   function renew(parts) {
     return ask(location.href, "text/html").then(function (text) {
       var page = new DOMParser().parseFromString(text, "text/html");
-      var all = parts.map(function (part) {
+      var changed = false, all = parts.map(function (part) {
         var fresh = page.getElementById(part.id);
         if (inUse(part)) return false;
         if (fresh && fresh.innerHTML !== part.dataset.seen) {
           put(part, fresh);
+          changed = true;
           part.dataset.seen = fresh.innerHTML;
         }
         return true;
       }).every(Boolean);
-      document.dispatchEvent(new CustomEvent("renewed", { detail: { page: page, all: all } }));
+      // Asked again until nobody writes any more: what draws itself need not draw again each time.
+      if (changed || all) document.dispatchEvent(new CustomEvent("renewed", { detail: { page: page, all: all } }));
       return all;
     });
   }
