@@ -227,6 +227,15 @@ def _cannot_tell(reason: str, advice: str, score: float | None = None) -> Withou
     )
 
 
+def too_little_moved(found: WithoutPosition, reason: str, remedy: str) -> WithoutPosition:
+    """``found``, where the verdict on the position says by ``reason`` that a sticking stem would
+    not show in what OP did: then that OP and PV show no sign of it says nothing either.
+    """
+    if found.verdict is not Suspicion.NO_SIGN:
+        return found
+    return _cannot_tell(reason, remedy, found.score)
+
+
 def _unusable(recording: Recording) -> tuple[str, str] | None:
     """Why OP and PV of this recording show nothing at all, and what to do; ``None`` where they
     do."""
