@@ -61,7 +61,7 @@ def test_an_op_that_hardly_moves_is_no_ground_for_the_process_either():
     quiet = PlantLoop(
         valve=SimulatedValve(S=0.3, J=0.0),
         setpoints=((0.0, 51.3),),
-        loads=(Load(kind=LoadKind.COLOURED, size=0.02, time_s=60.0),),
+        loads=(Load(kind=LoadKind.COLOURED, size=0.05, time_s=30.0),),
         duration_s=3600.0,
     )
     recording = simulate_loop(quiet, 3).recording
