@@ -133,12 +133,12 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     joined_now: list[str] = []
     for seen in gathered(store, plant, valves_done, over_weeks(store, run_id, valves_done)):
         raised_now, closed = apply_rules(seen, plant.alerts)
-        of_valve, spoken_for = one_per_cause(
+        of_valve, merged_causes = one_per_cause(
             raised_now, open_before - set(closed), faded(seen, plant.alerts)
         )
         raised += [come_again(seen, alert) for alert in of_valve]
         renamed = {former for alert in of_valve for former in alert.formerly}
-        joined_now += [one for one in spoken_for if one in open_before - renamed]
+        joined_now += [one for one in merged_causes if one in open_before - renamed]
         why = CLEARED if seen.fall is None else f"{CLEARED}: {seen.fall.sentence}"
         ended |= {one: why for one in closed if one in open_before}
         if seen.fall is not None:

@@ -312,7 +312,7 @@ def one_per_cause(
     have ``faded``.
     """
     by_kind = {alert.kind: alert for alert in raised}
-    spoken_for: dict[AlertKind, list[RaisedAlert]] = {}
+    merged_into: dict[AlertKind, list[RaisedAlert]] = {}
     joined: list[str] = []
     for kind, alert in by_kind.items():
         valve = alert.valve or ""
@@ -325,13 +325,13 @@ def one_per_cause(
             None,
         )
         if lead is not None:
-            spoken_for.setdefault(lead, []).append(alert)
+            merged_into.setdefault(lead, []).append(alert)
             joined.append(cause(kind, valve))
-    merged_kinds = {alert.kind for alerts in spoken_for.values() for alert in alerts}
+    merged_kinds = {alert.kind for alerts in merged_into.values() for alert in alerts}
     lead_kinds = [kind for kind in LEADS if kind in by_kind and kind not in merged_kinds]
     told = []
     for kind in lead_kinds:
-        merged = spoken_for.get(kind, ())
+        merged = merged_into.get(kind, ())
         former = {cause(other.kind, other.valve or "") for other in (by_kind[kind], *merged)}
         former |= {
             cause(other, by_kind[kind].valve or "")
