@@ -18,8 +18,8 @@ def lag_by_direction(
 ) -> None:
     """Lag of ``command`` (n,) into ``out`` (n,), in its unit; at rest where ``marks`` (n,) are 1.
 
-    ``dt`` is the interval, and ``down_s`` are the time constants towards a higher and a lower command, seconds; equal ones are the
-    plain lag.
+    ``dt`` is the interval, ``up_s`` and ``down_s`` the time constants towards a higher and a lower
+    command, seconds; equal ones are the plain lag.
     """
     up = 1.0 - np.exp(-dt / up_s) if up_s > 1e-3 else 1.0
     down = 1.0 - np.exp(-dt / down_s) if down_s > 1e-3 else 1.0
