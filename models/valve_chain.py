@@ -288,7 +288,7 @@ _OF_QUICK_FIT = {
 
 def _of_quick_fit(screening: Screening) -> dict[str, float]:
     """Actuator and zero of the reading, by the indicators."""
-    known = {name: one.value for name, one in screening.indicators.items()}
+    known = {name: indicator.value for name, indicator in screening.indicators.items()}
     own = {_OF_QUICK_FIT[OF_FIT[name]]: known[name] for name in OF_FIT if name in known}
     return own | {"reading_zero": known.get("position_zero_percent", 0.0)}
 

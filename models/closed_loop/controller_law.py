@@ -58,7 +58,7 @@ def controller_law(op: Floats, pv: Floats, sp: Floats) -> ControllerLaw | str:
             f"OP follows set point and PV by a PI or PID law for only "
             f"{100.0 * max(explained, 0.0):.0f} % of what it does (the loop may be in manual)"
         )
-    _, gain, per_sample, gain_change = (float(one) for one in found[:4])
+    _, gain, per_sample, gain_change = (float(weight) for weight in found[:4])
     gain_sp = float(found[4]) if moves else gain
     told = gain_sp * sp - gain * pv + per_sample * integral + gain_change * change
     return ControllerLaw(
