@@ -15,7 +15,7 @@ from stemwatch.service.alerts.rules import (
     RATIO,
     ValveRecord,
     apply_rules,
-    come_again,
+    with_earlier_cause,
     faded,
     one_per_cause,
 )
@@ -136,7 +136,7 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
         of_valve, merged_causes = one_per_cause(
             raised_now, open_before - set(closed), faded(seen, plant.alerts)
         )
-        raised += [come_again(seen, alert) for alert in of_valve]
+        raised += [with_earlier_cause(seen, alert) for alert in of_valve]
         renamed = {former for alert in of_valve for former in alert.formerly}
         joined_now += [cause for cause in merged_causes if cause in open_before - renamed]
         why = CLEARED if seen.fall is None else f"{CLEARED}: {seen.fall.sentence}"

@@ -255,7 +255,7 @@ SAME_TROUBLE = {
 }
 
 
-def come_again(record: ValveRecord, alert: RaisedAlert) -> RaisedAlert:
+def with_earlier_cause(record: ValveRecord, alert: RaisedAlert) -> RaisedAlert:
     """The alert, with the causes under which the same trouble may have closed, and since when it
     must have been there for that."""
     newest = next(
