@@ -15,9 +15,9 @@ from stemwatch.service.alerts.rules import (
     RATIO,
     ValveRecord,
     apply_rules,
-    with_earlier_cause,
     faded,
     one_per_cause,
+    with_earlier_cause,
 )
 from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant
