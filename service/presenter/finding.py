@@ -22,7 +22,6 @@ from stemwatch.service.presenter.physics_words import effect_name, effect_names,
 from stemwatch.service.presenter.suspicion_words import worth_a_test_sentence
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
-    figure,
     finite,
     not_yet_said,
     share,
@@ -193,11 +192,8 @@ def present_effect(effect: Effect) -> PresentedEffect:
 def _evidence(effect: Effect) -> str:
     """The evidence for the effect: how much of the error it removes on held-out samples."""
     evidence = effect.evidence
-    t = "" if finite(evidence.t) is None else f" (t {figure(evidence.t, 2)})"
-    removed = (
-        f"It removes {share(evidence.share)} of the squared residual on blocks it was not fitted"
-    )
-    return f"{removed} to{t}. {evidence.note}".rstrip()
+    squared = "Of the squared error on unseen blocks, in which large errors count most, it removes"
+    return f"{evidence.note} {squared} {share(evidence.share)}.".lstrip()
 
 
 def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
