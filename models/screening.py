@@ -335,7 +335,7 @@ def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
     """
     if screening.verdict not in (Verdict.STICKY, Verdict.WATCH):
         return screening
-    numbers = {name: one.value for name, one in screening.indicators.items()}
+    numbers = {name: indicator.value for name, indicator in screening.indicators.items()}
     slope = 1.0 if fitted.curve is None else fitted.curve.slope
     valve = FittedValve.of(screening.S, screening.J, numbers, slope)
     loop = valve if isinstance(valve, str) else fit_loop(fitted.case.recording, valve)
@@ -344,7 +344,10 @@ def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
     repaired = indicators.of_repair(predict(loop, REPAIRED, fitted.case.target_band))
     return replace(
         screening,
-        indicators={**screening.indicators, **{one.name: one for one in repaired}},
+        indicators={
+            **screening.indicators,
+            **{indicator.name: indicator for indicator in repaired},
+        },
     )
 
 

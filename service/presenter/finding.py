@@ -224,7 +224,11 @@ def why_no_work(effects: Sequence[Effect]) -> str:
     """Why ``effects`` need no work: they belong to the design of the machine, or are small
     enough."""
     words = {effect.slug: term_words(effect.slug) for effect in effects}
-    small = {slug: one.no_work for slug, one in words.items() if one is not None and one.no_work}
+    small = {
+        slug: effect_words.no_work
+        for slug, effect_words in words.items()
+        if effect_words is not None and effect_words.no_work
+    }
     as_built = [effect.slug for effect in effects if effect.slug not in small]
     sentences = [f"{_capital(effect_name(slug))} is {reason}." for slug, reason in small.items()]
     if as_built:

@@ -136,7 +136,7 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
         for (verdict, _, advice), valves in loops.items()
     ]
     order = (Suspicion.SUSPECTED, Suspicion.CANNOT_TELL, Suspicion.NO_SIGN)
-    return tuple(sorted(steps, key=lambda one: (order.index(one.verdict), -len(one.loops))))
+    return tuple(sorted(steps, key=lambda step: (order.index(step.verdict), -len(step.loops))))
 
 
 def _signal_to_mend(screening: AnsweredLoop) -> bool:

@@ -94,7 +94,7 @@ def read_oscillations(
                 history=_history(row, rows),
             )
         )
-    return sorted(kept_oscillations, key=lambda one: (one.over, -_moved(one.group)))
+    return sorted(kept_oscillations, key=lambda kept: (kept.over, -_moved(kept.group)))
 
 
 def _moved(group: OscillationGroup) -> float:
