@@ -25,7 +25,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.stickslip.breakaways import distances
+from stemwatch.models.stickslip.breakaways import LEAST_J, distances
 from stemwatch.models.stickslip.onsets import Samples, onsets
 from stemwatch.models.stickslip.problem import FitProblem
 
@@ -67,9 +67,10 @@ class SlipLevels:
 
     @property
     def may_slide(self) -> bool:
-        """Whether a slip is no larger than what OP goes in its sample: a stem that slides on with
-        its command, without any jump, would be seen at the same places."""
-        return self.J <= self.per_sample
+        """Whether a slip is no larger than what OP goes in its sample, or than what looks like
+        creep: a stem that slides on with its command, without any jump, would be seen at the same
+        places."""
+        return self.J <= max(self.per_sample, LEAST_J)
 
     @property
     def S(self) -> float:
