@@ -131,8 +131,8 @@ class Breakaways:
     a share of the level. ``rate`` is the command's move in the sample of a slip, percent of OP
     (median); ``step`` the resolution of the position's recorder where it is coarse, and ``places``
     the number of different resting places in it. ``least_seen`` is how far a stem must depart to be
-    seen, and ``fitted_J`` the jump of the fit, percent of OP. ``tried`` are the levels for each delay of the
-    stem, with ``weights`` that sum to one.
+    seen, and ``fitted_J`` the jump of the fit, percent of OP. ``tried`` are the levels for each
+    delay of the stem, with ``weights`` that sum to one.
     """
 
     count: int
