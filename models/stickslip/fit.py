@@ -484,7 +484,14 @@ def _begun_at_slips(
     """
     S, J = S_and_J(fitted.candidate)
     gain, zero = 1.0 + float(fitted.candidate[coordinate.GAIN]), fitted.candidate[coordinate.ZERO]
-    seen = seen_breakaways(evaluator.problem, gain, zero, max(J, LEAST_J)) if gain else None
+    if gain == 0.0:
+        return fitted, None, None
+    seen = seen_breakaways(evaluator.problem, gain, zero, max(J, LEAST_J))
+    if seen is None and J >= LEAST_J:
+        # A fitted jump larger than all that are seen leaves none of them.
+        size = events_of(evaluator.problem, fitted.candidate).size / abs(gain)
+        if LEAST_J <= size < J:
+            seen = seen_breakaways(evaluator.problem, gain, zero, size)
     if seen is None or (J >= LEAST_J and seen.near(0.5 * (S + J))):
         return fitted, None, None
     start = fitted.candidate.copy()

@@ -166,15 +166,17 @@ def test_a_level_far_from_the_fitted_one_is_not_the_elements():
     assert breakaways(make_problem(recording), 1.0, 0.0, 3.0 * valve.S, valve.J) is None
 
 
-def begun(loss_share: float, S_share: float):
-    """What a search begun at the slips makes of a fit with this share of the true S, and with a
-    loss that is this share of the best run's."""
+def begun(loss_share: float, S_share: float, ratio: float | None = None):
+    """What a search begun at the slips makes of a fit with this share of the true S, with J this
+    ``ratio`` of it, and with a loss that is this share of the best run's."""
     valve, recording = sticking(2)
     fit = fit_stickslip(recording)
     every_block = np.ones(fit.evaluator.problem.n_blocks, dtype=bool)
     best = float(fit.evaluator.loss(every_block)(fit.candidate[None, :])[0])
     other = fit.candidate.copy()
     other[parameters.S_PERCENT] = S_share * valve.S
+    if ratio is not None:
+        other[parameters.RATIO] = ratio
     return (
         valve,
         other,
@@ -182,9 +184,10 @@ def begun(loss_share: float, S_share: float):
     )
 
 
-def test_slips_decide_between_two_fits_that_are_about_as_good():
-    """A search may end at half of S, with nearly the least loss."""
-    valve, _, (fitted, slips, unneeded) = begun(0.95, 0.5)
+@pytest.mark.parametrize(("S_share", "ratio"), [(0.5, None), (2.0, 0.9)])
+def test_slips_decide_between_two_fits_that_are_about_as_good(S_share, ratio):
+    """A search may end at half of S, or at a jump larger than any that is seen."""
+    valve, _, (fitted, slips, unneeded) = begun(0.95, S_share, ratio)
     assert slips is not None
     assert unneeded is None
     assert (slips.S, slips.J) == pytest.approx((valve.S, valve.J), abs=0.4)
