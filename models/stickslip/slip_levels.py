@@ -51,7 +51,7 @@ MODEL_ERROR = 0.02  # of the level, for either level, as for breakaways that are
 # A slip is seen where it leaves the noise (``onsets.least_departure``). Of those about that size
 # only the larger ones are, so that J comes out too large by this share of it, half of it in either
 # level, and S does not: 0.43 of it behind averages of 10 s, 0.37 every 5 and 10 s (115 recordings
-# of 64 sticking valves of `stemwatch robustness`, seeds 5151, 7171, 8181; either half of the seeds
+# of 69 sticking valves of `stemwatch robustness`, seeds 5151, 7171, 8181; either half of the seeds
 # takes a third off the error of J in the other).
 UNSEEN_SHARE = 0.4
 WITHIN = 0.3  # of the command's move in a sample: the time of a slip within its average
