@@ -41,8 +41,8 @@ class Estimate:
 
     def holding(self, *others: Estimate) -> Estimate:
         """The same value, with an interval that holds those of ``others`` too."""
-        lows = [one.low for one in (self, *others) if one.low is not None]
-        highs = [one.high for one in (self, *others) if one.high is not None]
+        lows = [estimate.low for estimate in (self, *others) if estimate.low is not None]
+        highs = [estimate.high for estimate in (self, *others) if estimate.high is not None]
         return replace(self, low=min(lows, default=None), high=max(highs, default=None))
 
     def contradicts(self, other: Estimate) -> bool:

@@ -290,7 +290,7 @@ _OF_QUICK_FIT = {
 
 def _of_quick_fit(screening: Screening) -> dict[str, float]:
     """Actuator and zero of the reading, by the indicators."""
-    known = {name: one.value for name, one in screening.indicators.items()}
+    known = {name: indicator.value for name, indicator in screening.indicators.items()}
     own = {_OF_QUICK_FIT[OF_FIT[name]]: known[name] for name in OF_FIT if name in known}
     return own | {"reading_zero": known.get("position_zero_percent", 0.0)}
 
@@ -309,21 +309,21 @@ def _of_published(question: OpenQuestion) -> dict[str, float]:
     base = np.array(question.published.base).mean(axis=0)
     restick = float(base[base_coordinate.RESTICK])
     restick = restick if restick > 0.0 else question.restick
-    found = {
+    values = {
         "dead_time": seconds_of(float(base[base_coordinate.DELAY]), "s", unit_s),
         "restick_speed": _restick(restick, unit_s),
         "reading_zero": float(base[base_coordinate.ZERO]),
         "reading_gain": 1.0 + float(base[base_coordinate.GAIN]),
     }
-    delay = found["dead_time"]
+    delay = values["dead_time"]
     for slug, halves in question.published.terms.items():
         for (name, unit), value in zip(
             _OF_TERM[slug], np.array(halves).mean(axis=0).tolist(), strict=True
         ):
             true = seconds_of(value, unit, unit_s)
             if name != "restick_speed" or true > 0.0:
-                found |= _named(name, true, delay)
-    return found
+                values |= _named(name, true, delay)
+    return values
 
 
 def _named(name: str, value: float, delay: float) -> dict[str, float]:

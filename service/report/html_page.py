@@ -52,8 +52,8 @@ from stemwatch.service.report.ranking import (
     cost_in_words,
     count_verdicts,
     discovered,
-    glance,
     steps_without_position,
+    summary_of,
     work_by_unit,
     work_counts,
 )
@@ -127,7 +127,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         to_test=to_test,
         next_steps=next_steps,
         cost=cost_in_words(ranked),
-        glance=glance(ranked),
+        summary=summary_of(ranked),
         levels=names_by_level(context.valves.values()),
         units=work_by_unit(ranked),
         gauge_top=gauge_top(valve.screening for valve in ranked),

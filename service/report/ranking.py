@@ -31,10 +31,10 @@ from stemwatch.service.presenter.work_decision import (
     count_valves,
     decide,
 )
-from stemwatch.service.report.at_a_glance import GlanceLine, at_a_glance
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
+from stemwatch.service.report.summary_lines import SummaryLine, summary_lines
 
 LONGEST_ANCHOR = 60
 RankKey = tuple[int, float, float, str]
@@ -147,7 +147,7 @@ class Ranking(Sequence[RankedValve]):
             ],
             costs,
         )
-        self.glance = at_a_glance(
+        self.summary = summary_lines(
             notes,
             self.verdicts,
             {note.valve: context.facts(note.valve).weeks for note in notes},
@@ -224,11 +224,11 @@ def cost_in_words(ranked: Sequence[RankedValve]) -> str:
     return total_in_words({valve.screening.valve: valve.cost for valve in ranked if valve.cost})
 
 
-def glance(ranked: Sequence[RankedValve]) -> tuple[GlanceLine, ...]:
+def summary_of(ranked: Sequence[RankedValve]) -> tuple[SummaryLine, ...]:
     """The lines of the first screen beside the verdicts."""
     if isinstance(ranked, Ranking):
-        return ranked.glance
-    return at_a_glance(
+        return ranked.summary
+    return summary_lines(
         [valve.screening for valve in ranked],
         [valve.verdict for valve in ranked],
         {valve.screening.valve: valve.facts.weeks for valve in ranked},

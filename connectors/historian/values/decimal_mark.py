@@ -182,7 +182,7 @@ class _Marks:
     either: Bools | None = None  # told where each cell is digits around one comma
 
     def of(self, rows: Rows) -> _Marks:
-        """The same of these cells."""
+        """The marks of the cells ``rows`` alone."""
         either = None if self.either is None else self.either[rows]
         return _Marks(
             self.comma[rows], self.point[rows], self.certain[rows], self.numbers[rows], either

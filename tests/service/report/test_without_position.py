@@ -12,6 +12,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter.suspicion_words import (
     MOST_NAMED,
     loops_to_test,
@@ -150,7 +151,7 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "suspected there: A, B. Of 185" in suspected_sentence(["A", "B"])
+    assert "suspected there: A, B. Of 858" in suspected_sentence(["A", "B"])
 
 
 def cannot_tell(reason: str, score: float | None = None) -> WithoutPosition:
@@ -178,6 +179,20 @@ def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening
         ("suspected", ("B",)),
         ("no_sign", ("A",)),
     ]
+
+
+def test_nothing_is_to_do_only_where_no_recording_leaves_it_open(
+    make_screening, make_context
+) -> None:
+    """The recording that leaves it open makes a work order; the list must not say the contrary."""
+    reason = "Cannot tell: there is no valve position in this recording."
+    several = [
+        replace(without_mv(make_screening, "A", item), reason=reason)
+        for item in (no_sign(), no_sign(), cannot_tell("only 126 samples"))
+    ]
+    (step,) = next_steps(several)
+    assert (step.verdict.value, step.why) == ("cannot_tell", "only 126 samples.")
+    assert work_list_of(several, make_context(several)).sheets
 
 
 def test_loops_with_one_reason_have_one_step_whatever_their_numbers(make_screening) -> None:
