@@ -182,7 +182,32 @@ def loops_to_test(steps: Iterable[NextStep]) -> tuple[str, ...]:
     return tuple(valve for step in suspected for valve in step.loops)
 
 
+def loops_without_sign(steps: Iterable[NextStep]) -> tuple[str, ...]:
+    """The valves at which OP and PV show no sign of sticking."""
+    without_sign = (step for step in steps if step.verdict is Suspicion.NO_SIGN)
+    return tuple(valve for step in without_sign for valve in step.loops)
+
+
+def answers_sentence(steps: Sequence[NextStep]) -> str:
+    """At how many of the valves without a verdict OP and PV alone say what, and which to test
+    first; empty where they were asked at none."""
+    count = Counter({verdict: 0 for verdict in Suspicion})
+    for step in steps:
+        count[step.verdict] += len(step.loops)
+    if not count.total():
+        return ""
+    asked = "the one valve" if count.total() == 1 else f"the {count.total()} valves"
+    sentence = (
+        f"Of {asked} without a verdict OP and PV alone let sticking be suspected at "
+        f"{count[Suspicion.SUSPECTED] or 'none'}, show no sign of it at "
+        f"{count[Suspicion.NO_SIGN] or 'none'}, and cannot tell at "
+        f"{count[Suspicion.CANNOT_TELL] or 'none'}."
+    )
+    return " ".join(filter(None, (sentence, suspected_sentence(loops_to_test(steps)))))
+
+
 SUSPECTED_NOTE = "sticking suspected"  # beside the verdict in a ranking
+NO_SIGN_NOTE = "no sign of sticking"
 
 
 def suspected_sentence(named: Sequence[str]) -> str:

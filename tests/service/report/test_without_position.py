@@ -14,7 +14,10 @@ from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.suspicion_words import (
     MOST_NAMED,
+    NO_SIGN_NOTE,
+    answers_sentence,
     loops_to_test,
+    loops_without_sign,
     next_steps,
     suspected_sentence,
 )
@@ -151,6 +154,29 @@ def test_whom_to_test_first_is_one_sentence():
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
     assert "suspected there: A, B. Of 185" in suspected_sentence(["A", "B"])
+
+
+def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening, make_context):
+    """So that a plant without positions reads what is known of it, in report and terminal."""
+    answers = {"A": suspected(), "B": no_sign(), "C": no_sign(), "D": cannot_tell("it is short")}
+    valves = [without_mv(make_screening, valve, answer) for valve, answer in answers.items()]
+    steps = rank_valves(valves, make_context(valves)).next_steps
+    sentence = answers_sentence(steps)
+    assert sentence.startswith(
+        "Of the 4 valves without a verdict OP and PV alone let sticking be suspected at 1, show no "
+        "sign of it at 2, and cannot tell at 1. 1 loop deserves a position transmitter"
+    )
+    assert answers_sentence([step for step in steps if step.loops == ("D",)]) == (
+        "Of the one valve without a verdict OP and PV alone let sticking be suspected at none, "
+        "show no sign of it at none, and cannot tell at 1."
+    )
+    assert answers_sentence([]) == ""
+    assert loops_without_sign(steps) == ("B", "C")
+    page = html_bytes(rank_valves(valves, make_context(valves)), make_context(valves)).decode()
+    table = page[page.index('id="ranking-table"') :]
+    rows = table[: table.index("</table>")].split("<tr ")
+    assert sum(NO_SIGN_NOTE in row and "undetermined" in row for row in rows) == 2
+    assert "show no sign of it at 2" in page
 
 
 def cannot_tell(reason: str, score: float | None = None) -> WithoutPosition:
