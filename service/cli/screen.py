@@ -198,7 +198,7 @@ def show(result: RunResult, json_file: Path | None) -> None:
 
     views.out.print(views.summary(result.brief))
     for line in (
-        *views.undetermined_lines(result.brief),
+        *views.undetermined_lines(result.brief, result.groups),
         *views.oscillation_lines(result.groups),
         *views.signal_lines(result.brief),
     ):

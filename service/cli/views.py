@@ -276,12 +276,14 @@ def _verdicts(ranking: Ranking) -> str:
     )
 
 
-def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
+def undetermined_lines(
+    screenings: Sequence[Screening], groups: Sequence[OscillationGroup] = ()
+) -> Iterator[str]:
     """What to do at the valves without a verdict: one line for each answer of OP and PV and its
     reason, then, of the valves that they were not asked of, for each reason of the verdict."""
     from stemwatch.service.presenter.suspicion_words import next_steps
 
-    steps = next_steps(screenings)
+    steps = next_steps(screenings, groups)
     for step in steps:
         why_and_step = " ".join(filter(None, (step.why, step.step)))
         yield _line_of(step.answer, step.loops, why_and_step)

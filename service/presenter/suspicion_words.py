@@ -8,9 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.presenter.oscillation_words import is_moved_by_another, where_to_look
 from stemwatch.service.presenter.wording import figure, finite
 from stemwatch.service.presenter.work_decision import NO_POSITION, SIGNAL, obstacle_kind
 
@@ -20,6 +22,7 @@ HOW_SURE = (
     "known answers two were right; a rule that was made for it now excludes the third. Run a test "
     "before you open anything."
 )
+MOVED = "it oscillates with other loops, which likely does not begin here."
 MOST_NAMED = 20  # loops in a line of the list of next steps
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 TITLES = {
@@ -102,13 +105,17 @@ class NextStep:
         return f" and {more} more" if more > 0 else ""
 
 
-def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
+def next_steps(
+    screenings: Iterable[AnsweredLoop], groups: Sequence[OscillationGroup] = ()
+) -> tuple[NextStep, ...]:
     """What to do at the valves without a verdict, those to test first at the front, then by how
     many loops each step helps; what needs nothing last.
 
     A valve counts once. It is suspected only if at least half of its recordings raise the
     suspicion, since one in many does so by chance; otherwise the commonest answer counts. Where the
     position signal itself is to be mended, that OP and PV show no sign is no reason to do nothing.
+    A loop that another one moves, by the ``groups`` that oscillate together, needs no test of its
+    own before that one was looked at.
     """
     by_valve: dict[str, list[WithoutPosition]] = {}
     judged: set[str] = set()
@@ -122,7 +129,11 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
         if valve in judged:
             continue
         same, most = _of_most(answers)
-        loops.setdefault(same, []).append((-(finite(most.score) or 0.0), valve, _why(most)))
+        why = _why(most)
+        if same[0] is Suspicion.CANNOT_TELL and is_moved_by_another(groups, valve):
+            why = MOVED
+            same = (same[0], why, where_to_look(groups, valve))
+        loops.setdefault(same, []).append((-(finite(most.score) or 0.0), valve, why))
     steps = [
         NextStep(
             verdict=verdict,

@@ -14,6 +14,7 @@ from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.suspicion_words import (
     MOST_NAMED,
+    MOVED,
     NO_SIGN_NOTE,
     answers_sentence,
     loops_to_test,
@@ -26,6 +27,7 @@ from stemwatch.service.report.html_page import html_bytes
 from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.report.spreadsheet_columns import header_and_rows
+from tests.service.report.test_oscillation_groups import GROUP
 
 
 def suspected(score: float = 0.9) -> WithoutPosition:
@@ -177,6 +179,28 @@ def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening,
     rows = table[: table.index("</table>")].split("<tr ")
     assert sum(NO_SIGN_NOTE in row and "undetermined" in row for row in rows) == 2
     assert "show no sign of it at 2" in page
+
+
+def test_a_loop_that_another_moves_is_first_looked_for_there(make_screening, make_context):
+    """It needs no bump test of its own; one without a sign, and the source itself, stay as are."""
+    valves = [
+        without_mv(make_screening, valve, answer)
+        for valve, answer in {
+            "FIC-104": suspected(),
+            "TIC-2": cannot_tell("the signs are too weak"),
+            "<b>LIC": no_sign(),
+            "PIC-9": cannot_tell("the signs are too weak"),
+        }.items()
+    ]
+    context = replace(make_context(valves), groups=(GROUP,))
+    steps = rank_valves(valves, context).next_steps
+    assert [(step.why, step.loops) for step in steps] == [
+        ("", ("FIC-104",)),
+        (MOVED, ("TIC-2",)),
+        ("the signs are too weak.", ("PIC-9",)),
+        ("", ("<b>LIC",)),
+    ]
+    assert steps[1].step.startswith("Look at FIC-104 first")
 
 
 def cannot_tell(reason: str, score: float | None = None) -> WithoutPosition:
