@@ -279,11 +279,20 @@ def _verdicts(ranking: Ranking) -> str:
 def undetermined_lines(
     screenings: Sequence[Screening], groups: Sequence[OscillationGroup] = ()
 ) -> Iterator[str]:
-    """What to do at the valves without a verdict: one line for each answer of OP and PV and its
-    reason, then, of the valves that they were not asked of, for each reason of the verdict."""
+    """What to do at the valves without a verdict: of those without a position one line for each
+    answer of OP and PV and its reason, then of the others one for each reason of the verdict."""
     from stemwatch.service.presenter.suspicion_words import next_steps
+    from stemwatch.service.presenter.work_decision import NO_POSITION, obstacle_kind
 
-    steps = next_steps(screenings, groups)
+    steps = next_steps(
+        [
+            screening
+            for screening in screenings
+            if screening.verdict is not Verdict.UNDETERMINED
+            or obstacle_kind(screening.reason) == NO_POSITION
+        ],
+        groups,
+    )
     for step in steps:
         why_and_step = " ".join(filter(None, (step.why, step.step)))
         yield _line_of(step.answer, step.loops, why_and_step)
