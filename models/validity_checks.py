@@ -68,8 +68,8 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
         return [
             Obstacle(
                 "no_position",
-                "there is no valve position in this recording, and OP and PV alone cannot tell "
-                "a sticking valve from a badly tuned loop or a disturbance",
+                "there is no valve position in this recording, and what OP and PV alone say "
+                "is no verdict",
                 "Record the position (positioner feedback, position transmitter), or do a "
                 "stroke test: step OP by 1 % up and down and watch for the stem.",
             )

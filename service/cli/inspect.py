@@ -150,13 +150,17 @@ def _sources(
     options: ReadOptions,
 ) -> list[ProposedSource]:
     """What the plant file has as sources, with paths as ``write`` must give them, where relative
-    paths count from it."""
+    paths count from it, and with the options that at least one file needed."""
     import glob
 
     from stemwatch.connectors.historian.options import given_options
     from stemwatch.connectors.historian.proposed_plant import ProposedSource, sources_of
+    from stemwatch.connectors.historian.unused_options import unused_options
 
-    options_given = given_options(options)
+    unused = set.intersection(*(unused_options(inspection.decisions) for _, inspection in seen))
+    options_given = {
+        name: value for name, value in given_options(options).items() if name not in unused
+    }
     if file.is_dir():
         relative = [(_seen_from(write, path), inspection) for path, inspection in seen]
         return sources_of(relative, _seen_from(write, file), options_given)

@@ -29,7 +29,8 @@ def period_in_words(seconds: float) -> str:
 
 def headline(group: OscillationGroup) -> str:
     """How many loops, with which period, and where it likely begins."""
-    return f"{len(group.members)} loops oscillate with {period(group)}: {source_clause(group)}"
+    every = f"{len(group.members)} loops oscillate together every {period(group)}"
+    return f"{every}: {source_clause(group)}"
 
 
 def source_clause(group: OscillationGroup) -> str:

@@ -8,9 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.presenter.oscillation_words import is_moved_by_another, where_to_look
 from stemwatch.service.presenter.wording import figure, finite
 from stemwatch.service.presenter.work_decision import NO_POSITION, SIGNAL, obstacle_kind
 
@@ -20,6 +22,7 @@ HOW_SURE = (
     "known answers six were right; the cause of the seventh is likely a disturbance. Run a test "
     "before you open anything."
 )
+MOVED = "it oscillates with other loops, which likely does not begin here."
 MOST_NAMED = 20  # loops in a line of the list of next steps
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 TITLES = {
@@ -102,7 +105,9 @@ class NextStep:
         return f" and {more} more" if more > 0 else ""
 
 
-def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
+def next_steps(
+    screenings: Iterable[AnsweredLoop], groups: Sequence[OscillationGroup] = ()
+) -> tuple[NextStep, ...]:
     """What to do at the valves without a verdict, those to test first at the front, then by how
     many loops each step helps; what needs nothing last.
 
@@ -110,7 +115,8 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
     suspicion, since one in many does so by chance; otherwise the commonest answer counts, and no
     sign only where none of its recordings leaves the question open: such a one makes a work order.
     Where the position signal itself is to be mended, that OP and PV show no sign is no reason to do
-    nothing.
+    nothing. A loop that another one moves, by the ``groups`` that oscillate together, needs no test
+    of its own before that one was looked at.
     """
     by_valve: dict[str, list[WithoutPosition]] = {}
     judged: set[str] = set()
@@ -124,7 +130,11 @@ def next_steps(screenings: Iterable[AnsweredLoop]) -> tuple[NextStep, ...]:
         if valve in judged:
             continue
         same, most = _of_most(answers)
-        loops.setdefault(same, []).append((-(finite(most.score) or 0.0), valve, _why(most)))
+        why = _why(most)
+        if same[0] is Suspicion.CANNOT_TELL and is_moved_by_another(groups, valve):
+            why = MOVED
+            same = (same[0], why, where_to_look(groups, valve))
+        loops.setdefault(same, []).append((-(finite(most.score) or 0.0), valve, why))
     steps = [
         NextStep(
             verdict=verdict,
@@ -185,7 +195,32 @@ def loops_to_test(steps: Iterable[NextStep]) -> tuple[str, ...]:
     return tuple(valve for step in suspected for valve in step.loops)
 
 
+def loops_without_sign(steps: Iterable[NextStep]) -> tuple[str, ...]:
+    """The valves at which OP and PV show no sign of sticking."""
+    without_sign = (step for step in steps if step.verdict is Suspicion.NO_SIGN)
+    return tuple(valve for step in without_sign for valve in step.loops)
+
+
+def answers_sentence(steps: Sequence[NextStep]) -> str:
+    """At how many of the valves without a verdict OP and PV alone say what, and which to test
+    first; empty where they were asked at none."""
+    count = Counter({verdict: 0 for verdict in Suspicion})
+    for step in steps:
+        count[step.verdict] += len(step.loops)
+    if not count.total():
+        return ""
+    asked = "the one valve" if count.total() == 1 else f"the {count.total()} valves"
+    sentence = (
+        f"Of {asked} without a verdict OP and PV alone let sticking be suspected at "
+        f"{count[Suspicion.SUSPECTED] or 'none'}, show no sign of it at "
+        f"{count[Suspicion.NO_SIGN] or 'none'}, and cannot tell at "
+        f"{count[Suspicion.CANNOT_TELL] or 'none'}."
+    )
+    return " ".join(filter(None, (sentence, suspected_sentence(loops_to_test(steps)))))
+
+
 SUSPECTED_NOTE = "sticking suspected"  # beside the verdict in a ranking
+NO_SIGN_NOTE = "no sign of sticking"
 
 
 def suspected_sentence(named: Sequence[str]) -> str:

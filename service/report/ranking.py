@@ -153,7 +153,7 @@ class Ranking(Sequence[RankedValve]):
             {note.valve: context.facts(note.valve).weeks for note in notes},
             self.cost_of_sticking,
         )
-        self.next_steps = next_steps(notes)
+        self.next_steps = next_steps(notes, context.groups)
         self._recordings = Counter(note.valve for note in notes)
         used_anchors: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
@@ -338,7 +338,7 @@ def steps_without_position(ranked: Sequence[RankedValve]) -> Sequence[NextStep]:
     """What to do next at the valves of which only OP and PV are known."""
     if isinstance(ranked, Ranking):
         return ranked.next_steps
-    return next_steps(valve.screening for valve in ranked)
+    return next_steps([valve.screening for valve in ranked])
 
 
 def anchor_of(valve: str, used_anchors: Counter[str]) -> str:

@@ -64,7 +64,7 @@ def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) 
     either = _votes_of_texts(stored)["either"] if stored else either
     raise UnreadableSource(
         f"{name}: {either} numbers such as '1,234' may be 1.234 or 1234, and no other number "
-        "settles it; say decimal=',' or decimal='.'"
+        "settles it; say decimal=',' or decimal='.' (--decimal on the command line)"
     )
 
 

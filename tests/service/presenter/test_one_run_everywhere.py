@@ -56,8 +56,8 @@ from tests.service.web.signed_in import cookie_of
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
 
 NO_POSITION = (
-    "Cannot tell: there is no valve position in this recording, and OP and PV alone cannot tell a "
-    "sticking valve from a badly tuned loop or a disturbance."
+    "Cannot tell: there is no valve position in this recording, and what OP and PV alone say is "
+    "no verdict."
 )
 BAD = "Cannot tell: 62 % of the samples are missing or marked bad."
 IN_MM = (
@@ -628,7 +628,8 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     tmp_path: Path,
 ) -> None:
     """A loop to test first is marked in every ranking, leads the orders, and is nowhere among those
-    of which nothing can be told; one without a sign makes no work order, as its advice says."""
+    of which nothing can be told; one without a sign is marked too and makes no work order, as its
+    advice says. The terminal has the step for each answer."""
     answers = {
         "A-NONE": no_sign(),
         "B-DUMB": cannot_tell("the record is short"),
@@ -644,9 +645,12 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     )
     listed = work_list_of(every, context(every))
     assert [one.screening.valve for one in listed.to_work_on] == ["C-FIRST", "B-DUMB"]
-    told = "\n".join(views.undetermined_lines(every))
-    assert "C-FIRST" not in told
-    assert "A-NONE, B-DUMB" in told
+    told = [Text.from_markup(line).plain for line in views.undetermined_lines(every)]
+    assert told == [
+        "sticking suspected C-FIRST  Do a bump test.",
+        "cannot tell B-DUMB  the record is short. Export longer.",
+        "no sign of sticking A-NONE  Nothing at the valve on these grounds.",
+    ]
     (valves, verdicts) = (views.summary(every).columns[n].cells for n in (1, 2))
     marked = [v for v, word in zip(valves, verdicts, strict=True) if SUSPECTED_NOTE in str(word)]
     assert [str(valve) for valve in marked] == ["C-FIRST"]

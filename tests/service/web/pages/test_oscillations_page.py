@@ -37,7 +37,7 @@ def test_the_page_says_since_when_and_where_it_begins(live, client) -> None:
         run = live.store.begin_run(software_version="1")
         live.store.keep_oscillations(run, [group(days_ago)])
     page = client.get("/oscillations").text
-    assert "3 loops oscillate with 3.8 min" in page
+    assert "3 loops oscillate together every 3.8 min" in page
     assert "It was found in 2 windows so far." in page
     assert "Share of the variance of its loops, by window" in page
     assert f'valve?id={STICKY}"' in page
@@ -46,7 +46,7 @@ def test_the_page_says_since_when_and_where_it_begins(live, client) -> None:
     assert f"with {STICKY} (50\N{NO-BREAK SPACE}% of its PV" in valve
     assert "retuning this loop would not help" in valve
     assert "where it more likely begins" not in client.get("/valve", params={"id": HEALTHY}).text
-    assert "3 loops oscillate with 3.8 min" in client.get("/overview").text
+    assert "3 loops oscillate together every 3.8 min" in client.get("/overview").text
     (answer,) = client.get("/api/v1/oscillations").json()
     assert (answer["source"], answer["windows"], answer["over"]) == (STICKY, 2, False)
     assert [member["loop"] for member in answer["members"]] == [STICKY, WATCH, HOSTILE]
