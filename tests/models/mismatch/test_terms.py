@@ -300,7 +300,7 @@ def test_an_effect_whose_direction_is_in_doubt_is_said_without_a_negative_size()
     text = CATALOGUE["sensor_drift"].sentence(
         {"D": estimate, "range": estimate}, "rising", "falling"
     )
-    assert "by 0.400 (0.000 to 1.000) %" in text
+    assert "by 0.40 (0.00 to 1.00) %" in text
     ratio = Estimate(value=0.5, low=-0.2, high=0.9)
     text = CATALOGUE["asymmetric_slip"].sentence({"ratio": ratio}, "rising", "falling")
     assert "jumps when falling are 2 times those when rising" in text
