@@ -20,7 +20,8 @@ from numba import njit
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
-from stemwatch.models.mismatch.kernel import LANES, WIDTH, Record, Scoring, follow, used
+from stemwatch.models.mismatch.kernel import Record, Scoring, follow, used
+from stemwatch.models.mismatch.lanes import LANES, WIDTH, alike
 from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary, Term
 from stemwatch.models.recording import Bools, Floats
@@ -137,15 +138,15 @@ class CoordinateLayout:
         return tuple((t, self.places[t.slug]) for t in terms if t.acts_on is not ActsOn.COMMAND)
 
     @cached_property
-    def kind(self) -> tuple[bool, bool, bool]:
-        """Whether levels vary along the record, whether readings wander, and whether the stem has
-        inertia: candidates of one kind can run in one batch.
+    def kind(self) -> tuple[bool, bool, bool, bool]:
+        """Whether levels vary along the record, whether readings wander, whether the stem has
+        inertia, and whether they are ``alike``: candidates of one kind can run in one batch.
         """
         stem = Stem.neutral(2, 1.0)
         for term, coordinate_slice in self.filling:
             term.fill(stem, self.bounds.high[coordinate_slice])
         varied, timed, heavy = used(stem.numbers[None])
-        return bool(varied), bool(timed), bool(heavy)
+        return bool(varied), bool(timed), bool(heavy), bool(alike(stem.numbers[None]))
 
 
 class RunResults(NamedTuple):

@@ -119,11 +119,14 @@ def _residuals(
 
     Of the runs in the columns of ``simulated`` (n, lanes) from ``first`` on.
     """
-    for i in range(samples.size):
-        k = samples[i]
-        for j in range(rows.shape[0]):
-            residual = mv[k] - simulated[k, first + j]
-            rows[j, i] = residual - min(max(residual, -slack[k]), slack[k])
+    # Unsigned: the compiler need not ask whether an index counts from the end.
+    begin = np.uint64(first)
+    for i in range(np.uint64(samples.size)):
+        k = np.uint64(samples[i])
+        measured, free = mv[k], slack[k]
+        for j in range(np.uint64(rows.shape[0])):
+            residual = measured - simulated[k, begin + j]
+            rows[j, i] = residual - min(max(residual, -free), free)
     for j in range(rows.shape[0]):
         for i in range(events.size):
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale
