@@ -38,7 +38,7 @@ def descend(
         only = RunRequest(layout, start[None])
         yield [only]
         return SearchResult(start.copy(), float(evaluator.mean_loss(only.losses, blocks)[0]))
-    seen = _seen(evaluator, blocks)
+    seen = _Seen(*evaluator.scored_within(blocks))
     best = SearchResult(start.copy(), np.inf)
     low, high = layout.bounds.low, layout.bounds.high
     free = high > low
@@ -66,17 +66,10 @@ def descend(
 @dataclass(frozen=True)
 class _Seen:
     """What a descent is fitted to: the scored ``samples`` (m,) of some blocks of time, and the
-    breakaways (e,) on them."""
+    breakaways (e,) on them: a run is early or late only where the recorded stem lets go."""
 
     samples: Samples
     events: Samples
-
-
-def _seen(evaluator: Evaluator, blocks: Bools) -> _Seen:
-    """The samples of some blocks; a run is early or late only where the recorded stem lets go."""
-    block = evaluator.within(blocks)
-    at_onsets = evaluator.onsets.at[block[evaluator.onsets.at] >= 0]
-    return _Seen(np.flatnonzero(block >= 0), at_onsets)
 
 
 @njit(cache=True)
