@@ -188,9 +188,8 @@ def _fitted(x: Floats, pv: Floats, integrates: bool) -> tuple[float, Floats, flo
 def _descended(problem: _Whitened, at: Floats) -> Floats:
     """The coordinates after some steps of damped least squares (Levenberg and Marquardt)."""
     left = problem.residual(at)[0]
-    cost, damping = float(left @ left), 1e-2
+    cost, damping, slopes = float(left @ left), 1e-2, problem.slopes(at, left)
     for _ in range(STEPS):
-        slopes = problem.slopes(at, left)
         normal = slopes.T @ slopes
         normal += damping * np.diag(np.maximum(np.diag(normal), 1e-12))
         step = np.linalg.solve(normal, -slopes.T @ left)
@@ -202,6 +201,7 @@ def _descended(problem: _Whitened, at: Floats) -> Floats:
             at, left, cost, damping = tried, new, float(new @ new), 0.3 * damping
             if gained < 1e-6 * cost:
                 break
+            slopes = problem.slopes(at, left)
         else:
             damping *= 5.0
     return at

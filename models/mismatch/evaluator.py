@@ -20,7 +20,8 @@ from numba import njit
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
-from stemwatch.models.mismatch.kernel import LANES, WIDTH, Record, Scoring, follow, used
+from stemwatch.models.mismatch.kernel import Record, Scoring, follow, used
+from stemwatch.models.mismatch.lanes import LANES, WIDTH, alike
 from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary, Term
 from stemwatch.models.recording import Bools, Floats
@@ -74,6 +75,18 @@ def _means(losses: Floats, blocks: Bools, counts: Floats) -> Floats:
     return means / max(samples, 1.0)
 
 
+@njit(cache=True)
+def _fill_base(base: Floats, restick: float, numbers: Floats) -> None:
+    """The base's coordinates (m, 6) into the numbers (m, 18) of the stems; ``restick`` is the speed
+    of sticking again of those that have none of their own.
+    """
+    for row in range(base.shape[0]):
+        own, q = base[row], numbers[row]
+        q[stem_number.S], q[stem_number.J] = own[S_PERCENT], own[S_PERCENT] * own[RATIO]
+        q[stem_number.ZERO], q[stem_number.GAIN] = own[ZERO], 1.0 + own[GAIN]
+        q[stem_number.RESTICK] = own[RESTICK] if own[RESTICK] > 0.0 else restick
+
+
 @dataclass(frozen=True)
 class TermSet:
     """The base and some terms, in the order of the chain."""
@@ -120,15 +133,18 @@ class CoordinateLayout:
         return Shaping(tuple(parts), tuple(term.slug for term in terms))
 
     @cached_property
-    def of_force(self) -> list[int]:
+    def of_force(self) -> Samples:
         """The coordinates that the force on the stem is made of."""
         places = (self.places[slug] for slug in self.shaping.slugs)
-        return [
-            DELAY,
-            *chain.from_iterable(
-                range(coordinate_slice.start, coordinate_slice.stop) for coordinate_slice in places
-            ),
-        ]
+        return np.array(
+            [
+                DELAY,
+                *chain.from_iterable(
+                    range(coordinate_slice.start, coordinate_slice.stop)
+                    for coordinate_slice in places
+                ),
+            ]
+        )
 
     @cached_property
     def filling(self) -> tuple[tuple[Term, slice], ...]:
@@ -137,15 +153,15 @@ class CoordinateLayout:
         return tuple((t, self.places[t.slug]) for t in terms if t.acts_on is not ActsOn.COMMAND)
 
     @cached_property
-    def kind(self) -> tuple[bool, bool, bool]:
-        """Whether levels vary along the record, whether readings wander, and whether the stem has
-        inertia: candidates of one kind can run in one batch.
+    def kind(self) -> tuple[bool, bool, bool, bool]:
+        """Whether levels vary along the record, whether readings wander, whether the stem has
+        inertia, and whether they are ``alike``: candidates of one kind can run in one batch.
         """
         stem = Stem.neutral(2, 1.0)
         for term, coordinate_slice in self.filling:
             term.fill(stem, self.bounds.high[coordinate_slice])
         varied, timed, heavy = used(stem.numbers[None])
-        return bool(varied), bool(timed), bool(heavy)
+        return bool(varied), bool(timed), bool(heavy), bool(alike(stem.numbers[None]))
 
 
 class RunResults(NamedTuple):
@@ -285,6 +301,18 @@ class Evaluator:
         block = self.problem.block
         return np.where(np.append(blocks, False)[block], block, -1)
 
+    def scored_within(self, blocks: Bools) -> tuple[Samples, Samples]:
+        """The scored samples (m,) of some ``blocks``, and the breakaways (e,) on them."""
+        key = blocks.tobytes()
+        if key not in self._scored_within:
+            block, at = self.within(blocks), self.onsets.at
+            self._scored_within[key] = np.flatnonzero(block >= 0), at[block[at] >= 0]
+        return self._scored_within[key]
+
+    @cached_property
+    def _scored_within(self) -> dict[bytes, tuple[Samples, Samples]]:
+        return {}
+
     def mean_loss(self, losses: Floats, blocks: Bools) -> Floats:
         """(m,) the mean over the samples of some blocks of losses (m, n_blocks)."""
         return _means(losses, blocks, self.counts)
@@ -345,10 +373,7 @@ class Evaluator:
         count = base.shape[0]
         stem_of_each, q = self._stems.each[:count], self._stems.numbers[:count]
         self._stems.clear(count)
-        q[:, stem_number.S] = base[:, S_PERCENT]
-        q[:, stem_number.J] = base[:, S_PERCENT] * base[:, RATIO]
-        q[:, stem_number.ZERO], q[:, stem_number.GAIN] = base[:, ZERO], 1.0 + base[:, GAIN]
-        q[:, stem_number.RESTICK] = np.where(base[:, RESTICK] > 0.0, base[:, RESTICK], self.restick)
+        _fill_base(base, self.restick, q)
         begin = 0
         for layout, candidates in pieces:
             end = begin + candidates.shape[0]

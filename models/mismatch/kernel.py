@@ -11,7 +11,8 @@ Candidates therefore run side by side, one in each *lane*. The state of all lane
 by row (``s[X + i]`` is the place of the stem in lane ``i``), and the loop over the lanes selects
 values instead of branching, so that the compiler vectorises it. It does so only with unsigned
 indices, with one array beside the forces, and where all values are read before any is selected.
-What is rare (marks, onsets, tables, logarithms) is done lane by lane.
+What is rare (marks, onsets, tables, logarithms) is done lane by lane. The array and the motion
+itself are in ``lanes``.
 
 The equations stand in ``stem``.
 """
@@ -25,6 +26,60 @@ from numba import njit
 from numpy.typing import NDArray
 
 from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.lanes import (
+    _AHEAD,
+    _BEFORE,
+    _DRIFTS,
+    _FD_DOWN,
+    _FD_UP,
+    _FRICTION,
+    _FS_DOWN,
+    _FS_UP,
+    _FULL,
+    _GOING,
+    _GROWN,
+    _HALF,
+    _HAS_LEFT,
+    _HIGH,
+    _J_HALF,
+    _LEAST,
+    _LEAVES,
+    _LOOKED_UP,
+    _LOW,
+    _MOVING,
+    _OFFSET,
+    _PRODUCT,
+    _PUSHED,
+    _QUIET,
+    _RESTED,
+    _RISE,
+    _ROWS,
+    _S_HALF,
+    _SHARE,
+    _SIDE,
+    _SPAN,
+    _SPEED,
+    _STEP,
+    _U,
+    _UNEVEN,
+    _WANDER,
+    _WAS_AT,
+    _X,
+    _Z,
+    LANES,
+    WIDTH,
+    _cost,
+    _enter,
+    _keep,
+    _leave,
+    _move,
+    _next_forces,
+    _reading,
+    _settle,
+    _slide,
+    alike,
+    drifts,
+)
 from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.recording import Floats
 
@@ -62,29 +117,14 @@ class Scoring(NamedTuple):
     event: float
 
 
-LANES = 32  # candidates that run side by side at most
-
 _START, _RESYNC = 1, 2
 _ROUNDING = 1e-9  # percent; a smaller step of the force is a held command
 # A stem that drags towards its end of travel never quite arrives; below this speed it stands.
 _STANDS_BELOW = 0.01  # percent per second
 _SOFTEST = 0.5  # least rise of spring and force together over a percent of travel, percent
 _PATIENCE_S = 120.0  # how long an assimilated run waits for a breakaway that the recording shows
-_FULL = 1e200  # a product of losses this large is replaced by its logarithm
-_AHEAD = 64  # samples of the forces that are transposed to lanes at once
-WIDTH = 8  # lanes of a vector; a remainder of lanes would run without vectors
-_U = np.uint64
 # numba types a plain 0 as the literal 0, so all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
-# Rows of the lanes' array: state of the stem; constants of a run; levels; reading and loss.
-_ROWS = 33
-(_X, _Z, _SIDE, _MOVING, _BEFORE, _LEAVES, _RESTED) = [_U(i * LANES) for i in range(7)]
-(_SHARE, _LEAST, _STEP, _LOW, _HIGH, _HALF) = [_U(i * LANES) for i in range(7, 13)]
-(_S_HALF, _J_HALF, _UNEVEN, _GROWN) = [_U(i * LANES) for i in range(13, 17)]
-(_FS_UP, _FS_DOWN, _FD_UP, _FD_DOWN, _PUSHED) = [_U(i * LANES) for i in range(17, 22)]
-(_SPAN, _OFFSET, _DRIFTS, _WANDER, _PRODUCT) = [_U(i * LANES) for i in range(22, 27)]
-(_FRICTION, _RISE, _LOOKED_UP) = [_U(i * LANES) for i in range(27, 30)]
-(_SPEED, _HAS_LEFT, _WAS_AT) = [_U(i * LANES) for i in range(30, 33)]
 _PARTS = 4  # of a sample, in which a stem with inertia is moved
 
 
@@ -128,20 +168,6 @@ def _share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
         return share, -_ROUNDING
     speed = max(q[stem_number.RESTICK], _STANDS_BELOW if drags else 0.0)
     return share, max(speed * dt / share, _ROUNDING)
-
-
-@njit(cache=True)
-def _reading(z: float, gain: float, offset: float, drift: float, wander: float, t: float) -> float:
-    """The reading of the place ``z``, percent of MV, ``t`` samples from the record's middle."""
-    return gain * (z - 50.0) + (offset + drift * t + wander)
-
-
-@njit(cache=True)
-def _cost(residual: float, slack: float, scale: float) -> float:
-    """The factor 1 + (r/delta)^2 of a ``residual`` in percent; ``scale`` is 1/delta^2."""
-    r = abs(residual) - slack
-    r = r if r > 0.0 else 0.0
-    return 1.0 + r * r * scale
 
 
 @njit(cache=True)
@@ -199,73 +225,6 @@ def used(numbers: Floats) -> tuple[bool, bool, bool]:
         timed |= q[stem_number.BY_TIME] != 0.0
         heavy |= q[stem_number.RUN_UP_S] > 0.0
     return varied, timed, heavy
-
-
-@njit(cache=True)
-def _move(
-    s: Floats,
-    forces: Floats,
-    lanes: np.uint64,
-    near_onset: tuple[float, float],
-    mv: Floats,
-    slack: Floats,
-    scale: float,
-    begin: int,
-    end: int,
-) -> tuple[int, int]:
-    """Advance every lane by some samples: stick, break away, slide, read, and add the loss.
-
-    ``forces`` (_AHEAD lanes,) are transposed to lanes, and each is overwritten by the reading. A
-    stuck stem breaks away beyond ``near_onset`` times ``fs``, rising and falling. With a ``scale``
-    of 0 no loss is added. Returns the sample at which it stopped (``end``, or earlier where
-    products of losses are full) and how many products are full.
-    """
-    near_up, near_down = near_onset
-    k, full, half_way = begin, 0, 0.5 * mv.size
-    while k < end and full == 0:
-        o, t = _U(k % _AHEAD) * lanes, k - half_way
-        seen, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
-        for i in range(lanes):
-            x, z, d, moving = s[_X + i], s[_Z + i], s[_SIDE + i], s[_MOVING + i]
-            fs_up, fs_down = s[_FS_UP + i], s[_FS_DOWN + i]
-            fd_up, fd_down = s[_FD_UP + i], s[_FD_DOWN + i]
-            share, least, step = s[_SHARE + i], s[_LEAST + i], s[_STEP + i]
-            low, high, half = s[_LOW + i], s[_HIGH + i], s[_HALF + i]
-            gain, offset = s[_SPAN + i], s[_OFFSET + i]
-            drift, wander = s[_DRIFTS + i], s[_WANDER + i]
-            product = s[_PRODUCT + i]
-            f = forces[o + i] - x - s[_PUSHED + i]
-            rises, falls = f > near_up * fs_up, -f > near_down * fs_down
-            fd, fd_on = fd_up if rises else fd_down, fd_up if d > 0.0 else fd_down
-            # A moving stem goes on where it is fast enough; one that is at rest, or sticks, may
-            # break away.
-            gap_on, gap = d * f - fd_on, abs(f) - fd
-            moving = moving if gap_on > least else 0.0
-            goes = 1.0 if rises | falls else 0.0
-            leaves = f if rises | falls else 0.0
-            turned = -1.0 if falls else d
-            turned = 1.0 if rises else turned
-            s[_LEAVES + i] = 0.0 if moving > 0.0 else leaves
-            d = d if moving > 0.0 else turned
-            gap = gap_on if moving > 0.0 else gap
-            gap = gap if gap > 0.0 else 0.0  # friction never pushes the stem back
-            moving = moving if moving > 0.0 else goes
-            slid, crept = x + share * d * gap, x + step
-            new_place = slid if moving > 0.0 else crept
-            s[_BEFORE + i] = f + x - new_place
-            new_place = new_place if new_place > low else low
-            new_place = new_place if new_place < high else high
-            behind, ahead = new_place - half, new_place + half
-            z = z if z > behind else behind
-            z = z if z < ahead else ahead
-            read = _reading(z, gain, offset, drift, wander, t)
-            product *= _cost(seen - read, free, scale)
-            forces[o + i] = read
-            s[_X + i], s[_Z + i], s[_SIDE + i], s[_MOVING + i] = new_place, z, d, moving
-            s[_PRODUCT + i] = product
-            full += 1 if product > _FULL else 0
-        k += 1
-    return k, full
 
 
 @njit(cache=True)
@@ -327,6 +286,15 @@ def _share_near_onset(onset: int, k: int, n: int, window: float, patience: int) 
     if onset == k:
         return 1.0 - window
     return 1.0 + window if onset - k <= patience else 1.0
+
+
+@njit(cache=True)
+def _near_onsets(
+    up: int, down: int, k: int, n: int, window: float, patience: int
+) -> tuple[float, float]:
+    """The shares of ``fs`` beyond which a stem lets go rising and falling."""
+    near_up = _share_near_onset(up, k, n, window, patience)
+    return near_up, _share_near_onset(down, k, n, window, patience)
 
 
 @njit(cache=True)
@@ -408,6 +376,62 @@ def _wander(s: Floats, waving: NDArray[np.int64], wander: Floats, k: int) -> Non
         s[_WANDER + _U(lane)] = wander[lane, k]
 
 
+@_QUIET
+def _slide_varied(
+    s: Floats,
+    forces: Floats,
+    lanes: np.uint64,
+    near_onset: tuple[float, float],
+    record: tuple[Floats, Floats],
+    scale: float,
+    span: tuple[int, int],
+    block: int,
+    losses: Floats,
+    tabled: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
+    tables: Tables,
+) -> int:
+    """``_slide`` with the levels and the readings of every sample: ``tabled`` are the lanes that
+    have tables (``_tabled``), ``record`` MV and its slack, ``span`` the samples.
+    """
+    (mv, slack), (near_up, near_down), (placed, resting, waving) = record, near_onset, tabled
+    (begin, end), half_way, (friction, pushing, breakaway, wander) = span, 0.5 * mv.size, tables
+    _enter(s, lanes, near_onset)
+    for k in range(begin, end):
+        o, t, full = _U(k % _AHEAD) * lanes, k - half_way, 0
+        seen, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
+        _look_up(s, placed, friction, pushing)
+        for lane in resting:
+            at = _U(lane)
+            rested = 0.0 if s[_GOING + at] != 0.0 else s[_RESTED + at]
+            s[_RISE + at], s[_RESTED + at] = breakaway[lane, int(rested)], rested + 1.0
+        _wander(s, waving, wander, k)
+        for i in range(lanes):
+            x, going, product = s[_X + i], s[_GOING + i], s[_PRODUCT + i]
+            grown = 1.0 + s[_GROWN + i] * k
+            level, jump = s[_S_HALF + i] * grown + s[_FRICTION + i], s[_J_HALF + i] * grown
+            fs, fd = level + jump + s[_RISE + i], level - jump
+            share, least, pushed = s[_SHARE + i], s[_LEAST + i], s[_PUSHED + i]
+            gain, offset = s[_SPAN + i], s[_OFFSET + i]
+            drift, wandered = s[_DRIFTS + i], s[_WANDER + i]
+            f = forces[o + i] - x - pushed
+            goes = -1.0 if -f > near_down * fs else 0.0
+            goes = 1.0 if f > near_up * fs else goes
+            goes_on = (going * f - fd > least) & (going != 0.0)
+            going = going if goes_on else goes
+            gap = going * f - fd
+            gap = gap if gap > 0.0 else 0.0
+            x += share * going * gap
+            read = _reading(x, gain, offset, drift, wandered, t)
+            product *= _cost(seen - read, free, scale)
+            forces[o + i] = read
+            s[_X + i], s[_GOING + i], s[_PRODUCT + i] = x, going, product
+            full += 1 if product > _FULL else 0
+        if full > 0 and scale > 0.0:
+            _settle(s, int(lanes), block, _FULL, scale, losses)
+    _leave(s, lanes)
+    return end
+
+
 @njit(cache=True)
 def _start(
     s: Floats, lanes: int, t: float, seen: tuple[float, float, float], laid_force: Floats
@@ -428,7 +452,7 @@ def _start(
     return full
 
 
-@njit(cache=True)
+@_QUIET
 def _end_of_alike(
     k: int,
     last_sample: int,
@@ -451,49 +475,19 @@ def _end_of_alike(
     return end
 
 
-@njit(cache=True)
-def _settle(s: Floats, lanes: int, b: int, least: float, scale: float, losses: Floats) -> None:
-    """Add the logarithms of the products beyond ``least`` to block ``b``, and reset them to 1.
-
-    Spare lanes are reset too: a product that stays full would end every stretch.
+@_QUIET
+def _before_onset(end: int, up: NDArray[np.int64], down: NDArray[np.int64]) -> int:
+    """``end``, or one sample less where a breakaway is seen there: what the sample before it leaves
+    behind is asked for then.
     """
-    for lane in range(lanes):
-        i = _U(lane)
-        if s[_PRODUCT + i] > least:
-            if lane < losses.shape[0] and b >= 0:
-                losses[lane, b] += np.log(s[_PRODUCT + i]) / scale
-            s[_PRODUCT + i] = 1.0
+    return end - 1 if end < up.size and (up[end] == end or down[end] == end) else end
 
 
-@njit(cache=True)
-def _lay_out(
-    force: Floats, rows: NDArray[np.int64], begin: int, lanes: int, target: Floats
-) -> None:
-    """Transpose the next forces to lanes; spare lanes repeat the last candidate."""
-    end = min(begin + _AHEAD, force.shape[1])
-    for lane in range(lanes):
-        row, target_place = _U(rows[min(lane, rows.size - 1)]), _U(lane)
-        for k in range(_U(begin), _U(end)):
-            target[target_place] = force[row, k]
-            target_place += _U(lanes)
-
-
-@njit(cache=True)
-def _keep(laid_out: Floats, end: int, lanes: int, out: Floats) -> None:
-    """Copy the readings before ``end`` from lanes into ``out`` (n, m)."""
-    begin = max(end - 1, 0) // _AHEAD * _AHEAD
-    for k in range(begin, min(end, out.shape[0])):
-        for lane in range(out.shape[1]):
-            out[k, lane] = laid_out[(k - begin) * lanes + lane]
-
-
-@njit(
-    cache=True, error_model="numpy"
-)  # a function that may raise counts array references at each call
+@_QUIET
 def _wander_and_rest(
     s: Floats,
     numbers: Floats,
-    tables: tuple[Floats, Floats, Floats, Floats],
+    tables: Tables,
     seen: tuple[float, float, int],
     k: int,
     t: float,
@@ -523,7 +517,7 @@ def _wander_and_rest(
         s[_RESTED + i] = 0.0 if start else s[_RESTED + i]
 
 
-@njit(cache=True)
+@_QUIET
 def _charge_onsets(
     s: Floats,
     before: Floats,
@@ -534,14 +528,14 @@ def _charge_onsets(
     losses: Floats,
     early_late: Floats,
 ) -> None:
-    """After sample ``k``, at which the recorded stem broke away: add the loss of each lane for it.
+    """After sample ``k``: where the recorded stem broke away, add the loss of each lane for it.
 
     ``sides``: whether it was seen to rise, to fall. ``costs``: the scatter, the weight of a
     breakaway in samples, and 1/delta^2.
     """
     up, down = sides
     scatter, event, scale = costs
-    for lane in range(losses.shape[0]):
+    for lane in range(losses.shape[0] if up or down else 0):
         late = _early_late(s, _U(lane), before[lane], up, down)
         if early_late.size > 0:
             early_late[lane, k] = late
@@ -583,21 +577,18 @@ def follow(
     mv, marks, next_up, next_down, dt, window = record
     block, slack, delta, scatter, event = scoring
     friction, pushing, breakaway, wander = tables
-    tabled = friction, pushing, breakaway, wander
     n, m, scale, patience = mv.size, rows.size, 1.0 / (delta * delta), int(_PATIENCE_S / dt)
     lanes = (m + WIDTH - 1) // WIDTH * WIDTH
     s, laid_out, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
     varied, timed, heavy = used(numbers)
-    placed, rested, waving = _tabled(numbers)
+    slides, varies = alike(numbers), varied or timed or drifts(numbers)
+    tables_of = placed, rested, waving = _tabled(numbers)
     weighty = numbers[: m if heavy else 0]
-    losses[:] = 0.0
-    early_late[:, : 0 if window > 0.0 else n] = 0.0
+    losses[:], early_late[:, : 0 if window > 0.0 else n] = 0.0, 0.0
     k, current, full = _I(0), _I(-1), _I(0)
     while k < n:
-        if k % _AHEAD == 0:
-            _keep(laid_out, k, lanes, out)
-            _lay_out(force, rows, k, lanes, laid_out)
+        _next_forces(force, rows, k, lanes, laid_out, out)
         b, mark, t, o = block[k], marks[k], k - 0.5 * n, k % _AHEAD * lanes
         if b >= 0 and (b != current or full > 0):
             _settle(s, lanes, current, 0.0 if b != current else _FULL, scale, losses)
@@ -605,7 +596,7 @@ def follow(
         charged = scale if b >= 0 else 0.0
         if timed or mark != 0:
             seen = mv[k], mv[k - 1], int(mark)
-            _wander_and_rest(s, numbers, tabled, seen, k, t, laid_out[o:])
+            _wander_and_rest(s, numbers, tables, seen, k, t, laid_out[o:])
         if mark == _START:
             full += _start(s, m, t, (mv[k], slack[k], charged), laid_out[o:])
             early_late[:, k : k + 1] = 0.0
@@ -614,10 +605,17 @@ def follow(
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
         last = k + 1 if up or down or mark != 0 or heavy else min(n, k - k % _AHEAD + _AHEAD)
         end = _end_of_alike(k, last, marks, block, next_up[k], next_down[k], patience)
-        near_up = _share_near_onset(next_up[k], k, n, window, patience)
-        near_onset = near_up, _share_near_onset(next_down[k], k, n, window, patience)
+        near_onset = _near_onsets(next_up[k], next_down[k], k, n, window, patience)
         _note(s, m, before)
         started_at, charged_more = k, _I(0)
+        if slides and not (up or down):
+            stop = _before_onset(end, next_up, next_down)
+            if varies:
+                k = _slide_varied(s, laid_out, _U(lanes), near_onset, (mv, slack), charged,
+                                  (k, stop), current, losses, tables_of, tables)  # fmt: skip
+            else:
+                k = _slide(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, stop,
+                           current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
                 _look_up(s, numbers, placed, friction, pushing, dt)
@@ -626,14 +624,11 @@ def follow(
             if timed:
                 _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
-            until = k + 1 if varied or timed else end
-            k, charged_more = _move(
-                s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, until
-            )
+            stop = k + 1 if varied or timed else end
+            k, charged_more = _move(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, stop)
         full += charged_more
         _after_heavy(s, weighty)
-        if up or down:
-            costs = scatter, event, scale
-            _charge_onsets(s, before, (up, down), costs, started_at, b, losses, early_late)
+        costs = scatter, event, scale
+        _charge_onsets(s, before, (up, down), costs, started_at, b, losses, early_late)
     _settle(s, lanes, current, 0.0, scale, losses)
     _keep(laid_out, n, lanes, out)

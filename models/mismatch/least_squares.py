@@ -38,7 +38,7 @@ def descend(
         only = RunRequest(layout, start[None])
         yield [only]
         return SearchResult(start.copy(), float(evaluator.mean_loss(only.losses, blocks)[0]))
-    seen = _seen(evaluator, blocks)
+    seen = _Seen(*evaluator.scored_within(blocks))
     best = SearchResult(start.copy(), np.inf)
     low, high = layout.bounds.low, layout.bounds.high
     free = high > low
@@ -66,17 +66,10 @@ def descend(
 @dataclass(frozen=True)
 class _Seen:
     """What a descent is fitted to: the scored ``samples`` (m,) of some blocks of time, and the
-    breakaways (e,) on them."""
+    breakaways (e,) on them: a run is early or late only where the recorded stem lets go."""
 
     samples: Samples
     events: Samples
-
-
-def _seen(evaluator: Evaluator, blocks: Bools) -> _Seen:
-    """The samples of some blocks; a run is early or late only where the recorded stem lets go."""
-    block = evaluator.within(blocks)
-    at_onsets = evaluator.onsets.at[block[evaluator.onsets.at] >= 0]
-    return _Seen(np.flatnonzero(block >= 0), at_onsets)
 
 
 @njit(cache=True)
@@ -119,11 +112,14 @@ def _residuals(
 
     Of the runs in the columns of ``simulated`` (n, lanes) from ``first`` on.
     """
-    for i in range(samples.size):
-        k = samples[i]
-        for j in range(rows.shape[0]):
-            residual = mv[k] - simulated[k, first + j]
-            rows[j, i] = residual - min(max(residual, -slack[k]), slack[k])
+    # Unsigned: the compiler need not ask whether an index counts from the end.
+    begin = np.uint64(first)
+    for i in range(np.uint64(samples.size)):
+        k = np.uint64(samples[i])
+        measured, free = mv[k], slack[k]
+        for j in range(np.uint64(rows.shape[0])):
+            residual = measured - simulated[k, begin + j]
+            rows[j, i] = residual - min(max(residual, -free), free)
     for j in range(rows.shape[0]):
         for i in range(events.size):
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale

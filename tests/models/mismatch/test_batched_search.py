@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.batched_search import conclude, run_together
 from stemwatch.models.mismatch.crossfit import CAREFUL, folds, search
 from stemwatch.models.mismatch.evaluator import RunRequest, batches
 from stemwatch.models.mismatch.forces import Forces
-from stemwatch.models.mismatch.kernel import LANES, WIDTH
+from stemwatch.models.mismatch.lanes import LANES, WIDTH, alike
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.terms import catalogue
@@ -118,17 +118,19 @@ def test_answers_are_those_of_a_candidate_alone():
 
 
 def test_hypotheses_run_alike_by_what_their_stems_use():
-    """Levels that vary and readings that wander are kept apart from plain stems."""
+    """Levels that vary, readings that wander and what takes longer are kept apart from plain
+    stems."""
     kinds = [evaluator().layout(hypothesis(*slugs)).kind for slugs in KINDS]
-    plain, varied, timed = (False, False, False), (True, False, False), (False, True, False)
-    assert kinds == [plain, plain, plain, varied, varied, timed, varied]
+    plain, varied, timed = ((i == 1, i == 2, False, True) for i in range(3))
+    with_play = (False, False, False, False)
+    assert kinds == [plain, plain, with_play, varied, varied, timed, varied]
 
 
 @pytest.mark.parametrize("slug", sorted(catalogue()))
 def test_upper_limits_show_everything_that_a_term_fills(slug):
     """What a term fills anywhere within its limits it also fills at the upper ones."""
     layout = evaluator().layout(hypothesis(slug))
-    varied, timed, heavy = layout.kind
+    varied, timed, heavy, is_alike = layout.kind
     for candidate in anywhere(layout, 5, np.random.default_rng(5)):
         stem = Stem.neutral(900, 1.0)
         for term, place in layout.filling:
@@ -139,6 +141,7 @@ def test_upper_limits_show_everything_that_a_term_fills(slug):
         assert varied or not (by_place or by_rest or growth)
         assert timed or not by_time
         assert heavy or not stem.numbers[stem_number.RUN_UP_S]
+        assert not is_alike or alike(stem.numbers[None])
 
 
 def test_a_force_is_computed_once_and_the_oldest_is_replaced():

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.kernel import LANES, Record, Scoring, follow
+from stemwatch.models.mismatch.kernel import Record, Scoring, follow
+from stemwatch.models.mismatch.lanes import LANES
 from stemwatch.models.mismatch.stem import Stem, Stems, places
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import ONLY_WHEN_TURNING
@@ -375,6 +376,28 @@ def test_a_run_does_not_depend_on_the_other_lanes(seed, count):
     only, nothing = np.empty((count, 4)), np.empty((0, 0))
     follow(p, rows, *stems.first(count), record, scoring, only, nothing, nothing)
     np.testing.assert_array_equal(only, losses)
+
+
+@pytest.mark.parametrize("changing", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_stems_that_only_slide_run_to_the_last_bit_as_beside_one_with_play(seed, changing):
+    """What is left out where no lane needs it changes nothing, whether levels change or not."""
+    p, stems, record, scoring = drawn_runs(np.random.default_rng(seed), 8, 333)
+    for name in ("ASYMMETRY", "CREEP", "PLAY"):
+        stems.numbers[:, getattr(stem_number, name)] = 0.0
+    stems.numbers[:, stem_number.STOP_LOW] = -np.inf
+    stems.numbers[:, stem_number.STOP_HIGH] = np.inf
+    for name in () if changing else ("GROWTH", "DRIFT", "BY_PLACE", "BY_REST", "BY_TIME"):
+        stems.numbers[:, getattr(stem_number, name)] = 0.0
+    stems.numbers[7, stem_number.PLAY] = 0.5
+    results = []
+    for count in (8, 7):
+        rows = np.arange(count) % 3
+        losses, out, late = np.empty((count, 4)), np.empty((333, count)), np.zeros((count, 333))
+        follow(p, rows, *stems.first(count), record, scoring, losses, out, late)
+        results.append((losses[:7], out[:, :7], late[:7]))
+    for beside, among_themselves in zip(*results, strict=True):
+        np.testing.assert_array_equal(among_themselves, beside)
 
 
 @pytest.mark.parametrize("seed", range(3))
