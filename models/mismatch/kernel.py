@@ -389,17 +389,20 @@ def _slide_varied(
     losses: Floats,
     tabled: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
     tables: Tables,
+    stems: tuple[Floats, float],
 ) -> int:
     """``_slide`` with the levels and the readings of every sample: ``tabled`` are the lanes that
-    have tables (``_tabled``), ``record`` MV and its slack, ``span`` the samples.
+    have tables (``_tabled``), ``record`` MV and its slack, ``span`` the samples, ``stems`` their
+    numbers and the interval.
     """
     (mv, slack), (near_up, near_down), (placed, resting, waving) = record, near_onset, tabled
     (begin, end), half_way, (friction, pushing, breakaway, wander) = span, 0.5 * mv.size, tables
+    numbers, dt = stems
     _enter(s, lanes, near_onset)
     for k in range(begin, end):
         o, t, full = _U(k % _AHEAD) * lanes, k - half_way, 0
         seen, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
-        _look_up(s, placed, friction, pushing)
+        _look_up(s, numbers, placed, friction, pushing, dt)
         for lane in resting:
             at = _U(lane)
             rested = 0.0 if s[_GOING + at] != 0.0 else s[_RESTED + at]
@@ -612,7 +615,8 @@ def follow(
             stop = _before_onset(end, next_up, next_down)
             if varies:
                 k = _slide_varied(s, laid_out, _U(lanes), near_onset, (mv, slack), charged,
-                                  (k, stop), current, losses, tables_of, tables)  # fmt: skip
+                                  (k, stop), current, losses, tables_of, tables,
+                                  (numbers, dt))  # fmt: skip
             else:
                 k = _slide(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, stop,
                            current, losses)  # fmt: skip
