@@ -93,8 +93,9 @@ faults: $(VENV)/can-test ## Kill and cut off whatever the service needs, ROUNDS=
 
 check: $(VENV)/can-test ## Style, import rules and types, without the tests
 	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
-	$(call step,Checking which package may import which (lint-imports),$(BIN)/lint-imports --no-cache)
-	$(call step,Checking the types (mypy),$(MEANWHILE) $(BIN)/mypy --num-workers 2 && wait)
+	$(call step,Checking the types (mypy) and which package may import which (lint-imports),$(MEANWHILE) \
+	$(BIN)/lint-imports --no-cache & rules=$$!; $(BIN)/mypy --num-workers 2; types=$$?; \
+	wait $$rules; rules=$$?; wait; exit $$((types + rules)))
 
 bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; FULL=yes takes longer
 	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)

@@ -41,8 +41,8 @@ class Estimate:
 
     def holding(self, *others: Estimate) -> Estimate:
         """The same value, with an interval that holds those of ``others`` too."""
-        lows = [one.low for one in (self, *others) if one.low is not None]
-        highs = [one.high for one in (self, *others) if one.high is not None]
+        lows = [estimate.low for estimate in (self, *others) if estimate.low is not None]
+        highs = [estimate.high for estimate in (self, *others) if estimate.high is not None]
         return replace(self, low=min(lows, default=None), high=max(highs, default=None))
 
     def contradicts(self, other: Estimate) -> bool:
@@ -58,14 +58,15 @@ class Estimate:
             return f"not known: {self.reason}"
         if self.low is None or self.high is None:
             return f"{self.value:.3g} {self.unit}".rstrip()
-        digits = _digits(self.value)
+        digits = _digits(max(self.value, self.low, self.high, key=abs))
         ends = f"{self.low:{digits}} to {self.high:{digits}}"
         return f"{self.value:{digits}} ({ends}) {self.unit}".rstrip()
 
 
 def _digits(value: float) -> str:
-    """Three significant digits of ``value``, and of its ends as many decimals: 5.23 (4.70 to 5.95).
-    Very large and very small numbers have three digits each."""
+    """Three significant digits of ``value``, the largest of a number and its ends, and as many
+    decimals of all three: 5.23 (4.70 to 5.95), 0.008 (0.000 to 0.201). Where all are very large or
+    very small, three digits each."""
     size = abs(value)
     if not 0.1 <= size < 1000.0:
         return ".3g"

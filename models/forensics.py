@@ -47,6 +47,7 @@ def noise_sigma(values: Floats) -> float:
 LEAST_WINDOWS = 5
 COARSE_PERCENT = 0.1  # a finer step of a recorder is not mentioned
 MOST_REPEATS = 0.93  # share of repeats, up to which a signal shows its recorder's step
+MANY_CHANGES = 100  # from which on it does so however long it rests between them, as a stuck stem
 
 
 def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
@@ -102,8 +103,8 @@ def coarse_step(values: Floats) -> float:
     """The recorder's step of a signal in percent where it is coarse enough to be seen, else 0."""
     step = quantum(values)
     # Round numbers that an operator set by hand from time to time do not show the recorder's step.
-    seen = step >= COARSE_PERCENT and repeat_share(values) <= MOST_REPEATS
-    return step if seen and noise_sigma(values) <= 2.0 * step else 0.0
+    often = np.count_nonzero(_steps(values)) >= MANY_CHANGES or repeat_share(values) <= MOST_REPEATS
+    return step if step >= COARSE_PERCENT and often and noise_sigma(values) <= 2.0 * step else 0.0
 
 
 def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> bool:

@@ -130,11 +130,11 @@ def of_friction(
     if S.value is None:
         return []
     swing_of_op = fit.evaluator.problem.swing
-    share = 100.0 * fit.S / swing_of_op if swing_of_op > 0 else None
+    share = 100.0 * S.value / (op_per_travel * swing_of_op) if swing_of_op > 0 else None
     naive_S, naive_J = (op_per_travel * number for number in S_and_J(fit.naive))
     scatter = 100.0 * fit.breakaways.scatter if fit.breakaways else None
     zero = float(fit.candidate[coordinate.ZERO])
-    left_behind = max(fit.S - fit.J, 0.0) * op_per_travel
+    left_behind = None if J.value is None else max(S.value - J.value, 0.0)
     indicators = [
         *_estimated("S_percent", S),
         *_estimated("J_percent", J),

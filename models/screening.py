@@ -61,10 +61,14 @@ from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stored_range import in_percent, range_of_both
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
-from stemwatch.models.validity_checks import reversed_obstacles
+from stemwatch.models.validity_checks import OP_AT_REST, reversed_obstacles
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.wiring_checks import wiring_obstacles
-from stemwatch.models.without_position.suspicion import suspect, trained_judge
+from stemwatch.models.without_position.suspicion import (
+    suspect,
+    too_little_moved,
+    trained_judge,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +81,7 @@ class Case:
 
     recording: Recording
     baseline: NarxNetwork | None = None
-    baseline_note: str = "No baseline yet."
+    baseline_note: str = "No earlier baseline to compare with."
     known_curve: KnownCurve | None = None
     target_band: float | None = None
 
@@ -331,7 +335,7 @@ def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
     """
     if screening.verdict not in (Verdict.STICKY, Verdict.WATCH):
         return screening
-    numbers = {name: one.value for name, one in screening.indicators.items()}
+    numbers = {name: indicator.value for name, indicator in screening.indicators.items()}
     slope = 1.0 if fitted.curve is None else fitted.curve.slope
     valve = FittedValve.of(screening.S, screening.J, numbers, slope)
     loop = valve if isinstance(valve, str) else fit_loop(fitted.case.recording, valve)
@@ -340,7 +344,10 @@ def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
     repaired = indicators.of_repair(predict(loop, REPAIRED, fitted.case.target_band))
     return replace(
         screening,
-        indicators={**screening.indicators, **{one.name: one for one in repaired}},
+        indicators={
+            **screening.indicators,
+            **{indicator.name: indicator for indicator in repaired},
+        },
     )
 
 
@@ -349,6 +356,9 @@ def _with_suspicion(screening: Screening, fitted: _Fitted) -> Screening:
     evidence; with one it is a cross-check that changes no verdict.
     """
     suspicion = suspect(fitted.case.recording, trained_judge())
+    for obstacle in fitted.assessment.obstacles[:1]:  # the one that is said
+        if obstacle.slug in OP_AT_REST:
+            suspicion = too_little_moved(suspicion, obstacle.reason, obstacle.remedy)
     numbers = {indicator.name: indicator for indicator in indicators.of_suspicion(suspicion)}
     return replace(
         screening, without_position=suspicion, indicators={**screening.indicators, **numbers}

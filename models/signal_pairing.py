@@ -8,6 +8,7 @@ import numpy as np
 
 from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.excitation import swing, travel
+from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.forensics import noise_sigma, quantum
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.runs_of_samples import equal_runs
@@ -278,15 +279,6 @@ def _without_noise(source: Floats, copy: Floats) -> bool:
     deviation = np.abs(copy[1:] - columns @ weights)
     tolerance = max(2.0 * _tolerance(copy), WITHOUT_NOISE * swing(copy))
     return bool(np.mean(deviation <= tolerance) > COPIED_SHARE)
-
-
-def first_order_lag(values: Floats, lag: float) -> Floats:
-    """(n,) ``values`` through a lag of the first order of ``lag`` samples, at rest before."""
-    from scipy.signal import lfilter  # slow to import, and rarely used
-
-    share = 1.0 - np.exp(-1.0 / lag)
-    at_rest = [(1.0 - share) * values[0]]
-    return np.asarray(lfilter([share], [1.0, share - 1.0], values, zi=at_rest)[0])
 
 
 def correlation(recording: Recording) -> float:

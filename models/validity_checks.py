@@ -44,6 +44,8 @@ MOVED_WITHOUT_OP = 0.15
 # none shows any, of those stored by exceptions of 1 % 0.03 at most (`draw_miswired`, 80 valves of
 # seeds 5151 to 9393).
 TURNED_AT_THE_END = 0.05
+# Obstacles of an OP that moved too little to show a sticking stem, with or without a position.
+OP_AT_REST = ("op_still", "manual", "few_reversals")
 COARSEST_PERCENT = 3.0  # steps of a position, twice the S of a sticky valve
 SUMS_OP = "the position moves as fast as OP says"
 MAP_POSITION = "Map the tag of the stem position (ZT, POS, positioner feedback)."
@@ -66,8 +68,8 @@ def position_obstacles(recording: Recording) -> list[Obstacle]:
         return [
             Obstacle(
                 "no_position",
-                "there is no valve position in this recording, and OP and PV alone cannot tell "
-                "a sticking valve from a badly tuned loop or a disturbance",
+                "there is no valve position in this recording, and what OP and PV alone say "
+                "is no verdict",
                 "Record the position (positioner feedback, position transmitter), or do a "
                 "stroke test: step OP by 1 % up and down and watch for the stem.",
             )

@@ -18,6 +18,7 @@ import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.open_question import SLOW, OpenQuestion
+from stemwatch.models.mismatch.terms.bowed_linkage import TO_HEIGHT
 from stemwatch.models.own_clock import seconds_of
 from stemwatch.models.response_figures import OF_FIT
 from stemwatch.models.screening_result import Screening
@@ -199,6 +200,7 @@ _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     ),
     "flow_force": (("flow_force", "%"),),
     "load_by_position": (("load_linear", "%"), ("load_square", "%"), ("load_cube", "%")),
+    "bowed_linkage": (("bow", "%"),),
     "dwell_dependent_breakaway": (("dwell_breakaway", "%"),),
     "lost_motion": (("play", "%"),),
     "growing_stiction": (("friction_growth", ""),),
@@ -288,7 +290,7 @@ _OF_QUICK_FIT = {
 
 def _of_quick_fit(screening: Screening) -> dict[str, float]:
     """Actuator and zero of the reading, by the indicators."""
-    known = {name: one.value for name, one in screening.indicators.items()}
+    known = {name: indicator.value for name, indicator in screening.indicators.items()}
     own = {_OF_QUICK_FIT[OF_FIT[name]]: known[name] for name in OF_FIT if name in known}
     return own | {"reading_zero": known.get("position_zero_percent", 0.0)}
 
@@ -307,21 +309,21 @@ def _of_published(question: OpenQuestion) -> dict[str, float]:
     base = np.array(question.published.base).mean(axis=0)
     restick = float(base[base_coordinate.RESTICK])
     restick = restick if restick > 0.0 else question.restick
-    found = {
+    values = {
         "dead_time": seconds_of(float(base[base_coordinate.DELAY]), "s", unit_s),
         "restick_speed": _restick(restick, unit_s),
         "reading_zero": float(base[base_coordinate.ZERO]),
         "reading_gain": 1.0 + float(base[base_coordinate.GAIN]),
     }
-    delay = found["dead_time"]
+    delay = values["dead_time"]
     for slug, halves in question.published.terms.items():
         for (name, unit), value in zip(
             _OF_TERM[slug], np.array(halves).mean(axis=0).tolist(), strict=True
         ):
             true = seconds_of(value, unit, unit_s)
             if name != "restick_speed" or true > 0.0:
-                found |= _named(name, true, delay)
-    return found
+                values |= _named(name, true, delay)
+    return values
 
 
 def _named(name: str, value: float, delay: float) -> dict[str, float]:
@@ -334,6 +336,8 @@ def _named(name: str, value: float, delay: float) -> dict[str, float]:
         "slowness_rising": {"speed_rising": speed},
         "slowness_falling": {"speed_falling": speed},
         "slowness_of_drive": {"top_speed": speed},
+        # A reading that is bent is the same as a force of that shape.
+        "bow": {"load_linear": -TO_HEIGHT * value, "load_cube": TO_HEIGHT * value},
         "supply_share": {"supply_sag": 100.0 * value},
         "inside_low": {"stop_low": value if value > 0.0 else -NO_STOP},
         "inside_high": {"stop_high": 100.0 - value if value > 0.0 else NO_STOP},

@@ -99,7 +99,7 @@ class WiringEvidence:
 
     @cached_property
     def far_away(self) -> BestShift:
-        """OP of another time."""
+        """OP many samples earlier or later, as of clocks that differ or of another time."""
         return self.pairing.far_away()
 
     @cached_property

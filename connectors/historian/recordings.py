@@ -87,8 +87,10 @@ _PLAIN_PERCENT = (-15.0, 115.0)
 
 def assemble(opened: SampleSource, valve: ValveTags, window: Window) -> Recording:
     """The recording of ``valve`` in ``window``. Raises ``UnknownTag`` or ``ConnectorError``."""
+    need_op(opened.source_name, valve)
+    tags = find_tags(opened, [mapping.tag for mapping in valve.tags.values()])
     _check_roles(opened, valve)
-    opened.read_ahead([find_tag(opened, mapping.tag) for mapping in valve.tags.values()])
+    opened.read_ahead(tags)
     columns = sharing_times(
         {
             role: opened.column(find_tag(opened, mapping.tag), as_mode=role is Role.MODE)
@@ -128,7 +130,6 @@ def need_op(source_name: str, valve: ValveTags) -> None:
 
 
 def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
-    need_op(opened.source_name, valve)
     mv = valve.tags.get(Role.MV)
     if mv is not None and find_tag(opened, mv.tag) == find_tag(opened, valve.tags[Role.OP].tag):
         raise ConnectorError(
@@ -136,6 +137,21 @@ def _check_roles(opened: SampleSource, valve: ValveTags) -> None:
             "that is compared with its own command looks perfect. Give the tag of the measured "
             "position, or none"
         )
+
+
+def find_tags(opened: SampleSource, tag_texts: Sequence[str]) -> list[str]:
+    """The source's tags for what a user wrote. Raises ``UnknownTag`` with all that are not there,
+    so that two typing errors are not two tries."""
+    tags: list[str] = []
+    unknown: list[str] = []
+    for tag_text in tag_texts:
+        try:
+            tags.append(find_tag(opened, tag_text))
+        except UnknownTag as error:
+            unknown.append(str(error).removeprefix(f"{opened.source_name}: "))
+    if unknown:
+        raise UnknownTag(f"{opened.source_name}: {'; '.join(unknown)}")
+    return tags
 
 
 def find_tag(opened: SampleSource, tag_text: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from stemwatch.connectors.historian.options import ReadOptions, given_options
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
@@ -24,6 +24,11 @@ def say_unused(options: ReadOptions, notes: ReadingNotes, reasons: Mapping[str, 
             notes.decide(
                 f"{name} = {value_text}{_IS_NOT_USED}{reasons.get(name, 'nothing asks for it')}."
             )
+
+
+def unused_options(decisions: Iterable[str]) -> set[str]:
+    """The options that these decisions say were not used."""
+    return {one.partition(" = ")[0] for one in decisions if _IS_NOT_USED in one}
 
 
 def unused_sentences(decisions: tuple[str, ...]) -> list[str]:

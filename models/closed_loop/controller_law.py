@@ -51,21 +51,21 @@ def controller_law(op: Floats, pv: Floats, sp: Floats) -> ControllerLaw | str:
     columns = [np.ones_like(op), -pv, integral, change, *([sp] if moves else [])]
     design = np.stack(columns, axis=1)
     scale = np.maximum(np.abs(design).max(axis=0), 1e-12)
-    found = np.linalg.lstsq(design / scale, op, rcond=None)[0] / scale
-    explained = 1.0 - float(np.var(op - design @ found) / np.var(op))
+    weights = np.linalg.lstsq(design / scale, op, rcond=None)[0] / scale
+    explained = 1.0 - float(np.var(op - design @ weights) / np.var(op))
     if explained < LEAST_EXPLAINED:
         return (
             f"OP follows set point and PV by a PI or PID law for only "
             f"{100.0 * max(explained, 0.0):.0f} % of what it does (the loop may be in manual)"
         )
-    _, gain, per_sample, gain_change = (float(one) for one in found[:4])
-    gain_sp = float(found[4]) if moves else gain
-    told = gain_sp * sp - gain * pv + per_sample * integral + gain_change * change
+    _, gain, per_sample, gain_change = (float(weight) for weight in weights[:4])
+    gain_sp = float(weights[4]) if moves else gain
+    predicted = gain_sp * sp - gain * pv + per_sample * integral + gain_change * change
     return ControllerLaw(
         gain=gain,
         gain_sp=gain_sp,
         per_sample=per_sample,
         gain_change=gain_change,
-        rest=op - told,
+        rest=op - predicted,
         explained=explained,
     )

@@ -211,5 +211,5 @@ def _autoregression(values: Floats) -> Floats:
     """(ORDER,) weights of the samples before, by least squares."""
     centred = values - values.mean()
     before = [centred[ORDER - 1 - i : -1 - i] for i in range(ORDER)]
-    found = np.linalg.lstsq(np.stack(before, axis=1), centred[ORDER:], rcond=None)[0]
-    return np.ascontiguousarray(found)
+    weights = np.linalg.lstsq(np.stack(before, axis=1), centred[ORDER:], rcond=None)[0]
+    return np.ascontiguousarray(weights)

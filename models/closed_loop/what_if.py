@@ -109,12 +109,12 @@ class Prediction:
         if was == 0.0:
             return Estimate.unknown("it was 0 in the recording", "%")
         power = 2 if squared else 1
-        return self._against(name, lambda one: 100.0 * (1.0 - (one / was) ** power), "%")
+        return self._against(name, lambda value: 100.0 * (1.0 - (value / was) ** power), "%")
 
     def saved(self, name: str) -> Estimate:
         """By how much a figure falls against the recorded one, in its own unit."""
         was = getattr(self.recorded, name)
-        return self._against(name, lambda one: was - one, self.predicted[name].unit)
+        return self._against(name, lambda value: was - value, self.predicted[name].unit)
 
     def _against(self, name: str, change: Callable[[float], float], unit: str) -> Estimate:
         was, will = getattr(self.recorded, name), self.predicted[name]
@@ -175,7 +175,7 @@ def predict(loop: FittedLoop, change: LoopChange, target_band: float | None = No
     predicted = {
         name: _estimate(
             getattr(told, name),
-            [getattr(one, name) for one in drawn],
+            [getattr(figures, name) for figures in drawn],
             getattr(recorded, name),
             getattr(as_it_is, name),
             _unit(name, loop.unit),
@@ -202,7 +202,7 @@ def _estimate(
     if value is None or not np.isfinite(value):
         return Estimate.unknown("there is none", unit)
     top = BEYOND * max(recorded or 0.0, value)
-    likely = [one for one in drawn if one is not None and np.isfinite(one) and one <= top]
+    likely = [value for value in drawn if value is not None and np.isfinite(value) and value <= top]
     ends = [value]
     if likely:
         ends += [float(end) for end in np.percentile(likely, (5.0, 95.0))]

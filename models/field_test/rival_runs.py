@@ -67,7 +67,7 @@ class BreakawayScatter(StemTerm):
         return (Coordinate(name="draw", low=0.0, high=1e6),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """The draw of number 0."""
+        """The draw of levels number 0; a simulation takes another, and none is searched for."""
         return np.zeros((1, 1))
 
     def fill(self, stem: Stem, values: Floats) -> None:
@@ -80,7 +80,7 @@ class BreakawayScatter(StemTerm):
         stem.numbers[stem_number.BY_REST] = 1.0
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """It is never a finding."""
+        """Never: scatter belongs to simulated responses and is no effect to be named."""
         return False
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:

@@ -26,6 +26,7 @@ from stemwatch.models.mismatch.describe_effect import (
     by_events,
     directions,
     effect,
+    told_by,
 )
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.drive import name_drive, starts_of_first_part
@@ -54,6 +55,7 @@ from stemwatch.models.mismatch.reading_errors import (
     values_of,
     without_error,
 )
+from stemwatch.models.mismatch.spring_hysteresis import IMITATED, follows_turns
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
 from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name_terms
@@ -78,7 +80,8 @@ class AcceptedHypothesis:
     """A hypothesis fitted to the whole record, with the effects that were accepted.
 
     ``drawn`` returns the candidates (m, size) of its bootstrap. ``worse`` says, where it is not
-    empty, that another effect was dropped because it made the prediction of unseen samples worse.
+    empty, that another effect was dropped because it made the prediction of unseen samples worse;
+    ``spring`` that one was dropped because a spring with hysteresis stands behind it.
     """
 
     evaluator: Evaluator
@@ -91,6 +94,7 @@ class AcceptedHypothesis:
     shown: HeldOutComparison
     named: Named
     worse: str = ""
+    spring: bool = False
 
 
 def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
@@ -121,7 +125,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     terms = admissible(case.refused)
     named = named_effects(case, terms)
     pinned: set[str] = set()
-    worse = ""
+    worse, spring = "", False
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -131,6 +135,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             terms = {slug: term for slug, term in terms.items() if slug not in immaterial}
             named = named_effects(case, terms)
             continue
+        spring = spring or hypothesis.spring
         stand = {effect.slug for effect in hypothesis.effects}
         if stand and not _predicts_as_well(hypothesis):
             worse = worse or _worse(hypothesis)
@@ -145,7 +150,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             return hypothesis
         dropped = proposed - stand
         if not dropped:
-            return replace(hypothesis, worse=worse)
+            open_end = hypothesis.open_end or (spring and not stand)
+            return replace(hypothesis, worse=worse, open_end=open_end, spring=spring)
         pinned |= dropped & set(STRAIGHT_LINE)
         terms = {slug: term for slug, term in terms.items() if slug not in dropped}
         named = lacking(named, dropped)
@@ -199,11 +205,23 @@ def _whole_record(
     )
     comparison = compare_held_out(evaluator, layout, in_turn, case.ceiling, of_drive, first_part)
     effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
+    # An error of the reading, or play, must leave nothing of a spring with hysteresis.
+    spring = any(one.slug in IMITATED for one in effects) and follows_turns(evaluator, fitted)
+    effects = tuple(one for one in effects if not (spring and one.slug in IMITATED))
     if effects and DRIVE not in layout.places:
         comparison = _as_it_is_judged(comparison, effects, layout, first_part)
     proposed = {candidate.slug for candidate in candidates}
     hypothesis = AcceptedHypothesis(
-        evaluator, layout, fitted, best, drawn_candidates, effects, open_end, comparison, named
+        evaluator,
+        layout,
+        fitted,
+        best,
+        drawn_candidates,
+        effects,
+        open_end,
+        comparison,
+        named,
+        spring=spring,
     )
     return hypothesis, proposed
 
@@ -354,19 +372,18 @@ def _effects(
     ]
     for reading in reading_errors:
         share = _share(evaluator, reading.without, named.fitted)
-        effects.append(
-            effect(
-                evaluator,
-                reading.term,
-                reading.members,
-                values_of(reading.term.slug, best),
-                np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
-                reading.advantage,
-                share,
-                (reading.without.layout, reading.without.candidates.mean(axis=0)),
-                found_directions,
-            )
+        found_effect = effect(
+            evaluator,
+            reading.term,
+            reading.members,
+            values_of(reading.term.slug, best),
+            np.array([values_of(reading.term.slug, row) for row in candidate_draws]),
+            reading.advantage,
+            share,
+            (reading.without.layout, reading.without.candidates.mean(axis=0)),
+            found_directions,
         )
+        effects.append(told_by(found_effect, reading.tells))
     return tuple(sorted(effects, key=lambda item: -item.evidence.mean))
 
 

@@ -163,6 +163,12 @@ def by_events(
     return replace(found_effect, sentence=sentence, evidence=evidence, parameters=parameters)
 
 
+def told_by(found_effect: Effect, tells: str) -> Effect:
+    """``found_effect`` with a sentence on what would tell it from the others of its class."""
+    note = f"{found_effect.evidence.note} {tells}".rstrip()
+    return replace(found_effect, evidence=replace(found_effect.evidence, note=note))
+
+
 def residual_map(
     evaluator: Evaluator,
     simulated: Floats,

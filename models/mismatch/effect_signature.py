@@ -16,6 +16,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.excitation import jumps_from_rest, swing
 from stemwatch.models.mismatch.findings import NO_TOP_SPEED
+from stemwatch.models.mismatch.terms.bowed_linkage import shape as bowed
 from stemwatch.models.recording import Bools, Floats
 
 MOST_SHIFT = 4.0  # times the dead time, up to which the correlation is tried
@@ -262,6 +263,12 @@ def _span(moves: Moves) -> EffectSignature:
     return _by_place(moves, "The reading is off by more, the farther from mid-travel.", law)
 
 
+def _bow(moves: Moves) -> EffectSignature:
+    bow, places = moves.value("bow"), np.linspace(*_ends(moves.mv), 50)
+    law = FittedLine(f"bow of {bow:.2g} %", places, bow * bowed(places))
+    return _by_place(moves, "The reading is off along a bow over the stroke, both ways.", law)
+
+
 def _stopped(moves: Moves) -> EffectSignature:
     op = later(moves.op, moves.late_s, moves.interval_s)
     ends = np.array(_ends(op))
@@ -354,6 +361,7 @@ _SHOWN: Mapping[str, Callable[[Moves], EffectSignature | None]] = MappingProxyTy
         "position_dependent_friction": _friction_by_place,
         "flow_force": _force_by_place,
         "load_by_position": _force_by_place,
+        "bowed_linkage": _bow,
         "zero_shift": _zero,
         "span_error": _span,
         "travel_stop": _stopped,

@@ -195,6 +195,7 @@ PHYSICS = (
     "position_dependent_friction",
     "zero_shift",
     "span_error",
+    "bowed_linkage",
     "lost_motion",
     "travel_stop",
     "underdamped_positioner",
@@ -381,6 +382,7 @@ def _travel(seen: Exercised) -> Refusals:
     """Effects that need a part of the stroke, passes through it, or its ends."""
     for slug, least in (
         ("span_error", SPAN_TRAVEL),
+        ("bowed_linkage", SPAN_TRAVEL),
         ("flow_force", FLOW_TRAVEL),
         ("position_dependent_friction", FRICTION_TRAVEL),
     ):

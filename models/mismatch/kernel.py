@@ -121,6 +121,7 @@ _START, _RESYNC = 1, 2
 _ROUNDING = 1e-9  # percent; a smaller step of the force is a held command
 # A stem that drags towards its end of travel never quite arrives; below this speed it stands.
 _STANDS_BELOW = 0.01  # percent per second
+_SOFTEST = 0.5  # least rise of spring and force together over a percent of travel, percent
 _PATIENCE_S = 120.0  # how long an assimilated run waits for a breakaway that the recording shows
 # numba types a plain 0 as the literal 0, so all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
@@ -141,14 +142,31 @@ def _table_value(tables: Floats, lane: int, x: float) -> float:
 
 
 @njit(cache=True)
-def _share_and_least(dt: float, q: Floats) -> tuple[float, float]:
-    """The share of its way that a stem with drag covers in a sample, and the gap below which it
-    sticks; with a negative one only a turn stops it.
+def _table_slope(tables: Floats, lane: int, x: float) -> float:
+    """The rise of the table of ``lane`` over a percent of travel at place ``x``."""
+    table_place = (x - stem_number.PLACE_LOW) * (
+        (stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW)
+    )
+    i = int(min(max(table_place, 0.0), stem_number.PLACES - 1.000001))
+    rise: float = tables[lane, i + 1] - tables[lane, i]
+    return rise * ((stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW))
+
+
+@njit(cache=True)
+def _share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
+    """The share of the gap that a stem covers in a sample, and the gap below which it sticks; with
+    a negative one only a turn stops it.
+
+    A force that rises by ``slope`` over a percent of travel closes the gap on the way, as a stiffer
+    spring would: it comes to rest after ``gap / (1 + slope)``.
     """
-    share = 1.0 - np.exp(-dt / q[stem_number.DRAG_S]) if q[stem_number.DRAG_S] > 1e-3 else 1.0
+    stiffness = max(1.0 + slope, _SOFTEST)
+    drags = q[stem_number.DRAG_S] > 1e-3
+    share = 1.0 - np.exp(-dt * stiffness / q[stem_number.DRAG_S]) if drags else 1.0
+    share /= stiffness
     if q[stem_number.RESTICK] < 0.0:
         return share, -_ROUNDING
-    speed = max(q[stem_number.RESTICK], _STANDS_BELOW if share < 1.0 else 0.0)
+    speed = max(q[stem_number.RESTICK], _STANDS_BELOW if drags else 0.0)
     return share, max(speed * dt / share, _ROUNDING)
 
 
@@ -178,7 +196,7 @@ def _begin(
         s[_X + i] = s[_Z + i] = force[rows[row], 0]
         s[_SIDE + i] = s[_PRODUCT + i] = 1.0
         s[_MOVING + i] = s[_BEFORE + i] = s[_RESTED + i] = s[_PUSHED + i] = s[_WANDER + i] = 0.0
-        s[_SHARE + i], s[_LEAST + i] = _share_and_least(dt, q)
+        s[_SHARE + i], s[_LEAST + i] = _share_and_least(dt, q, 0.0)
         s[_STEP + i] = q[stem_number.CREEP] * dt
         s[_LOW + i], s[_HIGH + i], s[_HALF + i] = (
             q[stem_number.STOP_LOW],
@@ -320,8 +338,15 @@ def _tabled(
 
 
 @njit(cache=True)
-def _look_up(s: Floats, placed: NDArray[np.int64], friction: Floats, force: Floats) -> None:
-    """Friction and force by place, of those lanes ``placed`` that moved."""
+def _look_up(
+    s: Floats,
+    numbers: Floats,
+    placed: NDArray[np.int64],
+    friction: Floats,
+    force: Floats,
+    dt: float,
+) -> None:
+    """Friction and force by place, of those lanes ``placed`` that moved, and how far they slide."""
     for lane in placed:
         i = _U(lane)
         x = s[_X + i]
@@ -329,6 +354,8 @@ def _look_up(s: Floats, placed: NDArray[np.int64], friction: Floats, force: Floa
             s[_LOOKED_UP + i] = x
             s[_FRICTION + i] = _table_value(friction, lane, x)
             s[_PUSHED + i] = _table_value(force, lane, x)
+            slope = _table_slope(force, lane, x)
+            s[_SHARE + i], s[_LEAST + i] = _share_and_least(dt, numbers[lane], slope)
 
 
 @njit(cache=True)
@@ -362,17 +389,20 @@ def _slide_varied(
     losses: Floats,
     tabled: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]],
     tables: Tables,
+    stems: tuple[Floats, float],
 ) -> int:
     """``_slide`` with the levels and the readings of every sample: ``tabled`` are the lanes that
-    have tables (``_tabled``), ``record`` MV and its slack, ``span`` the samples.
+    have tables (``_tabled``), ``record`` MV and its slack, ``span`` the samples, ``stems`` their
+    numbers and the interval.
     """
     (mv, slack), (near_up, near_down), (placed, resting, waving) = record, near_onset, tabled
     (begin, end), half_way, (friction, pushing, breakaway, wander) = span, 0.5 * mv.size, tables
+    numbers, dt = stems
     _enter(s, lanes, near_onset)
     for k in range(begin, end):
         o, t, full = _U(k % _AHEAD) * lanes, k - half_way, 0
         seen, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
-        _look_up(s, placed, friction, pushing)
+        _look_up(s, numbers, placed, friction, pushing, dt)
         for lane in resting:
             at = _U(lane)
             rested = 0.0 if s[_GOING + at] != 0.0 else s[_RESTED + at]
@@ -585,13 +615,13 @@ def follow(
             stop = _before_onset(end, next_up, next_down)
             if varies:
                 k = _slide_varied(s, laid_out, _U(lanes), near_onset, (mv, slack), charged,
-                                  (k, stop), current, losses, tables_of, tables)  # fmt: skip
+                    (k, stop), current, losses, tables_of, tables, (numbers, dt))  # fmt: skip
             else:
                 k = _slide(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, stop,
-                           current, losses)  # fmt: skip
+                    current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
-                _look_up(s, placed, friction, pushing)
+                _look_up(s, numbers, placed, friction, pushing, dt)
                 _rise(s, rested, breakaway)
                 _set_levels(s, _U(lanes), k)
             if timed:

@@ -17,6 +17,7 @@ from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.base_fit import RESTICK_REACH
 from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.bend_or_slope import BOW, SPAN, bent_instead
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.term import Term
@@ -27,7 +28,7 @@ from stemwatch.models.stickslip.parameters import Bounds
 
 # Coordinate of each, and the largest value that is not material.
 COORDINATES = {
-    "span_error": (base_coordinate.GAIN, 0.0),
+    SPAN: (base_coordinate.GAIN, 0.0),
     "zero_shift": (base_coordinate.ZERO, 0.0),
     "low_speed_restick": (base_coordinate.RESTICK, 0.12),
 }
@@ -46,6 +47,7 @@ class ReadingError:
     advantage: Advantage
     without: Fitted  # the hypothesis with the number held at neutral
     beside: tuple[str, ...] = ()
+    tells: str = ""  # what would tell it from these, a sentence
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -78,10 +80,13 @@ def findings(
     for slug, (coordinate, largest) in COORDINATES.items():
         if slug not in terms or (slug == "zero_shift" and _explained(fitted, offs)):
             continue
+        if slug == SPAN and BOW in fitted.layout.places:
+            continue  # how much of the slope belongs to the bow cannot be told
         reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest)
         if reading_error is not None:
-            offs.append(_at_every_speed(evaluator, fitted, reading_error, terms))
-        elif slug == "span_error":
+            at_every_speed = _at_every_speed(evaluator, fitted, reading_error, terms)
+            offs.append(_or_bent(evaluator, fitted, at_every_speed, terms))
+        elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
 
@@ -89,7 +94,7 @@ def findings(
 def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
     """True where a zero error is part of another finding: a span error turns about some point of
     the stroke, and a drift that began or ended at zero is off in between."""
-    if any(reading_error.term.slug == "span_error" for reading_error in offs):
+    if any(reading_error.term.slug == SPAN for reading_error in offs):
         return True
     if DRIFT not in fitted.layout.places:
         return False
@@ -124,6 +129,18 @@ def _at_every_speed(
         return found
     advantage = gain(evaluator, found.without, always)
     return ReadingError(overshoot, advantage, found.without, (RESTICK,))
+
+
+def _or_bent(
+    evaluator: Evaluator, fitted: Fitted, found: ReadingError, terms: dict[str, Term]
+) -> ReadingError:
+    """``found``, and the bow of a linkage beside a span error that the record cannot tell from
+    it."""
+    bow = terms.get(BOW)
+    if found.term.slug != SPAN or bow is None:
+        return found
+    tells = bent_instead(evaluator, fitted, bow)
+    return found if tells is None else replace(found, beside=(BOW,), tells=tells)
 
 
 def _dropped(

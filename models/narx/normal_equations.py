@@ -6,7 +6,7 @@ needs no padding, and a worse trial is stopped early. On a GPU torch works on al
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -17,7 +17,14 @@ from stemwatch.models.narx import kernel, torch_batch
 from stemwatch.models.narx.architecture import EDGE
 from stemwatch.models.narx.levenberg_marquardt import Normal
 from stemwatch.models.narx.run_plan import Indices, segments
-from stemwatch.models.narx.torch_batch import Clamps, SegmentBlock, Weights, clamps, segment_blocks
+from stemwatch.models.narx.torch_batch import (
+    Clamps,
+    SegmentBlock,
+    Weights,
+    clamps,
+    recorded,
+    segment_blocks,
+)
 from stemwatch.models.narx.training_record import TrainingRecord
 
 _Runs = tuple[Indices, Indices]
@@ -36,10 +43,8 @@ def normal_matrices(
     samples = torch.tensor(counts, dtype=torch.float64, device=device)
     if by_kernel(samples.device):
         return partial(_one_by_one, valves, runs, hidden, members), samples
-    limits = clamps(valves, members, device)
-    return partial(
-        _all_at_once, segment_blocks(valves, horizon, members, device), limits, hidden
-    ), samples
+    blocks = segment_blocks(valves, horizon, hidden, members, device)
+    return _AllAtOnce(blocks, clamps(valves, members, device), hidden), samples
 
 
 def by_kernel(device: torch.device) -> bool:
@@ -54,10 +59,21 @@ def _longest_first(runs: _Runs) -> _Runs:
     return starts[order], lengths[order]
 
 
-def _all_at_once(
-    pieces: list[SegmentBlock], limits: Clamps, hidden: int, flat: Tensor, _: Tensor
-) -> Tensor:
-    return torch_batch.normal_matrix(pieces, Weights.split(flat, hidden), limits)
+class _AllAtOnce:
+    """Every network's matrix in one go; recorded at the first call, and played again after it."""
+
+    def __init__(self, blocks: list[SegmentBlock], limits: Clamps, hidden: int) -> None:
+        self._blocks, self._limits, self._hidden = blocks, limits, hidden
+        self._recorded: Callable[[Tensor], Tensor] | None = None
+
+    def __call__(self, flat: Tensor, _: Tensor) -> Tensor:
+        if self._recorded is None:
+            self._recorded = recorded(self._matrix, flat)
+        return self._recorded(flat)
+
+    def _matrix(self, flat: Tensor) -> Tensor:
+        weights = Weights.split(flat, self._hidden)
+        return torch_batch.normal_matrix(self._blocks, weights, self._limits)
 
 
 def _one_by_one(

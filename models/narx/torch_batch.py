@@ -10,7 +10,7 @@ weights in the kernel's order (value, gate, hidden). All in scaled units, as in 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,6 +166,33 @@ def normal_matrix(segment_blocks: list[SegmentBlock], weights: Weights, clamps: 
     return total
 
 
+def recorded(normal: Callable[[Tensor], Tensor], weights: Tensor) -> Callable[[Tensor], Tensor]:
+    """``normal`` of weights (B, P), its kernels recorded as one CUDA graph on a GPU.
+
+    A free run is hundreds of steps one after the other, each of a dozen small kernels. Started one
+    by one they cost ten times as long as they take; a graph starts them all at once. ``weights``
+    are any of the right shape, to record with. On other devices ``normal`` itself is returned.
+    """
+    if weights.device.type != "cuda":
+        return normal
+    given = weights.clone()
+    beside = torch.cuda.Stream(weights.device)  # type: ignore[no-untyped-call]
+    beside.wait_stream(torch.cuda.current_stream(weights.device))
+    with torch.cuda.stream(beside):
+        normal(given)  # libraries take their memory before a recording begins
+    torch.cuda.current_stream(weights.device).wait_stream(beside)
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        answer = normal(given)
+
+    def replay(flat: Tensor) -> Tensor:
+        given.copy_(flat)
+        graph.replay()
+        return answer.clone()
+
+    return replay
+
+
 def _one_step(
     block: SegmentBlock, run: SimulatedBlock, weights: Weights, clamps: Clamps
 ) -> tuple[Tensor, Tensor, Tensor]:
@@ -194,13 +221,18 @@ def _by_weights(
     """``g``: one step's derivative by each weight, in the kernel's order, and an unset column."""
     hidden, inputs = by_hidden.shape[-1], INPUTS + 1
     value, gate = hidden + inputs, hidden + 1
-    g = run.units.new_empty(*by_value.shape, value + gate + hidden * inputs + 1)
+    g = run.units.new_empty(*by_value.shape, _sensitivities(hidden))
     torch.mul(run.units, by_value[..., None], out=g[..., :value])
     torch.mul(run.units[..., :hidden], by_gate[..., None], out=g[..., value : value + hidden])
     g[..., value + hidden] = by_gate
     rows = g[..., value + gate : -1].view(*by_value.shape, hidden, inputs)
     torch.mul(by_hidden[..., None], run.units[..., None, hidden:], out=rows)
     return g
+
+
+def _sensitivities(hidden: int) -> int:
+    """P + 1: one by each weight of a network of so many hidden units, and the residual."""
+    return (hidden + INPUTS + 1) + (hidden + 1) + hidden * (INPUTS + 1) + 1
 
 
 def _through_hidden(
@@ -214,26 +246,27 @@ def _through_hidden(
     return through.mul_(1.0 - h * h)
 
 
-# Samples in a block for each network. The size depends on the horizon alone, never on the batch:
-# padding then adds exact zeros to sums of the same order, and a valve's result does not depend on
-# the other valves in the batch.
-_BLOCK_SAMPLES = 1200
-_MOST_ROWS = 256
+# Sensitivities in a block, of all networks together: 512 MB of them, and about as much again of
+# what they are made from. A GPU does each step of a run on all segments of a block in the same
+# time, however many they are, so that few large blocks are quickest.
+_MOST_SENSITIVITIES = 2**26
 
 _Columns = tuple[Floats, Floats, Floats, Floats, Floats, Floats]
 
 
 def segment_blocks(
-    valves: Sequence[TrainingRecord], horizon: int, seeds: int, device: str
+    valves: Sequence[TrainingRecord], horizon: int, hidden: int, seeds: int, device: str
 ) -> list[SegmentBlock]:
-    """Every valve's training segments of ``horizon`` samples.
+    """Every valve's training segments of ``horizon`` samples, for networks of ``hidden`` units.
 
     Networks are ordered valve by valve, each valve's seeds together.
     """
-    rows = max(1, min(_MOST_ROWS, _BLOCK_SAMPLES // horizon))
     cuts = [segments(valve.trained, horizon) for valve in valves]
-    most_segments = max(starts.size for starts, _ in cuts)
-    total = rows * max(1, -(-most_segments // rows))
+    most_segments = max(1, *(starts.size for starts, _ in cuts))
+    of_one_row = len(valves) * seeds * horizon * _sensitivities(hidden)
+    blocks = -(-most_segments // max(1, _MOST_SENSITIVITIES // of_one_row))
+    rows = -(-most_segments // blocks)
+    total = rows * blocks
     columns = [
         _columns(valve, starts, lengths, horizon, total)
         for valve, (starts, lengths) in zip(valves, cuts, strict=True)

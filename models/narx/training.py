@@ -27,7 +27,9 @@ from stemwatch.models.recording import Bools, Floats
 
 DEFAULTS = NarxSettings()
 AUTO = "auto"
-LEAST_ON_GPU = 8  # valves in a batch; a smaller one leaves a GPU idle
+# Valves in a batch. Beside one core of its own machine an H100 was slower below 8, even at 8, and
+# quicker from 16 on (docs/networks.md).
+LEAST_ON_GPU = 16
 # The error of random members grows from the training part to the held-out part by about this factor
 # more than that of members started from a fitted element (128 simulated records).
 _RANDOM_START_FACTOR = 1.3

@@ -26,6 +26,7 @@ from stemwatch.models.oscillation_groups.loop_spectra import (
 from stemwatch.models.recording import Bools, Floats
 
 BAND = 0.25  # half width of a group's band, relative: limit cycles wander
+_BINS_A_TERM = 3  # at least, so that noise is not taken for what is common
 _SMOOTH = 4  # terms of the smooth transfer function from the reference to a loop, over the band
 _ALIKE = 0.15  # relative difference of periods of one oscillation
 _MOST_GROUPS = 40
@@ -33,6 +34,8 @@ _HARMONICS = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 _HARMONIC_MATCH = 0.025
 _BOUND = 0.8  # coherence, from which a harmonic is phase-locked
 _LEAST_REGULARITY = 0.3
+_NEAR = 0.03  # relative half width within which power is looked at for gaps
+_GAP = 0.02  # of the largest power that is left in one
 
 
 NOT_ASKED: Mapping[int, float] = MappingProxyType({})
@@ -113,7 +116,7 @@ def candidate(
     """The candidate group around an oscillation in ``remaining`` (m, f), whether or not it is more
     than chance; ``None`` where no second loop joins.
     """
-    band = spectra.within(first.frequency * (1.0 - BAND), first.frequency * (1.0 + BAND))
+    band = _band_of(spectra, remaining, first, limits.share)
     parts = remaining[:, band]
     power = np.maximum((np.abs(parts) ** 2).sum(axis=1), 1e-30)
     if power[first.loop] < limits.share:
@@ -155,6 +158,28 @@ def candidate(
     )
 
 
+def _band_of(
+    spectra: LoopSpectra, remaining: Complexes, first: LoopOscillation, share: float
+) -> slice:
+    """The bins within a quarter of an oscillation's frequency, without what lies behind a gap in
+    the spectrum of its loop and is another oscillation, of at least ``share`` of some loop: with
+    both in one band a smooth transfer function could make each of the other."""
+    band = spectra.within(first.frequency * (1.0 - BAND), first.frequency * (1.0 + BAND))
+    power = np.abs(remaining[:, band]) ** 2
+    bins = np.arange(band.start, band.stop)
+    half = max(1, round(_NEAR * first.frequency * spectra.size * spectra.interval_s))
+    smooth = np.convolve(power[first.loop], np.ones(2 * half + 1), mode="same")
+    top = int(smooth.argmax())
+    gaps = np.flatnonzero(smooth < _GAP * smooth[top])
+    below, above = gaps[gaps < top], gaps[gaps > top]
+    low, high = 0, bins.size
+    if below.size and power[:, : below[-1] + 1].sum(axis=1).max() >= share:
+        low = int(below[-1]) + 1
+    if above.size and power[:, above[0] :].sum(axis=1).max() >= share:
+        high = int(above[0])
+    return slice(band.start + low, band.start + high)
+
+
 def _common(part: Complexes, basis: Complexes) -> Floats:
     """(m,) power of ``part`` (m, bins) along a basis, beyond that of noise."""
     along = (np.abs(part @ basis.conj()) ** 2).sum(axis=1)
@@ -186,11 +211,13 @@ def _statistics(shares: Floats, regularity: float, sticking: Sequence[float | No
 
 
 def _basis(reference: Complexes) -> Complexes:
-    """(bins, 4) orthonormal: the reference times the first powers of the frequency. Their span
-    contains the reference behind any smooth transfer function, such as a lag or a dead time.
+    """(bins, 4), or fewer over a narrow band, orthonormal: the reference times the first powers of
+    the frequency. Their span contains the reference behind any smooth transfer function, such as a
+    lag or a dead time.
     """
     grid = np.linspace(-1.0, 1.0, reference.size)
-    powers = np.stack([reference * grid**k for k in range(min(_SMOOTH, reference.size))], axis=1)
+    terms = max(1, min(_SMOOTH, reference.size // _BINS_A_TERM))
+    powers = np.stack([reference * grid**k for k in range(terms)], axis=1)
     q, _ = np.linalg.qr(powers)
     return np.asarray(q)
 
@@ -249,16 +276,6 @@ def _is_harmonic(group: FoundGroup, other: FoundGroup) -> bool:
         return False
     shared = len(set(group.members) & set(other.members))
     return shared >= 0.5 * len(group.members)
-
-
-def labels(groups: Sequence[FoundGroup], loops: int) -> list[int]:
-    """The group that causes most of each loop's variance, -1 for none."""
-    best, label = np.zeros(loops), np.full(loops, -1)
-    for number, group in enumerate(groups):
-        for member, share in zip(group.members, group.shares, strict=True):
-            if share > best[member]:
-                best[member], label[member] = share, number
-    return [int(number) for number in label]
 
 
 def strength_over_time(

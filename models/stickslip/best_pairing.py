@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.cross_correlation import lagged_products
+from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.recording import Floats, Recording, Role
-from stemwatch.models.signal_pairing import first_order_lag
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.events import events_of
 from stemwatch.models.stickslip.fit import FirstLook, StickSlipEvaluator, actuator_grid
@@ -28,7 +28,7 @@ from stemwatch.models.stickslip.rests import Rests
 BEFORE = (0.0, -1.0, -3.0, -5.0)
 AFTER = (1.0, 3.0)
 FAR = (20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0, 240.0, 300.0, 420.0, 600.0)
-ABOUT = np.linspace(0.8, 1.25, 10)  # times the best of them
+ABOUT = np.linspace(0.8, 1.25, 10)  # times the best shift, or the best S, of those tried
 SHARES = np.linspace(0.0, 1.0, 12) ** 1.6  # of the widest S
 RATIOS = (0.0, 0.3, 0.6, 1.0)  # J/S
 # The most that a top speed leaves of the loss of a stem that never moves, where it explains the
@@ -92,10 +92,18 @@ class Pairing:
         return min(shifts, key=lambda shift: shift.left)
 
     def _best_of_elements(self, problem: FitProblem, samples: float) -> BestShift:
+        """The best of all elements, and then of those with an S near its own: between two S that
+        are tried a stem with play and little noise explains next to nothing of its own movement.
+        """
         losses = _losses(self.evaluator, problem, self.candidates)
-        best = int(np.argmin(losses))
-        S = float(self.candidates[best, coordinate.S_PERCENT])
-        return BestShift(float(losses[best]) / self.still, samples, S)
+        best = self.candidates[int(np.argmin(losses))]
+        near = np.tile(best, (ABOUT.size, 1))
+        near[:, coordinate.S_PERCENT] *= ABOUT
+        near_losses = _losses(self.evaluator, problem, near)
+        if near_losses.min() < losses.min():
+            losses, best = near_losses, near[int(np.argmin(near_losses))]
+        S = float(best[coordinate.S_PERCENT])
+        return BestShift(float(losses.min()) / self.still, samples, S)
 
     def by_a_slow_actuator(self) -> float:
         """The share of the loss that is left by a dead time, a lag and a speed limit in place of

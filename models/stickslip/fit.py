@@ -24,6 +24,7 @@ from stemwatch.models.stickslip.breakaways import (
     SLOW_SAMPLES,
     Breakaways,
     breakaways,
+    seen_breakaways,
 )
 from stemwatch.models.stickslip.events import SlipEvents, events_of
 from stemwatch.models.stickslip.parameters import Bounds, bounds, to_kernel
@@ -41,6 +42,9 @@ MIN_T = 0.5
 CANONICAL, ALWAYS, ONLY_WHEN_TURNING = 0.0, np.inf, -1e-9
 # share of repeated commands, from which a command that seems held may only be coarsely recorded
 COARSE_COMMAND = 0.05
+# Loss of a search that began at the S and J of the slips, as a share of the fit's, up to which the
+# slips decide which of the two is right.
+AS_GOOD = 1.1
 CLEARLY = 0.97  # share of the canonical reading's loss that another reading must reach
 
 
@@ -268,6 +272,9 @@ class StickSlipFit:
     naive: Floats  # (9,) S and J alone, on the whole record
     first_heldout: int  # first sample of the held-out part
     breakaways: Breakaways | None = None
+    # jumps that are seen although the run is best without one: they may be those of a stem that
+    # creeps with its command
+    unneeded: Breakaways | None = None
     # of friction alone, where a lag may have taken the place of part of it
     alone: Breakaways | None = None
 
@@ -413,6 +420,9 @@ def fit_stickslip(
         seen = _breakaways_of_jumps(evaluator, naive.candidate)
         if seen is not None:
             hypothesis, final, slips = "sticking", naive, seen
+    unneeded = None
+    if slips is None and hypothesis == "sticking":
+        final, slips, unneeded = _begun_at_slips(evaluator, all_blocks, final)
     return StickSlipFit(
         evaluator=evaluator,
         hypothesis=hypothesis,
@@ -423,6 +433,7 @@ def fit_stickslip(
         naive=naive.candidate,
         first_heldout=int(np.ceil(problem.op.size * train.sum() / problem.n_blocks)),
         breakaways=slips,
+        unneeded=unneeded,
         alone=_breakaways(evaluator, naive.candidate) if _is_late(evaluator, final) else None,
     )
 
@@ -459,6 +470,37 @@ def _breakaways_of_jumps(evaluator: StickSlipEvaluator, candidate: Floats) -> Br
         return None
     S, J = S_and_J(candidate)[0], events.size / abs(gain)
     return breakaways(evaluator.problem, gain, zero, S, J)
+
+
+def _begun_at_slips(
+    evaluator: StickSlipEvaluator, blocks: Bools, fitted: SearchResult
+) -> tuple[SearchResult, Breakaways | None, Breakaways | None]:
+    """The fit of a search that begins at the S and J of the slips, with these, where their level is
+    not the ``fitted`` one and this fit is about as good; else ``fitted``, and the slips that it
+    does not need where it has no jump.
+
+    Where a slip comes some samples late or early by chance, a run with another S and J may have the
+    least loss, or the search may end there: the slips do not depend on a run.
+    """
+    S, J = S_and_J(fitted.candidate)
+    gain, zero = 1.0 + float(fitted.candidate[coordinate.GAIN]), fitted.candidate[coordinate.ZERO]
+    if gain == 0.0:
+        return fitted, None, None
+    seen = seen_breakaways(evaluator.problem, gain, zero, max(J, LEAST_J))
+    if seen is None and J >= LEAST_J:
+        # A fitted jump larger than all that are seen leaves none of them.
+        size = events_of(evaluator.problem, fitted.candidate).size / abs(gain)
+        if LEAST_J <= size < J:
+            seen = seen_breakaways(evaluator.problem, gain, zero, size)
+    if seen is None or (J >= LEAST_J and seen.near(0.5 * (S + J))):
+        return fitted, None, None
+    start = fitted.candidate.copy()
+    start[list(coordinate.STICKING)] = seen.S, seen.J / max(seen.S, 1e-9)
+    other = _polish(evaluator, blocks, evaluator.bounds.clip(start), "sticking")
+    slips = _breakaways(evaluator, other.candidate)
+    if slips is not None and other.loss <= AS_GOOD * fitted.loss:
+        return other, slips, None
+    return fitted, None, seen if J < LEAST_J and seen.near(0.5 * (S + J)) else None
 
 
 def _polish(

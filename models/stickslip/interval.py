@@ -95,8 +95,10 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
     S = draws[:, coordinate.S_PERCENT]
     J = S * draws[:, coordinate.RATIO]
     if fit.J < LEAST_J:
-        # No fit tells a jump so small from a stem that creeps with its command.
-        untold = LEAST_J * np.random.default_rng(9).random(J.size)
+        # No fit tells a jump so small from a stem that creeps with its command, and the jumps that
+        # are seen may be either.
+        largest = LEAST_J if fit.unneeded is None else max(fit.unneeded.J, LEAST_J)
+        untold = largest * np.random.default_rng(9).random(J.size)
         J = np.maximum(J, np.minimum(untold, S))
     step = _command_step(fit)
     error = max(MODEL_ERROR * 0.5 * (fit.S + fit.J), LEAST_ERROR_PERCENT)

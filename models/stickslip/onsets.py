@@ -92,10 +92,15 @@ def _scan(
     return count
 
 
+def least_departure(sigma: float) -> float:
+    """How far a stem must depart from its place to be seen in motion, with noise ``sigma``."""
+    return max(DEPARTS * sigma, LEAST_PERCENT)
+
+
 def onsets(mv: Floats, usable: Bools, sigma: float, interval_s: float) -> Onsets:
     """The breakaways of a position (n,) with noise ``sigma``, percent; finite where usable."""
     n = mv.size
-    threshold = max(DEPARTS * sigma, LEAST_PERCENT)
+    threshold = least_departure(sigma)
     rest_samples = max(round(REST_S / interval_s), 3)
     starts, rested = np.empty(n, np.int64), np.empty(n, np.int64)
     side, places = np.empty(n), np.empty(n)

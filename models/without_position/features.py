@@ -77,10 +77,12 @@ def dominant_period(op: Floats) -> float:
 
 
 def amplitude_of(op: Floats, period: float) -> float:
-    """The median range of ``op`` over windows of one and a half periods, percent."""
+    """The median range of ``op`` over windows of one and a half periods, percent; at least a
+    thousandth of the whole range."""
     width = int(min(max(1.5 * period, 4.0), op.size))
     starts = range(0, op.size - width + 1, max(width // 2, 1))
-    return float(np.median([np.ptp(op[start : start + width]) for start in starts]))
+    median = float(np.median([np.ptp(op[start : start + width]) for start in starts]))
+    return max(median, 1e-3 * float(np.ptp(op)))
 
 
 def evidence(op: Floats, pv: Floats, *, seed: int = 1) -> Evidence:
@@ -97,7 +99,6 @@ def evidence(op: Floats, pv: Floats, *, seed: int = 1) -> Evidence:
     period = dominant_period(op)
     amplitude = amplitude_of(op, period)
     spread = float(np.ptp(op))
-    amplitude = max(amplitude, 1e-3 * spread)
     sizes = np.geomspace(0.08 * amplitude, max(min(spread, 3.0 * amplitude), amplitude), SIZES)
     longest_block = max(op.size // _FEWEST_BLOCKS, 1)
     block_lengths = [min(max(1, round(period / blocks)), longest_block) for blocks in PER_PERIOD]

@@ -2,7 +2,8 @@
 them.
 
 The first reads the numbers of ``features``; the second, convolutional, reads the curves themselves
-(``windows``). Their logits are added with trained weights. The first also estimates S.
+(``windows``): what it sees of each stretch is averaged over the stretches of one length, and two
+layers weigh the lengths. Both logits are added with trained weights. The first also estimates S.
 """
 
 from __future__ import annotations
@@ -62,10 +63,10 @@ class LoopNetwork:
         self.arrays = {name: np.asarray(array, dtype=np.float64) for name, array in arrays.items()}
 
     def answer(self, values: Floats, windows: Floats) -> LoopScore:
-        """``values`` (n_features,) and ``windows`` (w, 3, LENGTH) of one loop."""
+        """``values`` (n_features,) of ``features`` and the ``windows`` of one loop."""
         heads = self.dense(values)
         logit = heads[0] * self.arrays["weigh"][0] + self.arrays["weigh"][2]
-        logit += float(self.convolved(windows).mean()) * self.arrays["weigh"][1]
+        logit += self.by_curves(windows) * self.arrays["weigh"][1]
         return LoopScore(
             score=float(1.0 / (1.0 + np.exp(-logit))),
             log_S=float(heads[1]),
@@ -81,13 +82,21 @@ class LoopNetwork:
         out = np.einsum("ehi,ei->eh", a["dense3"], second) + a["bias3"]
         return np.asarray(out.mean(axis=0))
 
-    def convolved(self, windows: Floats) -> Floats:
-        """(w,) logits of the windows."""
-        signal = windows
+    def by_curves(self, windows: Floats) -> float:
+        """The logit by ``windows``; upside down a loop is as sticky, so it is the mean of both."""
+        upright = np.asarray(windows, dtype=np.float64)
+        return 0.5 * (self.convolved(upright) + self.convolved(-upright))
+
+    def convolved(self, windows: Floats) -> float:
+        """The logit by ``windows`` (lengths, stretches, signals, n)."""
+        a = self.arrays
+        signal = windows.reshape(-1, *windows.shape[2:])
         for layer, (_, stride) in enumerate(KERNELS, start=1):
-            weights, bias = self.arrays[f"conv{layer}"], self.arrays[f"conv_bias{layer}"]
+            weights, bias = a[f"conv{layer}"], a[f"conv{layer}_bias"]
             parts = np.lib.stride_tricks.sliding_window_view(signal, weights.shape[2], axis=2)
             signal = np.einsum("wctk,ock->wot", parts[:, :, ::stride], weights, optimize=True)
             signal = np.maximum(signal + bias[:, None], 0.0)
         pooled = np.concatenate([signal.mean(axis=2), signal.max(axis=2)], axis=1)
-        return np.asarray(pooled @ self.arrays["conv_out"] + self.arrays["conv_out_bias"])
+        of_lengths = pooled.reshape(*windows.shape[:2], -1).mean(axis=1)
+        hidden = np.maximum(a["lengths"] @ of_lengths.ravel() + a["lengths_bias"], 0.0)
+        return float(hidden @ a["curves"] + a["curves_bias"][0])

@@ -29,7 +29,7 @@ from stemwatch.models.without_position.network import LoopNetwork, LoopScore, un
 from stemwatch.models.without_position.picture import ElementTraces, element_traces
 from stemwatch.models.without_position.windows import windows
 
-FEWEST_SAMPLES = 200
+FEWEST_SAMPLES = 120  # two scales of blocks need them
 ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
 FEW_PERIODS = 5  # fewer have their own limit of "no sign": scores are lower where little is seen
 # of a long record the last ones, after averaging to at most 400 samples a period
@@ -38,7 +38,7 @@ _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
-MOST_HELD = 0.75  # of PV repeating its last value
+MOST_HELD = 0.9  # of PV repeating its last value
 MOST_BELOW_SHUT = 0.25  # of OP below -0.5: then it is centred or scaled and not in percent
 FEWEST_MOVES = 30  # changes of OP
 LEAST_MOVED_PERCENT = 0.3
@@ -109,7 +109,10 @@ class SuspicionLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class SeenLoop:
-    """A recording as the networks see it, or why it cannot be judged and what would help."""
+    """A recording as the networks see it, or why it cannot be judged and what would help.
+
+    With a doubt and evidence both, there is a score, and no answer but "cannot tell".
+    """
 
     unit: str  # of OP; empty where it is not known
     samples: int = 0
@@ -122,9 +125,9 @@ class SeenLoop:
 def look_at_loop(recording: Recording) -> SeenLoop:
     """OP and PV of ``recording`` prepared for the networks, whether or not there is a position."""
     unit = _unit_of_op(recording.op)
-    doubt = _doubt(recording)
-    if doubt is not None:
-        return SeenLoop(unit=unit, doubt=doubt)
+    unusable = _unusable(recording)
+    if unusable is not None:
+        return SeenLoop(unit=unit, doubt=unusable)
     op, pv, sp, thinned_by = _thinned(*_longest(recording)[1:])
     try:
         loop_evidence = evidence(op, pv)
@@ -132,7 +135,12 @@ def look_at_loop(recording: Recording) -> SeenLoop:
         return SeenLoop(unit=unit, doubt=("OP or PV stands still where both are known", _FASTER))
     cut = windows(op, pv, sp, loop_evidence.period)
     return SeenLoop(
-        unit=unit, samples=op.size, thinned_by=thinned_by, shown=loop_evidence, windows=cut
+        unit=unit,
+        samples=op.size,
+        thinned_by=thinned_by,
+        shown=loop_evidence,
+        windows=cut,
+        doubt=_doubt(recording),
     )
 
 
@@ -184,9 +192,11 @@ class Judge:
 
     def says(self, seen: SeenLoop) -> WithoutPosition:
         """The result for a loop."""
-        if seen.doubt is not None or seen.shown is None or seen.windows is None:
+        if seen.shown is None or seen.windows is None:
             return _cannot_tell(*(seen.doubt or ("nothing was seen", _FASTER)))
         answer = self.network.answer(seen.shown.values, seen.windows)
+        if seen.doubt is not None:
+            return _cannot_tell(*seen.doubt, answer.score)
         return _answer(seen, seen.shown, answer, self.limits)
 
 
@@ -217,28 +227,33 @@ def _cannot_tell(reason: str, advice: str, score: float | None = None) -> Withou
     )
 
 
-def _doubt(recording: Recording) -> tuple[str, str] | None:
-    """Why OP and PV of this recording cannot be judged, and what to do; ``None`` where they can."""
+def too_little_moved(found: WithoutPosition, reason: str, remedy: str) -> WithoutPosition:
+    """``found``, where the verdict on the position says by ``reason`` that a sticking stem would
+    not show in what OP did: then that OP and PV show no sign of it says nothing either.
+    """
+    if found.verdict is not Suspicion.NO_SIGN:
+        return found
+    return _cannot_tell(reason, remedy, found.score)
+
+
+def _unusable(recording: Recording) -> tuple[str, str] | None:
+    """Why OP and PV of this recording show nothing at all, and what to do; ``None`` where they
+    do."""
     pv = recording.get(Role.PV)
     if pv is None:
         return "PV is not in this recording", "Export PV beside OP."
-    _, op, op_known, _ = _longest(recording)
+    _, op, pv_known, _ = _longest(recording)
     if not op.size:
         return "OP and PV have no usable values at the same times", "Check both tags."
     if op.size < FEWEST_SAMPLES:
         return f"only {op.size} samples follow each other without a hole", _FASTER
-    if np.ptp(op_known) <= 0.0:
+    if np.ptp(pv_known) <= 0.0:
         return (
-            f"PV stands at {op_known[0]:.6g} throughout",
+            f"PV stands at {pv_known[0]:.6g} throughout",
             "Check the transmitter of PV and its tag.",
         )
-    moves = int(np.count_nonzero(np.diff(op)))
-    least = LEAST_MOVED_PERCENT if recording.op.unit == PERCENT else 0.0
-    if moves < FEWEST_MOVES or np.ptp(op) <= least:
-        return (
-            f"OP changed {moves} times over a range of {np.ptp(op):.3g}",
-            "Record the loop in automatic while it works, or step the set point.",
-        )
+    if np.ptp(op) <= 0.0:
+        return _moved_too_little(op)
     at_limit_share = max(float(np.mean(op <= op.min())), float(np.mean(op >= op.max())))
     if at_limit_share > MOST_AT_LIMIT:
         return (
@@ -246,9 +261,26 @@ def _doubt(recording: Recording) -> tuple[str, str] | None:
             "looks like sticking whatever the valve does",
             "Record the loop where OP is free to move.",
         )
-    if float(np.mean(np.diff(op_known) == 0.0)) > MOST_HELD:
+    return None
+
+
+def _doubt(recording: Recording) -> tuple[str, str] | None:
+    """Why what OP and PV show is too little for an answer, and what to do; ``None`` where it is
+    not."""
+    _, op, pv, _ = _longest(recording)
+    least = LEAST_MOVED_PERCENT if recording.op.unit == PERCENT else 0.0
+    if np.count_nonzero(np.diff(op)) < FEWEST_MOVES or np.ptp(op) <= least:
+        return _moved_too_little(op)
+    if float(np.mean(np.diff(pv) == 0.0)) > MOST_HELD:
         return "PV mostly repeats its last value", _FASTER
     return None
+
+
+def _moved_too_little(op: Floats) -> tuple[str, str]:
+    return (
+        f"OP changed {np.count_nonzero(np.diff(op))} times over a range of {np.ptp(op):.3g}",
+        "Record the loop in automatic while it works, or step the set point.",
+    )
 
 
 def _longest(recording: Recording) -> tuple[int, Floats, Floats, Floats | None]:

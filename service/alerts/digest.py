@@ -21,7 +21,7 @@ _LONGEST_SUBJECT = 200
 
 def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
     """Queue messages about the open alerts that are in no message yet; whether there were any."""
-    alerts = sorted(store.deliveries.untold(), key=lambda alert: _ORDER.index(alert.severity))
+    alerts = sorted(store.deliveries.undelivered(), key=lambda alert: _ORDER.index(alert.severity))
     if not alerts:
         return False
     messages: dict[str, dict[str, Any]] = {}

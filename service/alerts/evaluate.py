@@ -15,9 +15,9 @@ from stemwatch.service.alerts.rules import (
     RATIO,
     ValveRecord,
     apply_rules,
-    come_again,
     faded,
     one_per_cause,
+    with_earlier_cause,
 )
 from stemwatch.service.alerts.when_over import WINDOWS_BACK
 from stemwatch.service.config import Plant
@@ -133,14 +133,14 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     joined_now: list[str] = []
     for seen in gathered(store, plant, valves_done, over_weeks(store, run_id, valves_done)):
         raised_now, closed = apply_rules(seen, plant.alerts)
-        of_valve, spoken_for = one_per_cause(
+        of_valve, merged_causes = one_per_cause(
             raised_now, open_before - set(closed), faded(seen, plant.alerts)
         )
-        raised += [come_again(seen, alert) for alert in of_valve]
+        raised += [with_earlier_cause(seen, alert) for alert in of_valve]
         renamed = {former for alert in of_valve for former in alert.formerly}
-        joined_now += [one for one in spoken_for if one in open_before - renamed]
+        joined_now += [cause for cause in merged_causes if cause in open_before - renamed]
         why = CLEARED if seen.fall is None else f"{CLEARED}: {seen.fall.sentence}"
-        ended |= {one: why for one in closed if one in open_before}
+        ended |= {cause: why for cause in closed if cause in open_before}
         if seen.fall is not None:
             note_fall(store, seen.valve.id, seen.fall)
     for valve in awaiting_aftermath(store, valves_done):
@@ -154,9 +154,11 @@ def evaluate(store: Store, plant: Plant, run_id: int) -> list[int]:
     common_ended = _ended_causes(causes_before - causes_now, set(valves_done), plant)
     ended |= dict.fromkeys(sorted(common_ended), CLEARED)
     in_common = {alert.cause for group in groups.values() for alert in group}
-    joined_now += [one for alert in raised if alert.cause in in_common for one in alert.formerly]
+    joined_now += [
+        cause for alert in raised if alert.cause in in_common for cause in alert.formerly
+    ]
     for why in dict.fromkeys(ended.values()):
-        over = [one for one, reason in ended.items() if reason == why]
+        over = [cause for cause, reason in ended.items() if reason == why]
         for first in range(0, len(over), _AT_ONCE):
             store.alerts.clear(over[first : first + _AT_ONCE], why)
     for first in range(0, len(joined_now), _AT_ONCE):

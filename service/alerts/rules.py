@@ -165,8 +165,8 @@ def _is_over(
     """Whether the windows without the finding are enough to close its alert."""
     if kind is AlertKind.STICKY:
         answers = [
-            None if may_still_stick(one, record.sticky_limit) else answer
-            for one, answer in zip(judged, answers, strict=True)
+            None if may_still_stick(screening, record.sticky_limit) else answer
+            for screening, answer in zip(judged, answers, strict=True)
         ]
     return is_over(judged, answers, record.began, rules.clear_after_runs)
 
@@ -255,10 +255,12 @@ SAME_TROUBLE = {
 }
 
 
-def come_again(record: ValveRecord, alert: RaisedAlert) -> RaisedAlert:
+def with_earlier_cause(record: ValveRecord, alert: RaisedAlert) -> RaisedAlert:
     """The alert, with the causes under which the same trouble may have closed, and since when it
     must have been there for that."""
-    newest = next(one for one in record.screenings if one.id == alert.evidence["screening"])
+    newest = next(
+        screening for screening in record.screenings if screening.id == alert.evidence["screening"]
+    )
     since = same_since(newest, record.began)
     causes = tuple(cause(kind, record.valve.id) for kind in sorted(SAME_TROUBLE[alert.kind]))
     return alert if since is None else replace(alert, again=causes, again_since=since)
@@ -268,12 +270,16 @@ def faded(record: ValveRecord, rules: AlertRules) -> frozenset[AlertKind]:
     """The kinds of finding that the last windows do not tell any more (or never did): another name
     that they tell is a new one for the same trouble. After work on the valve it is another trouble,
     and so nothing counts as faded until ``of_runs`` windows are behind it."""
-    judged = [one for one in record.screenings if one.verdict is not Verdict.UNDETERMINED]
+    judged = [
+        screening
+        for screening in record.screenings
+        if screening.verdict is not Verdict.UNDETERMINED
+    ]
     last = judged[: rules.of_runs]
-    if any(_before_work(record, one) for one in last):
+    if any(_before_work(record, screening) for screening in last):
         return frozenset()
     counts = {
-        AlertKind.STICKY: sum(one.verdict is Verdict.STICKY for one in last),
+        AlertKind.STICKY: sum(screening.verdict is Verdict.STICKY for screening in last),
         AlertKind.MISMATCH: _named_lately(record, rules.of_runs),
         AlertKind.FORESEEN: rules.raise_after_runs if _foresees(record, rules) else 0,
     }
@@ -312,7 +318,7 @@ def one_per_cause(
     have ``faded``.
     """
     by_kind = {alert.kind: alert for alert in raised}
-    spoken_for: dict[AlertKind, list[RaisedAlert]] = {}
+    merged_into: dict[AlertKind, list[RaisedAlert]] = {}
     joined: list[str] = []
     for kind, alert in by_kind.items():
         valve = alert.valve or ""
@@ -325,13 +331,13 @@ def one_per_cause(
             None,
         )
         if lead is not None:
-            spoken_for.setdefault(lead, []).append(alert)
+            merged_into.setdefault(lead, []).append(alert)
             joined.append(cause(kind, valve))
-    merged_kinds = {alert.kind for alerts in spoken_for.values() for alert in alerts}
+    merged_kinds = {alert.kind for alerts in merged_into.values() for alert in alerts}
     lead_kinds = [kind for kind in LEADS if kind in by_kind and kind not in merged_kinds]
     told = []
     for kind in lead_kinds:
-        merged = spoken_for.get(kind, ())
+        merged = merged_into.get(kind, ())
         former = {cause(other.kind, other.valve or "") for other in (by_kind[kind], *merged)}
         former |= {
             cause(other, by_kind[kind].valve or "")

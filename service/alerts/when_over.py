@@ -39,13 +39,13 @@ def is_over(
     that cannot tell counts for neither. Windows before the present stem ``began`` ask for no
     more."""
     windows_without, before = 0, list[bool]()
-    for one, answer in zip(judged, answers, strict=True):
+    for screening, answer in zip(judged, answers, strict=True):
         if answer is None:
             continue
         if not before and not answer:
             windows_without += 1
             continue
-        start, _ = one.window
+        start, _ = screening.window
         if len(before) == MEMORY or (began is not None and start is not None and start < began):
             break
         before.append(answer)

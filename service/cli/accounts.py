@@ -135,12 +135,12 @@ def enable(name: Name, plant: PlantFile = None, db: Database = "") -> None:
 @contextmanager
 def _store(plant: Path | None, db: str) -> Iterator[Store]:
     from stemwatch.service.config import load_plant
-    from stemwatch.service.store.store import open_store
+    from stemwatch.service.store.store import open_existing_store
 
     if not db and plant is None:
         raise typer.BadParameter("give --plant plant.toml or --db URL")
     address = db or load_plant(o.need_file(plant or Path(), "--plant")).storage
-    with open_store(address) as store:
+    with open_existing_store(address) as store:
         yield store
 
 

@@ -14,7 +14,7 @@ from stemwatch.service.cli import options as o
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from stemwatch.service.studies.benchmark.score import Merit
+    from stemwatch.service.studies.benchmark.score import BenchmarkScore
 
 benchmark_app = typer.Typer(
     name="benchmark",
@@ -123,34 +123,34 @@ def judge(
     from stemwatch.service.studies.benchmark.seal_and_score import truth_file_of
 
     truth = o.need_file(truth or truth_file_of(folder), "--truth")
-    merits = {str(file): judged(folder, o.need_file(file, "ANSWERS"), truth) for file in answers}
-    merits = dict(sorted(merits.items(), key=lambda item: -item[1].merit))
-    views.out.print(_table({Path(file).stem: merit for file, merit in merits.items()}))
-    for file, merit in merits.items():
-        for part in merit.parts:
+    scores = {str(file): judged(folder, o.need_file(file, "ANSWERS"), truth) for file in answers}
+    scores = dict(sorted(scores.items(), key=lambda item: -item[1].total))
+    views.out.print(_table({Path(file).stem: score for file, score in scores.items()}))
+    for file, score in scores.items():
+        for part in score.parts:
             error = "" if part.error is None else f", median error {part.error:.2f} %"
             views.say_result(
                 f"{Path(file).stem}, {part.part}: {part.answered} of {part.asked} answered, "
                 f"{part.right} right{error}"
             )
     if json_file is not None:
-        objects = {file: asdict(merit) for file, merit in merits.items()}
+        objects = {file: asdict(score) for file, score in scores.items()}
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
     views.say_next("the folder's README.md says what each part counts.")
 
 
-def _table(merits: dict[str, Merit]) -> Table:
+def _table(scores: dict[str, BenchmarkScore]) -> Table:
     from stemwatch.service.cli.prove_tables import plain_table
     from stemwatch.service.studies.benchmark.score import PARTS
 
     table = plain_table("Order of merit: 1 the truth, 0 no answer", ("answers",), ())
-    for name in ("merit", "95 %", *PARTS):
+    for name in ("total", "95 %", *PARTS):
         table.add_column(name, justify="right")
-    for name, merit in merits.items():
+    for name, score in scores.items():
         table.add_row(
             name,
-            f"{merit.merit:.2f}",
-            f"{merit.low:.2f} to {merit.high:.2f}",
-            *(f"{part.score:.2f}" for part in merit.parts),
+            f"{score.total:.2f}",
+            f"{score.low:.2f} to {score.high:.2f}",
+            *(f"{part.score:.2f}" for part in score.parts),
         )
     return table

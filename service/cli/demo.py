@@ -74,7 +74,7 @@ def demo(
 def _report(out: Path, seed: int, workers: int | None) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.cli.screen import screen_plant
-    from stemwatch.service.cli.simulate import START, What, simulated
+    from stemwatch.service.cli.simulate import START, LoopKind, simulated
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.process_lifecycle import expect_workers
 
@@ -88,7 +88,7 @@ def _report(out: Path, seed: int, workers: int | None) -> None:
     from stemwatch.service.studies.simulated_export import write_export, write_historian
 
     with compile_ahead(executor):
-        written = write_export(simulated(What.DEMO, 0, seed), out, start=START, zone=ZONE)
+        written = write_export(simulated(LoopKind.DEMO, 0, seed), out, start=START, zone=ZONE)
         earlier = [
             write_historian(
                 [simulate_loop(loop, seed)],

@@ -22,6 +22,7 @@ def feedback(
     from stemwatch.service.cli import views
     from stemwatch.service.config import load_plant
     from stemwatch.service.maintenance.labels import labels_csv
+    from stemwatch.service.store.errors import StoreError
     from stemwatch.service.store.screenings.feedback import Judgement
     from stemwatch.service.store.store import open_existing_store
 
@@ -30,6 +31,8 @@ def feedback(
     loaded = load_plant(o.need_file(plant, "--plant")) if plant is not None else None
     with open_existing_store(db or (loaded.storage if loaded else db)) as store:
         labels = store.feedback()
+        if not labels and not store.valves():
+            raise StoreError(f"{store.address}: no valve was screened into this database yet")
     counts = {
         judgement: sum(label.judgement is judgement for label in labels) for judgement in Judgement
     }

@@ -107,20 +107,22 @@ def _inspect_exports(
 def _files_of(file: Path, options: ReadOptions) -> list[HistorianFile]:
     """The export, or the exports of the folder; those that are no recording are said and left out.
 
-    Raises ``typer.BadParameter`` for a folder without a recording.
+    Raises ``ConnectorError`` for a folder without a recording.
     """
     from rich.markup import escape
 
+    from stemwatch.connectors.connector import ConnectorError
     from stemwatch.connectors.historian import HistorianFile, find_sources
     from stemwatch.service.cli import views
 
     if not file.is_dir():
         return [HistorianFile(file, options)]
     sources = find_sources([file])
+    if not sources.paths:
+        reasons = "; ".join(f"{path}: {reason}" for path, reason in sources.skipped)
+        raise ConnectorError(reasons or f"there is no recording in {file}")
     for path, reason in sources.skipped:
         views.say(f"{escape(str(path))}: {escape(reason)}")
-    if not sources.paths:
-        raise typer.BadParameter(f"there is no recording in {file}", param_hint="FILE")
     return [HistorianFile(path, options) for path in sources.paths]
 
 
@@ -148,13 +150,17 @@ def _sources(
     options: ReadOptions,
 ) -> list[ProposedSource]:
     """What the plant file has as sources, with paths as ``write`` must give them, where relative
-    paths count from it."""
+    paths count from it, and with the options that at least one file needed."""
     import glob
 
     from stemwatch.connectors.historian.options import given_options
     from stemwatch.connectors.historian.proposed_plant import ProposedSource, sources_of
+    from stemwatch.connectors.historian.unused_options import unused_options
 
-    options_given = given_options(options)
+    unused = set.intersection(*(unused_options(inspection.decisions) for _, inspection in seen))
+    options_given = {
+        name: value for name, value in given_options(options).items() if name not in unused
+    }
     if file.is_dir():
         relative = [(_seen_from(write, path), inspection) for path, inspection in seen]
         return sources_of(relative, _seen_from(write, file), options_given)

@@ -46,13 +46,13 @@ def inspect_archives(
     plant = load_plant(file)
     for problem in plant.problems:
         views.say_error(str(problem))
-    found = {
+    tags_of_source = {
         name: _tags_of(settings, plant, file, pattern)
         for name, settings in _chosen(plant, file, source).items()
     }
     known = set(plant.valves)
     lines: list[str] = []
-    for name, infos in found.items():
+    for name, infos in tags_of_source.items():
         tags = [ProposedTag.listed(info) for info in infos]
         valves = valves_of(tags)
         views.say_result(f"{name}: {len(tags)} tags, {len(valves)} valves by their names")
@@ -60,7 +60,7 @@ def inspect_archives(
         lines += [*valves_toml(tags, name, known), *questions_toml(tags)]
         known |= set(valves)
     if json_file is not None:
-        objects = {name: [asdict(info) for info in infos] for name, infos in found.items()}
+        objects = {name: [asdict(info) for info in infos] for name, infos in tags_of_source.items()}
         json_file.write_text(json.dumps(objects, indent=1, default=str) + "\n", encoding="utf-8")
     if not any(line.startswith("[[valves]]") for line in lines):
         views.say(

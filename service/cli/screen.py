@@ -197,7 +197,11 @@ def show(result: RunResult, json_file: Path | None) -> None:
     from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF
 
     views.out.print(views.summary(result.brief))
-    for line in (*views.undetermined_lines(result.brief), *views.signal_lines(result.brief)):
+    for line in (
+        *views.undetermined_lines(result.brief, result.groups),
+        *views.oscillation_lines(result.groups),
+        *views.signal_lines(result.brief),
+    ):
         views.out.print(line, highlight=False)
     if result.outside_window:
         views.say(result.outside_window)

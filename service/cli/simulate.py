@@ -49,8 +49,8 @@ Repairs = Annotated[
 ]
 
 
-class What(StrEnum):
-    """Which loops to simulate."""
+class LoopKind(StrEnum):
+    """The loops that ``simulate`` draws: those of the demonstration, or only one kind of valve."""
 
     DEMO = "demo"
     HEALTHY = "healthy"
@@ -60,8 +60,8 @@ class What(StrEnum):
 def simulate(
     out: Annotated[Path, typer.Option(help="Folder to write into.")] = Path("simulated"),
     what: Annotated[
-        What, typer.Option(help="The demo plant, or random healthy or sticking loops.")
-    ] = What.DEMO,
+        LoopKind, typer.Option(help="The demo plant, or random healthy or sticking loops.")
+    ] = LoopKind.DEMO,
     count: Annotated[int, typer.Option(min=1, max=10_000, help="How many, if random.")] = 20,
     seed: o.Seed = 1,
     start: Annotated[str, typer.Option(help="Time of the first sample, ISO.")] = "",
@@ -101,30 +101,30 @@ def simulate(
     _export(out, what, count, seed, start, zone)
 
 
-def _export(out: Path, what: What, count: int, seed: int, start: str, zone: str) -> None:
+def _export(out: Path, kind: LoopKind, count: int, seed: int, start: str, zone: str) -> None:
     from stemwatch.service.cli import views
     from stemwatch.service.studies.simulated_export import write_export
 
     begin = o.instant(start, zone, "--start") or START
-    views.say(f"Simulating {what.value} loops ...")
-    written = write_export(simulated(what, count, seed), out, start=begin, zone=zone)
+    views.say(f"Simulating {kind.value} loops ...")
+    written = write_export(simulated(kind, count, seed), out, start=begin, zone=zone)
     for path in (*written.files, written.plant_toml, written.truth_file):
         views.out.print(views.escape(str(path)), highlight=False, soft_wrap=True)
     views.say_next(f"stemwatch screen --plant {written.plant_toml}")
 
 
-def simulated(what: What, count: int, seed: int) -> list[SimulatedLoop]:
+def simulated(kind: LoopKind, count: int, seed: int) -> list[SimulatedLoop]:
     """The loops, each with a seed of its own."""
     from stemwatch.models.studies.simulator import simulate_loop
 
     return [
-        simulate_loop(loop, seed + index) for index, loop in enumerate(_loops(what, count, seed))
+        simulate_loop(loop, seed + index) for index, loop in enumerate(_loops(kind, count, seed))
     ]
 
 
-def _loops(what: What, count: int, seed: int) -> list[PlantLoop]:
+def _loops(kind: LoopKind, count: int, seed: int) -> list[PlantLoop]:
     from stemwatch.models.studies.simulator import demo_plant, draw_healthy, draw_sticky
 
-    if what is What.DEMO:
+    if kind is LoopKind.DEMO:
         return demo_plant(seed)
-    return draw_healthy(count, seed) if what is What.HEALTHY else draw_sticky(count, seed)
+    return draw_healthy(count, seed) if kind is LoopKind.HEALTHY else draw_sticky(count, seed)

@@ -27,16 +27,18 @@ def study_twin(
     from stemwatch.service.studies.what_if import FIGURES, run_what_if_study
 
     judged = list(run_what_if_study(loops, seed))
-    twins = [one for one in judged if not one.reason]
-    figures = [figure for one in twins for figure in one.figures]
+    twins = [twin for twin in judged if not twin.reason]
+    figures = [figure for twin in twins for figure in twin.figures]
     columns = ("figures", "median error", "interval holds")
     title = f"Twins of {len(twins)} of {len(judged)} sticking loops, seed {seed}"
     table = plain_table(title, ("change", "figure"), columns)
     for change in dict.fromkeys(figure.change for figure in figures):
         for name in FIGURES:
-            chosen = [one for one in figures if (one.change, one.figure) == (change, name)]
-            errors = [one.error for one in chosen if one.error is not None]
-            holds = [one.holds for one in chosen if one.holds is not None]
+            chosen = [
+                figure for figure in figures if (figure.change, figure.figure) == (change, name)
+            ]
+            errors = [figure.error for figure in chosen if figure.error is not None]
+            holds = [figure.holds for figure in chosen if figure.holds is not None]
             table.add_row(
                 change,
                 name,
@@ -45,6 +47,6 @@ def study_twin(
                 f"{sum(holds)} of {len(holds)}",
             )
     views.out.print(table)
-    for reason, count in Counter(one.reason for one in judged if one.reason).most_common(5):
+    for reason, count in Counter(twin.reason for twin in judged if twin.reason).most_common(5):
         views.out.print(f"no twin of {count}: {reason}", highlight=False, markup=False)
     views.say_read_on("twin.md")

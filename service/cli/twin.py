@@ -145,7 +145,7 @@ def _screened(request: Request) -> tuple[Recording, Screening]:
 
     wanted = recordings_to_explain(request).valves
     if len(wanted) != 1 or wanted[0].task is None:
-        names = ", ".join(one.valve for one in wanted[:5]) or "none"
+        names = ", ".join(recording.valve for recording in wanted[:5]) or "none"
         why = wanted[0].reason if len(wanted) == 1 else ""
         raise ValueError(
             why
@@ -201,7 +201,7 @@ def _on_terminal(valve: str, loop: FittedLoop, rows: list[WhatIf]) -> Renderable
     first = rows[0].prediction
     for name, seen in (("recorded", first.recorded), ("run as it is", first.as_it_is)):
         numbers = (seen.error_std, None, seen.amplitude, seen.period_s)
-        table.add_row(name, *("" if one is None else figure(one) for one in numbers))
+        table.add_row(name, *("" if number is None else figure(number) for number in numbers))
     for row in rows:
         told = row.prediction.predicted
         saved = row.prediction.fall("error_std", squared=True)

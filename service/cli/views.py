@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from stemwatch.connectors.historian.inspection import Inspection, TagInspection
     from stemwatch.models.estimate import Estimate
+    from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
     from stemwatch.models.screening_result import Screening
     from stemwatch.service.config import Plant
     from stemwatch.service.report import ReportContext
@@ -210,9 +211,11 @@ def is_final(screening: Screening) -> bool:
 def summary(screenings: Sequence[Screening]) -> Table:
     """The ranking, worst first, in the order and the words of the report."""
     from stemwatch.service.presenter.suspicion_words import (
+        NO_SIGN_NOTE,
         SUSPECTED_NOTE,
+        answers_sentence,
         loops_to_test,
-        suspected_sentence,
+        loops_without_sign,
     )
     from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.report.report_context import ReportContext
@@ -222,8 +225,9 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table = Table(
         title=f"{ranking.counts.sentence.rstrip('.')}{worst_shown}.", title_justify="left"
     )
-    to_test = loops_to_test(ranking.next_steps)
-    first = suspected_sentence(to_test)
+    note_of = dict.fromkeys(loops_to_test(ranking.next_steps), SUSPECTED_NOTE)
+    note_of |= dict.fromkeys(loops_without_sign(ranking.next_steps), NO_SIGN_NOTE)
+    first = answers_sentence(ranking.next_steps)
     table.caption, table.caption_justify = (
         "\n".join(filter(None, (_verdicts(ranking), escape(first)))),
         "left",
@@ -246,7 +250,8 @@ def summary(screenings: Sequence[Screening]) -> Table:
     for valve in ranking[:SHOWN]:
         screening = valve.screening
         shape = screening.shape.value if screening.shape else ""
-        note = f"\n{SUSPECTED_NOTE}" if screening.valve in to_test else ""
+        named = note_of.get(screening.valve, "")
+        note = f"\n{named}" if named and screening.verdict is Verdict.UNDETERMINED else ""
         side_cells = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
         table.add_row(
             str(valve.rank),
@@ -271,21 +276,48 @@ def _verdicts(ranking: Ranking) -> str:
     )
 
 
-def undetermined_lines(screenings: Sequence[Screening]) -> Iterator[str]:
-    """One line for each reason why there is no verdict, with its valves; those in which OP and PV
-    let sticking be suspected are told with the ranking, and not as what nobody can tell."""
-    from stemwatch.service.presenter.suspicion_words import loops_to_test, next_steps
+def undetermined_lines(
+    screenings: Sequence[Screening], groups: Sequence[OscillationGroup] = ()
+) -> Iterator[str]:
+    """What to do at the valves without a verdict: of those without a position one line for each
+    answer of OP and PV and its reason, then of the others one for each reason of the verdict."""
+    from stemwatch.service.presenter.suspicion_words import next_steps
+    from stemwatch.service.presenter.work_decision import NO_POSITION, obstacle_kind
 
-    to_test = loops_to_test(next_steps(screenings))
+    steps = next_steps(
+        [
+            screening
+            for screening in screenings
+            if screening.verdict is not Verdict.UNDETERMINED
+            or obstacle_kind(screening.reason) == NO_POSITION
+        ],
+        groups,
+    )
+    for step in steps:
+        why_and_step = " ".join(filter(None, (step.why, step.step)))
+        yield _line_of(step.answer, step.loops, why_and_step)
+    told = {valve for step in steps for valve in step.loops}
     by_reason: dict[str, dict[str, None]] = {}
     for screening in screenings:
-        if screening.verdict is Verdict.UNDETERMINED and screening.valve not in to_test:
+        if screening.verdict is Verdict.UNDETERMINED and screening.valve not in told:
             by_reason.setdefault(screening.reason, {})[screening.valve] = None
     for reason, tags in by_reason.items():
-        valves = [*tags]
-        names = ", ".join(valves[:NAMED])
-        and_more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
-        yield f"[cyan]undetermined[/] [bold]{escape(names)}{and_more}[/]  {escape(reason)}"
+        yield _line_of(Verdict.UNDETERMINED.value, [*tags], reason)
+
+
+def oscillation_lines(groups: Sequence[OscillationGroup]) -> Iterator[str]:
+    """One line for each group of loops that oscillate together, the likeliest source first."""
+    from stemwatch.service.presenter.oscillation_words import headline
+
+    for group in groups:
+        loops = [member.loop for member in group.members]
+        yield _line_of("oscillation", loops, f"{headline(group)}.")
+
+
+def _line_of(answer: str, valves: Sequence[str], sentence: str) -> str:
+    names = ", ".join(valves[:NAMED])
+    and_more = f" and {len(valves) - NAMED} more" if len(valves) > NAMED else ""
+    return f"[cyan]{answer}[/] [bold]{escape(names)}{and_more}[/]  {escape(sentence)}"
 
 
 def signal_lines(screenings: Sequence[Screening]) -> Iterator[str]:

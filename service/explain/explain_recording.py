@@ -204,7 +204,7 @@ def _without_verdict(screening: Screening, mismatch: Mismatch) -> Mismatch:
     finding that nothing was left out is allowed only behind a compressing archive.
     """
     untold = obstacle_kind(screening.reason) in (FROZEN, BAD) or SUMS_OP in screening.reason
-    compressed = any(one.slug == "historian_compression" for one in mismatch.record_effects)
+    compressed = any(effect.slug == "historian_compression" for effect in mismatch.record_effects)
     reason = _with_all_obstacles(screening)
     told = f"{reason} {screening.advice}"
     if untold or (mismatch.finding is Finding.NONE and not compressed):

@@ -32,11 +32,28 @@ def plan_of(
     plan = plan_test(question, limits, judged=judged or is_judged, op=op)
     untold = () if mismatch is None or is_judged else mismatch.not_testable
     blind = any(untold_effect.reason == identifiability.NO_POSITION for untold_effect in untold)
+    if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
+        plan = _nothing_between(plan)
     return _without_position(plan) if blind else plan
 
 
+def _nothing_between(plan: FieldTestPlan) -> FieldTestPlan:
+    """``plan`` of a recording that S and J may not explain, where no two explanations compete."""
+    if plan.kind is not PlanKind.NOTHING_LEFT:
+        return plan
+    reason = (
+        "the last recording leaves open whether S and J explain it, but no two explanations "
+        "between which a test could tell; screen a window in which OP moves more, and look where "
+        "it differs"
+    )
+    return replace(plan, kind=PlanKind.CANNOT_TELL, rivals=(), test=None, reason=reason)
+
+
 def _without_position(plan: FieldTestPlan) -> FieldTestPlan:
-    reason = "the position (MV) is not recorded, and OP and PV alone tell nothing of the stem"
+    reason = (
+        "the position (MV), by which its recording would be judged, is not there; a bump test by "
+        "hand tells, or an hour with a portable transmitter"
+    )
     return replace(plan, kind=PlanKind.CANNOT_TELL, rivals=(), test=None, reason=reason)
 
 

@@ -223,7 +223,10 @@ def _work_done(
 ) -> list[Any]:
     """What was done at a valve, S and J before and after it, and both loops on the same axes."""
     work, drawing = compared.around.work, compared.drawing
-    ends = [instant(one.end, context.tz) for one in (compared.around.before, compared.around.after)]
+    ends = [
+        instant(recorded.end, context.tz)
+        for recorded in (compared.around.before, compared.around.after)
+    ]
     windows = f"The window until {ends[0]}, and the latest one, until {ends[1]}."
     sentences = [
         t.text(cut(work.valve, LONGEST_NAME), bold=True, spaceBefore=3.0),

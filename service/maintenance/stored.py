@@ -37,11 +37,11 @@ def background_of(store: Store, plant: Plant | None = None, run: int | None = No
     """The history of valves from the store, and their samples for pictures where it keeps them."""
 
     def earlier(screening: Screening) -> Sequence[PreviousFinding]:
-        found = store.previous_findings(screening, limit=LOOK_BACK)
+        previous = store.previous_findings(screening, limit=LOOK_BACK)
         if screening.window[1] is not None:
-            return found
+            return previous
         # Of recordings of one run whose time nobody knows, none is earlier than another.
-        return [finding for finding in found if finding.run != run]
+        return [finding for finding in previous if finding.run != run]
 
     def samples(screening: Screening) -> Recording | None:
         if screening.recording is not None:

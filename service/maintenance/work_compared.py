@@ -102,7 +102,7 @@ def compare(around: AroundWork) -> WorkCompared:
 
 def newest_first(works: Sequence[AroundWork]) -> tuple[WorkCompared, ...]:
     """The ``MOST_SHOWN`` newest, the newest first."""
-    ordered = sorted(works, key=lambda one: one.work.at, reverse=True)
+    ordered = sorted(works, key=lambda work: work.work.at, reverse=True)
     return tuple(compare(around) for around in ordered[:MOST_SHOWN])
 
 

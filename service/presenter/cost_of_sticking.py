@@ -84,7 +84,9 @@ class CostOfSticking:
 
 def money_in_words(money: Estimate, currency: str) -> str:
     """An amount with its 90 % interval."""
-    value, low, high = (f"{round(one or 0.0):,}" for one in (money.value, money.low, money.high))
+    value, low, high = (
+        f"{round(amount or 0.0):,}" for amount in (money.value, money.low, money.high)
+    )
     return f"{value} {currency} ({low} to {high})".replace("  ", " ")
 
 
@@ -133,9 +135,9 @@ def total(costs: Iterable[CostOfSticking]) -> Estimate:
     known = [cost.money for cost in costs if cost.money.value is not None]
     if not known:
         return Estimate.unknown("no loop has a price")
-    value = sum(one.value or 0.0 for one in known)
-    below = sqrt(sum(((one.value or 0.0) - (one.low or 0.0)) ** 2 for one in known))
-    above = sqrt(sum(((one.high or 0.0) - (one.value or 0.0)) ** 2 for one in known))
+    value = sum(cost.value or 0.0 for cost in known)
+    below = sqrt(sum(((cost.value or 0.0) - (cost.low or 0.0)) ** 2 for cost in known))
+    above = sqrt(sum(((cost.high or 0.0) - (cost.value or 0.0)) ** 2 for cost in known))
     return Estimate(value=value, low=value - below, high=value + above, unit=known[0].unit)
 
 

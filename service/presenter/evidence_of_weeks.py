@@ -76,13 +76,17 @@ class EvidenceOfWeeks:
         """The confirmed findings, in the order of the ``newest`` window as far as it names them."""
         named = [] if newest is None else [effect.slug for effect in newest.effects]
         place = {slug: number for number, slug in enumerate(named)}
-        return tuple(sorted(self.confirmed, key=lambda one: place.get(one.slug, len(place))))
+        return tuple(
+            sorted(self.confirmed, key=lambda lasting: place.get(lasting.slug, len(place)))
+        )
 
     def in_short(self, newest: Mismatch | None, zone: tzinfo = UTC) -> str:
         """The confirmed effects, in the words of the ``newest`` window where it names them too."""
         confirmed = self.in_order_of_work(newest)
         effects = {effect.slug: effect for effect in newest.effects} if newest is not None else {}
-        own_words = [effects[one.slug].sentence for one in confirmed[:1] if one.slug in effects]
+        own_words = [
+            effects[lasting.slug].sentence for lasting in confirmed[:1] if lasting.slug in effects
+        ]
         sentences = [*own_words, *(finding_sentence(finding, zone) for finding in confirmed)]
         return " ".join(sentence for sentence in sentences if sentence)
 

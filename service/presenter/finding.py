@@ -22,7 +22,6 @@ from stemwatch.service.presenter.physics_words import effect_name, effect_names,
 from stemwatch.service.presenter.suspicion_words import worth_a_test_sentence
 from stemwatch.service.presenter.wording import (
     VERDICT_MEANING,
-    figure,
     finite,
     not_yet_said,
     share,
@@ -193,11 +192,8 @@ def present_effect(effect: Effect) -> PresentedEffect:
 def _evidence(effect: Effect) -> str:
     """The evidence for the effect: how much of the error it removes on held-out samples."""
     evidence = effect.evidence
-    t = "" if finite(evidence.t) is None else f" (t {figure(evidence.t, 2)})"
-    removed = (
-        f"It removes {share(evidence.share)} of the squared residual on blocks it was not fitted"
-    )
-    return f"{removed} to{t}. {evidence.note}".rstrip()
+    squared = "Of the squared error on unseen blocks, in which large errors count most, it removes"
+    return f"{evidence.note} {squared} {share(evidence.share)}.".lstrip()
 
 
 def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
@@ -228,7 +224,11 @@ def why_no_work(effects: Sequence[Effect]) -> str:
     """Why ``effects`` need no work: they belong to the design of the machine, or are small
     enough."""
     words = {effect.slug: term_words(effect.slug) for effect in effects}
-    small = {slug: one.no_work for slug, one in words.items() if one is not None and one.no_work}
+    small = {
+        slug: effect_words.no_work
+        for slug, effect_words in words.items()
+        if effect_words is not None and effect_words.no_work
+    }
     as_built = [effect.slug for effect in effects if effect.slug not in small]
     sentences = [f"{_capital(effect_name(slug))} is {reason}." for slug, reason in small.items()]
     if as_built:

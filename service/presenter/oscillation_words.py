@@ -29,7 +29,8 @@ def period_in_words(seconds: float) -> str:
 
 def headline(group: OscillationGroup) -> str:
     """How many loops, with which period, and where it likely begins."""
-    return f"{len(group.members)} loops oscillate with {period(group)}: {source_clause(group)}"
+    every = f"{len(group.members)} loops oscillate together every {period(group)}"
+    return f"{every}: {source_clause(group)}"
 
 
 def source_clause(group: OscillationGroup) -> str:
@@ -109,7 +110,7 @@ def loop_sentences(groups: Sequence[OscillationGroup], loop: str, zone: tzinfo) 
 def is_moved_by_another(groups: Sequence[OscillationGroup], loop: str) -> bool:
     """Whether ``loop`` oscillates because of another loop, or of what reaches several: its groups
     likely begin elsewhere, and none of them in it."""
-    of_it = [one for one in groups if any(member.loop == loop for member in one.members)]
+    of_it = [group for group in groups if any(member.loop == loop for member in group.members)]
     return any(_likeliest(group) >= LIKELY for group in of_it) and all(
         group.source != loop for group in of_it
     )
@@ -122,7 +123,7 @@ def _likeliest(group: OscillationGroup) -> float:
 def where_to_look(groups: Sequence[OscillationGroup], loop: str) -> str:
     """Where to look for the cause of the oscillation of a ``loop``; empty where it is in no group
     or is the likeliest source itself."""
-    of_it = [one for one in groups if any(member.loop == loop for member in one.members)]
+    of_it = [group for group in groups if any(member.loop == loop for member in group.members)]
     if not of_it or any(group.source == loop for group in of_it):
         return ""
     begun = next((group.source for group in of_it if group.source), "")

@@ -63,6 +63,7 @@ def effect_name(slug: str) -> str:
 PARAMETERS = {
     "A": "extra friction",
     "bend": "pull at 50 % of travel beyond halfway from 25 to 75 %",
+    "bow": "height of the bow",
     "D": "drift over the record",
     "U": "push of the fluid at mid-travel",
     "creep": "speed of the creep",

@@ -74,7 +74,9 @@ class TrendOverWeeks:
         digits = 2
         if self.unit != PERCENT and self.per_month:
             digits = max(1 - math.floor(math.log10(abs(self.per_month))), 0)
-        rate, low, high = (f"{one:+.{digits}f}" for one in (self.per_month, self.low, self.high))
+        rate, low, high = (
+            f"{value:+.{digits}f}" for value in (self.per_month, self.low, self.high)
+        )
         text = f"{self.number} {rate} {self.unit} a month ({low} to {high})"
         text = text.replace("-", "\N{MINUS SIGN}").replace("  ", " ")
         foreseen = "" if self.forecast is None else self.forecast.words

@@ -28,9 +28,11 @@ from stemwatch.service.presenter.plant_path import names_by_level
 from stemwatch.service.presenter.response_table import response_table
 from stemwatch.service.presenter.suspicion_words import (
     HOW_SURE,
+    NO_SIGN_NOTE,
     SUSPECTED_NOTE,
+    answers_sentence,
     loops_to_test,
-    suspected_sentence,
+    loops_without_sign,
     suspicion_title,
 )
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
@@ -52,8 +54,8 @@ from stemwatch.service.report.ranking import (
     cost_in_words,
     count_verdicts,
     discovered,
-    glance,
     steps_without_position,
+    summary_of,
     work_by_unit,
     work_counts,
 )
@@ -112,7 +114,6 @@ def html_bytes(ranked: Sequence[RankedValve], context: ReportContext) -> bytes:
 def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[str]:
     counts = count_verdicts(ranked)
     discoveries, next_steps = discovered(ranked, context), steps_without_position(ranked)
-    to_test = loops_to_test(next_steps)
     page = environment(context, template).get_template("report.html")
     return page.generate(
         context=context,
@@ -122,12 +123,12 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
         told=section_limit(counts),
-        suspected=suspected_sentence(to_test),
-        suspected_note=SUSPECTED_NOTE,
-        to_test=to_test,
+        suspected=answers_sentence(next_steps),
+        note_of=dict.fromkeys(loops_to_test(next_steps), SUSPECTED_NOTE)
+        | dict.fromkeys(loops_without_sign(next_steps), NO_SIGN_NOTE),
         next_steps=next_steps,
         cost=cost_in_words(ranked),
-        glance=glance(ranked),
+        summary=summary_of(ranked),
         levels=names_by_level(context.valves.values()),
         units=work_by_unit(ranked),
         gauge_top=gauge_top(valve.screening for valve in ranked),

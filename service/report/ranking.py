@@ -31,10 +31,10 @@ from stemwatch.service.presenter.work_decision import (
     count_valves,
     decide,
 )
-from stemwatch.service.report.at_a_glance import GlanceLine, at_a_glance
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.report_context import ReportContext, ValveFacts
+from stemwatch.service.report.summary_lines import SummaryLine, summary_lines
 
 LONGEST_ANCHOR = 60
 RankKey = tuple[int, float, float, str]
@@ -147,13 +147,13 @@ class Ranking(Sequence[RankedValve]):
             ],
             costs,
         )
-        self.glance = at_a_glance(
+        self.summary = summary_lines(
             notes,
             self.verdicts,
             {note.valve: context.facts(note.valve).weeks for note in notes},
             self.cost_of_sticking,
         )
-        self.next_steps = next_steps(notes)
+        self.next_steps = next_steps(notes, context.groups)
         self._recordings = Counter(note.valve for note in notes)
         used_anchors: Counter[str] = Counter()
         self._anchors = [anchor_of(notes[index].valve, used_anchors) for index in self._order]
@@ -224,11 +224,11 @@ def cost_in_words(ranked: Sequence[RankedValve]) -> str:
     return total_in_words({valve.screening.valve: valve.cost for valve in ranked if valve.cost})
 
 
-def glance(ranked: Sequence[RankedValve]) -> tuple[GlanceLine, ...]:
+def summary_of(ranked: Sequence[RankedValve]) -> tuple[SummaryLine, ...]:
     """The lines of the first screen beside the verdicts."""
     if isinstance(ranked, Ranking):
-        return ranked.glance
-    return at_a_glance(
+        return ranked.summary
+    return summary_lines(
         [valve.screening for valve in ranked],
         [valve.verdict for valve in ranked],
         {valve.screening.valve: valve.facts.weeks for valve in ranked},
@@ -338,7 +338,7 @@ def steps_without_position(ranked: Sequence[RankedValve]) -> Sequence[NextStep]:
     """What to do next at the valves of which only OP and PV are known."""
     if isinstance(ranked, Ranking):
         return ranked.next_steps
-    return next_steps(valve.screening for valve in ranked)
+    return next_steps([valve.screening for valve in ranked])
 
 
 def anchor_of(valve: str, used_anchors: Counter[str]) -> str:

@@ -20,6 +20,7 @@ from pathlib import Path
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
@@ -80,6 +81,7 @@ class RunResult:
     not_read: tuple[tuple[str, str], ...]
     not_saved: tuple[tuple[str, str], ...]
     outside_window: str = ""  # how many recordings were left out for the window, one sentence
+    groups: tuple[OscillationGroup, ...] = ()  # loops that oscillate together
 
 
 class NothingScreened(ConnectorError):
@@ -155,6 +157,7 @@ def _screen_planned(run: Run, planned: Plan, on_screened: OnScreened) -> RunResu
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),
         outside_window=executed.outside_window.sentence,
+        groups=tuple(run.store.oscillations_of_run(run.number)),
     )
 
 

@@ -44,10 +44,14 @@ def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
     by_window = store.evidence([screening.valve for screening in newest])
     tested = [
         replace(
-            one,
-            p_value=p_in_run(one.p_value, defects=one.defects, by_window=by_window.get(one.valve)),
+            screening,
+            p_value=p_in_run(
+                screening.p_value,
+                defects=screening.defects,
+                by_window=by_window.get(screening.valve),
+            ),
         )
-        for one in newest
+        for screening in newest
     ]
     stands_of_each = significant([screening.p_value for screening in tested])
     found = Discoveries(standing=(), tested=len(tested), named=sum(stands_of_each), held_back=0)

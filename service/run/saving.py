@@ -9,13 +9,15 @@ from datetime import datetime
 
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.service.presenter.work_decision import decide
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.screenings.records import EarlierCurve
+from stemwatch.service.store.screenings.records import Baseline, EarlierCurve
 from stemwatch.service.store.store import Store
 
 WITH_VERDICT = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
+FIRST_WINDOW, FIRST_HEALTHY = "first window with a fit", "first healthy window"
 
 
 def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
@@ -179,14 +181,15 @@ class Saving:
 def keep_network(screening: Screening, store: Store, *, new_baseline: bool = False) -> None:
     """Store a valve's fitted network, and make it the baseline where one is due.
 
-    A valve's first window with a network is its first baseline; a healthy window replaces a
-    baseline that was not healthy, and the first window after maintenance or the user's request
-    replaces any. Repeating the call changes nothing.
+    A valve's first window with a network is its first baseline, also where windows of one run are
+    over in another order; a healthy window replaces a baseline that was not healthy, and the first
+    window after maintenance or the user's request replaces any. Repeating the call changes
+    nothing.
     """
     if screening.network is None or screening.verdict not in WITH_VERDICT:
         return
     blob = screening.network.to_bytes()
-    kept_because = f"fitted to a window that was {screening.verdict.value}"
+    kept_because = f"fitted to a window that was {_state(screening).value}"
     store.set_fitted(screening.valve, blob, window=screening.window, reason=kept_because)
     reason = _due(screening, store, new_baseline)
     if reason:
@@ -195,17 +198,34 @@ def keep_network(screening: Screening, store: Store, *, new_baseline: bool = Fal
 
 def _due(screening: Screening, store: Store, new_baseline: bool) -> str:
     """Why this window becomes the valve's baseline; empty where it does not."""
-    state = screening.verdict.value
+    state = _state(screening)
     if new_baseline:
         return f"window chosen by the user ({state})"
     baseline = store.baseline(screening.valve)
     if baseline is None:
-        return f"first window with a fit ({state})"
+        return f"{FIRST_WINDOW} ({state})"
     if baseline.maintenance is not None and _after(screening, baseline.maintenance.at):
         return f"first window after maintenance ({state})"
-    if screening.verdict is Verdict.HEALTHY and f"({Verdict.HEALTHY.value})" not in baseline.reason:
-        return f"first healthy window ({state})"
+    if state is Verdict.HEALTHY and f"({Verdict.HEALTHY})" not in baseline.reason:
+        return f"{FIRST_HEALTHY} ({state})"
+    kind, _, found_then = baseline.reason.partition(" (")
+    sounder = state is Verdict.HEALTHY or found_then != f"{Verdict.HEALTHY})"
+    if kind in (FIRST_WINDOW, FIRST_HEALTHY) and sounder and _before(screening, baseline, store):
+        return f"{kind} ({state})"
     return ""
+
+
+def _before(screening: Screening, baseline: Baseline, store: Store) -> bool:
+    """Whether the window is earlier than the baseline's, with no maintenance between them."""
+    start, first = screening.window[0], baseline.window[0]
+    if start is None or first is None or start >= first:
+        return False
+    return not any(start <= work.at <= first for work in store.maintenance(screening.valve))
+
+
+def _state(screening: Screening) -> Verdict:
+    """The verdict on the valve as a whole, which its pages show too."""
+    return decide(screening, stands=None).verdict
 
 
 def _after(screening: Screening, instant: datetime) -> bool:

@@ -29,7 +29,8 @@ from stemwatch.models.stickslip.stroke_curve import KnownCurve
 from stemwatch.service.store import DatabaseUrl, StoreError
 from stemwatch.service.store.screenings.records import EarlierCurve
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # numba comes with the fits, plots with the report: both are imported late
+    from stemwatch.models.screening import Case
     from stemwatch.service.report.charts.valve_plots import ValvePlots
     from stemwatch.service.store.store import Store
 
@@ -72,9 +73,7 @@ class Task:
     target_band: float | None = None  # of PV about SP, as the plant file gives it
     earlier_curves: tuple[EarlierCurve, ...] = ()  # from OP to stroke, found in earlier windows
     reason: str = ""  # why there is nothing to screen, and what to do about it
-    file_remarks: tuple[
-        str, ...
-    ] = ()  # sentences about a readable file in which no valve was recognised
+    file_remarks: tuple[str, ...] = ()  # on a readable file in which no valve was recognised
 
     @property
     def text_file(self) -> str | None:
@@ -196,7 +195,7 @@ def screen_tasks(
 
     The ``networks`` of these tasks are trained together.
     """
-    from stemwatch.models.screening import Case, Options, screen
+    from stemwatch.models.screening import Options, screen
 
     results: list[Screening | None] = []
     cases: list[Case] = []
@@ -221,7 +220,7 @@ def given_up(task: Task, reason: str) -> Screening:
     return failed(task.tags.valve, explanation, advice, Provenance(source=task.path))
 
 
-def case_of(task: Task):  # type: ignore[no-untyped-def]  # Case is imported late, with numba
+def case_of(task: Task) -> Case | Screening:
     """The recording of a task and its valve's baseline as a ``Case``; where the recording cannot be
     read, a ``Screening`` with the reason."""
     from stemwatch.models.screening import Case

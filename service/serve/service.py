@@ -147,7 +147,7 @@ class Service:
 
 def _release_lease(store: Store, owner: str) -> None:
     try:
-        store.leases.let_go(LEASE, owner)
+        store.leases.release(LEASE, owner)
     except StoreError as error:
         log.warning("%s", error)
 

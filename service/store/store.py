@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from types import MappingProxyType, TracebackType
 from typing import Self
 
@@ -433,17 +433,20 @@ class Store:
             return oscillations.write_oscillations(session, run_id, groups)
 
     def oscillations(self, now: datetime) -> list[KeptOscillation]:
-        """The oscillations of several loops that were found in the last 30 days, those that stand
-        first, each with what its pictures need."""
-        since = now - timedelta(days=oscillations.SHOWN_DAYS)
+        """The oscillations of several loops that were found in the 30 days before the newest
+        results, those that stand first, each with what its pictures need."""
         with self.transactions.reading("reading the oscillations of loops") as session:
-            return oscillations.read_oscillations(session, since)
+            return oscillations.read_oscillations(session, now)
+
+    def oscillations_of_run(self, run_id: int) -> list[OscillationGroup]:
+        """The groups that a run found, those with most loops moved first, without pictures."""
+        with self.transactions.reading("reading the oscillations of a run") as session:
+            return oscillations.read_groups_of_run(session, run_id)
 
     def oscillations_of(self, loop: str, now: datetime) -> list[OscillationGroup]:
         """The groups that oscillate at present of which ``loop`` is a member, without pictures."""
-        since = now - timedelta(days=oscillations.SHOWN_DAYS)
         with self.transactions.reading("reading the oscillations of a loop") as session:
-            kept_oscillations = oscillations.read_oscillations(session, since, loop, pictures=False)
+            kept_oscillations = oscillations.read_oscillations(session, now, loop, pictures=False)
         return [oscillation.group for oscillation in kept_oscillations if not oscillation.over]
 
     def previous_finding(

@@ -112,7 +112,7 @@ def evidence_of_valve(valve: StudiedValve | LoopOfAnyKind) -> list[ArchiveEviden
 
 def _not_looked_at(per_turn: float) -> ArchiveEvidence:
     """Of a loop that turns too seldom for its slips to count against a fit."""
-    unknown = dict.fromkeys([one.name for one in fields(ArchiveEvidence)[2:]], np.nan)
+    unknown = dict.fromkeys([field.name for field in fields(ArchiveEvidence)[2:]], np.nan)
     return ArchiveEvidence(way=SELDOM, sticking=True, **{**unknown, "samples_per_turn": per_turn})
 
 

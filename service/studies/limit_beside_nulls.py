@@ -108,11 +108,13 @@ class Tested(Generic[Evidence]):
     ) -> Iterator[Limit]:
         """Each of the ``limits`` that must all be met, of those that meet the others; only where
         ``asked`` is true anything is asked at all."""
-        for one in limits:
-            others = [other for other in limits if other is not one]
+        for limit in limits:
+            others = [other for other in limits if other is not limit]
 
             def meets_the_others(case: Evidence, others: Sequence[JointCondition] = others) -> bool:
                 return asked(case) and all(other.met(case) for other in others)
 
-            full_name = f"{name}: {one.words}"
-            yield self.limit(full_name, one.field, one.limit, meets_the_others, above=one.above)
+            full_name = f"{name}: {limit.words}"
+            yield self.limit(
+                full_name, limit.field, limit.limit, meets_the_others, above=limit.above
+            )

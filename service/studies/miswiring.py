@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.recording import Floats, Quality, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
@@ -127,13 +128,8 @@ def _moved(seconds: float) -> Callable[[Floats], Floats]:
 
 
 def _lagged(lag_s: float) -> Callable[[Floats], Floats]:
-    def lag(values: Floats) -> Floats:
-        followed, share = values.copy(), 1.0 - np.exp(-1.0 / lag_s)
-        for k in range(1, values.size):
-            followed[k] = followed[k - 1] + share * (values[k] - followed[k - 1])
-        return followed
-
-    return lag
+    """Through a lag of so many seconds of a clock of one second."""
+    return lambda values: first_order_lag(values, lag_s)
 
 
 def _every_second_exchanged(recorded: RecordedValve) -> Recording:

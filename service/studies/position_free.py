@@ -40,7 +40,7 @@ PLAIN = 0.5  # S over the amplitude of OP, from which a loop plainly sticks
 SEEN = 0.9  # share of sticking loops of an S, and of any larger, that are not told "no sign"
 WINDOWS_ONLY = "own, windows only"
 _MORE = 16  # times as many loops for the convolutional network, which need a tenth of the time
-_LINE = 160  # characters of the weights in a line
+_LINE = 200  # characters of the weights in a line
 _NEAR, _ENOUGH = 1.5, 30  # S and all down to so many times less count together, if so many
 
 
@@ -61,12 +61,12 @@ def example_item(item: LoopToDraw) -> list[LoopExample | WindowsExample | None]:
 
 
 def items_of_training(loops: int, seed: int) -> tuple[list[LoopToDraw], list[LoopToDraw]]:
-    """What is drawn to train on, and what gives the limits: as many of the next seed, and sound
-    valves of the force-balance plant."""
+    """What is drawn to train on, and what gives the limits: half as many of the next seed, and
+    sound valves of the force-balance plant."""
     examples = [LoopToDraw(seed, index) for index in range(loops)]
     examples += [LoopToDraw(seed, index, WINDOWS_ONLY) for index in range(loops, loops * _MORE)]
-    judged = [LoopToDraw(seed + 1, index) for index in range(loops)]
-    judged += [LoopToDraw(seed + 1, 2 * index + 1, "plant") for index in range(loops // 5)]
+    judged = [LoopToDraw(seed + 1, index) for index in range(loops // 2)]
+    judged += [LoopToDraw(seed + 1, 2 * index + 1, "plant") for index in range(loops // 10)]
     return examples, judged
 
 
@@ -125,7 +125,7 @@ def limits_of(draws: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimit
 
 def _judged(draw: SeenDraw, network: LoopNetwork) -> _JudgedLoop | None:
     shown, windows = draw.seen.shown, draw.seen.windows
-    if shown is None or windows is None:
+    if shown is None or windows is None or draw.seen.doubt is not None:
         return None
     answer = network.answer(shown.values, windows)
     may_alarm = predicts_better(shown) and estimated_S(shown, answer) >= LEAST_S_PERCENT

@@ -31,54 +31,54 @@ FIGURES = (FALL, *(name for name in NUMBERS if name != "off_target"))
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForetoldFigure:
-    """One figure of one change of one loop: foretold, and as it truly came. ``None`` is a period
+class PredictedFigure:
+    """One figure of one change of one loop: predicted, and as it truly came. ``None`` is a period
     where nothing oscillates regularly."""
 
     change: str
     figure: str
-    foretold: Estimate
+    predicted: Estimate
     truth: float | None
 
     @property
     def error(self) -> float | None:
         """The size of the error as a share of the truth; a fall of the variance in percent counts
         as at least 5 percent."""
-        if self.foretold.value is None or self.truth is None:
+        if self.predicted.value is None or self.truth is None:
             return None
         least = 5.0 if self.figure == FALL else 1e-9
-        return abs(self.foretold.value - self.truth) / max(abs(self.truth), least)
+        return abs(self.predicted.value - self.truth) / max(abs(self.truth), least)
 
     @property
     def holds(self) -> bool | None:
         """Whether the interval holds the truth; ``None`` where either is not known."""
-        low, high = self.foretold.low, self.foretold.high
+        low, high = self.predicted.low, self.predicted.high
         if self.truth is None or low is None or high is None:
             return None
         return low <= self.truth <= high
 
 
 @dataclass(frozen=True, kw_only=True)
-class ForetoldLoop:
+class PredictedLoop:
     """One loop: its figures, or why it has no twin."""
 
     tag: str
-    figures: tuple[ForetoldFigure, ...] = ()
+    figures: tuple[PredictedFigure, ...] = ()
     reason: str = ""
 
 
-def run_what_if_study(loops: int, seed: int) -> Iterator[ForetoldLoop]:
+def run_what_if_study(loops: int, seed: int) -> Iterator[PredictedLoop]:
     """Draw ``loops`` with a sticking valve, fit the twin of each, and hold it to the plant."""
     for index, loop in enumerate(draw_sticky(loops, seed)):
         yield _judged(loop, seed + index)
 
 
-def _judged(loop: PlantLoop, seed: int) -> ForetoldLoop:
+def _judged(loop: PlantLoop, seed: int) -> PredictedLoop:
     recording = simulate_loop(loop, seed).recording
     screening = screen([Case(recording=recording)], Options(narx=False))[0]
     twin = loop_twin(recording, screening)
     if isinstance(twin, str):
-        return ForetoldLoop(tag=loop.tag, reason=twin)
+        return PredictedLoop(tag=loop.tag, reason=twin)
     valve, controller = loop.valve, loop.controller
     S, J = twin.valve.S, twin.valve.J
     half = replace(valve, S=valve.S / 2.0, J=valve.J / 2.0)
@@ -96,17 +96,17 @@ def _judged(loop: PlantLoop, seed: int) -> ForetoldLoop:
             replace(loop, controller=replace(controller, reset_s=2.0 * controller.reset_s)),
         ),
     )
-    figures: list[ForetoldFigure] = []
+    figures: list[PredictedFigure] = []
     for name, change, changed in changes:
         prediction, truth = predict(twin, change), _truth(changed, seed, twin.valve.noise)
         falls = 100.0 * (1.0 - (truth.error_std / prediction.recorded.error_std) ** 2)
-        foretold = {FALL: prediction.fall("error_std", squared=True), **prediction.predicted}
+        predicted = {FALL: prediction.fall("error_std", squared=True), **prediction.predicted}
         came = {FALL: falls, **vars(truth)}
         figures += [
-            ForetoldFigure(change=name, figure=key, foretold=foretold[key], truth=came[key])
+            PredictedFigure(change=name, figure=key, predicted=predicted[key], truth=came[key])
             for key in FIGURES
         ]
-    return ForetoldLoop(tag=loop.tag, figures=tuple(figures))
+    return PredictedLoop(tag=loop.tag, figures=tuple(figures))
 
 
 def _truth(loop: PlantLoop, seed: int, noise: float) -> LoopFigures:

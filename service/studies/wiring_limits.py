@@ -210,7 +210,7 @@ def run_wiring_limits(
     for index, seen in map_items(executor, shown_by_valve, items):
         shown_at[index] = seen
         on_progress(len(shown_at))
-    return [one for index in sorted(shown_at) for one in shown_at[index]]
+    return [valve for index in sorted(shown_at) for valve in shown_at[index]]
 
 
 def _checks_of_signals() -> Sequence[tuple[str, tuple[str, ...], list[JointCondition]]]:
@@ -271,10 +271,10 @@ def _checks_of_signals() -> Sequence[tuple[str, tuple[str, ...], list[JointCondi
 def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
     """Each limit of the checks with the nulls and the recordings that it tells apart."""
     w = wiring_checks
-    nulls = [one for one in seen if one.rightly]
+    nulls = [valve for valve in seen if valve.rightly]
 
     def beside(*kinds: str) -> Tested[WiringShown]:
-        return Tested(nulls, [one for one in seen if one.way in kinds], MAY_PASS)
+        return Tested(nulls, [valve for valve in seen if valve.way in kinds], MAY_PASS)
 
     doubted = JointCondition("left as mapped", "left", w.DOUBTED)
     for name, kinds, limits in _checks_of_signals():
@@ -287,7 +287,7 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
     yield from beside(SWAPPED).together(
         "OP and position exchanged",
         exchanged,
-        lambda one: not (one.told or one.of_position or one.op_plainly),
+        lambda valve: not (valve.told or valve.of_position or valve.op_plainly),
     )
     another = [doubted, JointCondition("left by another", "another", w.BY_ANOTHER, above=False)]
     far = [
@@ -301,4 +301,4 @@ def wiring_limits(seen: Sequence[WiringShown]) -> Iterator[Limit]:
         ("another time", APART, far),
         ("unexplained", OF_ANOTHER, unrelated),
     ):
-        yield from beside(*kinds).together(name, limits, lambda one: not one.told)
+        yield from beside(*kinds).together(name, limits, lambda valve: not valve.told)

@@ -31,7 +31,7 @@ class WhatIf:
 def loop_twin(recording: Recording, screening: Screening) -> FittedLoop | str:
     """The loop of a ``recording`` with the valve that its ``screening`` found; or why there is
     none."""
-    numbers = {name: one.value for name, one in screening.indicators.items()}
+    numbers = {name: indicator.value for name, indicator in screening.indicators.items()}
     curve = screening.stroke_curve
     slope = 1.0 if curve is None else curve.slope
     valve = FittedValve.of(screening.S, screening.J, numbers, slope)
@@ -137,7 +137,7 @@ def to_object(loop: FittedLoop, rows: list[WhatIf]) -> dict[str, object]:
             {
                 "name": row.name,
                 "predicted": {
-                    name: _estimate(one) for name, one in row.prediction.predicted.items()
+                    name: _estimate(estimate) for name, estimate in row.prediction.predicted.items()
                 },
                 "variance_fall_percent": _estimate(row.prediction.fall("error_std", squared=True)),
             }

@@ -8,6 +8,7 @@ from typing import Annotated
 
 from fastapi import Depends, HTTPException, Request
 
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.service.store.store import Store
 from stemwatch.service.web.actions import Actions
 from stemwatch.service.web.page_renderer import PageRenderer
@@ -35,6 +36,10 @@ class Dependencies:
     def open_alerts(self) -> int:
         """How many alerts are open, for the head of every page."""
         return self.store.alerts.count_open(self.now)
+
+    def standing_groups(self) -> list[OscillationGroup]:
+        """The groups of loops that oscillate together at present."""
+        return [kept.group for kept in self.store.oscillations(self.now) if not kept.over]
 
     def need_valve(self, valve: str) -> str:
         """``valve``, or 404 where neither store nor plant knows it."""

@@ -53,7 +53,7 @@ def metrics(deps: Deps) -> Response:
 
 
 def metrics_text(deps: Dependencies) -> bytes:
-    """The answer's body."""
+    """All metrics of the service in the text format of Prometheus."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Collected(list(all_metrics(deps))))
     return generate_latest(registry)

@@ -63,7 +63,9 @@ pytestmark = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptio
 
 @pytest.fixture(autouse=True)
 def _collected() -> Iterator[None]:
-    """Such warnings come in the test that they belong to."""
+    """Such warnings come in the test that they belong to; what was there before is not looked
+    through again."""
+    gc.freeze()
     yield
     gc.collect()
 

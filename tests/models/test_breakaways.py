@@ -18,9 +18,10 @@ from stemwatch.models.stickslip.breakaways import (
     _mean_of_sides,
     breakaways,
 )
-from stemwatch.models.stickslip.fit import S_and_J, fit_stickslip
+from stemwatch.models.stickslip.fit import S_and_J, _begun_at_slips, fit_stickslip
 from stemwatch.models.stickslip.interval import bootstrap, interval
 from stemwatch.models.stickslip.problem import make_problem
+from stemwatch.models.stickslip.search import SearchResult
 from stemwatch.models.studies.simulator import draw_healthy, draw_sticky, simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.hidden import draw_nulls
@@ -163,6 +164,56 @@ def test_a_level_far_from_the_fitted_one_is_not_the_elements():
     """The onsets then have another cause."""
     valve, recording = sticking(0)
     assert breakaways(make_problem(recording), 1.0, 0.0, 3.0 * valve.S, valve.J) is None
+
+
+def begun(loss_share: float, S_share: float, ratio: float | None = None):
+    """What a search begun at the slips makes of a fit with this share of the true S, with J this
+    ``ratio`` of it, and with a loss that is this share of the best run's."""
+    valve, recording = sticking(2)
+    fit = fit_stickslip(recording)
+    every_block = np.ones(fit.evaluator.problem.n_blocks, dtype=bool)
+    best = float(fit.evaluator.loss(every_block)(fit.candidate[None, :])[0])
+    other = fit.candidate.copy()
+    other[parameters.S_PERCENT] = S_share * valve.S
+    if ratio is not None:
+        other[parameters.RATIO] = ratio
+    return (
+        valve,
+        other,
+        _begun_at_slips(fit.evaluator, every_block, SearchResult(other, loss_share * best)),
+    )
+
+
+@pytest.mark.parametrize(("S_share", "ratio"), [(0.5, None), (2.0, 0.9)])
+def test_slips_decide_between_two_fits_that_are_about_as_good(S_share, ratio):
+    """A search may end at half of S, or at a jump larger than any that is seen."""
+    valve, _, (fitted, slips, unneeded) = begun(0.95, S_share, ratio)
+    assert slips is not None
+    assert unneeded is None
+    assert (slips.S, slips.J) == pytest.approx((valve.S, valve.J), abs=0.4)
+    assert S_and_J(fitted.candidate)[0] == pytest.approx(valve.S, abs=0.6)
+
+
+def test_slips_do_not_decide_against_a_fit_that_is_much_better():
+    """Nor are they asked where their level is the fitted one."""
+    _, other, (fitted, slips, unneeded) = begun(0.5, 0.5)
+    assert (slips, unneeded) == (None, None)
+    assert fitted.candidate is other
+    assert begun(1.0, 1.0)[2][1] is None
+
+
+def test_a_jump_that_is_hardly_seen_may_be_that_of_the_fit():
+    """Of slips about as large as the noise only the larger ones are seen."""
+    valve, recording = sticking(0)
+    seen = breakaways(make_problem(recording), 1.0, 0.0, valve.S, 0.5 * valve.J)
+    assert seen.fitted_J == 0.5 * valve.J
+
+    def low_end(least_seen):
+        draws = replace(seen, least_seen=least_seen).draws(300, np.random.default_rng(3))[1]
+        return interval(draws, seen.J)[0]
+
+    assert low_end(seen.J / 1.6) == low_end(0.0)
+    assert low_end(seen.J / 1.4) < low_end(0.0) - 0.3
 
 
 @pytest.mark.parametrize(("gain", "zero"), [(-1.0, 100.0), (2.0, -30.0), (1.0, 3.0)])

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.models.forensics import (
+    coarse_step,
     interpolated,
     longest_repeat,
     noise_sigma,
@@ -94,6 +95,15 @@ def test_few_changes_show_no_lattice():
     assert 0.0 == quantum(np.repeat([0.0, 1.0, 3.0, 2.0], 100))
     assert 0.0 == quantum(np.full(100, np.nan))
     assert 0.0 == quantum(np.array([]))
+
+
+def test_a_stem_that_rests_long_shows_its_recorders_step():
+    """A hundred changes that lie on a lattice show the step, however rare they are; a few round
+    numbers that an operator set do not."""
+    places = np.repeat(np.cumsum(np.where(NOISE[:120] > 0.0, 0.5, -0.5)), 30)
+    assert repeat_share(places) > 0.95
+    assert coarse_step(places) == pytest.approx(0.5)
+    assert coarse_step(places[: 30 * 40]) == 0.0
 
 
 def test_repeats():

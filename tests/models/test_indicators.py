@@ -103,6 +103,19 @@ def test_dead_band_and_wear():
     assert abs(results["travel_per_hour_percent"] - 2.0 * results["travel_percent"]) < 1e-6
 
 
+def test_S_and_J_are_the_only_ones_of_a_valve():
+    """S - J and S in percent of the swing are of the S and J that the pages show."""
+    fit = fit_stickslip(simulated().recording)
+    S, J = Estimate(value=3.0, unit="%"), Estimate(value=1.0, unit="%")
+    results = {item.name: item.value for item in indicators.of_friction(fit, S, J)}
+    assert results["S_minus_J_percent"] == results["dead_band_percent"] == 2.0
+    assert results["S_of_swing_percent"] == pytest.approx(300.0 / fit.evaluator.problem.swing)
+    unknown = Estimate.unknown("too few slips", unit="%")
+    assert "S_minus_J_percent" not in {
+        item.name for item in indicators.of_friction(fit, S, unknown)
+    }
+
+
 def test_slips_of_a_sticking_stem():
     """The slips that are counted are those of the simulated stem, within a tenth."""
     jumps = np.abs(np.diff(simulated().stem)) > 2.0

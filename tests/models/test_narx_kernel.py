@@ -68,18 +68,22 @@ def by_torch(
     valves: list[TrainingRecord], flat: torch.Tensor, horizon: int, hidden: int = 5
 ) -> Floats:
     """The same of a padded batch, as on a device that is no CPU."""
-    pieces, limits = segment_blocks(valves, horizon, 1, "cpu"), clamps(valves, 1, "cpu")
+    pieces, limits = segment_blocks(valves, horizon, hidden, 1, "cpu"), clamps(valves, 1, "cpu")
     split = torch_batch.Weights.split(flat, hidden)
     return torch_batch.normal_matrix(pieces, split, limits).numpy()
 
 
 @pytest.mark.parametrize("horizon", [1, 20, 300])
 @pytest.mark.parametrize("scale", [1.0, 8.0], ids=["gentle", "wild, so that clamps act"])
-def test_the_kernel_and_torch_build_the_same_matrix(horizon: int, scale: float) -> None:
+@pytest.mark.parametrize("most", [2**26, 1], ids=["in one block", "in a block for each segment"])
+def test_the_kernel_and_torch_build_the_same_matrix(
+    monkeypatch: pytest.MonkeyPatch, horizon: int, scale: float, most: int
+) -> None:
     """One network at a time without padding, or all of them padded: the same numbers.
 
     To 1e-8 only, because a wild run carries a difference of the last digit far.
     """
+    monkeypatch.setattr(torch_batch, "_MOST_SENSITIVITIES", most)
     valves = [ready(1), ready(2, 700)]
     flat = scale * random_starts(NarxSettings(), 2)
     expected = by_torch(valves, torch.from_numpy(flat), horizon)

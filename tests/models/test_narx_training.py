@@ -417,6 +417,7 @@ def test_a_gpu_that_fails_costs_no_network(
         return train_members(valves, settings, device)
 
     monkeypatch.setattr("torch.cuda.is_available", lambda: True)
+    monkeypatch.setattr("stemwatch.models.narx.training.LEAST_ON_GPU", len(as_list))
     monkeypatch.setattr("stemwatch.models.narx.training.train_members", refuse)
     trained = train(as_list, SHORT)
     assert answer == ["cuda", "cpu"]

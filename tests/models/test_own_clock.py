@@ -27,11 +27,7 @@ from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidden
 
 FACTORS = (0.001, 0.01, 5.0, 60.0)
-SHORT = (0.001, 60.0)  # the fastest and the slowest clock, with one of the effects
-IN_LONG = [
-    factor if factor in SHORT else pytest.param(factor, marks=pytest.mark.long)
-    for factor in FACTORS
-]
+FAST, SLOW = FACTORS[0], FACTORS[-1]  # of which the short run tries one in each test
 QUICK = Options(narx=False)
 HIDDEN = ("dead_time", "rate_limit")
 
@@ -54,7 +50,8 @@ def screened(slug, factor):
 
 @cache
 def with_network(factor):
-    return screen([Case(recording=slower(lasting("dead_time"), factor))])[0]
+    case = Case(recording=slower(lasting("dead_time"), factor))
+    return screen([case], Options(mismatch=False))[0]
 
 
 @cache
@@ -89,7 +86,7 @@ def same_but_for_time(result, expected, factor):
         pytest.param(
             slug,
             factor,
-            marks=[] if factor in SHORT and slug == HIDDEN[0] else [pytest.mark.long],
+            marks=[] if factor == FAST and slug == HIDDEN[0] else [pytest.mark.long],
         )
         for slug in HIDDEN
         for factor in FACTORS
@@ -113,7 +110,13 @@ def test_a_screening_does_not_depend_on_how_long_a_second_is(slug, factor):
         close(other.indicators[name].value, factor**power * indicator.value)
 
 
-@pytest.mark.parametrize("factor", IN_LONG)
+@pytest.mark.parametrize(
+    "factor",
+    [
+        factor if factor == SLOW else pytest.param(factor, marks=pytest.mark.long)
+        for factor in FACTORS
+    ],
+)
 def test_an_explanation_does_not_depend_on_how_long_a_second_is(factor):
     """``explain`` on its own, as ``screen``."""
     same_but_for_time(explained("dead_time", factor), explained("dead_time", 1.0), factor)
@@ -124,7 +127,7 @@ def test_an_explanation_does_not_depend_on_how_long_a_second_is(factor):
     [
         (0.001, "ms after its command"),
         pytest.param(0.01, "ms after its command", marks=pytest.mark.long),
-        (60.0, "min after its"),
+        pytest.param(60.0, "min after its", marks=pytest.mark.long),
     ],
 )
 def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, answer):
@@ -136,9 +139,9 @@ def test_a_sentence_says_a_time_in_a_unit_that_suits_the_recording(factor, answe
 
 def test_a_result_keeps_its_recording_in_seconds():
     """The own clock is used inside the models only."""
-    result = screened("dead_time", 0.01)
+    result = screened("dead_time", FAST)
     assert result.recording.own_unit_s is None
-    assert 0.01 == result.recording.interval_s == result.seen.interval_s
+    assert FAST == result.recording.interval_s == result.seen.interval_s
 
 
 @pytest.mark.parametrize("factor", [0.01, pytest.param(60.0, marks=pytest.mark.long)])
@@ -148,12 +151,12 @@ def test_a_network_is_kept_in_seconds_and_follows_a_later_window(factor):
     assert scaled.network.interval_s == pytest.approx(factor)
     for name, value in plain.network.actuator.items():
         close(scaled.network.actuator[name], factor * value)
-    ratios = [
-        screen([Case(recording=slower(lasting("dead_time"), item), baseline=network)], QUICK)[0]
-        .indicators["baseline_ratio"]
-        .value
+    cases = [
+        Case(recording=slower(lasting("dead_time"), item), baseline=network)
         for item, network in ((1.0, plain.network), (factor, scaled.network))
     ]
+    later = screen(cases, Options(narx=False, mismatch=False))
+    ratios = [result.indicators["baseline_ratio"].value for result in later]
     close(ratios[1], ratios[0])
 
 

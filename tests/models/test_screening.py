@@ -21,6 +21,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.suspicion import Suspicion, suspect, trained_judge
 
 QUICK = Options(narx=False)
 
@@ -53,6 +54,25 @@ def recorded(op, mv=None, *, interval_s=1.0, valve="V") -> Recording:
 
 def quick(*recordings) -> list[Screening]:
     return screen([Case(recording=recording) for recording in recordings], QUICK)
+
+
+def test_an_op_that_hardly_moves_is_no_ground_for_the_process_either():
+    """One page would else say that sticking would not show, and that it would have shown."""
+    quiet = PlantLoop(
+        valve=SimulatedValve(S=0.3, J=0.0),
+        setpoints=((0.0, 51.3),),
+        loads=(Load(kind=LoadKind.COLOURED, size=0.05, time_s=30.0),),
+        duration_s=3600.0,
+    )
+    recording = simulate_loop(quiet, 3).recording
+    assert suspect(recording, trained_judge()).verdict is Suspicion.NO_SIGN
+    (result,) = quick(recording)
+    assert "a sticking stem would not show" in result.reason
+    beside = result.without_position
+    assert beside is not None
+    assert beside.verdict is Suspicion.CANNOT_TELL
+    assert "a sticking stem would not show" in beside.reason
+    assert beside.advice == result.advice
 
 
 def consistent(screening):

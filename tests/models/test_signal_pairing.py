@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.limits import Limits
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.signal_pairing import (
     correlation,
     delayed_correlation,
-    first_order_lag,
     is_copy,
     sums_its_command,
 )

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.models.stickslip.onsets import least_departure
 from stemwatch.models.stickslip.problem import FitProblem, make_problem
 from stemwatch.models.stickslip.slip_levels import (
     FEWEST,
+    UNSEEN_SHARE,
     SlipLevels,
     Slips,
     seen_slips,
@@ -108,3 +112,20 @@ def test_a_stem_that_follows_lets_go_at_once() -> None:
     levels = found(problem_of(op, op + 0.02 * rng.standard_normal(600)))
     assert levels.level < 0.05 * LEVEL
     assert levels.kinetic < 0.05 * LEVEL
+
+
+def test_slips_that_noise_hides_do_not_raise_J() -> None:
+    """Of slips near what must be exceeded to be seen, only the larger ones are; S stays."""
+    op, mv = ramps(8, 60, 4)
+    slips = slips_of(problem_of(op, mv))
+    quiet, noisy = slip_levels(slips), slip_levels(replace(slips, sigma=slips.sigma + 0.1))
+    apart = UNSEEN_SHARE * (least_departure(slips.sigma + 0.1) - least_departure(slips.sigma))
+    assert quiet.J - noisy.J == pytest.approx(apart, abs=0.1)
+    assert quiet.S == pytest.approx(noisy.S, abs=0.1)
+
+
+@pytest.mark.parametrize(("J", "may"), [(0.3, True), (0.5, False)])
+def test_a_jump_as_small_as_creep_may_be_none(J: float, *, may: bool) -> None:
+    """However slowly OP goes."""
+    levels = SlipLevels(20, 2.0 + J / 2, 0.1, 2.0 - J / 2, 0.1, bounds=0.1, per_sample=0.1)
+    assert levels.may_slide is may

@@ -107,6 +107,30 @@ def test_another_pv_does_not_make_a_slipping_stem_doubtful() -> None:
     assert told(wired(recording, pv=filtered)) == []
 
 
+@pytest.mark.parametrize("width", [3.5, 4.1, 4.4])
+def test_play_of_any_width_is_explained_by_its_own_command(width: float) -> None:
+    """Play with little noise on the reading: an S that is 10 % off leaves half of the movement, so
+    that the true one has to be tried. Such a valve was refused as one with another clock."""
+    draw = np.random.default_rng(0)
+    seconds = np.arange(3600.0)
+    op = 50.0 + 2.6 * np.sin(seconds / 60.0) + 4.0 * np.sin(seconds / 900.0)
+    op += 0.1 * draw.standard_normal(seconds.size)
+    stem, position = op[0], np.empty_like(op)
+    for at, command in enumerate(op):
+        stem = np.clip(stem, command - width / 2.0, command + width / 2.0)
+        position[at] = stem
+    signals = {
+        Role.OP: Signal.good(op, "OP"),
+        Role.MV: Signal.good(position + 0.05 * draw.standard_normal(seconds.size), "MV"),
+    }
+    recording = Recording(valve="V", signals=signals, interval_s=1.0)
+    pairing = Pairing.of(recording)
+    assert pairing is not None
+    best = pairing.explained(BEFORE[:1])
+    assert best.left < 0.2
+    assert best.S == pytest.approx(width, rel=0.05)
+
+
 @pytest.mark.parametrize(("late", "how"), [(120, "after OP"), (-120, "before OP")])
 def test_clocks_minutes_apart_are_found_with_their_difference(recording, late, how):
     """A position two minutes late or early is found, or does not go with OP at all."""

@@ -63,7 +63,23 @@ def test_looking_makes_no_database(stemwatch, tmp_path: Path) -> None:
         outcome = stemwatch("db", *command, "--db", url)
         assert outcome.status == 2
         assert "there is no database at" in outcome.said
+    for command in (["accounts", "list"], ["accounts", "first-link"], ["accounts", "add"],
+                    ["feedback"], ["maintenance-report"], ["plan-test", "FIC-104"],
+                    ["maintenance", "FIC-104", "--note", "x"]):  # fmt: skip
+        outcome = stemwatch(*command, "--db", url)
+        assert outcome.status == 2, command
+        assert "there is no database at" in outcome.said
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_database_without_valves_is_an_error(stemwatch, tmp_path: Path) -> None:
+    """Of a database that nothing was screened into, nothing is counted as if it were a plant's."""
+    url = f"sqlite:///{tmp_path / 'new.db'}"
+    open_store(url).close()
+    for command in ("feedback", "maintenance-report"):
+        outcome = stemwatch(command, "--db", url)
+        assert outcome.status == 2
+        assert "no valve was screened into this database yet" in outcome.said
 
 
 def test_check_shows_rows_and_says_that_all_is_well(stemwatch, site: str) -> None:

@@ -284,7 +284,8 @@ def test_an_empty_folder_says_so(stemwatch, tmp_path: Path) -> None:
     """Nothing is written."""
     seen = stemwatch("inspect", tmp_path, "--write", tmp_path / "plant.toml")
     assert seen.status == 2
-    assert "the folder is empty" in seen.said
+    assert seen.said.count("the folder is empty") == 1
+    assert "Usage" not in seen.said
     assert not (tmp_path / "plant.toml").exists()
 
 
@@ -387,3 +388,26 @@ def test_a_plant_file_without_archives_and_a_pattern_for_a_file(
     empty.write_text('[plant]\nname = "x"\n', encoding="utf-8")
     assert 'kind = "pi"' in stemwatch("inspect", empty).said
     assert "are for archives" in stemwatch("inspect", one_valve, "--pattern", "F*").said
+
+
+def test_an_option_that_no_file_needs_is_not_proposed(stemwatch, tmp_path: Path) -> None:
+    """It would be kept in the plant file and never be used; the one that is needed stays."""
+    rows = "".join(f"2026-03-02T06:{m:02d}:00;{m}.5\n" for m in range(40))
+    (tmp_path / "dated.csv").write_text("Time;FIC-1.OP\n" + rows)
+    options = ("--interval-s", "5", "--zone", "Europe/Berlin")
+    plant = tmp_path / "plant.toml"
+    seen = stemwatch("inspect", tmp_path / "dated.csv", *options, "--write", plant)
+    assert seen.status == 0
+    assert "interval_s = 5 is not used" in " ".join(seen.out.split())
+    assert "interval_s" not in plant.read_text()
+    assert 'zone = "Europe/Berlin"' in plant.read_text()
+
+
+def test_a_parquet_file_is_sent_to_its_plant_file(stemwatch, tmp_path: Path) -> None:
+    """It is an archive, and no export that could be read alone."""
+    (tmp_path / "day.parquet").write_bytes(b"PAR1" + bytes(range(256)))
+    seen = stemwatch("inspect", tmp_path / "day.parquet")
+    assert seen.status != 0
+    assert 'a Parquet file, which is read through a plant file: kind = "parquet"' in " ".join(
+        (seen.out + seen.err).split()
+    )

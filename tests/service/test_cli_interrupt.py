@@ -47,7 +47,7 @@ ENDS = {
         pytest.param(1, "Ctrl-C", marks=pytest.mark.long),
         (2, "Ctrl-C"),
         pytest.param(2, "SIGTERM", marks=pytest.mark.long),
-        (2, "SIGKILL"),
+        pytest.param(2, "SIGKILL", marks=pytest.mark.long),
     ],
 )
 def test_an_interrupted_run_leaves_a_usable_database(

@@ -156,6 +156,14 @@ def test_a_missing_tag_names_the_nearest(screened, one_valve: Path) -> None:
     assert "nearest are 'FIC-104.OP'" in outcome.said
 
 
+def test_two_missing_tags_are_said_at_once(screened, one_valve: Path) -> None:
+    """Two typing errors are not two tries."""
+    outcome, _ = screened(one_valve, "--op", "NOPE.OP", "--mv", "NOPE.ZT")
+    assert outcome.status == 2
+    assert "there is no tag 'NOPE.OP'" in outcome.said
+    assert "there is no tag 'NOPE.ZT'" in outcome.said
+
+
 def test_a_file_without_a_recognised_op_says_what_to_do(screened, tmp_path: Path) -> None:
     """Numbers without a recognisable OP are no failure: status 0, and what to do is said."""
     rows = [f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{k % 7},{k % 5}" for k in range(300)]

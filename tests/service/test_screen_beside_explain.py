@@ -50,7 +50,7 @@ KINDS = {
     "overshoots": lambda: loop(3.0, 3.8),
     "healthy": lambda: loop(0.3, 0.1),
     "nothing hidden": lambda: hidden("null", 4001),
-    "late": lambda: hidden("dead_time", 4012),
+    "late": lambda: hidden("dead_time", 4000),
     "cannot be judged": blind,
 }
 

@@ -77,12 +77,16 @@ def test_commands_that_train_nothing_load_no_torch(
     assert run(code, cwd=tmp_path)
 
 
-def test_reading_through_the_front_door_loads_no_torch(one_valve: Path) -> None:
-    """``import stemwatch`` and ``stemwatch.read``."""
+def test_the_front_door_loads_no_networks_and_no_service(one_valve: Path) -> None:
+    """``import stemwatch`` loads not even numpy; reading, screening without networks, showing and
+    simulating load no torch, web or database library."""
     code = (
-        "import sys, stemwatch\n"
+        "import sys, stemwatch as sw\n"
         "assert 'numpy' not in sys.modules\n"
-        f"print(stemwatch.read({str(one_valve)!r}, op='FIC-104.OP', mv='FIC-104.ZT'))\n"
-        "assert 'torch' not in sys.modules\n"
+        f"read = sw.read({str(one_valve)!r}, op='FIC-104.OP', mv='FIC-104.ZT')\n"
+        "sw.simulate(minutes=1)\n"
+        "found = sw.screen(read, narx=False, mismatch=False)\n"
+        "found._repr_html_(), found.to_dict()\n"
+        "print([n for n in ('torch', 'fastapi', 'sqlalchemy', 'matplotlib') if n in sys.modules])"
     )
-    assert run(code)
+    assert run(code) == "[]\n"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import doctest
 import inspect
-import subprocess
-import sys
 from importlib.metadata import version
 
 import pytest
@@ -56,18 +54,3 @@ def test_the_examples_run(module: object) -> None:
     result = doctest.testmod(module)
     assert result.attempted > 0
     assert result.failed == 0
-
-
-def test_the_front_door_loads_no_networks_and_no_service() -> None:
-    """Reading, screening without networks and showing load no torch, web or database library."""
-    code = (
-        "import sys, stemwatch as sw\n"
-        "found = sw.screen(sw.simulate(minutes=10), narx=False, mismatch=False)\n"
-        "found._repr_html_(), found.to_dict()\n"
-        "print([n for n in ('torch', 'fastapi', 'sqlalchemy', 'matplotlib') if n in sys.modules])"
-    )
-    process = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False
-    )
-    assert process.returncode == 0, process.stderr
-    assert process.stdout.strip() == "[]"

@@ -28,6 +28,11 @@ _FOREIGN = (
     (b"PK\x03\x04", "is a zip archive or an Excel workbook; save the sheet as CSV"),
     (b"\xd0\xcf\x11\xe0", "is an old Excel workbook; save the sheet as CSV"),
     (b"%PDF", "is a PDF document; export the data as CSV"),
+    (
+        b"PAR1",
+        'is a Parquet file, which is read through a plant file: kind = "parquet" of a source '
+        "(docs/archives.md)",
+    ),
 )
 _HIGH_RUN = re.compile(rb"[\x80-\xff]+")
 _CONTROL = bytes(set(range(32)) - {9, 10, 12, 13, 26})

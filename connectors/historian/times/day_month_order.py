@@ -109,7 +109,8 @@ def _decide_by_spacing(
         return chosen
     raise UnreadableSource(
         f"{name}: dates such as {example!r} can be read with the day or the month first, and "
-        "nothing in the file settles it; say day_first=True or day_first=False"
+        "nothing in the file settles it; say day_first=True or day_first=False (--day-first or "
+        "--month-first on the command line)"
     )
 
 

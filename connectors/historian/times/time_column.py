@@ -48,7 +48,8 @@ _EXCEL_DAYS = (25_569.0, 73_050.0)
 _UNIT_NS = {"ms": 1e6, "us": 1e3, "µs": 1e3, "ns": 1.0, "min": 60e9, "h": 3600e9, "d": 86400e9}
 _UNIT = re.compile(r"(?:_|\(|\[|\s)(ms|us|µs|ns|min|h|d)\s*[\])]?$")
 _SECONDS = re.compile(r"(?:^|[_(\[\s])(?:s|sec|secs|seconds?|sekunden)\s*[\])]?$", re.I)
-_OR_ROWS = " If it only counts rows, say interval_s."
+_SAY_INTERVAL = "say interval_s (--interval-s on the command line)"
+_OR_ROWS = f" If it only counts rows, {_SAY_INTERVAL}."
 _UTC_NAME = re.compile(r"(?:^|[^A-Za-z])(?:utc|gmt)(?:$|[^A-Za-z])", re.I)
 _DATE_NAME = re.compile(r"date|datum|stamp|zeit", re.I)
 
@@ -139,7 +140,8 @@ def _with_cut_stamps(
     elif shared:
         notes.problem(
             f"column {column!r} gives most rows the time of the row before, and not evenly; of "
-            "these only the last is kept. Export with seconds, or say interval_s"
+            "these only the last is kept. Export with seconds, or "
+            f"{_SAY_INTERVAL}"
         )
     _compare_with_file(instants, table, notes)
     return instants
@@ -177,10 +179,14 @@ def _compare_with_file(instants: Instants, table: RawTable, notes: ReadingNotes)
         return
     step_s = float(np.median(steps)) / 1e9
     if abs(step_s - table.interval_s) > 0.05 * table.interval_s:
+        says = f"column {table.interval_name!r} says {table.interval_s:g} s between rows, "
+        if "interval_s" in notes.used:
+            notes.problem(f"{says}interval_s {step_s:g} s; interval_s was taken")
+            return
+        dated = instants.in_utc or bool(instants.zone)
+        advice = "" if dated else f". If it is the other, {_SAY_INTERVAL}"
         notes.problem(
-            f"column {table.interval_name!r} says {table.interval_s:g} s between rows, column "
-            f"{table.times.name!r} {step_s:g} s; the times were taken. If it is the other, say "
-            "interval_s"
+            f"{says}column {table.times.name!r} {step_s:g} s; the times were taken{advice}"
         )
 
 
@@ -206,8 +212,8 @@ def _row_count_instants(
     notes.use("interval_s")
     if interval_s is None:
         raise UnreadableSource(
-            f"{name}: there is no time column and nothing tells the interval of the rows; say "
-            "interval_s, or time_column if one of the columns holds the time"
+            f"{name}: there is no time column and nothing tells the interval of the rows; "
+            f"{_SAY_INTERVAL}, or time_column (--time-column) if a column holds the time"
         )
     notes.decide(f"There is no time column; the rows are {interval_s:g} s apart.")
     n = len(table.numbers)

@@ -64,7 +64,7 @@ def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) 
     either = _votes_of_texts(stored)["either"] if stored else either
     raise UnreadableSource(
         f"{name}: {either} numbers such as '1,234' may be 1.234 or 1234, and no other number "
-        "settles it; say decimal=',' or decimal='.'"
+        "settles it; say decimal=',' or decimal='.' (--decimal on the command line)"
     )
 
 
@@ -182,7 +182,7 @@ class _Marks:
     either: Bools | None = None  # told where each cell is digits around one comma
 
     def of(self, rows: Rows) -> _Marks:
-        """The same of these cells."""
+        """The marks of the cells ``rows`` alone."""
         either = None if self.either is None else self.either[rows]
         return _Marks(
             self.comma[rows], self.point[rows], self.certain[rows], self.numbers[rows], either

@@ -237,7 +237,7 @@ def code_texts(text: pa.Array, index_of_text: dict[str, int]) -> Kinds:
 
 
 def joined_codes(parts: Sequence[Kinds]) -> Kinds:
-    """The same of all batches."""
+    """(n,) the codes of all batches of a column, one after the other."""
     codes: Kinds = np.concatenate(parts) if parts else np.zeros(0, dtype=np.uint16)
     return codes
 

@@ -9,29 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
+from stemwatch.models.first_order_lag import lag_by_direction
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import CommandTerm, about_value
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
 MATERIAL_S = 0.7  # a slip that takes less is how good valves are
-
-
-@njit(cache=True)
-def lagged(command: Floats, marks: Marks, dt: float, tau_s: float, out: Floats) -> None:
-    """First-order lag of ``command`` (n,) into ``out`` (n,), percent; at rest where marked START.
-
-    ``dt`` and ``tau_s`` in seconds.
-    """
-    share = 1.0 - np.exp(-dt / tau_s) if tau_s > 1e-3 else 1.0
-    p = command[0]
-    for k in range(command.size):
-        p = command[k] if marks[k] == 1 else p + share * (command[k] - p)
-        out[k] = p
 
 
 class ActuatorLag(CommandTerm):
@@ -87,7 +74,8 @@ class ActuatorLag(CommandTerm):
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
         """The command through a first-order lag: tau dx/dt = u - x."""
-        lagged(command, marks, interval_s, float(values[0]), out)
+        tau_s = float(values[0])
+        lag_by_direction(command, marks, interval_s, tau_s, tau_s, out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """A slip that takes 0.2 s is not worth a work order."""

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import SLOW_POSITIONER, FieldAdvice, FieldTest, check_steps
+from stemwatch.models.first_order_lag import lag_by_direction
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
 from stemwatch.models.mismatch.terms._common import CommandTerm, about_value, number
 from stemwatch.models.recording import Floats
@@ -22,26 +22,6 @@ MATERIAL_S = 0.7  # as for the lag
 # Springs, seals and relays never fill and vent quite alike; below this ratio it is one lag.
 MATERIAL_RATIO = 1.5
 AT_ONCE_S = 0.1  # seconds; quicker than any recording shows
-
-
-@njit(cache=True)
-def lagged_by_direction(
-    command: Floats, marks: Marks, dt: float, up_s: float, down_s: float, out: Floats
-) -> None:
-    """Lag of ``command`` (n,) into ``out`` (n,), percent; at rest where marked START.
-
-    ``up_s`` and ``down_s`` are the time constants towards a higher and a lower command, seconds.
-    """
-    up = 1.0 - np.exp(-dt / up_s) if up_s > 1e-3 else 1.0
-    down = 1.0 - np.exp(-dt / down_s) if down_s > 1e-3 else 1.0
-    p = command[0]
-    for k in range(command.size):
-        if marks[k] == 1:
-            p = command[k]
-        else:
-            error = command[k] - p
-            p += (up if error > 0.0 else down) * error
-        out[k] = p
 
 
 class AsymmetricLag(CommandTerm):
@@ -100,7 +80,7 @@ class AsymmetricLag(CommandTerm):
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
     ) -> None:
         """The command through a first-order lag with a time constant for each direction."""
-        lagged_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
+        lag_by_direction(command, marks, interval_s, float(values[0]), float(values[1]), out)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
         """The slower side counts, and only where it is clearly the slower one."""

@@ -20,7 +20,9 @@ from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, W
 from stemwatch.models.mismatch.terms._common import StemTerm, about_value, either_sign, number, size
 from stemwatch.models.recording import Floats
 
-MATERIAL_PERCENT = 0.5  # change of the force over the travel seen
+# Change of the force over the travel seen, percent of span: what it moves the stem by counts as an
+# error of the reading does.
+MATERIAL_PERCENT = 0.3
 
 
 def _shape(x: Floats) -> Floats:
@@ -79,7 +81,7 @@ class FlowForce(StemTerm):
             stem.numbers[stem_number.BY_PLACE] = 1.0
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """The force changes by half a percent of span over the travel that was seen."""
+        """The force changes by so much over the travel that was seen."""
         seen = _shape(np.linspace(summary.mv_low, summary.mv_high, 21))
         return bool(abs(values[0]) * (seen.max() - seen.min()) >= MATERIAL_PERCENT)
 

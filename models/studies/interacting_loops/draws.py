@@ -34,6 +34,7 @@ LEAST_SHARE = 0.1  # of a loop's variance that makes it a member of an oscillati
 _CALM = 0.3  # share of noise and loads that is left, so that a sticking valve still starts to cycle
 _FASTEST_SEEN = 6.0 * EVERY  # scans: a period of fewer samples is not recorded
 _MOST_SCANS = 21_600  # twelve hours
+_FEWEST_CYCLES = 8  # in the record; what is slower is drift
 
 
 class SourceKind(StrEnum):
@@ -73,9 +74,8 @@ class RunPlant:
 
     ``sp``, ``pv``, ``op`` (m, n). ``shares`` (sources, m): the share of each PV's variance near the
     source's frequency that disappears without the source, or that the source alone adds to a calmer
-    plant, whichever is larger. ``label`` (m,): the source with the largest share of at least
-    ``LEAST_SHARE``, -1 for none; sources that affect fewer than two loops make no group. ``feeds``:
-    the loops that each loop acts on.
+    plant, whichever is larger. ``label`` (m,) by ``labels_by_share``. ``feeds``: the loops that
+    each loop acts on.
     """
 
     interval_s: float
@@ -116,7 +116,6 @@ def run_drawn(plant: DrawnPlant) -> RunPlant:
     """
     all_sources = range(len(plant.sources))
     pv, op = _run(plant, all_sources)
-    variance = np.var(_moving(pv), axis=1) + 1e-12
     shares = np.zeros((len(plant.sources), pv.shape[0]))
     calm = replace(
         plant,
@@ -125,13 +124,14 @@ def run_drawn(plant: DrawnPlant) -> RunPlant:
         set_points=0.0 * plant.set_points,
     )
     recorded, quiet_pv = _moving(pv), _moving(_run(calm, [])[0])
+    variance = np.var(recorded, axis=1) + 1e-12
     for index in all_sources:
         with_one = _moving(_run(calm, [index])[0])
-        without_one = _moving(_run(plant, [k for k in all_sources if k != index])[0])
-        caused = np.minimum(np.var(with_one, axis=1) - np.var(quiet_pv, axis=1),
-                            _around(recorded, _is_caused(with_one, quiet_pv)))  # fmt: skip
-        band = _is_caused(recorded, without_one)
-        needed = _around(recorded, band) - _around(without_one, band)
+        pv_without, op_without = _run(plant, [k for k in all_sources if k != index])
+        bins = _of_source(plant, index, op, op_without)
+        in_bins = _around(recorded, bins)
+        caused = np.minimum(np.var(with_one, axis=1) - np.var(quiet_pv, axis=1), in_bins)
+        needed = in_bins - _around(_moving(pv_without), bins)
         shares[index] = np.clip(np.maximum(caused, needed) / variance, 0.0, 1.0)
     sp = 50.0 + plant.set_points[:, EVERY - 1 :: EVERY][:, : pv.shape[1]]
     return RunPlant(
@@ -142,20 +142,30 @@ def run_drawn(plant: DrawnPlant) -> RunPlant:
         units=plant.units,
         sources=plant.sources,
         shares=shares,
-        label=_labels(shares),
+        label=labels_by_share(shares),
         feeds=_feeds(plant.links),
     )
 
 
-def _is_caused(present: Floats, absent: Floats) -> Bools:
-    """The bins within a quarter of the frequency at which most loops have more power than without a
-    source, and of its second and third harmonics."""
-    power = np.abs(np.fft.rfft(present, axis=1)) ** 2
-    added_power = np.maximum(power - np.abs(np.fft.rfft(absent, axis=1)) ** 2, 0.0)
-    added_power /= power.sum(axis=1, keepdims=True) + 1e-12
-    total = added_power[:, 1:].sum(axis=0)
-    peak = 1 + int(np.argmax(np.convolve(total, np.ones(5), mode="same")))
-    ratio = np.arange(power.shape[1]) / peak
+def _of_source(plant: DrawnPlant, index: int, op: Floats, op_without: Floats) -> Bools:
+    """The bins within a quarter of a source's frequency, and of its second and third harmonics.
+
+    The frequency is the strongest, within 15 %, of a wave from outside, or of what OP of the loop
+    has more than ``op_without`` the source. Other loops do not show it for certain: each run of a
+    limit cycle is another one, and the differences of a strong one may hide a weak source.
+    """
+    loop = plant.sources[index].loop
+    signals = plant.waves[index][:, ::EVERY] if loop < 0 else np.stack([op[loop], op_without[loop]])
+    power = np.abs(np.fft.rfft(_moving(signals), axis=1)) ** 2
+    more = power.sum(axis=0) if loop < 0 else np.maximum(power[0] - power[1], 0.0)
+    total = np.cumsum(np.append(0.0, more))
+    bins = np.arange(more.size)
+    low = np.floor(bins / 1.15).astype(np.int64)
+    high = np.minimum(np.ceil(bins * 1.15).astype(np.int64) + 1, bins.size)
+    added = total[high] - total[low]
+    strongest = _FEWEST_CYCLES + int(np.argmax(added[_FEWEST_CYCLES:]))
+    near = slice(low[strongest], high[strongest])
+    ratio = bins / np.average(bins[near], weights=more[near] + 1e-30)
     return np.asarray(np.any([np.abs(ratio / k - 1.0) <= 0.25 / k for k in (1, 2, 3)], axis=0))
 
 
@@ -171,9 +181,10 @@ def _feeds(links: Floats) -> dict[int, tuple[int, ...]]:
     return {a: tuple(to for start, to in pairs if start == a) for a in {a for a, _ in pairs}}
 
 
-def _labels(shares: Floats) -> tuple[int, ...]:
-    """The source of each loop. Where one moves fewer than two loops, its loop belongs to the next
-    of its sources; the weakest such source goes first."""
+def labels_by_share(shares: Floats) -> tuple[int, ...]:
+    """(m,) the source, or group, of each loop: the one with the largest of its ``shares``
+    (sources, m), of at least ``LEAST_SHARE``, -1 for none. Where one is left with fewer than two
+    loops, it is no group, and its loop belongs to the next; the weakest such goes first."""
     rows = list(range(shares.shape[0]))
     while rows:
         left = shares[rows]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stemwatch.models.oscillation_groups.find_groups import find_groups, labels
+from stemwatch.models.oscillation_groups.find_groups import FoundGroup, find_groups
 from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS, GroupLimits
 from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra
 from stemwatch.models.oscillation_groups.plant_groups import log_odds
@@ -18,7 +18,12 @@ from stemwatch.models.oscillation_groups.sources import (
     without_connections,
 )
 from stemwatch.models.recording import Recording, Role, Signal
-from stemwatch.models.studies.interacting_loops.draws import RunPlant, draw_plant, run_drawn
+from stemwatch.models.studies.interacting_loops.draws import (
+    RunPlant,
+    draw_plant,
+    labels_by_share,
+    run_drawn,
+)
 from stemwatch.models.without_position.suspicion import look_at_loop, trained_judge
 
 
@@ -99,10 +104,18 @@ def score_plant(plant: RunPlant, limits: GroupLimits = LIMITS) -> ScoredPlant:
     ]
     label = np.array(plant.label)
     quiet = bool((label < 0).all())
-    index = None if quiet else adjusted_rand_index(plant.label, labels(groups, label.size))
+    index = None if quiet else adjusted_rand_index(plant.label, labels_found(groups, label.size))
     return ScoredPlant(
         loops=label.size, sources=len(plant.sources), rand_index=index, groups=tuple(scored)
     )
+
+
+def labels_found(groups: Sequence[FoundGroup], loops: int) -> tuple[int, ...]:
+    """The group of each loop by the rule that gives it its true source."""
+    shares = np.zeros((len(groups), loops))
+    for row, group in zip(shares, groups, strict=True):
+        row[list(group.members)] = group.shares
+    return labels_by_share(shares)
 
 
 def _scored(plant: RunPlant, evidence: MemberEvidence) -> ScoredGroup:

@@ -13,21 +13,23 @@ from stemwatch.models.studies.loops.kernel import LoopNumbers, run_scans
 # Disturbances of a loop, and how often each is drawn. Every one occurs with a sticking and with a
 # sound stem, so that the disturbance itself is no evidence.
 STORIES = {
-    "quiet": 0.06,
+    "quiet": 0.05,
     "load": 0.16,
-    "tight": 0.16,
-    "wave": 0.20,
-    "set points": 0.12,
-    "cascade": 0.08,
+    "tight": 0.14,
+    "wave": 0.17,
+    "set points": 0.16,
+    "cascade": 0.10,
     "neighbour": 0.10,
     "noisy": 0.06,
     "sensor": 0.03,
     "saturated": 0.03,
 }
 _SECOND_STORY = 0.35  # of loops in which a second disturbance acts
+_LEFT_AS_BUILT = 0.4  # of loops: a reset time that nobody matched to the process
+_MANY_SCALES = 0.4  # of loops: load that wanders on all time scales alike (1/f)
 WARM_UP = 400  # scans before the record
-FEWEST, MOST = 250, 3600  # stored samples
-FEWEST_SLIPS = 4  # of a sticking stem in its record; one that never moved shows nothing
+FEWEST, MOST = 130, 3600  # stored samples
+FEWEST_SLIPS = 2  # of a sticking stem in its record; one that never moved shows nothing
 _TRIES = 50
 
 
@@ -35,7 +37,8 @@ _TRIES = 50
 class DrawnLoop:
     """One simulated loop: what the archive holds, (n,) each in percent, and the truth behind it.
 
-    ``S`` is 0 for a stem that does not stick.
+    ``S`` is 0 for a stem that does not stick; ``stem_S`` is what the simulated stem has, which in a
+    sound valve is up to 0.4 %.
     """
 
     op: Floats
@@ -44,6 +47,7 @@ class DrawnLoop:
     interval_s: float
     S: float
     J: float
+    stem_S: float
     story: str
 
     @property
@@ -73,18 +77,20 @@ def _draw(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop
     J = S * float(rng.choice([0.0, rng.uniform(0.1, 0.9), 1.0, rng.uniform(1.0, 1.2)]))
     stride = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
     count = int(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST))))
-    signals, stem = _run(rng, story, S, J, WARM_UP + stride * count)
+    signals, stem, stem_S = _run(rng, story, S, J, WARM_UP + stride * count)
     op, pv, sp = archived(signals, WARM_UP, stride, rng)
     moves = np.diff(stem[WARM_UP:]) != 0.0
     slips = int(np.count_nonzero(moves[1:] & ~moves[:-1]))
-    loop = DrawnLoop(op=op, pv=pv, sp=sp, interval_s=float(stride), S=S, J=J, story=story)
+    loop = DrawnLoop(
+        op=op, pv=pv, sp=sp, interval_s=float(stride), S=S, J=J, stem_S=stem_S, story=story
+    )
     return loop, slips
 
 
 def _run(
     rng: np.random.Generator, story: str, S: float, J: float, scans: int
-) -> tuple[tuple[Floats, Floats, Floats], Floats]:
-    """OP, PV and SP at every scan, and the stem."""
+) -> tuple[tuple[Floats, Floats, Floats], Floats, float]:
+    """OP, PV and SP at every scan, the stem, and its S."""
     numbers, period = _draw_numbers(rng, story, S, J)
     stories = {story}
     if rng.random() < _SECOND_STORY:
@@ -97,7 +103,7 @@ def _run(
         size = float(rng.uniform(0.2, 0.6))
     noise = min(size, 1.5 / numbers.gain) * coloured(scans, float(rng.choice([0.0, 0.0, 2.0])), rng)
     read, stem = run_scans(numbers, sp, load, push, noise, rng.standard_normal(2048))
-    return (read[0], read[1], sp), stem
+    return (read[0], read[1], sp), stem, numbers.S
 
 
 def _draw_numbers(
@@ -115,11 +121,13 @@ def _draw_numbers(
     pv_filter = float(rng.choice([0.0, 0.0, rng.uniform(0.5, 4.0)]))
     settle = delay + 0.5 + 0.5 * seldom + air + 0.5 * (second + sensor) + 0.7 * pv_filter
     tight = story == "tight"
-    closed = settle * float(rng.uniform(0.02, 0.35) if tight else rng.uniform(0.8, 5.0))
+    closed = settle * float(rng.uniform(0.02, 0.35) if tight else np.exp(rng.uniform(-0.2, 2.5)))
     reset = 4.0 * (closed + settle) if integrating else min(lag + 0.5, 4.0 * (closed + settle))
     reset *= float(rng.uniform(0.7, 1.5))
     if integrating and tight:
         reset *= float(rng.uniform(0.15, 0.6))
+    elif rng.random() < _LEFT_AS_BUILT:
+        reset *= float(np.exp(rng.uniform(-0.3, 2.0)))
     output = float(rng.uniform(30.0, 70.0))
     low, high = 0.0, 100.0
     if story == "saturated":
@@ -141,12 +149,12 @@ def _draw_numbers(
         integrating=integrating,
         play=float(rng.uniform(0.5, 4.0)) * process_gain if story == "sensor" else 0.0,
         sensor_lag=sensor,
-        op_step=float(rng.choice([0.0, 0.0, 0.01, 0.1])),
-        pv_step=float(rng.choice([0.0, 0.0, 0.02, 0.1, 0.3])) * process_gain,
+        op_step=float(rng.choice([0.0, 0.0, 0.0, 0.01, 0.1])),
+        pv_step=float(rng.choice([0.0, 0.0, 0.0, 0.0, 0.02, 0.1, 0.3])) * process_gain,
         bend=float(rng.choice([0.0, rng.uniform(-0.5, 0.5)])),
         executes_every=seldom,
         pv_filter=pv_filter,
-        gap=float(rng.choice([0.0, 0.0, 0.0, 0.0, rng.uniform(0.05, 0.5)])),
+        gap=float(rng.uniform(0.05, 0.5)) if rng.random() < 0.1 else 0.0,
     )
     return numbers, 2.0 * np.pi * (closed + settle)
 
@@ -175,7 +183,10 @@ def _disturbances(
 ) -> tuple[Floats, Floats]:
     """(n,) each: the load at the process input, percent of travel, and the push on PV itself."""
     size = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
-    load = size * coloured(time.size, period * rng.uniform(0.2, 3.0), rng)
+    if rng.random() < _MANY_SCALES:
+        load = 2.0 * size * many_scales(time.size, rng)
+    else:
+        load = size * coloured(time.size, period * rng.uniform(0.2, 3.0), rng)
     push = np.zeros(time.size)
     if rng.random() < 0.3:  # drift over much of the record
         load += rng.uniform(0.5, 4.0) * coloured(time.size, time.size * rng.uniform(0.1, 1.0), rng)
@@ -255,6 +266,12 @@ def coloured(count: int, time: float, rng: np.random.Generator) -> Floats:
     return np.asarray(lfilter([1.0], [1.0, -pole], innovations))
 
 
+def many_scales(count: int, rng: np.random.Generator) -> Floats:
+    """(count,) noise of about unit variance whose spectrum falls as one over the frequency."""
+    times = np.geomspace(1.0, max(count / 4.0, 8.0), 6)
+    return np.asarray(sum(coloured(count, time, rng) for time in times) / np.sqrt(times.size))
+
+
 def stepped(time: Floats, mean_gap: float, rng: np.random.Generator) -> Floats:
     """(n,) steps between -1 and 1, on average ``mean_gap`` scans from each other."""
     times = np.cumsum(mean_gap * (0.3 + 0.7 * rng.exponential(1.0, 4000)))
@@ -288,11 +305,11 @@ def wave(time: Floats, period: float, rng: np.random.Generator) -> Floats:
     return np.asarray(shape * now_and_then(time.size, 10.0 * own_period, rng))
 
 
-_COMPRESSED = 0.2  # of signals
+_COMPRESSED = 0.12  # of signals
 _HELD = 0.1  # of records: every second or third row repeats the one before
 _AVERAGED = 0.25
 _LATE = 0.15  # of records: PV was stored one row after the OP of the same time
-_SPIKED = 0.06
+_SPIKED = 0.03
 
 
 def archived(

@@ -117,9 +117,8 @@ def effects_of(loop: PlantLoop) -> tuple[str, ...]:
         "zero_shift": transmitters.has_position and transmitters.position_zero != 0.0,
         "span_error": transmitters.has_position and transmitters.position_span != 1.0,
         "sensor_drift": transmitters.position_drift != 0.0 or transmitters.position_walk > 0.0,
-        "unknown": upsets != standard
-        or body.hysteresis_percent > 0.0
-        or transmitters.position_bow != 0.0,
+        "bowed_linkage": transmitters.has_position and transmitters.position_bow != 0.0,
+        "unknown": upsets != standard or body.hysteresis_percent > 0.0,
         "quantisation": max(steps) > 0.0,
         "oscillating_disturbance": any(x.kind is LoadKind.OSCILLATING for x in loop.loads),
         "manual": bool(loop.manual),

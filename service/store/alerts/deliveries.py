@@ -46,7 +46,7 @@ class Deliveries:
     def __init__(self, transactions: Transactions) -> None:
         self._transactions = transactions
 
-    def untold(self) -> list[StoredAlert]:
+    def undelivered(self) -> list[StoredAlert]:
         """Open alerts that are in no message yet and not snoozed."""
         now = datetime.now(UTC)
         statement = select(AlertRow).where(

@@ -39,7 +39,7 @@ class Leases:
                 return None
             return row.owner
 
-    def let_go(self, name: str, owner: str) -> None:
+    def release(self, name: str, owner: str) -> None:
         """Return the lease, so that the next owner need not wait for its end."""
         with self._transactions.writing(f"giving back {name}") as session:
             session.execute(delete(LeaseRow).where(LeaseRow.name == name, LeaseRow.owner == owner))

@@ -62,10 +62,15 @@ def write_oscillations(
 
 
 def read_oscillations(
-    session: Session, since: datetime, loop: str | None = None, pictures: bool = True
+    session: Session, now: datetime, loop: str | None = None, pictures: bool = True
 ) -> list[KeptOscillation]:
-    """The oscillations found after ``since``, those that stand first, then those with most loops
-    moved; only those of ``loop`` where one is given. ``pictures``: with spectra and strength."""
+    """The oscillations of the last ``SHOWN_DAYS``, those that stand first, then those with most
+    loops moved; only those of ``loop`` where one is given. ``pictures``: with spectra and strength.
+
+    The days are counted back from the newest results, whose verdicts the pages show too: of a plant
+    whose recordings are months old its report and its pages say the same.
+    """
+    since = min(now, _newest_result(session) or now) - timedelta(days=SHOWN_DAYS)
     statement = select(OscillationRow).where(OscillationRow.at >= since)
     if pictures:
         statement = statement.options(undefer(OscillationRow.pictures))
@@ -89,7 +94,13 @@ def read_oscillations(
                 history=_history(row, rows),
             )
         )
-    return sorted(kept_oscillations, key=lambda one: (one.over, -_moved(one.group)))
+    return sorted(kept_oscillations, key=lambda kept: (kept.over, -_moved(kept.group)))
+
+
+def read_groups_of_run(session: Session, run_id: int) -> list[OscillationGroup]:
+    """The groups that a run found, those with most loops moved first, without pictures."""
+    rows = session.scalars(select(OscillationRow).where(OscillationRow.run_id == run_id))
+    return sorted((_group(row) for row in rows), key=lambda group: -_moved(group))
 
 
 def _moved(group: OscillationGroup) -> float:
@@ -125,6 +136,16 @@ def _was_absent(session: Session, run_id: int, group: OscillationGroup) -> bool:
         )
     )
     return 2 * (loops_before or 0) >= len(names)
+
+
+def _newest_result(session: Session) -> datetime | None:
+    """The end of the newest window of the last run, or of the last oscillation if that is newer."""
+    last_run = select(func.max(ScreeningRow.run_id)).scalar_subquery()
+    ends = (
+        session.scalar(select(func.max(ScreeningRow.at)).where(ScreeningRow.run_id == last_run)),
+        session.scalar(select(func.max(OscillationRow.at))),
+    )
+    return max((end for end in ends if end is not None), default=None)
 
 
 def _last_runs(session: Session, loops: Sequence[str]) -> dict[str, int]:

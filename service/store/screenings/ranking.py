@@ -156,7 +156,7 @@ def _conditions(ranking_filter: RankingFilter) -> list[ColumnElement[bool]]:
     """All filters except that by verdict, which is applied after the verdicts are counted."""
     conditions: list[ColumnElement[bool]] = []
     for word in ranking_filter.text.split():
-        named = (ValveRow.id, ValveRow.description, *(getattr(ValveRow, one) for one in LEVELS))
+        named = (ValveRow.id, ValveRow.description, *(getattr(ValveRow, level) for level in LEVELS))
         conditions.append(or_(*(column.icontains(word, autoescape=True) for column in named)))
     conditions += in_part(ranking_filter.part)
     if ranking_filter.criticalities:

@@ -141,7 +141,7 @@ def read_made_by_sticking(
 ) -> dict[str, dict[str, TrendPoint]]:
     """What the sticking makes of the loop of each of ``valves``, as indicators of its latest
     screening."""
-    found: dict[str, dict[str, TrendPoint]] = {}
+    by_valve: dict[str, dict[str, TrendPoint]] = {}
     for first in range(0, len(valves), _IN_ONE_STATEMENT):
         part = valves[first : first + _IN_ONE_STATEMENT]
         rows = (
@@ -154,10 +154,10 @@ def read_made_by_sticking(
             )
         )
         for row in session.scalars(rows):
-            found.setdefault(row.valve, {})[row.name] = TrendPoint(
+            by_valve.setdefault(row.valve, {})[row.name] = TrendPoint(
                 at=row.at, value=row.value, low=row.low, high=row.high, unit=row.unit
             )
-    return found
+    return by_valve
 
 
 def read_worst(session: Session, run_id: int, limit: int) -> list[str]:

@@ -88,7 +88,10 @@ def write_cases(
         CaseToDraw(seed=seed, place=place, file=str(folder / f"case-{number:04d}.csv"))
         for place, number in enumerate(numbers.tolist())
     ]
-    drawn = sorted(map_in_order(executor, _write, orders, on_progress), key=lambda one: one[0].case)
+    drawn = sorted(
+        map_in_order(executor, _write, orders, on_progress),
+        key=lambda written: written[0].case,
+    )
     with (folder / CASES_FILE).open("w", encoding="utf-8", newline="") as out:
         rows = csv.writer(out, lineterminator="\n")
         rows.writerow(["case", "position", "integrating", "cause asked"])

@@ -50,7 +50,7 @@ row may be missing.
 
 ## The score
 
-Five parts, each 1 for the truth and 0 for no answer; their mean is the order of merit.
+Five parts, each 1 for the truth and 0 for no answer; their mean is the total.
 Whoever knows nothing gains nothing: the same answer to all cases, or one drawn by lot, has
 no expected score above that of no answer.
 

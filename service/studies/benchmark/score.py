@@ -41,10 +41,10 @@ class PartScore:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Merit:
-    """The mean of the parts, with the 95 % interval over the draw of cases (bootstrap)."""
+class BenchmarkScore:
+    """The mean of the parts, with its 95 % interval over the draw of cases (bootstrap)."""
 
-    merit: float
+    total: float
     low: float
     high: float
     parts: tuple[PartScore, ...]
@@ -60,15 +60,17 @@ class _Marks:
     error: float | None = None
 
 
-def merit_of(truths: Sequence[ValveTruth], answers: Mapping[str, CaseAnswer]) -> Merit:
-    """The order of merit of ``answers``; a case that is missing there is not answered."""
+def benchmark_score(
+    truths: Sequence[ValveTruth], answers: Mapping[str, CaseAnswer]
+) -> BenchmarkScore:
+    """The score of ``answers``; a case that is missing there is not answered."""
     marks = _marks_of(truths, answers)
     scores = np.array([part.scores for part in marks])
     everyone = np.arange(len(truths))[np.newaxis]
     draws = np.random.default_rng(1).integers(0, len(truths), (_DRAWS, len(truths)))
     low, high = np.quantile(_means(scores, draws).mean(axis=0), [0.025, 0.975])
-    return Merit(
-        merit=float(_means(scores, everyone).mean()),
+    return BenchmarkScore(
+        total=float(_means(scores, everyone).mean()),
         low=float(low),
         high=float(high),
         parts=_parts(marks),

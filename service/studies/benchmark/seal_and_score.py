@@ -9,7 +9,7 @@ from stemwatch.service.executors import Executor
 from stemwatch.service.studies.benchmark.answers import read_answers
 from stemwatch.service.studies.benchmark.draw import recordings_of, write_cases
 from stemwatch.service.studies.benchmark.page import PAGE_FILE, digest_in, page_of
-from stemwatch.service.studies.benchmark.score import Merit, merit_of
+from stemwatch.service.studies.benchmark.score import BenchmarkScore, benchmark_score
 from stemwatch.service.studies.benchmark.truth import (
     BenchmarkTruth,
     opened,
@@ -56,8 +56,8 @@ def write_benchmark(
     return digest
 
 
-def judge(folder: Path, answers_file: Path, truth_file: Path) -> Merit:
-    """The order of merit of an answers file, after the digests of truth and recordings were held
+def judge(folder: Path, answers_file: Path, truth_file: Path) -> BenchmarkScore:
+    """The score of an answers file, after the digests of truth and recordings were held
     against the page. Raises ``ValueError`` for what cannot be read or was changed."""
     truth = opened(truth_file.read_text(encoding="utf-8"), digest_in(folder))
     if recordings_digest(recordings_of(folder)) != truth.recordings:
@@ -66,4 +66,4 @@ def judge(folder: Path, answers_file: Path, truth_file: Path) -> Merit:
             "scored. Take the folder as it was given"
         )
     answers = read_answers(answers_file, {case.case for case in truth.cases})
-    return merit_of(truth.cases, answers)
+    return benchmark_score(truth.cases, answers)

@@ -62,6 +62,6 @@ def opened(text: str, digest: str) -> BenchmarkTruth:
 def recordings_digest(files: Sequence[Path]) -> str:
     """SHA-256 over the SHA-256 of each file, in the order of their names."""
     total = sha256()
-    for file in sorted(files, key=lambda one: one.name):
+    for file in sorted(files, key=lambda path: path.name):
         total.update(sha256(file.read_bytes()).digest())
     return total.hexdigest()

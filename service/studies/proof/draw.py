@@ -18,7 +18,7 @@ from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.studies.simulator.hidden import (
     CONCEALMENTS,
     EFFECTS,
-    UNKNOWN,
+    RARE,
     HiddenCase,
     draw_effect,
     draw_hidden,
@@ -87,7 +87,7 @@ def draw_cases(count: int, seed: int, effect: str = "", concealment: str = "") -
     of nulls, a tenth outside the catalogue, and for the rest all effects in turn. Raises
     ``ValueError`` with the words there are.
     """
-    _check("effect", effect, (NOTHING, OUTSIDE, *EFFECTS, *UNKNOWN))
+    _check("effect", effect, (NOTHING, OUTSIDE, *EFFECTS, *RARE))
     _check("concealment", concealment, (*CONCEALMENTS, POSITIONER))
     under = concealment or CONCEALMENTS[0]
     if effect == NOTHING:

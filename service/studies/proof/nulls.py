@@ -245,15 +245,15 @@ def _scored(batch: Sequence[HiddenCase]) -> list[NullValve]:
 
 def _null(case: HiddenCase) -> NullValve:
     recording = simulate_hidden(case)[1].recording
-    found, effects = scores(recording), explain(recording).effects
+    null_scores, effects = scores(recording), explain(recording).effects
     valve = case.loop.valve
     return NullValve(
         concealment=case.concealment,
         friction=LUGRE if valve.packing.presliding_percent > 0.0 else KARNOPP,
         scatter=valve.scatter,
-        terms={slug: (mean, t) for slug, (mean, t, _) in found.terms.items()},
-        strongest=max((strength for _, _, strength in found.terms.values()), default=0.0),
-        pair=found.pair,
+        terms={slug: (mean, t) for slug, (mean, t, _) in null_scores.terms.items()},
+        strongest=max((strength for _, _, strength in null_scores.terms.values()), default=0.0),
+        pair=null_scores.pair,
         named=max((effect.evidence.strength for effect in effects), default=0.0),
-        left=found.left,
+        left=null_scores.left,
     )

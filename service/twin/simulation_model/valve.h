@@ -25,6 +25,7 @@ enum {
 };
 
 #define ROUNDING 1e-9       /* percent; a smaller step of the force is a held command */
+#define SOFTEST 0.5         /* least rise of spring and force together over a percent of travel */
 #define STANDS_BELOW 0.01   /* percent per second; a stem that drags and is slower stands */
 #define NO_LAG 1e-3         /* in units of the fit's own clock, of UNIT_S seconds */
 #define PLACES 141          /* of the tables over travel: one for each percent from -20 to 120 */
@@ -42,7 +43,6 @@ typedef struct {
     /* What the parameters amount to, for a sample. */
     double lag_up, lag_down, most_up, most_down, late;
     double ring_ee, ring_ve, ring_ev, ring_vv;
-    double slide_share, least_gap;
     double friction[PLACES], force[PLACES];
     long delay;
     /* The actuator: the commands that are still on their way, and the stages behind them. */
@@ -127,12 +127,6 @@ static void prepare(Valve *v)
     v->lag_down = share_of(dt, q[LAG_FALLING]);
     v->most_up = q[SPEED_RISING] * dt;
     v->most_down = q[SPEED_FALLING] * dt;
-    v->slide_share = share_of(dt, q[DRAG]);
-    v->least_gap = -ROUNDING;
-    if (q[RESTICK_SPEED] >= 0.0) {
-        double speed = fmax(q[RESTICK_SPEED], v->slide_share < 1.0 ? STANDS_BELOW / UNIT_S : 0.0);
-        v->least_gap = fmax(speed * dt / v->slide_share, ROUNDING);
-    }
     prepare_ringing(v);
     prepare_tables(v);
 }
@@ -275,14 +269,33 @@ static void move_with_inertia(Valve *v, double force, Levels at)
     v->moving = v->speed > 0.0;
 }
 
+/* The share of the gap that the stem covers in a sample: a force that rises over the travel closes
+   the gap on the way, as a stiffer spring would. */
+static double slide_share(const Valve *v)
+{
+    int i = (int)clipped(v->x - PLACE_LOW, 0.0, PLACES - 1.000001);
+    double stiffness = fmax(1.0 + v->force[i + 1] - v->force[i], SOFTEST);
+    return share_of(v->q[SAMPLE_TIME] * stiffness, v->q[DRAG]) / stiffness;
+}
+
+/* The gap below which a moving stem sticks. */
+static double least_gap(const Valve *v, double share)
+{
+    double speed = v->q[RESTICK_SPEED], stands = STANDS_BELOW / UNIT_S;
+    if (speed < 0.0) return -ROUNDING;
+    if (v->q[DRAG] > NO_LAG * UNIT_S) speed = fmax(speed, stands);
+    return fmax(speed * v->q[SAMPLE_TIME] / share, ROUNDING);
+}
+
 /* A stem that sticks, breaks away, slides and stops. */
 static void move(Valve *v, double force, Levels at)
 {
     const double *q = v->q;
+    double share = slide_share(v);
     double f = force - v->x, sliding = v->way > 0.0 ? at.slides_up : at.slides_down;
     bool rises = f > at.breaks_up, falls = -f > at.breaks_down;
     bool goes_on = ONE_ACTUATOR ? v->way * v->step > q[RESTICK_SPEED] * q[SAMPLE_TIME]
-                                : v->way * f - sliding > v->least_gap;
+                                : v->way * f - sliding > least_gap(v, share);
     v->moving = v->moving && goes_on;
     if (!v->moving && (rises || falls)) {
         v->moving = true;
@@ -294,7 +307,7 @@ static void move(Valve *v, double force, Levels at)
     else if (ONE_ACTUATOR) /* J above S: it slides ahead of its force, which in turn it may not */
         v->x = force - v->way * sliding;
     else
-        v->x += v->slide_share * v->way * fmax(v->way * f - sliding, 0.0);
+        v->x += share * v->way * fmax(v->way * f - sliding, 0.0);
     v->x = clipped(v->x, q[STOP_LOW], q[STOP_HIGH]);
 }
 

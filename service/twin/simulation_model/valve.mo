@@ -41,7 +41,7 @@ protected
   discrete Real course "How much of record_time is over, 0 to 1";
   discrete Real reading_at_50 "What is read where the stem is at 50 % of travel";
   discrete Boolean moving;
-  Real error, part, f, level, jump, up, down, rise, sliding, gap, share, place, off, pushed, least;
+  Real error, part, f, level, jump, up, down, rise, sliding, gap, share, place, off, pushed, least, stiffness;
   Boolean begun(start = false, fixed = true);
 
 algorithm
@@ -93,15 +93,20 @@ algorithm
     place := min(max(x + 20, 0), 139.999999);
     off := 0;
     pushed := 0;
+    stiffness := 1;
     for i in 0:1 loop
       share := if i == 0 then 1 - (place - floor(place)) else place - floor(place);
       part := floor(place) + i - 20;
       gap := (part - tight_place) / tight_width;
       off := off + (if abs(gap) < 6 then share * tight_friction * exp(-gap * gap) else 0);
-      pushed := pushed + share * flow_force * (4 * part / 100 * (1 - part / 100) - 1);
+      f := flow_force * (4 * part / 100 * (1 - part / 100) - 1);
       part := min(max(part / 50 - 1, -1), 1);
-      pushed := pushed + share * (load_linear * part + load_square * part ^ 2 + load_cube * part ^ 3);
+      f := f + load_linear * part + load_square * part ^ 2 + load_cube * part ^ 3;
+      pushed := pushed + share * f;
+      stiffness := stiffness + (if i == 0 then -f else f);
     end for;
+    // A force that rises over the travel closes the gap on the way, as a stiffer spring would.
+    stiffness := max(stiffness, 0.5);
 
     if level >= 0 then
       level := level + abs(off) + abs(pushed);
@@ -160,8 +165,8 @@ algorithm
         moving := speed > 0;
       else
         f := force - x;
-        share := if drag > 1e-3 * unit_s then 1 - exp(-sample_time / drag) else 1;
-        least := if restick_speed < 0 then -rounding else max(max(restick_speed, if share < 1 then 0.01 / unit_s else 0) * sample_time / share, rounding);
+        share := (if drag > 1e-3 * unit_s then 1 - exp(-sample_time * stiffness / drag) else 1) / stiffness;
+        least := if restick_speed < 0 then -rounding else max(max(restick_speed, if drag > 1e-3 * unit_s then 0.01 / unit_s else 0) * sample_time / share, rounding);
         sliding := level - (if way > 0 then up else down);
         moving := moving and (if one_actuator then way * step > restick_speed * sample_time else way * f - sliding > least);
         if not moving and (f > level + up + rise or -f > level + down + rise) then

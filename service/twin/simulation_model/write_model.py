@@ -123,7 +123,10 @@ def _context(chain: ValveChain) -> dict[str, Any]:
         "valve": "".join(sign if sign.isprintable() else " " for sign in chain.valve),
         "identifier": identifier_of(chain.valve),
         "values": chain.values,
-        "parameters": [{**vars(one), "value": chain.values[one.name]} for one in CHAIN_PARAMETERS],
+        "parameters": [
+            {**vars(parameter), "value": chain.values[parameter.name]}
+            for parameter in CHAIN_PARAMETERS
+        ],
         "curve_op": () if chain.curve is None else chain.curve.op,
         "curve_travel": () if chain.curve is None else chain.curve.travel,
         "sentence": contents_in_words(chain),

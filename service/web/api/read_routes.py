@@ -158,7 +158,7 @@ def steps_without_verdict(deps: Deps) -> list[shapes.NextStepAnswer]:
         shapes.NextStepAnswer(
             verdict=step.verdict.value, why=step.why, step=step.step, loops=list(step.loops)
         )
-        for step in next_steps(deps.store.without_verdict())
+        for step in next_steps(deps.store.without_verdict(), deps.standing_groups())
     ]
 
 

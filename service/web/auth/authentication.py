@@ -113,8 +113,8 @@ class Authentication:
 
     def _user_of(self, scope: Scope, headers: Headers) -> CurrentUser | None:
         now = self._site.clock()
-        if "authorization" in headers:
-            secret = _bearer(headers["authorization"])
+        secret = self._token_in(headers)
+        if secret is not None:
             return user_of_environment(secret, self._site.token) or user_of_token(
                 self._site.store, secret, now
             )
@@ -128,17 +128,31 @@ class Authentication:
         active = BY_ITSELF not in headers
         return user_of_cookie(self._site.store, cookie, now, active=active)
 
+    def _token_in(self, headers: Headers) -> str | None:
+        """The token that a request shows, empty where it is none; ``None`` where it shows none.
+
+        Where a proxy signs people in, what is not ``Bearer`` (``Basic``, ``Negotiate``) is what it
+        was told itself and passes on.
+        """
+        if "authorization" not in headers:
+            return None
+        scheme, _, token = headers["authorization"].strip().partition(" ")
+        if scheme.casefold() == "bearer":
+            return token.strip()
+        return None if self._proxy is not None else ""
+
     def _not_signed_in(self, request: Request, headers: Headers) -> Response:
         """To the login where a person opens a page, else 401 with a sentence."""
         by_hand = request.method in ("GET", "HEAD") and BY_ITSELF not in headers
         wants_page = "text/html" in headers.get("accept", "")
-        if by_hand and wants_page and "authorization" not in headers:
+        sent_token = self._token_in(headers) is not None
+        if by_hand and wants_page and not sent_token:
             base = request.scope.get("root_path", "").rstrip("/")
             path = request.url.path.removeprefix(base) or "/"
             requested_address = f"{path}?{request.url.query}" if request.url.query else path
             query = "" if requested_address == "/" else f"?{urlencode({'next': requested_address})}"
             return RedirectResponse(f"{base}/login{query}", 303)
-        text = BAD_TOKEN if "authorization" in headers else NOBODY
+        text = BAD_TOKEN if sent_token else NOBODY
         answer = self._answer(request, 401, text)
         answer.headers["www-authenticate"] = 'Bearer realm="stemwatch"'
         return answer
@@ -146,9 +160,10 @@ class Authentication:
     def _note_not_signed_in(self, scope: Scope, headers: Headers) -> None:
         """Log invalid tokens and changes without authentication, at most once a minute for an
         address, so that unknown clients cannot fill the log."""
-        if "authorization" not in headers and scope["method"] in SAFE:
+        sent_token = self._token_in(headers) is not None
+        if not sent_token and scope["method"] in SAFE:
             return
-        credentials = "a bad token" if "authorization" in headers else ""
+        credentials = "a bad token" if sent_token else ""
         self._once_a_minute(scope, credentials, "answered 401; noted once a minute")
 
     def _note_stranger(self, scope: Scope, reason: str) -> None:
@@ -189,12 +204,6 @@ def _proxy_of(site: Site) -> ProxySignIn | None:
         return None
     service = site.plant.service
     return ProxySignIn(service.user_header, service.trusted_proxies, service.user_header_role)
-
-
-def _bearer(authorization: str) -> str:
-    """The token in an ``Authorization`` header; empty where there is none."""
-    scheme, _, token = authorization.partition(" ")
-    return token.strip() if scheme.casefold() == "bearer" else ""
 
 
 def _lacking(current_user: CurrentUser, operation: Operation) -> str:

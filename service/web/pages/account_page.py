@@ -23,6 +23,7 @@ from stemwatch.service.store.accounts.records import Scope, User
 from stemwatch.service.web.actions import LARGEST_NUMBER
 from stemwatch.service.web.auth.current_user import SignedIn, address_of, note_about
 from stemwatch.service.web.auth.forms import SentForm
+from stemwatch.service.web.auth.proxy_user import HOW
 from stemwatch.service.web.auth.session_cookie import set_session
 from stemwatch.service.web.dependencies import Dependencies, Deps
 
@@ -141,6 +142,7 @@ def _page(
         tokens=[token for token in own_tokens if token.is_open(now)],
         scopes=scopes_of(current_user.role),
         lifetimes=LIFETIMES_DAYS,
+        by_proxy=current_user.signed_in_by == HOW,
         said=message,
         secret=secret,
         shortest=SHORTEST,

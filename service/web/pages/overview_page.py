@@ -78,7 +78,8 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
     last = next((run for run in runs if not is_alive(run)), None)
     weeks = weeks_of(deps, 0 if last is None else last.id)
     trends = deps.store.trends([line.valve for line in ranking.lines], deps.site.limits)
-    steps = next_steps(deps.store.without_verdict())
+    groups = deps.standing_groups()
+    steps = next_steps(deps.store.without_verdict(), groups)
     worst = [line for line in ranking.lines if line.state not in (None, WorkState.NO_WORK)]
     return deps.renderer.page(
         request,
@@ -95,11 +96,7 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
         picture=picture_of(weeks),
         suspected=suspected_sentence(loops_to_test(steps)),
         next_steps=steps,
-        oscillations=[
-            oscillation.group
-            for oscillation in deps.store.oscillations(deps.now)
-            if not oscillation.over
-        ],
+        oscillations=groups,
         worst=[
             (line, change_since_last_run(line, line.verdict, line.previous, trends.get(line.valve)))
             for line in worst

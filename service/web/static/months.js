@@ -91,7 +91,7 @@ var stemwatchMonths = (function () {
     var at = history.points.map(function (point) { return seconds(point.at); });
     if (!at.length) return [now - 30 * DAY_S, now];
     var last = at[at.length - 1], first = months ? Math.max(last - months * 30.5 * DAY_S, at[0]) : at[0];
-    var room = (last - first) * 0.03 || DAY_S / 24;
+    var room = (last - first) * 0.03 || 15 * DAY_S;
     return [first - room, last + room];
   }
 

@@ -19,20 +19,50 @@
     });
   }
 
+  // Somebody writes or chooses in it.
+  function inUse(part) {
+    var active = document.activeElement;
+    if (part.contains(active) && active.closest("form, input, select, textarea")) return true;
+    return Array.from(part.querySelectorAll("input:not([type=hidden]), textarea")).some(function (field) {
+      return field.value !== field.defaultValue || field.checked !== field.defaultChecked;
+    });
+  }
+
+  // What was folded stays so, and the keyboard stays where it was.
+  function put(part, fresh) {
+    var stops = "a, button, summary, [tabindex]", folded = {};
+    var at = Array.from(part.querySelectorAll(stops)).indexOf(document.activeElement);
+    // A summary may count what is in it, and one more is the same summary.
+    function named(one) { return one.firstElementChild.textContent.replace(/\d+/g, ""); }
+    part.querySelectorAll("details").forEach(function (one) { folded[named(one)] = one.open; });
+    part.innerHTML = fresh.innerHTML;
+    part.querySelectorAll("details").forEach(function (one) {
+      var name = named(one);
+      if (name in folded) one.open = folded[name];
+      else if (one.dataset.wide !== undefined && window.matchMedia("(max-width: 760px)").matches) one.open = false;
+    });
+    var stop = at < 0 ? null : part.querySelectorAll(stops)[at];
+    if (stop) stop.focus({ preventScroll: true });
+  }
+
   // The parts of the page as they are now; one in which somebody writes is left alone. True where
   // none was.
   function renew(parts) {
     return ask(location.href, "text/html").then(function (text) {
       var page = new DOMParser().parseFromString(text, "text/html");
-      return parts.map(function (part) {
+      var changed = false, all = parts.map(function (part) {
         var fresh = page.getElementById(part.id);
-        if (part.contains(document.activeElement)) return false;
+        if (inUse(part)) return false;
         if (fresh && fresh.innerHTML !== part.dataset.seen) {
-          part.innerHTML = fresh.innerHTML;
+          put(part, fresh);
+          changed = true;
           part.dataset.seen = fresh.innerHTML;
         }
         return true;
       }).every(Boolean);
+      // Asked again until nobody writes any more: what draws itself need not draw again each time.
+      if (changed || all) document.dispatchEvent(new CustomEvent("renewed", { detail: { page: page, all: all } }));
+      return all;
     });
   }
 

@@ -155,6 +155,15 @@
       move(how);
     });
     load();
+    // After a run the page opens on the newest window; who looks at another one stays there.
+    document.addEventListener("renewed", function (event) {
+      var fresh = event.detail.page.querySelector(".live-plots");
+      if (!fresh) return;
+      var newest = [+fresh.dataset.opens, +fresh.dataset.ends];
+      if (set.range[0] === opening[0] && set.range[1] === opening[1]) set.range = newest;
+      opening = newest;
+      load();
+    });
     return function () {
       if (set.answer) drawSignals();
       if (set.loopAnswer) drawLoop(set.loopAnswer);
@@ -177,8 +186,13 @@
       });
     }
 
-    ask("history", { id: box.dataset.valve }).then(function (answer) { history = answer; draw(); })
-      .catch(function (error) { box.querySelector(".key").textContent = away(error); });
+    function load() {
+      ask("history", { id: box.dataset.valve }).then(function (answer) { history = answer; draw(); })
+        .catch(function (error) { box.querySelector(".key").textContent = away(error); });
+    }
+
+    load();
+    document.addEventListener("renewed", load);
     box.querySelector(".toolbar").addEventListener("click", function (event) {
       var button = event.target.closest("button");
       if (!button) return;
@@ -209,6 +223,11 @@
       theme = null;
       places.forEach(function (place) { place.style.width = ""; });
       redraw();
+    });
+    // The first result of a valve brings plots with it.
+    document.addEventListener("renewed", function (event) {
+      var first = event.detail.page.querySelector(".months") && !document.querySelector(".months");
+      if (first && event.detail.all) location.reload();
     });
     var pending = 0, width = window.innerWidth;
     window.addEventListener("resize", function () {

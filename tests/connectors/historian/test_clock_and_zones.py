@@ -399,8 +399,19 @@ def test_a_sampling_column_that_contradicts_the_dates_is_said(open_text) -> None
     rows = "".join(f"2026-03-02 06:{m:02d};20;{m + 0.5}\n" for m in range(50))
     source = open_text("Time;ts;OP\n" + rows)
     assert source.read(OP).interval_s == 60.0
-    assert any("'ts' says 20 s between rows, column 'Time' 60 s" in problem
-               for problem in source.inspect().problems)  # fmt: skip
+    (problem,) = source.inspect().problems
+    assert problem.endswith("'ts' says 20 s between rows, column 'Time' 60 s; the times were taken")
+
+
+def test_a_given_interval_that_a_sampling_column_contradicts_is_not_asked_for_again(
+    open_text,
+) -> None:
+    """It was taken, and that is said."""
+    rows = "".join(f"{row};20;{row + 0.5}\n" for row in range(50))
+    source = open_text("Time;ts;OP\n" + rows, options=ReadOptions(interval_s=5.0))
+    assert source.read(OP).interval_s == 5.0
+    (problem,) = source.inspect().problems
+    assert problem == ("column 'ts' says 20 s between rows, interval_s 5 s; interval_s was taken")
 
 
 def test_seconds_stay_seconds_beside_a_sampling_column(open_text) -> None:

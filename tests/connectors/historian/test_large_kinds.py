@@ -139,7 +139,7 @@ KINDS = st.builds(
 )
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(kind=KINDS, zone=st.sampled_from([None, "Europe/Berlin"]))
 def test_damaged_in_any_way_it_is_the_same(kind: Kind, zone: str | None) -> None:
     """Bad cells with their lines and every warning, too."""

@@ -6,7 +6,7 @@ import math
 import struct
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stemwatch.connectors.modbus.datatypes import ByteOrder, DataType, decode, encode
@@ -67,6 +67,7 @@ def test_the_sign_belongs_to_the_type(kind: DataType, words, expected) -> None:
 
 @pytest.mark.parametrize("order", ByteOrder)
 @pytest.mark.parametrize("kind", [kind for kind in DataType if not kind.is_float])
+@settings(max_examples=25)
 @given(data=st.data())
 def test_integers_come_back(kind: DataType, order: ByteOrder, data) -> None:
     """What is encoded is decoded, over the whole range of the type."""

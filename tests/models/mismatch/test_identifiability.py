@@ -114,7 +114,7 @@ def test_a_stop_that_was_reached_is_testable():
         "dead_time",
         pytest.param("rate_limit", marks=pytest.mark.long),
         pytest.param("supply_sag", marks=pytest.mark.long),
-        "lost_motion",
+        pytest.param("lost_motion", marks=pytest.mark.long),
         pytest.param("dwell_dependent_breakaway", marks=pytest.mark.long),
     ],
 )

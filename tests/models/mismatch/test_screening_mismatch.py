@@ -84,9 +84,9 @@ def test_where_nothing_was_named_the_fits_own_numbers_stand():
 
 def test_switched_off_there_is_no_mismatch():
     """Without the mismatch the screening uses the stick-slip fit alone."""
-    blind = screened("dead_time", 4012, BLIND)
+    blind = screened("travel_stop", 4001, BLIND)
     assert None is blind.mismatch
-    assert blind.S.value != screened("dead_time", 4012).S.value
+    assert blind.S.value != screened("travel_stop", 4001).S.value
 
 
 def test_the_reason_names_the_hidden_effect_and_the_naive_S():

@@ -39,6 +39,7 @@ PARAMETERS = {
     "asymmetric_lag": {"tau_rising": "s", "tau_falling": "s"},
     "asymmetric_rate_limit": {"rate_rising": "%/s", "rate_falling": "%/s"},
     "asymmetric_slip": {"ratio": ""},
+    "bowed_linkage": {"bow": "%"},
     "dead_time": {"theta": "s"},
     "dwell_dependent_breakaway": {"b": "%"},
     "flow_force": {"U": "%"},
@@ -66,6 +67,7 @@ MATTERS = [
     ("asymmetric_rate_limit", [1 / 14.0, 1 / 12.0], [1 / 14.0, 1 / 2.8]),
     ("asymmetric_rate_limit", [1 / 2.8, 1 / 3.0], [1 / 2.8, 0.0]),
     ("asymmetric_slip", [0.1], [-0.35]),
+    ("bowed_linkage", [0.2], [-0.8]),
     ("dead_time", [0.5], [1.0]),
     ("dwell_dependent_breakaway", [0.05], [0.15]),
     ("flow_force", [1.0], [-2.5]),
@@ -92,6 +94,7 @@ MATTERS = [
 # slug, coordinates of how such a machine is made; all other material sizes are defects
 AS_BUILT = [
     ("asymmetric_rate_limit", [1 / 15.0, 1 / 2.8]),
+    ("bowed_linkage", [1.9]),
     ("dead_time", [0.97]),
     ("load_by_position", [20.0, 0.0, -3.0]),
     ("motor_drive", [20.0, 3.0, 0.0]),
@@ -102,6 +105,7 @@ AS_BUILT = [
 ]
 DEFECTS = [
     ("asymmetric_rate_limit", [0.0, 1 / 1.5]),
+    ("bowed_linkage", [-2.1]),
     ("dead_time", [1.6]),
     ("rate_limit", [1 / 1.5]),
     ("span_error", [-0.041]),
@@ -262,6 +266,8 @@ def test_advice_names_things_to_look_at_and_a_test(slug):
         ("asymmetric_rate_limit", [1 / 3, 1 / 12], "when opening but reaches 12.0 (11.4 to 12.6)"),
         ("asymmetric_slip", [0.5], "jumps when opening are 3.00 (2.85 to 3.15) times those"),
         ("asymmetric_slip", [-0.5], "jumps when closing are 3.00 (2.86 to 3.16) times those"),
+        ("bowed_linkage", [1.0], "1.00 (0.95 to 1.05) % of span too high at 79 % of travel and"),
+        ("bowed_linkage", [-1.0], "% of span too high at 21 % of travel and too low at 79 %"),
         ("flow_force", [-3.0], "by 3.00 (2.85 to 3.15) % of span more towards opening"),
         ("growing_stiction", [0.8], "grew by 80.0 (76.0 to 84.0) % over the record"),
         ("growing_stiction", [-0.3], "shrank by 30.0 (28.5 to 31.5) % over"),
@@ -294,7 +300,7 @@ def test_an_effect_whose_direction_is_in_doubt_is_said_without_a_negative_size()
     text = CATALOGUE["sensor_drift"].sentence(
         {"D": estimate, "range": estimate}, "rising", "falling"
     )
-    assert "by 0.400 (0.000 to 1.000) %" in text
+    assert "by 0.40 (0.00 to 1.00) %" in text
     ratio = Estimate(value=0.5, low=-0.2, high=0.9)
     text = CATALOGUE["asymmetric_slip"].sentence({"ratio": ratio}, "rising", "falling")
     assert "jumps when falling are 2 times those when rising" in text

@@ -94,6 +94,7 @@ class Chain:
     sag: float = 0.0
     sag_tau: float = 30.0
     U: float = 0.0
+    bow: float = 0.0
     a: float = 0.0
     A: float = 0.0
     c: float = 50.0
@@ -140,9 +141,15 @@ class Chain:
         fs, fd = 0.5 * (S * grown + jump) + bump, 0.5 * (S * grown - jump) + bump
         return fs + self.b_dwell * math.log(1.0 + rest / 5.0), fd
 
+    def force(self, x: float) -> float:
+        """The force that depends on the place."""
+        share, w = x / 100.0, x / 50.0 - 1.0
+        bent = 1.5 * math.sqrt(3.0) * self.bow * (w - w**3)
+        return self.U * (4.0 * share * (1.0 - share) - 1.0) - bent
+
     def run(self, u: Floats, dt: float) -> Floats:
         """(n,) MV, from a reading equal to the command."""
-        n, shares = len(u), 1.0 - math.exp(-dt / self.tau_v) if self.tau_v > 0.0 else 1.0
+        n, rate = len(u), dt / self.tau_v if self.tau_v > 0.0 else math.inf
         x = z = (u[0] - self.zero + 0.5 * self.D - 50.0) / self.gain + 50.0
         p = before = float(u[0])
         moving, d, rest = False, 1.0, 0.0
@@ -154,7 +161,11 @@ class Chain:
             old = p
             p = self.actuator(p, late, dt)
             seen = p - self.sagging(p - old, dt)
-            F = seen - x - self.U * (4.0 * x / 100.0 * (1.0 - x / 100.0) - 1.0)
+            F = seen - x - self.force(x)
+            # Spring and force together, over the percent of travel that the stem is in.
+            percent = math.floor(x)
+            stiffness = 1.0 + self.force(percent + 1.0) - self.force(percent)
+            shares = (1.0 - math.exp(-rate * stiffness)) / stiffness
             fs, fd = self.levels(x, F, k / n, rest)
             held = d * (seen - before) <= self.v_c * dt + 1e-9
             if self.by_speed:
@@ -203,6 +214,7 @@ CLOSE = [
     ("growing_stiction", [0.8], Chain(g=0.8, by_speed=True)),
     ("position_dependent_friction", [2.0, 55.0, 6.0], Chain(A=2.0, c=55.0, w=6.0, by_speed=True)),
     ("flow_force", [-4.0], Chain(U=-4.0, by_speed=True)),
+    ("bowed_linkage", [-2.5], Chain(bow=-2.5, by_speed=True)),
     ("viscous_drag", [3.5], Chain(tau_v=3.5, by_speed=True)),
 ]
 
@@ -224,6 +236,20 @@ def test_a_term_whose_friction_or_speed_varies_follows_the_chain_closely(slug, v
     mv = simulated(op, {slug: values})
     np.testing.assert_allclose(mv, Chain(**settings_of(chain)).run(op, 1.0), atol=0.03)
     assert np.sqrt(np.mean((mv - simulated(op, {})) ** 2)) > 0.1
+
+
+@pytest.mark.parametrize("rise", [-6.0, 8.0])
+@pytest.mark.parametrize("drag_s", [0.0, 4.0])
+def test_a_force_that_is_linear_in_travel_is_a_gain_of_the_reading(rise, drag_s):
+    """Spring and force are one spring of another rate: the stem stops where both hold it, with
+    drag later by the time of the stiffer spring."""
+    op, stiffness = restless(), 1.0 + rise / 50.0
+    drag = {"viscous_drag": [drag_s]} if drag_s else {}
+    stiffer = {"viscous_drag": [drag_s / stiffness]} if drag_s else {}
+    mv = simulated(op, {**drag, "load_by_position": [rise, 0.0, 0.0]})
+    same = simulated(op, {**stiffer, "span_error": [1.0 / stiffness - 1.0]})
+    np.testing.assert_allclose(mv, same, atol=0.02 if drag_s else 1e-6)
+    assert np.sqrt(np.mean((mv - simulated(op, drag)) ** 2)) > 0.3
 
 
 def settings_of(chain: Chain) -> dict[str, float]:

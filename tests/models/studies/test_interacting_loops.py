@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from stemwatch.models.oscillation_groups.limits import WEIGHTS
+from stemwatch.models.oscillation_groups.find_groups import find_groups
+from stemwatch.models.oscillation_groups.limits import LIMITS, WEIGHTS
+from stemwatch.models.oscillation_groups.loop_spectra import loop_spectra
 from stemwatch.models.oscillation_groups.sources import MemberEvidence
-from stemwatch.models.studies.interacting_loops.draws import _labels, draw_plant, run_drawn
+from stemwatch.models.studies.interacting_loops.draws import (
+    EVERY,
+    SCAN_S,
+    Source,
+    SourceKind,
+    _of_source,
+    draw_plant,
+    labels_by_share,
+    run_drawn,
+)
 from stemwatch.models.studies.interacting_loops.fitting import (
     PlantEvidence,
     fit_limits,
@@ -17,6 +30,7 @@ from stemwatch.models.studies.interacting_loops.fitting import (
 )
 from stemwatch.models.studies.interacting_loops.score_plant import (
     adjusted_rand_index,
+    labels_found,
     plant_of,
     score_plant,
 )
@@ -62,9 +76,49 @@ def test_a_source_moves_its_own_loop() -> None:
 def test_a_loop_of_a_source_that_moves_no_other_belongs_to_its_next_source() -> None:
     """Its label is the next of its sources."""
     shares = np.array([[0.9, 0.0, 0.05], [0.3, 0.4, 0.2]])
-    assert _labels(shares) == (1, 1, 1)
-    assert _labels(shares[:1]) == (-1, -1, -1)
-    assert _labels(np.zeros((0, 3))) == (-1, -1, -1)
+    assert labels_by_share(shares) == (1, 1, 1)
+    assert labels_by_share(shares[:1]) == (-1, -1, -1)
+    assert labels_by_share(np.zeros((0, 3))) == (-1, -1, -1)
+
+
+def test_found_loops_are_labelled_by_the_rule_of_the_truth() -> None:
+    """By the group with the largest share; a group that keeps one loop only is none."""
+    values = np.random.default_rng(1).normal(size=(6, 4000)) * 0.3
+    second = np.arange(4000) * 10.0
+    for loop, (first, other) in {0: (3, 0), 1: (3, 0), 2: (1, 2), 3: (0, 3), 4: (3, 1.5)}.items():
+        values[loop] += first * np.sin(second / 48.0) + other * np.sin(second / 120.0)
+    spectra = loop_spectra(values, 10.0)
+    groups = find_groups(spectra, spectra, LIMITS)
+    assert sorted(group.members for group in groups) == [(0, 1, 2, 4), (2, 3, 4)]
+    label = labels_found(groups, 6)
+    assert label[0] == label[1] == label[4] != label[2] == label[3]
+    assert label[5] == -1
+    wide = next(group for group in groups if group.members == (0, 1, 2, 4))
+    narrow = next(group for group in groups if group is not wide)
+    alone = replace(narrow, members=(2, 3), shares=(0.12, 0.9))
+    assert labels_found([wide, alone], 6) == (0, 0, 0, -1, 0, -1)
+    assert labels_found([], 2) == (-1, -1)
+
+
+@pytest.mark.parametrize("kind", list(SourceKind))
+def test_a_source_acts_near_its_own_period(kind: SourceKind) -> None:
+    """Whatever stronger and unsteadier the other loops do, and however slow loads are."""
+    plant = draw_plant(np.random.default_rng(8383), sources=0)
+    m, scans = plant.noise.shape
+    second = np.arange(scans) * SCAN_S
+    own = np.sin(2.0 * np.pi * second / 300.0)
+    waves = np.zeros((m, scans))
+    waves[2] = own if kind is SourceKind.WAVE else 0.0
+    source = Source(kind, -1 if kind is SourceKind.WAVE else 2)
+    plant = replace(plant, sources=(source,), waves=(waves,))
+    op_without = 5.0 * np.sin(second / 2500.0) * np.ones((m, 1))
+    op = op_without + 9.0 * np.sin(2.0 * np.pi * second / 1300.0) * (np.arange(m) == 5)[:, None]
+    op[2] += own
+    recorded = slice(EVERY - 1, None, EVERY)
+    bins = _of_source(plant, 0, op[:, recorded], op_without[:, recorded])
+    cycles = np.flatnonzero(bins) / (scans * SCAN_S / 300.0)
+    assert cycles[0] == pytest.approx(0.75, abs=0.03)
+    assert cycles[-1] == pytest.approx(3.25, abs=0.1)
 
 
 def shown(rng: np.random.Generator, *, quiet: bool) -> PlantEvidence:

@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 
 from stemwatch.models.recording import Quality, Recording, Role, Signal
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.studies.loops.draws import STORIES, draw_loop
-from stemwatch.models.studies.loops.examples import example
+from stemwatch.models.studies.loops.draws import STORIES, draw_loop, many_scales
+from stemwatch.models.studies.loops.examples import example, teaches
 from stemwatch.models.studies.loops.training import train
 from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.features import (
@@ -25,7 +25,7 @@ from stemwatch.models.without_position.features import (
     evidence,
 )
 from stemwatch.models.without_position.hammerstein import element, held_out
-from stemwatch.models.without_position.network import KERNELS, LoopNetwork, packed, unpacked
+from stemwatch.models.without_position.network import LoopNetwork, packed, unpacked
 from stemwatch.models.without_position.suspicion import (
     MOST_SAMPLES,
     Judge,
@@ -37,7 +37,13 @@ from stemwatch.models.without_position.suspicion import (
     trained_judge,
 )
 from stemwatch.models.without_position.suspicion import suspect as suspect_by
-from stemwatch.models.without_position.windows import LENGTH, windows
+from stemwatch.models.without_position.windows import (
+    LENGTH,
+    PER_PERIOD,
+    SIGNALS,
+    STRETCHES,
+    windows,
+)
 
 
 @cache
@@ -175,7 +181,17 @@ def test_what_cannot_be_judged_says_why() -> None:
         answer = suspect(recording)
         assert answer.verdict is Suspicion.CANNOT_TELL
         assert reason in answer.reason
-        assert answer.score is None
+        assert (answer.score is None) == (reason != "repeats its last")
+
+
+def test_a_doubt_leaves_the_score_but_no_answer() -> None:
+    """OP that moves by less than any valve notices: the score has no scale, the answer has."""
+    loop = limit_cycle()
+    op, pv = loop.op.values, loop.get(Role.PV).values
+    tiny = suspect_by(loop_of(50.0 + 0.2 * (op - 50.0) / np.ptp(op), pv), trained_judge())
+    assert tiny.verdict is Suspicion.CANNOT_TELL
+    assert tiny.score == pytest.approx(suspect_by(loop, trained_judge()).score, abs=1e-6)
+    assert "OP changed" in tiny.reason
 
 
 def test_holes_are_bridged_when_short_and_split_the_record_when_long() -> None:
@@ -203,27 +219,65 @@ def test_numpy_and_torch_give_the_same_logits() -> None:
     """What torch trains is what runs without torch."""
     import torch
 
-    network = few_trained().network
-    arrays = network.arrays
-    cut = np.random.default_rng(2).standard_normal((3, 3, LENGTH))
-    signal = torch.tensor(cut)
-    for index, (_, stride) in enumerate(KERNELS, start=1):
-        weights, bias = (torch.tensor(arrays[f"{name}{index}"]) for name in ("conv", "conv_bias"))
-        signal = torch.relu(torch.nn.functional.conv1d(signal, weights, bias, stride=stride))
-    pooled = torch.cat([signal.mean(dim=2), signal.amax(dim=2)], dim=1)
-    expected = pooled @ torch.tensor(arrays["conv_out"]) + torch.tensor(arrays["conv_out_bias"])
-    assert np.allclose(network.convolved(cut), expected.numpy(), atol=1e-9)
+    from stemwatch.models.studies.loops.training import _Convolutional
+
+    torch.manual_seed(4)
+    trained = _Convolutional().eval().double()
+    cut = np.random.default_rng(2).standard_normal((len(PER_PERIOD), STRETCHES, SIGNALS, LENGTH))
+    expected = trained(torch.tensor(cut[None])).item()
+    assert LoopNetwork(trained.arrays()).convolved(cut) == pytest.approx(expected, abs=1e-9)
 
 
-@given(st.integers(300, 2000), st.floats(4.0, 400.0))
+def test_a_loop_upside_down_is_as_sticky() -> None:
+    """The curves have no sense of up."""
+    network = trained_judge().network
+    loop = draw_loop(77, 2)
+    cut = windows(loop.op, loop.pv, loop.sp, dominant_period(loop.op))
+    assert network.by_curves(cut) == pytest.approx(network.by_curves(-cut), abs=1e-9)
+
+
+@given(st.integers(120, 2000), st.floats(4.0, 400.0))
 def test_windows_fit_every_record(size, period) -> None:
     """Whatever its length and period."""
     rng = np.random.default_rng(0)
     op, pv = rng.standard_normal(size), rng.standard_normal(size)
     cut = windows(op, pv, None, min(period, size / 4))
-    assert cut.shape[1:] == (3, LENGTH)
-    assert np.all(cut[:, 2] == 0.0)
+    assert cut.shape == (len(PER_PERIOD), STRETCHES, SIGNALS, LENGTH)
+    assert np.all(cut[:, :, 2] == 0.0)
     assert np.isfinite(cut).all()
+    assert np.allclose(cut[:, :, :2].mean(axis=3), 0.0, atol=1e-6)
+
+
+def test_windows_keep_how_far_the_set_point_is() -> None:
+    """SP lies beside PV, in sizes of PV: OP's ramp while PV stays away from SP is evidence."""
+    time = np.arange(2000)
+    op, pv = np.cos(time / 9.0), 50.0 + 2.0 * np.sin(time / 9.0)
+    cut = windows(op, pv, np.full(2000, 52.0), 2.0 * np.pi * 9.0)
+    size = 2.0 / np.sqrt(2.0)
+    # the shortest stretch holds no whole number of swings: its mean is not that of PV
+    assert np.allclose(np.abs(cut[:2, :, 2]), 2.0 / size, atol=0.05)
+    far = windows(op, pv, np.full(2000, 900.0), 2.0 * np.pi * 9.0)
+    assert np.all(np.abs(far[:, :, 2]) == 5.0)
+
+
+def test_what_cannot_be_seen_teaches_nothing() -> None:
+    """A sound stem that moves OP as a sticking one does, and a sticking one behind wide swings."""
+    loop = draw_loop(77, 0)
+    assert teaches(loop, loop.S)
+    assert not teaches(loop, 20.0 * loop.S)
+    sound = draw_loop(77, 1)
+    assert teaches(sound, 20.0 * sound.stem_S)
+    assert not teaches(sound, sound.stem_S)
+
+
+def test_load_on_all_scales_has_a_spectrum_of_one_over_the_frequency() -> None:
+    """Each decade of frequency holds about as much of it, and its variance is one."""
+    rng = np.random.default_rng(3)
+    noise = np.array([many_scales(4000, rng) for _ in range(40)])
+    assert np.mean(noise**2) == pytest.approx(1.0, abs=0.3)
+    power = (np.abs(np.fft.rfft(noise, axis=1)) ** 2).mean(axis=0)
+    decades = [power[first : 10 * first].sum() for first in (2, 20, 200)]
+    assert max(decades) < 4.0 * min(decades)
 
 
 def test_the_period_is_that_of_a_wave_that_wanders() -> None:

@@ -17,7 +17,13 @@ from tests.service.store.conftest import sqlite_template as sqlite_template
 from tests.service.web.conftest import postgres_url as postgres_url
 
 
-@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
+# Alerts ask the store, whose own tests run on both engines in every run.
+@pytest.fixture(
+    params=[
+        "sqlite",
+        pytest.param("postgresql", marks=[pytest.mark.postgres, pytest.mark.long]),
+    ]
+)
 def either_store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Store]:
     """An empty store, on SQLite and on PostgreSQL."""
     if request.param == "sqlite":
@@ -41,8 +47,9 @@ def plant_of(text: str, folder: Path) -> Plant:
 
 
 @pytest.fixture
-def store(plant: Plant) -> Iterator[Store]:
+def store(plant: Plant, sqlite_template: Path) -> Iterator[Store]:
     """The store of the test's plant."""
+    shutil.copy(sqlite_template, plant.storage.reveal().removeprefix("sqlite:///"))
     with open_store(plant.storage) as opened:
         opened.save_valves(plant.valves.values())
         yield opened

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
 
 import pytest
 
+from stemwatch.models.field_test.programme import TestLimits
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.service.field_test.plan_from_screening import plan_of
 from stemwatch.service.field_test.sheet import LAST_WORD, clock, op_moves_of, sheet_of, to_object
 from stemwatch.service.field_test.sheet_files import html_of, pdf_of, write_sheet
 from stemwatch.service.report import ReportContext
+from tests.service.example_mismatches import of_every_kind
 from tests.service.field_test.planned_tests import (
     plan_of_a_bump,
     plan_of_nothing,
@@ -76,6 +81,14 @@ def test_plan_without_a_test_says_why_and_has_nothing_to_do():
     assert "upsets PV by more than 0.05" in sheet.headline
     nothing = sheet_of(plan_of_nothing(), "FIC-1")
     assert nothing.headline.startswith("Nothing is left to be told apart")
+
+
+def test_what_is_left_open_is_not_said_to_be_settled():
+    """Where the valve's page says that it cannot be told whether something is left out, so does the
+    plan, though no two explanations compete."""
+    (unknown, *_) = [one for one in of_every_kind() if one.finding is Finding.UNKNOWN]
+    sheet = sheet_of(plan_of(replace(unknown, open_question=None), TestLimits()), "FIC-1")
+    assert sheet.headline.startswith("No test can be planned: the last recording leaves open")
 
 
 def test_bump_test_of_an_unknown_op_is_given_in_changes():

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
 import threading
 from pathlib import Path
 
@@ -123,22 +121,6 @@ def test_a_stroke_that_is_none_is_refused_with_what_was_expected(plant, text):
         problems = error.problems
     assert "stroke" in str(problems[0])
     assert "the full stroke with its unit" in str(problems[0])
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Chromium, or a loud skip."""
-    chromium = shutil.which("chromium")
-    if chromium is None and os.environ.get("CI"):
-        pytest.fail("chromium is not on the PATH; continuous integration must have it")
-    if chromium is None:
-        pytest.skip("chromium is not on the PATH")
-    playwright = pytest.importorskip("playwright.sync_api")
-    with playwright.sync_playwright() as driver:
-        arguments = ["--no-sandbox", "--disable-gpu"]
-        opened = driver.chromium.launch(executable_path=chromium, args=arguments)
-        yield opened
-        opened.close()
 
 
 FITS = """[...document.querySelectorAll('.sheet')].every(sheet => {

@@ -38,6 +38,7 @@ from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.finding import why_no_work
 from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
+from stemwatch.service.presenter.wording import figure
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
@@ -55,8 +56,8 @@ from tests.service.web.signed_in import cookie_of
 pytestmark = pytest.mark.filterwarnings("ignore:.*:DeprecationWarning:openpyxl")
 
 NO_POSITION = (
-    "Cannot tell: there is no valve position in this recording, and OP and PV alone cannot tell a "
-    "sticking valve from a badly tuned loop or a disturbance."
+    "Cannot tell: there is no valve position in this recording, and what OP and PV alone say is "
+    "no verdict."
 )
 BAD = "Cannot tell: 62 % of the samples are missing or marked bad."
 IN_MM = (
@@ -385,14 +386,38 @@ def test_order_severity_S_and_J_are_the_same(
             assert on_terminal.startswith("-" if value is None else f"{value:.1f}")
 
 
+def test_the_workbook_says_what_the_live_pages_say(
+    files: Path, valve_pages: dict[str, str]
+) -> None:
+    """Severity, state by NE 107, S and J with their intervals, and every indicator of a valve: the
+    numbers of its row, as its page in the service writes them."""
+    texts = {valve: text_of(page) for valve, page in valve_pages.items()}
+    for row in _workbook(files / "valves.xlsx"):
+        text = texts[row["valve"]]
+        if row["severity (0 to 100)"] is not None:
+            assert f"Severity {figure(row['severity (0 to 100)'], 2)} of 100" in text
+        for word in (row["NE 107"], row["verdict"]):
+            assert word is None or word in text, row["valve"]
+        for name in ("S", "J"):
+            value, low, high = (row[f"{name}{part} (%)"] for part in ("", " low", " high"))
+            if value is not None:
+                assert f"{value:.2f}" in text, row["valve"]
+                assert low is None or f"{low:.2f} to {high:.2f}" in text, row["valve"]
+    shown = _workbook(files / "valves.xlsx", "Indicators")
+    assert len(shown) > len(texts)
+    for line in shown:
+        written = f" {line['indicator']} {figure(line['value'])} "
+        assert written in texts[line["valve"]], line["valve"]
+
+
 def _rows(file: Path) -> list[dict[str, str]]:
     with file.open(encoding="utf-8-sig", newline="") as table:
         return list(csv.DictReader(table))
 
 
-def _workbook(file: Path) -> list[dict[str, Any]]:
-    """The rows of the sheet Ranking."""
-    header, *rows = openpyxl.load_workbook(file)["Ranking"].iter_rows(values_only=True)
+def _workbook(file: Path, sheet: str = "Ranking") -> list[dict[str, Any]]:
+    """The rows of one sheet."""
+    header, *rows = openpyxl.load_workbook(file)[sheet].iter_rows(values_only=True)
     return [dict(zip(map(str, header), row, strict=True)) for row in rows]
 
 
@@ -585,6 +610,7 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
         assert [f"LIC-1\n{file}" in str(cell) for cell in terminal].count(True) == 1
     assert ">4 recordings</output>" in report
     assert "3 without a state" not in text_of(report)
+    assert "Of the recordings:" in text_of(report)
     assert "1 out of specification, 1 without a state" in text_of(report)
     listed = work_list_of(every, context(every))
     assert [sheet.screening.valve for sheet in listed.sheets] == ["FIC-1", "LIC-1"]
@@ -602,7 +628,8 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     tmp_path: Path,
 ) -> None:
     """A loop to test first is marked in every ranking, leads the orders, and is nowhere among those
-    of which nothing can be told; one without a sign makes no work order, as its advice says."""
+    of which nothing can be told; one without a sign is marked too and makes no work order, as its
+    advice says. The terminal has the step for each answer."""
     answers = {
         "A-NONE": no_sign(),
         "B-DUMB": cannot_tell("the record is short"),
@@ -618,9 +645,12 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     )
     listed = work_list_of(every, context(every))
     assert [one.screening.valve for one in listed.to_work_on] == ["C-FIRST", "B-DUMB"]
-    told = "\n".join(views.undetermined_lines(every))
-    assert "C-FIRST" not in told
-    assert "A-NONE, B-DUMB" in told
+    told = [Text.from_markup(line).plain for line in views.undetermined_lines(every)]
+    assert told == [
+        "sticking suspected C-FIRST  Do a bump test.",
+        "cannot tell B-DUMB  the record is short. Export longer.",
+        "no sign of sticking A-NONE  Nothing at the valve on these grounds.",
+    ]
     (valves, verdicts) = (views.summary(every).columns[n].cells for n in (1, 2))
     marked = [v for v, word in zip(valves, verdicts, strict=True) if SUSPECTED_NOTE in str(word)]
     assert [str(valve) for valve in marked] == ["C-FIRST"]

@@ -76,10 +76,20 @@ def test_no_verdict_without_a_position(screened: Screened, folder: str) -> None:
 DAMADICS = ("damadics/lublin_actuator3_one_hour.csv", "--op", "LC74_20CV_pct")
 
 
-def test_a_speed_limit_is_not_taken_for_stiction(screened: Screened) -> None:
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("damadics",),
+        pytest.param((*DAMADICS, "--mv", "LC74_20X_pct"), marks=pytest.mark.long),
+    ],
+    ids=["found", "named"],
+)
+def test_a_speed_limit_is_not_taken_for_stiction(
+    screened: Screened, arguments: tuple[str, ...]
+) -> None:
     """The healthy actuator with a slow direction is not sticky: S is below 2 %, not near 10; nor is
     a stroke as slow as large actuators have a defect."""
-    outcome, (valve,) = screened(*DAMADICS, "--mv", "LC74_20X_pct")
+    outcome, (valve,) = screened(*arguments)
     assert outcome.status == 0
     assert valve["verdict"] == valve["stem_verdict"]
     assert valve["stem_verdict"] in ("healthy", "watch")

@@ -44,7 +44,8 @@ def test_source_and_victims_are_told_apart() -> None:
     """The source names whom it moves; a victim names the source and that tuning does not help."""
     zone = ZoneInfo("Europe/Berlin")
     assert said.headline(GROUP) == (
-        "3 loops oscillate with 3.8 min: it likely begins in FIC-104 (60 %), else in TIC-2 (20 %)"
+        "3 loops oscillate together every 3.8 min: it likely begins in FIC-104 (60 %), else in "
+        "TIC-2 (20 %)"
     )
     first = said.loop_sentence(GROUP, "FIC-104", zone)
     assert "Oscillates since 2026-03-02 19:00 with TIC-2, <b>LIC (80 % of its PV" in first

@@ -234,6 +234,17 @@ def test_printing_draws_every_plot_in_light_colours(open_page):
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
 
 
+def test_paper_says_at_its_head_what_the_foot_says(open_page):
+    """The foot would take a sheet of its own where the last one is full."""
+    page = open_page()
+    assert page.locator(".printed").is_hidden()
+    page.emulate_media(media="print")
+    assert page.locator("footer").is_hidden()
+    printed = page.locator(".printed").inner_text()
+    assert page.locator("footer .facts code").first.text_content() in printed
+    assert "all times in" in printed
+
+
 def test_without_javascript_everything_but_the_plots_is_there(open_page):
     """Ranking and findings are readable, controls are gone, and a sentence says why."""
     page = open_page(java_script_enabled=False)

@@ -125,14 +125,15 @@ def test_without_scripts_a_sentence_says_what_is_missing(page):
     assert "html:not(.js) .needs-js" in page
 
 
-def test_five_hundred_valves_stay_a_page_that_opens(make_screening, make_context):
+@pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.long)])
+def test_five_hundred_valves_stay_a_page_that_opens(make_screening, make_context, count):
     """Plots are bounded, every valve keeps its row and section, and the page says the bound."""
     model = make_screening("FV", Verdict.HEALTHY, S=0.2, J=0.0, samples=6000)
-    valves = [replace(model, valve=f"FV-{k:03}") for k in range(500)]
+    valves = [replace(model, valve=f"FV-{k:03}") for k in range(count)]
     text = render(valves, make_context(valves))
     assert text.count('<script type="application/json"') == ALWAYS_PLOTTED
-    assert text.count('<article class="valve') == 500
-    assert text.count('<tr role="row" data-anchor=') == 500
+    assert text.count('<article class="valve') == count
+    assert text.count('<tr role="row" data-anchor=') == count
     assert f"Plots are kept for the first {ALWAYS_PLOTTED} valves of the ranking" in text
     assert len(text.encode()) < 12e6
 

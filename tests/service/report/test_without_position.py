@@ -12,9 +12,14 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter.suspicion_words import (
     MOST_NAMED,
+    MOVED,
+    NO_SIGN_NOTE,
+    answers_sentence,
     loops_to_test,
+    loops_without_sign,
     next_steps,
     suspected_sentence,
 )
@@ -23,6 +28,7 @@ from stemwatch.service.report.html_page import html_bytes
 from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.report.spreadsheet_columns import header_and_rows
+from tests.service.report.test_oscillation_groups import GROUP
 
 
 def suspected(score: float = 0.9) -> WithoutPosition:
@@ -150,7 +156,52 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "suspected there: A, B. Of 185" in suspected_sentence(["A", "B"])
+    assert "suspected there: A, B. Of 858" in suspected_sentence(["A", "B"])
+
+
+def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening, make_context):
+    """So that a plant without positions reads what is known of it, in report and terminal."""
+    answers = {"A": suspected(), "B": no_sign(), "C": no_sign(), "D": cannot_tell("it is short")}
+    valves = [without_mv(make_screening, valve, answer) for valve, answer in answers.items()]
+    steps = rank_valves(valves, make_context(valves)).next_steps
+    sentence = answers_sentence(steps)
+    assert sentence.startswith(
+        "Of the 4 valves without a verdict OP and PV alone let sticking be suspected at 1, show no "
+        "sign of it at 2, and cannot tell at 1. 1 loop deserves a position transmitter"
+    )
+    assert answers_sentence([step for step in steps if step.loops == ("D",)]) == (
+        "Of the one valve without a verdict OP and PV alone let sticking be suspected at none, "
+        "show no sign of it at none, and cannot tell at 1."
+    )
+    assert answers_sentence([]) == ""
+    assert loops_without_sign(steps) == ("B", "C")
+    page = html_bytes(rank_valves(valves, make_context(valves)), make_context(valves)).decode()
+    table = page[page.index('id="ranking-table"') :]
+    rows = table[: table.index("</table>")].split("<tr ")
+    assert sum(NO_SIGN_NOTE in row and "undetermined" in row for row in rows) == 2
+    assert "show no sign of it at 2" in page
+
+
+def test_a_loop_that_another_moves_is_first_looked_for_there(make_screening, make_context):
+    """It needs no bump test of its own; one without a sign, and the source itself, stay as are."""
+    valves = [
+        without_mv(make_screening, valve, answer)
+        for valve, answer in {
+            "FIC-104": suspected(),
+            "TIC-2": cannot_tell("the signs are too weak"),
+            "<b>LIC": no_sign(),
+            "PIC-9": cannot_tell("the signs are too weak"),
+        }.items()
+    ]
+    context = replace(make_context(valves), groups=(GROUP,))
+    steps = rank_valves(valves, context).next_steps
+    assert [(step.why, step.loops) for step in steps] == [
+        ("", ("FIC-104",)),
+        (MOVED, ("TIC-2",)),
+        ("the signs are too weak.", ("PIC-9",)),
+        ("", ("<b>LIC",)),
+    ]
+    assert steps[1].step.startswith("Look at FIC-104 first")
 
 
 def cannot_tell(reason: str, score: float | None = None) -> WithoutPosition:
@@ -178,6 +229,20 @@ def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening
         ("suspected", ("B",)),
         ("no_sign", ("A",)),
     ]
+
+
+def test_nothing_is_to_do_only_where_no_recording_leaves_it_open(
+    make_screening, make_context
+) -> None:
+    """The recording that leaves it open makes a work order; the list must not say the contrary."""
+    reason = "Cannot tell: there is no valve position in this recording."
+    several = [
+        replace(without_mv(make_screening, "A", item), reason=reason)
+        for item in (no_sign(), no_sign(), cannot_tell("only 126 samples"))
+    ]
+    (step,) = next_steps(several)
+    assert (step.verdict.value, step.why) == ("cannot_tell", "only 126 samples.")
+    assert work_list_of(several, make_context(several)).sheets
 
 
 def test_loops_with_one_reason_have_one_step_whatever_their_numbers(make_screening) -> None:

@@ -35,7 +35,9 @@ def test_a_run_over_loops_without_position_finds_their_group(stemwatch, tmp_path
     for day in (0, 1):
         write_export(tmp_path / f"{day}.csv", START + timedelta(days=day))
         requested = ("screen", tmp_path / f"{day}.csv", "--db", f"sqlite:///{tmp_path / 'kept.db'}")
-        assert stemwatch(*requested, "--out", out, "--workers", "1").status == 0
+        run = stemwatch(*requested, "--out", out, "--workers", "1")
+        assert run.status == 0
+        assert "3 loops oscillate together every 6.7 min" in " ".join(run.out.split())
     results = {load["valve"]: load for load in json.loads((out / "valves.json").read_text())}
     assert results["LIC104"]["oscillates_with"] == []
     for name in NAMES[:3]:
@@ -46,5 +48,6 @@ def test_a_run_over_loops_without_position_finds_their_group(stemwatch, tmp_path
         assert results[name]["verdict"] == "undetermined"
     page = (out / "report.html").read_text()
     assert "Loops that oscillate together" in page
-    assert "3 loops oscillate with 6.7 min" in page
+    assert page.index('href="#groups"') < page.index('id="groups"') < page.index("ranking-table")
+    assert page.count("3 loops oscillate together every 6.7 min") == 2  # in the first lines, too
     assert "It was found in 2 windows so far." in page

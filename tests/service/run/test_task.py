@@ -12,6 +12,7 @@ from stemwatch.connectors.connector import TagMapping, ValveTags
 from stemwatch.connectors.historian import ReadOptions
 from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Role
+from stemwatch.models.screening import Case
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.run.execute import SPLIT_UP_TO_BYTES, make_batches
@@ -114,7 +115,9 @@ def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
     kept = (earlier(-1, None), earlier(0, None), earlier(1, curve), earlier(2, None))
     requested = task(one_valve, earlier_curves=kept)
     assert known_curve(requested, recording) == KnownCurve(curve)
-    assert case_of(requested).known_curve == KnownCurve(curve)
+    case = case_of(requested)
+    assert isinstance(case, Case)
+    assert case.known_curve == KnownCurve(curve)
     result = KnownCurve(None, given=True)
     assert known_curve(replace(requested, given_curve=result), recording) == result
     assert known_curve(replace(requested, earlier_curves=kept[:2]), recording) is None

@@ -74,8 +74,23 @@ def live_site(site: Site) -> Iterator[Site]:
 
 def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
     """Pages answer, a run that is asked for is done, SIGTERM ends everything with status 0, and
-    no secret is in the log."""
+    no secret is in the log.
+
+    The first start prints a one-time link on standard output alone: the log, which is kept, has no
+    link in it. At the link the first admin signs in; after that no start prints one.
+    """
     process, address = csv_site.serve()
+    assert "Nobody can sign in yet" in process.stdout.readline()
+    link = process.stdout.readline().strip()
+    assert re.fullmatch(re.escape(address) + r"welcome\?link=[\w-]{43}", link)
+    assert link.partition("link=")[2] not in csv_site.log()
+    assert get(link)[0] == 200
+    with pytest.raises(urllib.error.HTTPError, match="401"):
+        urllib.request.urlopen(address, timeout=20)
+    with csv_site.store() as store:
+        make_user(store, "Karl", "wet gasket, dry bonnet", "admin")
+    with pytest.raises(urllib.error.HTTPError, match="410"):
+        get(link)
     assert get(address)[0] == 200
     assert json.loads(get(address + "healthz")[1])["ok"]
     result = csv_site.start("run-now", "FIC-104", "--who", "Ann")
@@ -85,6 +100,9 @@ def test_it_serves_works_and_stops_in_order(csv_site: Site) -> None:
     assert "FIC-104" in get(address)[1]
     process.send_signal(signal.SIGTERM)
     assert process.wait(timeout=40) == 0, csv_site.log()
+    process, _ = csv_site.serve()
+    process.send_signal(signal.SIGTERM)
+    assert process.stdout.read() == ""
     assert "Traceback" not in csv_site.log()
 
 
@@ -165,28 +183,6 @@ def _owner(store: Store, number: int) -> str:
     with store.transactions.reading() as session:
         statement = text("SELECT owner FROM runs WHERE id = :n")
         return str(session.execute(statement, {"n": number}).scalar_one())
-
-
-def test_the_first_start_prints_a_one_time_link_and_later_ones_do_not(csv_site: Site) -> None:
-    """On standard output alone: the log, which is kept, has no link in it. At the link the first
-    admin signs in; after that no start prints one."""
-    process, address = csv_site.serve()
-    assert "Nobody can sign in yet" in process.stdout.readline()
-    link = process.stdout.readline().strip()
-    assert re.fullmatch(re.escape(address) + r"welcome\?link=[\w-]{43}", link)
-    assert link.partition("link=")[2] not in csv_site.log()
-    assert get(link)[0] == 200
-    with pytest.raises(urllib.error.HTTPError, match="401"):
-        urllib.request.urlopen(address, timeout=20)
-    with csv_site.store() as store:
-        make_user(store, "Karl", "wet gasket, dry bonnet", "admin")
-    with pytest.raises(urllib.error.HTTPError, match="410"):
-        get(link)
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(timeout=40) == 0, csv_site.log()
-    process, _ = csv_site.serve()
-    process.send_signal(signal.SIGTERM)
-    assert process.stdout.read() == ""
 
 
 def test_listening_to_other_machines_is_said(caplog) -> None:

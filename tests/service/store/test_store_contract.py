@@ -137,7 +137,7 @@ CHANGES = st.fixed_dictionaries(
 
 
 @settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(before=CHANGES, after=CHANGES)
 def test_any_screening_saved_twice_is_one_row_with_the_latest_values(

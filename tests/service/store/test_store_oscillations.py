@@ -107,6 +107,14 @@ def test_the_same_window_again_replaces_its_groups(
     ]
 
 
+def test_a_run_knows_its_own_groups(store: Store) -> None:
+    """Whenever its window was, and none of another run."""
+    first, second = (store.begin_run(software_version="1") for _ in range(2))
+    store.keep_oscillations(first, [group(START), group(None, ("X", "Y"))])
+    assert {found.start for found in store.oscillations_of_run(first)} == {START, None}
+    assert store.oscillations_of_run(second) == []
+
+
 def test_undated_groups_are_kept_by_run(store: Store, make_screening: MakeScreening) -> None:
     """They are never linked; the next run over their loops ends them."""
     run = store.begin_run(software_version="1")

@@ -28,9 +28,9 @@ from stemwatch.service.studies.benchmark.answers import (
 from stemwatch.service.studies.benchmark.methods import method_named, public_cases, recording_of
 from stemwatch.service.studies.benchmark.score import (
     PARTS,
-    Merit,
+    BenchmarkScore,
+    benchmark_score,
     interval_score,
-    merit_of,
     parts_of,
 )
 from stemwatch.service.studies.benchmark.seal_and_score import judge, write_benchmark
@@ -61,9 +61,9 @@ def truths(count: int = 64, seed: int = 1) -> list[ValveTruth]:
     return cases
 
 
-def same_for_all(cases: list[ValveTruth], answer: CaseAnswer) -> Merit:
+def same_for_all(cases: list[ValveTruth], answer: CaseAnswer) -> BenchmarkScore:
     """The merit of one answer, given to every case."""
-    return merit_of(cases, {truth.case: answer for truth in cases})
+    return benchmark_score(cases, {truth.case: answer for truth in cases})
 
 
 def true_answer(truth: ValveTruth) -> CaseAnswer:
@@ -79,10 +79,10 @@ def true_answer(truth: ValveTruth) -> CaseAnswer:
 def test_the_truth_has_merit_1_and_silence_0() -> None:
     """Every part of both, and the interval over the draw of cases."""
     cases = truths()
-    best = merit_of(cases, {truth.case: true_answer(truth) for truth in cases})
+    best = benchmark_score(cases, {truth.case: true_answer(truth) for truth in cases})
     assert [(part.part, part.score) for part in best.parts] == [(name, 1.0) for name in PARTS]
-    assert (best.merit, best.low, best.high) == (1.0, 1.0, 1.0)
-    silent = merit_of(cases, {})
+    assert (best.total, best.low, best.high) == (1.0, 1.0, 1.0)
+    silent = benchmark_score(cases, {})
     assert [part.score for part in silent.parts] == [0.0] * len(PARTS)
     assert [part.answered for part in silent.parts] == [0] * len(PARTS)
     assert same_for_all(cases, CaseAnswer()) == silent
@@ -93,7 +93,7 @@ def test_always_yes_and_always_no_are_worse_than_silence(word: Sticks) -> None:
     """Half of the answers right gains less than the other half costs."""
     always = same_for_all(truths(), CaseAnswer(stiction=word))
     assert [part.score for part in always.parts[:2]] == [-0.5, -0.5]
-    assert always.merit < 0.0
+    assert always.total < 0.0
 
 
 def test_answers_by_lot_are_worse_than_silence() -> None:
@@ -111,7 +111,7 @@ def test_answers_by_lot_are_worse_than_silence() -> None:
             )
             for k, truth in enumerate(cases)
         }
-        merits.append(merit_of(cases, answers).merit)
+        merits.append(benchmark_score(cases, answers).total)
     assert np.mean(merits) < -0.5
     assert max(merits) < 0.0
 
@@ -270,7 +270,7 @@ def test_the_seal_holds_truth_and_recordings(benchmark_folder: Path, tmp_path: P
     """Neither can be changed after the digest was printed."""
     answers, truth = tmp_path / "answers.csv", tmp_path / "valves-truth.json"
     answers.write_text("case\n", encoding="utf-8")
-    assert judge(benchmark_folder, answers, truth).merit == 0.0
+    assert judge(benchmark_folder, answers, truth).total == 0.0
     changed = tmp_path / "changed.json"
     changed.write_text(truth.read_text("utf-8").replace("S", "T", 1), encoding="utf-8")
     with pytest.raises(ValueError, match=r"(?s)SHA-256 is .* nothing was scored"):
@@ -328,7 +328,7 @@ def test_from_write_to_judge_on_the_command_line(
     judged = stemwatch("benchmark", "judge", folder, out, silent, "--json", found)
     assert judged.status == 0, judged.said
     assert "silent" in judged.out
-    assert json.loads(found.read_text("utf-8"))[str(silent)]["merit"] == 0.0
+    assert json.loads(found.read_text("utf-8"))[str(silent)]["total"] == 0.0
 
     again = stemwatch("benchmark", "write", folder, "--cases", 8)
     assert again.status == 2

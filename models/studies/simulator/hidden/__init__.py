@@ -13,4 +13,6 @@ from stemwatch.models.studies.simulator.hidden.draws import draw_hidden as draw_
 from stemwatch.models.studies.simulator.hidden.draws import draw_nulls as draw_nulls
 from stemwatch.models.studies.simulator.hidden.draws import draw_unknown as draw_unknown
 from stemwatch.models.studies.simulator.hidden.loops import CONCEALMENTS as CONCEALMENTS
+from stemwatch.models.studies.simulator.hidden.unknown import NAMED_SINCE as NAMED_SINCE
+from stemwatch.models.studies.simulator.hidden.unknown import RARE as RARE
 from stemwatch.models.studies.simulator.hidden.unknown import UNKNOWN as UNKNOWN

@@ -9,7 +9,7 @@ from stemwatch.models.studies.simulator.hidden.friction import FRICTION
 from stemwatch.models.studies.simulator.hidden.hidden_effect import HiddenEffect
 from stemwatch.models.studies.simulator.hidden.record_effects import RECORD_EFFECTS
 from stemwatch.models.studies.simulator.hidden.sensing import SENSING
-from stemwatch.models.studies.simulator.hidden.unknown import UNKNOWN
+from stemwatch.models.studies.simulator.hidden.unknown import RARE
 from stemwatch.models.studies.simulator.loop import PlantLoop
 
 PHYSICS = tuple(effect.slug for effect in (*AIR, *FRICTION, *SENSING))
@@ -30,9 +30,9 @@ def effect_named(name: str) -> HiddenEffect:
 
     Raises ``KeyError`` with the names there are.
     """
-    effect = EFFECTS.get(name) or UNKNOWN.get(name)
+    effect = EFFECTS.get(name) or RARE.get(name)
     if effect is None:
-        known_names = ", ".join([*EFFECTS, *UNKNOWN])
+        known_names = ", ".join([*EFFECTS, *RARE])
         raise KeyError(f"no effect {name!r} can be hidden; there are {known_names}")
     return effect
 

@@ -22,9 +22,10 @@ from stemwatch.models.studies.simulator.hidden.loops import (
     moved_anew,
     tuned,
 )
-from stemwatch.models.studies.simulator.hidden.unknown import UNKNOWN
+from stemwatch.models.studies.simulator.hidden.unknown import RARE, UNKNOWN
 
-# Of twenty cases: four nulls, eleven with one effect, three with a pair, two outside the catalogue.
+# Of twenty cases: four nulls, eleven with one effect, three with a pair, two with a rare effect,
+# most of which are outside the catalogue.
 _PATTERN = "NSSPSSNSUSSPSNSUSPSN"
 # Effects that a concealment already contains.
 _SAME = {("quantisation", "quantised"), ("historian_compression", "compressed")}
@@ -32,8 +33,8 @@ _SAME = {("quantisation", "quantised"), ("historian_compression", "compressed")}
 
 def draw_hidden(n: int, seed: int) -> list[HiddenCase]:
     """``n`` mixed cases: a fifth nulls (half of them with 12 % scatter), eleven in twenty with one
-    effect (all of the catalogue in turn), three in twenty with a pair, a tenth outside the
-    catalogue; concealments in turn. The first k cases do not depend on ``n``."""
+    effect (all of ``EFFECTS`` in turn), three in twenty with a pair, a tenth with a rare effect;
+    concealments in turn. The first k cases do not depend on ``n``."""
     return [_mixed(index, np.random.default_rng([seed, index, 3])) for index in range(n)]
 
 
@@ -90,7 +91,7 @@ def _mixed(index: int, rng: np.random.Generator) -> HiddenCase:
     if kind == "S":
         names: tuple[str, ...] = (tuple(EFFECTS)[rank % len(EFFECTS)],)
     elif kind == "U":
-        names = (tuple(UNKNOWN)[rank % len(UNKNOWN)],)
+        names = (tuple(RARE)[rank % len(RARE)],)
     else:
         first = PHYSICS[rank % len(PHYSICS)]
         others = [slug for slug in PHYSICS if go_together(first, slug)]

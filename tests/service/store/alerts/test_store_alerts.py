@@ -57,7 +57,7 @@ def test_acknowledging_and_snoozing_keep_the_person(store: Store) -> None:
     assert (alert.snoozed_by, alert.snoozed_until) == ("Ben", until)
     assert state_of(alert, datetime.now(UTC)) == "snoozed"
     assert state_of(alert, until) == "acknowledged"
-    assert store.deliveries.untold() == []
+    assert store.deliveries.undelivered() == []
 
 
 def test_a_false_alarm_is_not_raised_again_until_its_cause_was_gone(store: Store) -> None:
@@ -103,7 +103,7 @@ def test_an_alert_is_told_of_once(store: Store, store_url: str) -> None:
         )
     assert sorted(did) == [False, False, False, True]
     assert len(store.deliveries.recent()) == 2
-    assert store.deliveries.untold() == []
+    assert store.deliveries.undelivered() == []
 
 
 def test_a_message_is_one_processs_until_it_is_sent(store: Store) -> None:

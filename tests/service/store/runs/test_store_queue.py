@@ -139,7 +139,7 @@ def test_a_lease_has_one_holder(store: Store, store_url: str) -> None:
     assert leases.hold("service", "a", NOT_AT_ALL)
     assert leases.hold("service", "b", timedelta(minutes=1))
     assert leases.holder("service") == "b"
-    leases.let_go("service", "b")
+    leases.release("service", "b")
     assert leases.holder("service") is None
 
 

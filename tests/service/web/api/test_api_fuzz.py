@@ -119,7 +119,7 @@ def test_every_operation_that_is_described_is_fuzzed(api: Api) -> None:
         ("sqlite", UserRole.VIEWER),
         ("sqlite", UserRole.ADMIN),
         pytest.param("sqlite", UserRole.ENGINEER, marks=pytest.mark.long),
-        pytest.param("pg", UserRole.ADMIN, marks=pytest.mark.postgres),
+        pytest.param("pg", UserRole.ADMIN, marks=IN_LONG),
         pytest.param("pg", UserRole.VIEWER, marks=IN_LONG),
         pytest.param("pg", UserRole.ENGINEER, marks=IN_LONG),
     ],

@@ -61,6 +61,10 @@ def test_whom_a_trusted_proxy_names_is_signed_in(live: Site, tmp_path: Path) -> 
         page = client.get("/", headers={HEADER: ENGINEER})
         assert STICKY in page.text
         assert "/logout" not in page.text  # the proxy would sign in again at once
+        account = client.get("/account", headers={HEADER: ENGINEER}).text
+        assert "Signed in" in account
+        assert "/logout" not in account
+        assert "Change the password" not in account
         assert client.get("/users", headers={HEADER: ENGINEER}).status_code == 403
 
 
@@ -173,6 +177,20 @@ def test_a_token_and_a_session_work_beside_it(
         assert who(client, ("cookie", f"{NAME}={cookie}")) == NAMES[UserRole.VIEWER]
         both = who(client, ("cookie", f"{NAME}={cookie}"), (HEADER, ENGINEER))
         assert both == ENGINEER
+
+
+@pytest.mark.parametrize("scheme", ["Basic QW5uOnNlY3JldA==", "Negotiate YIIZ", "Digest x=1"])
+def test_what_the_proxy_was_told_itself_is_no_token(
+    live: Site, tmp_path: Path, scheme: str
+) -> None:
+    """nginx with auth_basic and Apache with Kerberos pass the reader's Authorization header on."""
+    with served(live, tmp_path, ON) as client:
+        assert who(client, (HEADER, ENGINEER), ("Authorization", scheme)) == ENGINEER
+        assert who(client, ("Authorization", scheme)) == "401"
+        page = client.get("/", headers={"Authorization": scheme, "Accept": "text/html"})
+        assert (page.status_code, page.headers["location"]) == (303, "/login")
+    with served(live, tmp_path, ELSEWHERE) as client:
+        assert who(client, (HEADER, ENGINEER), ("Authorization", scheme)) == "401"
 
 
 @pytest.mark.parametrize(

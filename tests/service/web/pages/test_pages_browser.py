@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import timedelta
 from itertools import pairwise
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -13,7 +14,7 @@ from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
 from tests.service.open_alerts import open_alerts
-from tests.service.web.example_plant import HOSTILE, NOW, STICKY, plant_of, serving
+from tests.service.web.example_plant import HOSTILE, NOW, STICKY, plant_of, screening, serving
 from tests.service.web.signed_in import NAMES, cookie_of
 
 pytestmark = pytest.mark.browser
@@ -234,6 +235,30 @@ def test_runs_refresh_by_themselves(opened, live):
     assert "No run is waiting" in page.locator("#going").inner_text()
     live.store.queue.put(RunToQueue(who="K. Berg"), software_version="0.1")
     page.locator("#going .card").wait_for(timeout=15_000)
+
+
+def test_a_finished_run_appears_on_the_valves_page(opened, live):
+    """Finding, numbers and months are the new window's without a reload; a note that somebody is
+    writing stays, and what was unfolded too."""
+    from stemwatch.service.store.runs.queue import RunToQueue
+
+    page = drawn(opened.page(valve_path(STICKY)))
+    with page.expect_response("**/api/v1/changes"):
+        page.evaluate("window.stayed = true")
+    page.locator("summary", has_text="Add a note").click()
+    page.locator("#valve-log details[open] [name=text]").fill("heard it squeak")
+    page.locator(".history summary").click()
+    number = live.store.queue.put(RunToQueue(who="K. Berg"), software_version="0.1")
+    new = screening(STICKY, S=3.21, at=NOW + timedelta(hours=1), reason="It let go late.")
+    live.store.save(new, number)
+    live.store.queue.finish(number, RunState.DONE)
+    with page.expect_response("**/api/v1/valve/history*", timeout=60_000):
+        page.locator(".reason", has_text="It let go late.").wait_for(timeout=60_000)
+    assert page.evaluate("window.stayed")
+    assert "3.21" in page.locator(".gauges").first.inner_text()
+    assert page.locator(".history tbody tr").count() == 7
+    assert page.locator(".history").evaluate("one => one.open")
+    assert page.locator("#valve-log details[open] [name=text]").input_value() == "heard it squeak"
 
 
 def test_without_javascript_everything_but_the_plots_is_there(opened):

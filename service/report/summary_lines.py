@@ -23,19 +23,19 @@ _STATED = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class GlanceLine:
+class SummaryLine:
     """What a line is about, and what it says."""
 
     about: str
     says: str
 
 
-def at_a_glance(
+def summary_lines(
     screenings: Sequence[Screening],
     verdicts: Sequence[Verdict],
     weeks: Mapping[str, TrendOverWeeks | None],
     cost: str,
-) -> tuple[GlanceLine, ...]:
+) -> tuple[SummaryLine, ...]:
     """The lines for which there are data; ``verdicts`` are on the valves of ``screenings``,
     ``weeks`` by valve, ``cost`` is the plant's in words."""
     lines = {
@@ -44,7 +44,7 @@ def at_a_glance(
         "Trend": _worse(weeks),
         "Cost": cost,
     }
-    return tuple(GlanceLine(about=about, says=says) for about, says in lines.items() if says)
+    return tuple(SummaryLine(about=about, says=says) for about, says in lines.items() if says)
 
 
 def _states(screenings: Sequence[Screening], verdicts: Sequence[Verdict]) -> str:

@@ -1,0 +1,64 @@
+"""A spring with hysteresis is not taken for an error of the reading."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.crossfit import CAREFUL, LOOK, crossfit, refit
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.mismatch.spring_hysteresis import follows_turns, turned
+from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidden
+from tests.models.mismatch.fitted_chain import (
+    candidate,
+    evaluator_of,
+    hypothesis,
+    rescaled,
+    simulated_by_chain,
+)
+
+
+def test_the_share_of_the_inner_friction_by_hand():
+    """From 0 it comes within 1/e of its end over one way; a turn begins from where it is."""
+    places = np.array([50.0, 56.0, 56.0, 50.0])
+    risen = 1.0 - np.exp(-1.0)
+    np.testing.assert_allclose(
+        turned(places, 6.0), [0.0, risen, risen, (risen + 1.0) * np.exp(-1.0) - 1.0]
+    )
+
+
+def fitted_to(recording):
+    """S, J, zero and gain fitted to a recording."""
+    evaluator = evaluator_of(recording)
+    layout = evaluator.layout(hypothesis())
+    start = candidate(layout, base={base_coordinate.GAIN: -0.05})
+    fitted = conclude(evaluator, crossfit(evaluator, layout, start[None], LOOK))
+    return evaluator, conclude(evaluator, refit(evaluator, fitted, CAREFUL))
+
+
+@pytest.mark.parametrize("gain", [0.0, -0.06])
+def test_a_span_error_leaves_nothing_that_follows_the_turns(gain):
+    """With the gain in the model only noise is left."""
+    assert not follows_turns(
+        *fitted_to(simulated_by_chain(base={base_coordinate.GAIN: gain}, noise=0.1))
+    )
+
+
+def test_a_position_that_trails_behind_each_turn_is_seen():
+    """Taken off the reading along the travel, as a spring with inner friction does."""
+    plain = simulated_by_chain()
+    mv = plain.mv.values - 1.2 * turned(simulated_by_chain(noise=0.0).mv.values, 7.0)
+    assert follows_turns(*fitted_to(rescaled(plain, mv)))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("place", [17, 18])
+def test_a_simulated_spring_with_hysteresis_is_no_span_error(place: int) -> None:
+    """Both valves were once named a span error."""
+    case = draw_effect("spring_hysteresis", place + 1, 4060, "routine")[place]
+    found = explain(simulate_hidden(case)[1].recording)
+    assert found.finding is Finding.UNKNOWN
+    assert found.effects == ()
