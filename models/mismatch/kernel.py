@@ -615,11 +615,10 @@ def follow(
             stop = _before_onset(end, next_up, next_down)
             if varies:
                 k = _slide_varied(s, laid_out, _U(lanes), near_onset, (mv, slack), charged,
-                                  (k, stop), current, losses, tables_of, tables,
-                                  (numbers, dt))  # fmt: skip
+                    (k, stop), current, losses, tables_of, tables, (numbers, dt))  # fmt: skip
             else:
                 k = _slide(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, stop,
-                           current, losses)  # fmt: skip
+                    current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
                 _look_up(s, numbers, placed, friction, pushing, dt)
