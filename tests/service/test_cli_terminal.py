@@ -138,8 +138,8 @@ def test_reasons_that_are_alike_are_said_once(stemwatch, export: Path, tmp_path:
     assert len(lines) == 1
     both = "undetermined FIC-104, FIC-107  Cannot tell: the recording is too short"
     assert lines[0].startswith(both)
-    (alone,) = [line for line in outcome.out.splitlines() if line.startswith("cannot tell ")]
-    assert alone.startswith("cannot tell FIC-113  ")
+    (alone,) = [line for line in outcome.out.splitlines() if line.startswith("sticking suspected ")]
+    assert alone.startswith("sticking suspected FIC-113  ")
 
 
 def test_a_folder_named_like_markup_is_shown_as_it_is(

@@ -31,6 +31,7 @@ def secret_in(text: str) -> str:
 def test_the_first_admin_gets_a_new_link_until_there_is_one(stemwatch, url: str) -> None:
     """A new link can be printed until an admin exists; afterwards the command refers to another
     one."""
+    open_store(url).close()
     outcome = stemwatch("accounts", "first-link", "--db", url, "--address", "https://valves/")
     assert outcome.status == 0
     assert "https://valves/welcome?link=" in outcome.said

@@ -57,8 +57,8 @@ def test_results_that_are_months_old_say_what_their_report_says(live, client_of)
     run = live.store.begin_run(software_version="1")
     live.store.keep_oscillations(run, [group(1)])
     later = client_of(replace(live, clock=lambda: NOW + 300 * DAY))
-    assert "3 loops oscillate with 3.8 min" in later.get("/oscillations").text
-    assert "3 loops oscillate with 3.8 min" in later.get("/overview").text
+    assert "3 loops oscillate together every 3.8 min" in later.get("/oscillations").text
+    assert "3 loops oscillate together every 3.8 min" in later.get("/overview").text
     live.store.save(
         screening(STICKY, at=NOW + 60 * DAY), live.store.begin_run(software_version="1")
     )
