@@ -156,7 +156,7 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "suspected there: A, B. Of 858" in suspected_sentence(["A", "B"])
+    assert "suspected there: A, B. Of 233" in suspected_sentence(["A", "B"])
 
 
 def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening, make_context):
