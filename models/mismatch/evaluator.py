@@ -21,7 +21,8 @@ from numba import njit
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.kernel import Record, Scoring, follow, used
-from stemwatch.models.mismatch.lanes import LANES, WIDTH, alike
+from stemwatch.models.mismatch.lane_rows import LANES
+from stemwatch.models.mismatch.lanes import WIDTH, alike
 from stemwatch.models.mismatch.stem import Stem, Stems
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary, Term
 from stemwatch.models.recording import Bools, Floats

@@ -8,11 +8,10 @@ window of ``fs``, the stem lets go there, and what is charged is how far the for
 
 Each sample waits for the one before, so that one stem alone leaves most of a processor idle.
 Candidates therefore run side by side, one in each *lane*. The state of all lanes is one array, row
-by row (``s[X + i]`` is the place of the stem in lane ``i``), and the loop over the lanes selects
-values instead of branching, so that the compiler vectorises it. It does so only with unsigned
-indices, with one array beside the forces, and where all values are read before any is selected.
-What is rare (marks, onsets, tables, logarithms) is done lane by lane. The array and the motion
-itself are in ``lanes``.
+by row (``lane_rows``), and the loop over the lanes selects values instead of branching, so that the
+compiler vectorises it. It does so only with unsigned indices, with one array beside the forces, and
+where all values are read before any is selected. What is rare (marks, onsets, tables, logarithms)
+is done lane by lane. The motion itself is in ``lanes``.
 
 The equations stand in ``stem``.
 """
@@ -25,60 +24,25 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.mismatch import lane_rows as row
 from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.lane_rows import LANES
 from stemwatch.models.mismatch.lanes import (
-    _AHEAD,
-    _BEFORE,
-    _DRIFTS,
-    _FD_DOWN,
-    _FD_UP,
-    _FRICTION,
-    _FS_DOWN,
-    _FS_UP,
-    _FULL,
-    _GOING,
-    _GROWN,
-    _HALF,
-    _HAS_LEFT,
-    _HIGH,
-    _J_HALF,
-    _LEAST,
-    _LEAVES,
-    _LOOKED_UP,
-    _LOW,
-    _MOVING,
-    _OFFSET,
-    _PRODUCT,
-    _PUSHED,
-    _QUIET,
-    _RESTED,
-    _RISE,
-    _ROWS,
-    _S_HALF,
-    _SHARE,
-    _SIDE,
-    _SPAN,
-    _SPEED,
-    _STEP,
-    _U,
-    _UNEVEN,
-    _WANDER,
-    _WAS_AT,
-    _X,
-    _Z,
-    LANES,
+    AHEAD,
+    FULL,
     WIDTH,
-    _cost,
-    _enter,
-    _keep,
-    _leave,
-    _move,
-    _next_forces,
-    _reading,
-    _settle,
-    _slide,
     alike,
+    begin_sliding,
     drifts,
+    end_sliding,
+    keep_readings,
+    loss_factor,
+    move,
+    never_raises,
+    next_forces,
+    reading,
+    settle_losses,
+    slide,
 )
 from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.recording import Floats
@@ -174,14 +138,14 @@ def _share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
 def _set_levels(s: Floats, lanes: np.uint64, k: int) -> None:
     """Set the breakaway and sliding levels of every lane at sample ``k``, percent."""
     for i in range(lanes):
-        s_half, j_half = s[_S_HALF + i], s[_J_HALF + i]
-        uneven, growth = s[_UNEVEN + i], s[_GROWN + i]
-        friction, rise = s[_FRICTION + i], s[_RISE + i]
+        s_half, j_half = s[row.HALF_S + i], s[row.HALF_J + i]
+        uneven, growth = s[row.ASYMMETRY + i], s[row.GROWTH + i]
+        friction, rise = s[row.FRICTION + i], s[row.BREAKAWAY + i]
         grown = 1.0 + growth * k
         level, jump = s_half * grown + friction, j_half * grown
         up, down = jump * (1.0 + uneven), jump * (1.0 - uneven)
-        s[_FS_UP + i], s[_FS_DOWN + i] = level + up + rise, level + down + rise
-        s[_FD_UP + i], s[_FD_DOWN + i] = level - up, level - down
+        s[row.FS_UP + i], s[row.FS_DOWN + i] = level + up + rise, level + down + rise
+        s[row.FD_UP + i], s[row.FD_DOWN + i] = level - up, level - down
 
 
 @njit(cache=True)
@@ -191,24 +155,26 @@ def _begin(
     """Set every lane to rest at its first force."""
     n = force.shape[1]
     for lane in range(lanes):
-        row, i = min(lane, rows.size - 1), _U(lane)
-        q = numbers[row]
-        s[_X + i] = s[_Z + i] = force[rows[row], 0]
-        s[_SIDE + i] = s[_PRODUCT + i] = 1.0
-        s[_MOVING + i] = s[_BEFORE + i] = s[_RESTED + i] = s[_PUSHED + i] = s[_WANDER + i] = 0.0
-        s[_SHARE + i], s[_LEAST + i] = _share_and_least(dt, q, 0.0)
-        s[_STEP + i] = q[stem_number.CREEP] * dt
-        s[_LOW + i], s[_HIGH + i], s[_HALF + i] = (
+        candidate, i = min(lane, rows.size - 1), np.uint64(lane)
+        q = numbers[candidate]
+        s[row.X + i] = s[row.Z + i] = force[rows[candidate], 0]
+        s[row.SIDE + i] = s[row.PRODUCT + i] = 1.0
+        s[row.MOVING + i] = s[row.RESTED + i] = s[row.SPEED + i] = 0.0
+        s[row.FORCE_AFTER + i] = s[row.FORCE + i] = s[row.WANDER + i] = 0.0
+        s[row.FRICTION + i] = s[row.BREAKAWAY + i] = 0.0
+        s[row.LOOKED_UP_AT + i] = np.nan
+        s[row.SHARE + i], s[row.LEAST_GAP + i] = _share_and_least(dt, q, 0.0)
+        s[row.CREEP + i] = q[stem_number.CREEP] * dt
+        s[row.STOP_LOW + i], s[row.STOP_HIGH + i] = (
             q[stem_number.STOP_LOW],
             q[stem_number.STOP_HIGH],
-            0.5 * q[stem_number.PLAY],
         )
-        s[_S_HALF + i], s[_J_HALF + i] = 0.5 * q[stem_number.S], 0.5 * q[stem_number.J]
-        s[_UNEVEN + i], s[_GROWN + i] = q[stem_number.ASYMMETRY], q[stem_number.GROWTH] / n
-        s[_SPAN + i], s[_OFFSET + i] = q[stem_number.GAIN], 50.0 + q[stem_number.ZERO]
-        s[_DRIFTS + i] = q[stem_number.DRIFT] / n
-        s[_FRICTION + i], s[_RISE + i], s[_LOOKED_UP + i], s[_SPEED + i] = 0.0, 0.0, np.nan, 0.0
-    _set_levels(s, _U(lanes), _I(0))
+        s[row.HALF_PLAY + i] = 0.5 * q[stem_number.PLAY]
+        s[row.HALF_S + i], s[row.HALF_J + i] = 0.5 * q[stem_number.S], 0.5 * q[stem_number.J]
+        s[row.ASYMMETRY + i] = q[stem_number.ASYMMETRY]
+        s[row.GROWTH + i], s[row.DRIFT + i] = q[stem_number.GROWTH] / n, q[stem_number.DRIFT] / n
+        s[row.GAIN + i], s[row.OFFSET + i] = q[stem_number.GAIN], 50.0 + q[stem_number.ZERO]
+    _set_levels(s, np.uint64(lanes), _I(0))
 
 
 @njit(cache=True)
@@ -231,39 +197,40 @@ def used(numbers: Floats) -> tuple[bool, bool, bool]:
 def _move_heavy(
     s: Floats, numbers: Floats, forces: Floats, near_onset: tuple[float, float], dt: float
 ) -> None:
-    """Advance the lanes whose stem has inertia by one sample, before ``_move`` takes its reading
+    """Advance the lanes whose stem has inertia by one sample, before ``move`` takes its reading
     and loss.
 
     The force balance in ``_PARTS`` implicit steps ``h``, stable for every drag and inertia: in the
     direction of motion, ``w = max((a w/h + gap) / (a/h + DRAG_S + h), 0)``, ``a = DRAG_S
-    RUN_UP_S``. ``forces`` (lanes,) then hold the stem at its new place, so that ``_move`` reads it
-    there; ``_after_heavy`` corrects afterwards what ``_move`` cannot know.
+    RUN_UP_S``. ``forces`` (lanes,) then hold the stem at its new place, so that ``move`` reads it
+    there; ``_after_heavy`` corrects afterwards what ``move`` cannot know.
     """
     h = dt / _PARTS
     for lane in range(numbers.shape[0]):
-        i, q = _U(lane), numbers[lane]
+        i, q = np.uint64(lane), numbers[lane]
         if q[stem_number.RUN_UP_S] <= 0.0:
             continue
         drag, top = q[stem_number.DRAG_S], q[stem_number.TOP_SPEED]
         inertia = drag * q[stem_number.RUN_UP_S] / h
-        x, d, w = s[_X + i], s[_SIDE + i], s[_SPEED + i]
-        force, force_left = forces[i] - s[_PUSHED + i], 0.0
+        x, d, w = s[row.X + i], s[row.SIDE + i], s[row.SPEED + i]
+        force, force_left = forces[i] - s[row.FORCE + i], 0.0
         for part in range(_PARTS):
             f = force - x
             if w <= 0.0:
-                up, down = f > near_onset[0] * s[_FS_UP + i], -f > near_onset[1] * s[_FS_DOWN + i]
+                up = f > near_onset[0] * s[row.FS_UP + i]
+                down = -f > near_onset[1] * s[row.FS_DOWN + i]
                 if not (up or down):
                     break
                 d = 1.0 if up else -1.0
                 force_left = f if part == 0 else force_left
-            gap = d * f - (s[_FD_UP + i] if d > 0.0 else s[_FD_DOWN + i])
+            gap = d * f - (s[row.FD_UP + i] if d > 0.0 else s[row.FD_DOWN + i])
             w = min(max((inertia * w + gap) / (inertia + drag + h), 0.0), top)
             x += d * w * h
-        stopped = min(max(x, s[_LOW + i]), s[_HIGH + i])
-        s[_SPEED + i] = w if stopped == x else 0.0
-        s[_X + i], s[_SIDE + i], s[_MOVING + i] = stopped, d, 0.0
-        s[_HAS_LEFT + i], s[_WAS_AT + i] = force_left, force - stopped
-        forces[i] = stopped + s[_PUSHED + i]
+        stopped = min(max(x, s[row.STOP_LOW + i]), s[row.STOP_HIGH + i])
+        s[row.SPEED + i] = w if stopped == x else 0.0
+        s[row.X + i], s[row.SIDE + i], s[row.MOVING + i] = stopped, d, 0.0
+        s[row.HEAVY_LET_GO_AT + i], s[row.HEAVY_FORCE_AFTER + i] = force_left, force - stopped
+        forces[i] = stopped + s[row.FORCE + i]
 
 
 @njit(cache=True)
@@ -272,10 +239,11 @@ def _after_heavy(s: Floats, numbers: Floats) -> None:
     force at their breakaway, and the present force.
     """
     for lane in range(numbers.shape[0]):
-        i = _U(lane)
+        i = np.uint64(lane)
         if numbers[lane, stem_number.RUN_UP_S] > 0.0:
-            s[_MOVING + i] = 1.0 if s[_SPEED + i] > 0.0 else 0.0
-            s[_LEAVES + i], s[_BEFORE + i] = s[_HAS_LEFT + i], s[_WAS_AT + i]
+            s[row.MOVING + i] = 1.0 if s[row.SPEED + i] > 0.0 else 0.0
+            s[row.LET_GO_AT + i] = s[row.HEAVY_LET_GO_AT + i]
+            s[row.FORCE_AFTER + i] = s[row.HEAVY_FORCE_AFTER + i]
 
 
 @njit(cache=True)
@@ -304,7 +272,7 @@ def _early_late(s: Floats, i: np.uint64, before: float, up: bool, down: bool) ->
     ``before`` was the force one sample ago. It was seen to go ``up`` or ``down`` between the two
     samples: neither early nor late if ``fs`` lies between.
     """
-    size, fs_up, fs_down = s[_LEAVES + i], s[_FS_UP + i], s[_FS_DOWN + i]
+    size, fs_up, fs_down = s[row.LET_GO_AT + i], s[row.FS_UP + i], s[row.FS_DOWN + i]
     side, fs = (1.0, fs_up) if size > 0.0 else (-1.0, fs_down)
     size, distance = abs(size), 0.0
     if size > 0.0 and (up if side > 0.0 else down):
@@ -348,35 +316,35 @@ def _look_up(
 ) -> None:
     """Friction and force by place, of those lanes ``placed`` that moved, and how far they slide."""
     for lane in placed:
-        i = _U(lane)
-        x = s[_X + i]
-        if x != s[_LOOKED_UP + i]:
-            s[_LOOKED_UP + i] = x
-            s[_FRICTION + i] = _table_value(friction, lane, x)
-            s[_PUSHED + i] = _table_value(force, lane, x)
+        i = np.uint64(lane)
+        x = s[row.X + i]
+        if x != s[row.LOOKED_UP_AT + i]:
+            s[row.LOOKED_UP_AT + i] = x
+            s[row.FRICTION + i] = _table_value(friction, lane, x)
+            s[row.FORCE + i] = _table_value(force, lane, x)
             slope = _table_slope(force, lane, x)
-            s[_SHARE + i], s[_LEAST + i] = _share_and_least(dt, numbers[lane], slope)
+            s[row.SHARE + i], s[row.LEAST_GAP + i] = _share_and_least(dt, numbers[lane], slope)
 
 
 @njit(cache=True)
 def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
     """Look up what the rest before adds to the breakaway of some lanes."""
     for lane in resting:
-        i = _U(lane)
+        i = np.uint64(lane)
         # A stem that sticks at this very sample has not rested yet.
-        rested = 0.0 if s[_MOVING + i] > 0.0 else s[_RESTED + i]
-        s[_RISE + i] = breakaway[lane, int(rested)]
-        s[_RESTED + i] = rested + 1.0
+        rested = 0.0 if s[row.MOVING + i] > 0.0 else s[row.RESTED + i]
+        s[row.BREAKAWAY + i] = breakaway[lane, int(rested)]
+        s[row.RESTED + i] = rested + 1.0
 
 
 @njit(cache=True)
 def _wander(s: Floats, waving: NDArray[np.int64], wander: Floats, k: int) -> None:
     """Look up how far the readings of some lanes wander at sample ``k``."""
     for lane in waving:
-        s[_WANDER + _U(lane)] = wander[lane, k]
+        s[row.WANDER + np.uint64(lane)] = wander[lane, k]
 
 
-@_QUIET
+@never_raises
 def _slide_varied(
     s: Floats,
     forces: Floats,
@@ -391,31 +359,31 @@ def _slide_varied(
     tables: Tables,
     stems: tuple[Floats, float],
 ) -> int:
-    """``_slide`` with the levels and the readings of every sample: ``tabled`` are the lanes that
+    """``slide`` with the levels and the readings of every sample: ``tabled`` are the lanes that
     have tables (``_tabled``), ``record`` MV and its slack, ``span`` the samples, ``stems`` their
     numbers and the interval.
     """
     (mv, slack), (near_up, near_down), (placed, resting, waving) = record, near_onset, tabled
     (begin, end), half_way, (friction, pushing, breakaway, wander) = span, 0.5 * mv.size, tables
     numbers, dt = stems
-    _enter(s, lanes, near_onset)
+    begin_sliding(s, lanes, near_onset)
     for k in range(begin, end):
-        o, t, full = _U(k % _AHEAD) * lanes, k - half_way, 0
-        seen, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
+        o, t, full = np.uint64(k % AHEAD) * lanes, k - half_way, 0
+        measured, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
         _look_up(s, numbers, placed, friction, pushing, dt)
         for lane in resting:
-            at = _U(lane)
-            rested = 0.0 if s[_GOING + at] != 0.0 else s[_RESTED + at]
-            s[_RISE + at], s[_RESTED + at] = breakaway[lane, int(rested)], rested + 1.0
+            at = np.uint64(lane)
+            rested = 0.0 if s[row.GOING + at] != 0.0 else s[row.RESTED + at]
+            s[row.BREAKAWAY + at], s[row.RESTED + at] = breakaway[lane, int(rested)], rested + 1.0
         _wander(s, waving, wander, k)
         for i in range(lanes):
-            x, going, product = s[_X + i], s[_GOING + i], s[_PRODUCT + i]
-            grown = 1.0 + s[_GROWN + i] * k
-            level, jump = s[_S_HALF + i] * grown + s[_FRICTION + i], s[_J_HALF + i] * grown
-            fs, fd = level + jump + s[_RISE + i], level - jump
-            share, least, pushed = s[_SHARE + i], s[_LEAST + i], s[_PUSHED + i]
-            gain, offset = s[_SPAN + i], s[_OFFSET + i]
-            drift, wandered = s[_DRIFTS + i], s[_WANDER + i]
+            x, going, product = s[row.X + i], s[row.GOING + i], s[row.PRODUCT + i]
+            grown = 1.0 + s[row.GROWTH + i] * k
+            level, jump = s[row.HALF_S + i] * grown + s[row.FRICTION + i], s[row.HALF_J + i] * grown
+            fs, fd = level + jump + s[row.BREAKAWAY + i], level - jump
+            share, least, pushed = s[row.SHARE + i], s[row.LEAST_GAP + i], s[row.FORCE + i]
+            gain, offset = s[row.GAIN + i], s[row.OFFSET + i]
+            drift, wandered = s[row.DRIFT + i], s[row.WANDER + i]
             f = forces[o + i] - x - pushed
             goes = -1.0 if -f > near_down * fs else 0.0
             goes = 1.0 if f > near_up * fs else goes
@@ -424,14 +392,14 @@ def _slide_varied(
             gap = going * f - fd
             gap = gap if gap > 0.0 else 0.0
             x += share * going * gap
-            read = _reading(x, gain, offset, drift, wandered, t)
-            product *= _cost(seen - read, free, scale)
+            read = reading(x, gain, offset, drift, wandered, t)
+            product *= loss_factor(measured - read, free, scale)
             forces[o + i] = read
-            s[_X + i], s[_GOING + i], s[_PRODUCT + i] = x, going, product
-            full += 1 if product > _FULL else 0
+            s[row.X + i], s[row.GOING + i], s[row.PRODUCT + i] = x, going, product
+            full += 1 if product > FULL else 0
         if full > 0 and scale > 0.0:
-            _settle(s, int(lanes), block, _FULL, scale, losses)
-    _leave(s, lanes)
+            settle_losses(s, int(lanes), block, FULL, scale, losses)
+    end_sliding(s, lanes)
     return end
 
 
@@ -446,16 +414,16 @@ def _start(
     ``laid_force``.
     """
     full, (measured, free, scale) = 0, seen
-    for i in range(_U(lanes)):
-        laid_force[i] = _reading(
-            s[_Z + i], s[_SPAN + i], s[_OFFSET + i], s[_DRIFTS + i], s[_WANDER + i], t
+    for i in range(np.uint64(lanes)):
+        laid_force[i] = reading(
+            s[row.Z + i], s[row.GAIN + i], s[row.OFFSET + i], s[row.DRIFT + i], s[row.WANDER + i], t
         )
-        s[_PRODUCT + i] *= _cost(measured - laid_force[i], free, scale)
-        full += 1 if s[_PRODUCT + i] > _FULL else 0
+        s[row.PRODUCT + i] *= loss_factor(measured - laid_force[i], free, scale)
+        full += 1 if s[row.PRODUCT + i] > FULL else 0
     return full
 
 
-@_QUIET
+@never_raises
 def _end_of_alike(
     k: int,
     last_sample: int,
@@ -478,7 +446,7 @@ def _end_of_alike(
     return end
 
 
-@_QUIET
+@never_raises
 def _before_onset(end: int, up: NDArray[np.int64], down: NDArray[np.int64]) -> int:
     """``end``, or one sample less where a breakaway is seen there: what the sample before it leaves
     behind is asked for then.
@@ -486,7 +454,7 @@ def _before_onset(end: int, up: NDArray[np.int64], down: NDArray[np.int64]) -> i
     return end - 1 if end < up.size and (up[end] == end or down[end] == end) else end
 
 
-@_QUIET
+@never_raises
 def _wander_and_rest(
     s: Floats,
     numbers: Floats,
@@ -503,24 +471,25 @@ def _wander_and_rest(
     (now, ago, mark), (friction, force, _, wander) = seen, tables
     start = mark == _START
     for lane in range(numbers.shape[0]):
-        i, q = _U(lane), numbers[lane]
+        i, q = np.uint64(lane), numbers[lane]
         if q[stem_number.BY_TIME] != 0.0:
-            s[_WANDER + i] = wander[lane, k]
-        if not (start or (mark == _RESYNC and s[_MOVING + i] == 0.0)):
+            s[row.WANDER + i] = wander[lane, k]
+        if not (start or (mark == _RESYNC and s[row.MOVING + i] == 0.0)):
             continue
-        offset = s[_OFFSET + i] + s[_DRIFTS + i] * t + s[_WANDER + i]
-        z, half = ((now if start else ago) - offset) / s[_SPAN + i] + 50.0, s[_HALF + i]
-        band = abs(s[_S_HALF + i] + s[_J_HALF + i]) * (1.0 + abs(s[_GROWN + i]) * k) + half
+        offset = s[row.OFFSET + i] + s[row.DRIFT + i] * t + s[row.WANDER + i]
+        z, half = ((now if start else ago) - offset) / s[row.GAIN + i] + 50.0, s[row.HALF_PLAY + i]
+        level = abs(s[row.HALF_S + i] + s[row.HALF_J + i])
+        band = level * (1.0 + abs(s[row.GROWTH + i]) * k) + half
         if q[stem_number.BY_PLACE] != 0.0:
             band += abs(_table_value(friction, lane, z)) + abs(_table_value(force, lane, z))
         z = min(max(z, laid_out[lane] - band), laid_out[lane] + band)
         # At a RESYNC it rests within the play of its reading.
-        s[_X + i] = z if start else min(max(s[_X + i], z - half), z + half)
-        s[_Z + i], s[_MOVING + i], s[_SPEED + i] = z, 0.0, 0.0
-        s[_RESTED + i] = 0.0 if start else s[_RESTED + i]
+        s[row.X + i] = z if start else min(max(s[row.X + i], z - half), z + half)
+        s[row.Z + i], s[row.MOVING + i], s[row.SPEED + i] = z, 0.0, 0.0
+        s[row.RESTED + i] = 0.0 if start else s[row.RESTED + i]
 
 
-@_QUIET
+@never_raises
 def _charge_onsets(
     s: Floats,
     before: Floats,
@@ -539,7 +508,7 @@ def _charge_onsets(
     up, down = sides
     scatter, event, scale = costs
     for lane in range(losses.shape[0] if up or down else 0):
-        late = _early_late(s, _U(lane), before[lane], up, down)
+        late = _early_late(s, np.uint64(lane), before[lane], up, down)
         if early_late.size > 0:
             early_late[lane, k] = late
         if late != 0.0 and b >= 0:
@@ -549,11 +518,11 @@ def _charge_onsets(
 
 @njit(cache=True)
 def _note(s: Floats, m: int, before: Floats) -> None:
-    """Copy row ``_BEFORE`` of ``m`` lanes into ``before``; one by one, since copying a slice would
-    compile numba's error about shapes too.
+    """Copy the force after the last sample, of ``m`` lanes, into ``before``; one by one, since
+    copying a slice would compile numba's error about shapes too.
     """
     for lane in range(m):
-        before[lane] = s[_BEFORE + _U(lane)]
+        before[lane] = s[row.FORCE_AFTER + np.uint64(lane)]
 
 
 @njit(cache=True)
@@ -582,19 +551,19 @@ def follow(
     friction, pushing, breakaway, wander = tables
     n, m, scale, patience = mv.size, rows.size, 1.0 / (delta * delta), int(_PATIENCE_S / dt)
     lanes = (m + WIDTH - 1) // WIDTH * WIDTH
-    s, laid_out, before = np.empty(_ROWS * LANES), np.empty(_AHEAD * LANES), np.empty(LANES)
+    s, laid_out, before = np.empty(row.COUNT * LANES), np.empty(AHEAD * LANES), np.empty(LANES)
     _begin(s, numbers, lanes, force, rows, dt)
     varied, timed, heavy = used(numbers)
     slides, varies = alike(numbers), varied or timed or drifts(numbers)
     tables_of = placed, rested, waving = _tabled(numbers)
     weighty = numbers[: m if heavy else 0]
     losses[:], early_late[:, : 0 if window > 0.0 else n] = 0.0, 0.0
-    k, current, full = _I(0), _I(-1), _I(0)
+    all_lanes, k, current, full = np.uint64(lanes), _I(0), _I(-1), _I(0)
     while k < n:
-        _next_forces(force, rows, k, lanes, laid_out, out)
-        b, mark, t, o = block[k], marks[k], k - 0.5 * n, k % _AHEAD * lanes
+        next_forces(force, rows, k, lanes, laid_out, out)
+        b, mark, t, o = block[k], marks[k], k - 0.5 * n, k % AHEAD * lanes
         if b >= 0 and (b != current or full > 0):
-            _settle(s, lanes, current, 0.0 if b != current else _FULL, scale, losses)
+            settle_losses(s, lanes, current, 0.0 if b != current else FULL, scale, losses)
             current, full = b, 0
         charged = scale if b >= 0 else 0.0
         if timed or mark != 0:
@@ -606,7 +575,7 @@ def follow(
             k += 1
             continue
         up, down = window > 0.0 and next_up[k] == k, window > 0.0 and next_down[k] == k
-        last = k + 1 if up or down or mark != 0 or heavy else min(n, k - k % _AHEAD + _AHEAD)
+        last = k + 1 if up or down or mark != 0 or heavy else min(n, k - k % AHEAD + AHEAD)
         end = _end_of_alike(k, last, marks, block, next_up[k], next_down[k], patience)
         near_onset = _near_onsets(next_up[k], next_down[k], k, n, window, patience)
         _note(s, m, before)
@@ -614,24 +583,24 @@ def follow(
         if slides and not (up or down):
             stop = _before_onset(end, next_up, next_down)
             if varies:
-                k = _slide_varied(s, laid_out, _U(lanes), near_onset, (mv, slack), charged,
+                k = _slide_varied(s, laid_out, all_lanes, near_onset, (mv, slack), charged,
                     (k, stop), current, losses, tables_of, tables, (numbers, dt))  # fmt: skip
             else:
-                k = _slide(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, stop,
+                k = slide(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop,
                     current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
                 _look_up(s, numbers, placed, friction, pushing, dt)
                 _rise(s, rested, breakaway)
-                _set_levels(s, _U(lanes), k)
+                _set_levels(s, all_lanes, k)
             if timed:
                 _wander(s, waving, wander, k)
             _move_heavy(s, weighty, laid_out[o:], near_onset, dt)
             stop = k + 1 if varied or timed else end
-            k, charged_more = _move(s, laid_out, _U(lanes), near_onset, mv, slack, charged, k, stop)
+            k, charged_more = move(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop)
         full += charged_more
         _after_heavy(s, weighty)
         costs = scatter, event, scale
         _charge_onsets(s, before, (up, down), costs, started_at, b, losses, early_late)
-    _settle(s, lanes, current, 0.0, scale, losses)
-    _keep(laid_out, n, lanes, out)
+    settle_losses(s, lanes, current, 0.0, scale, losses)
+    keep_readings(laid_out, n, lanes, out)

@@ -15,7 +15,8 @@ from stemwatch.models.mismatch.batched_search import conclude, run_together
 from stemwatch.models.mismatch.crossfit import CAREFUL, folds, search
 from stemwatch.models.mismatch.evaluator import RunRequest, batches
 from stemwatch.models.mismatch.forces import Forces
-from stemwatch.models.mismatch.lanes import LANES, WIDTH, alike
+from stemwatch.models.mismatch.lane_rows import LANES
+from stemwatch.models.mismatch.lanes import WIDTH, alike
 from stemwatch.models.mismatch.least_squares import descend
 from stemwatch.models.mismatch.stem import Stem
 from stemwatch.models.mismatch.terms import catalogue

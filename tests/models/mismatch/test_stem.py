@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.kernel import Record, Scoring, follow
-from stemwatch.models.mismatch.lanes import LANES
+from stemwatch.models.mismatch.lane_rows import LANES
 from stemwatch.models.mismatch.stem import Stem, Stems, places
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import ONLY_WHEN_TURNING
