@@ -39,31 +39,28 @@ from stemwatch.models.mismatch.between_samples import Archive, as_sampled
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch, Stiction
 from stemwatch.models.mismatch.record_effects import late_effect, scan_sentence
-from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.narx.architecture import StickSlipStart
 from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.position_histograms import position_histograms
+from stemwatch.models.prepared_command import prepare_command
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import facts_without_verdict
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
 from stemwatch.models.screening_result import DataQuality, Indicator, Residual, Screening, Traces
 from stemwatch.models.stickslip import kernel
-from stemwatch.models.stickslip.clock_shift import brought_forward, late_evidence
 from stemwatch.models.stickslip.events import SlipEvents
-from stemwatch.models.stickslip.find_stroke_curve import stroke_curve_of
-from stemwatch.models.stickslip.fit import FirstLook, StickSlipFit, fit_stickslip
+from stemwatch.models.stickslip.fit import StickSlipFit, fit_stickslip
 from stemwatch.models.stickslip.interval import StickSlipSample, bootstrap, interval, spread_of
-from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS, op_within_steps
+from stemwatch.models.stickslip.op_within_steps import WITHIN_STEPS
 from stemwatch.models.stickslip.parameters import to_kernel
 from stemwatch.models.stickslip.problem import make_problem
 from stemwatch.models.stickslip.stored_range import in_percent, range_of_both
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve, in_travel
-from stemwatch.models.validity_checks import OP_AT_REST, reversed_obstacles
+from stemwatch.models.validity_checks import OP_AT_REST
 from stemwatch.models.verdict import Verdict
-from stemwatch.models.wiring_checks import wiring_obstacles
 from stemwatch.models.without_position.suspicion import (
     suspect,
     too_little_moved,
@@ -113,15 +110,15 @@ class _Fitted:
     assessment: Assessment  # of the whole recording, on its own clock
     recording: Recording
     masked: Recording
-    stretch: FitWindow | None
-    late_s: float  # by which OP was shifted earlier in ``masked``
-    within_steps: bool  # whether OP was reconstructed within its coarse steps from PV and set point
-    curve: StrokeCurve | None
-    curve_changed: str  # how it differs from the known curve, or empty
-    fit: StickSlipFit | None
-    sample: StickSlipSample | None
-    archive: Archive | None
-    seconds: float
+    stretch: FitWindow | None = None
+    late_s: float = 0.0  # by which OP was shifted earlier in ``masked``
+    within_steps: bool = False  # OP was reconstructed within its coarse steps from PV and set point
+    curve: StrokeCurve | None = None
+    curve_changed: str = ""  # how it differs from the known curve, or empty
+    fit: StickSlipFit | None = None
+    sample: StickSlipSample | None = None
+    archive: Archive | None = None
+    seconds: float = 0.0
 
 
 def screen(cases: Sequence[Case], options: Options = DEFAULTS) -> list[Screening]:
@@ -171,53 +168,42 @@ def _fit_or_reason(case: Case, limits: Limits) -> _Fitted | Screening:
 
 
 def _fit(case: Case, limits: Limits) -> _Fitted:
+    """The case, assessed; fitted as well where nothing is in the way."""
     started = time.perf_counter()
     paced = at_loop_pace(in_percent(case.recording), round(limits.fitted_samples))
-    case = replace(case, recording=paced)
-    on_own = on_own_clock(case.recording)
-    assessment = assess(on_own, limits)
-    recording, masked, stretch = on_own, assessment.recording, None
-    curve = fit = archive = None
-    changed, late_s, resolved = "", 0.0, None
-    if not assessment.obstacles:
-        recording, masked, stretch = _to_fit(on_own, assessment, limits)
-        first_look = FirstLook.at(masked)
-        late = late_evidence(masked, first_look)
-        late_s = late.late_s(masked.interval_s)
-        as_stored, masked = masked, brought_forward(masked, late_s)
-        # Network and traces show OP as it was stored; the fit uses OP as it was reconstructed.
-        resolved = op_within_steps(masked)
-        finer = masked if resolved is None else resolved.recording
-        curve, changed = stroke_curve_of(finer, case.known_curve)
-        curve = refined(finer, curve)
-        obstacles = [] if curve else reversed_obstacles(finer)
-        commanded = in_travel(finer, curve)
-        first_look = first_look if commanded is as_stored else FirstLook.at(commanded)
-        # An OP that answers PV as a controller does cannot be a position, however late it is.
-        may_be_swapped = late_s > 0.0 and not late.by_controller
-        obstacles = obstacles or wiring_obstacles(
-            commanded, as_stored if may_be_swapped else None, first_look
-        )
-        assessment = with_obstacles(assessment, obstacles)
-    if not assessment.obstacles:
-        fit = fit_stickslip(commanded, curve.unsure_degree if curve else 0, first_look)
-        fit, archive = as_sampled(fit, commanded)
-    sample = bootstrap(fit) if fit is not None else None
-    return _Fitted(
-        case=case,
+    recording = on_own_clock(paced)
+    assessment = assess(recording, limits)
+    fitted = _Fitted(
+        case=replace(case, recording=paced),
         assessment=assessment,
         recording=recording,
-        masked=masked,
-        stretch=stretch,
-        late_s=late_s,
-        within_steps=resolved is not None,
-        curve=curve,
-        curve_changed=changed,
-        fit=fit,
-        sample=sample,
-        archive=archive,
-        seconds=time.perf_counter() - started,
+        masked=assessment.recording,
     )
+    if not assessment.obstacles:
+        fitted = _fit_part(fitted, limits)
+    return replace(fitted, seconds=time.perf_counter() - started)
+
+
+def _fit_part(assessed: _Fitted, limits: Limits) -> _Fitted:
+    """The part with the most movement fitted, unless its command shows another obstacle."""
+    recording, masked, stretch = _to_fit(assessed.recording, assessed.assessment, limits)
+    command = prepare_command(masked, assessed.case.known_curve)
+    prepared = replace(
+        assessed,
+        assessment=with_obstacles(assessed.assessment, command.obstacles),
+        recording=recording,
+        masked=command.on_time,
+        stretch=stretch,
+        late_s=command.late_s,
+        within_steps=command.within_steps,
+        curve=command.curve,
+        curve_changed=command.curve_changed,
+    )
+    if command.obstacles:
+        return prepared
+    alone = fit_stickslip(command.commanded, command.unsure_degree, command.first_look)
+    fit, archive = as_sampled(alone, command.commanded)
+    return replace(prepared, fit=fit, sample=bootstrap(fit), archive=archive)
 
 
 def _to_fit(
@@ -308,25 +294,27 @@ def _conclude(fitted: _Fitted, network: NarxFit | None, options: Options) -> Scr
     if fitted.fit is None or fitted.sample is None:
         screening = _without_verdict(fitted)
     else:
-        ceiling = network.simulated if network is not None else None
-        mismatch = None
-        if options.mismatch:
-            mismatch = explain(
-                fitted.recording,
-                ceiling=ceiling,
-                curve=fitted.curve,
-                look_for_curve=fitted.case.known_curve is None,
-                late_s=fitted.late_s,
-                look_within_steps=fitted.within_steps,
-                restore=fitted.archive is not None,
-                archive=fitted.archive,
-            )
+        mismatch = _explained(fitted, network) if options.mismatch else None
         screening = _with_verdict(
             fitted, fitted.fit, fitted.sample, network, mismatch, options.limits
         )
     screening = _with_suspicion(_with_repair(screening, fitted), fitted)
     seconds = fitted.seconds + time.perf_counter() - started
     return replace(screening, seconds=seconds + (network.seconds if network else 0.0))
+
+
+def _explained(fitted: _Fitted, network: NarxFit | None) -> Mismatch:
+    """What S and J leave out; nothing that is settled already is looked for again."""
+    return explain(
+        fitted.recording,
+        ceiling=network.simulated if network is not None else None,
+        curve=fitted.curve,
+        look_for_curve=fitted.case.known_curve is None,
+        late_s=fitted.late_s,
+        look_within_steps=fitted.within_steps,
+        restore=fitted.archive is not None,
+        archive=fitted.archive,
+    )
 
 
 def _with_repair(screening: Screening, fitted: _Fitted) -> Screening:
@@ -374,7 +362,7 @@ def _screening(
     numbers: list[Indicator],
 ) -> Screening:
     recording = _remembering(fitted.case.recording, fitted)
-    seen = judgement.verdict is Verdict.UNDETERMINED
+    undecided = judgement.verdict is Verdict.UNDETERMINED
     return Screening(
         valve=recording.valve,
         verdict=judgement.verdict,
@@ -391,7 +379,7 @@ def _screening(
             indicator.name: indicator
             for indicator in indicators.in_seconds(numbers, fitted.recording)
         },
-        still_seen=facts_without_verdict(recording) if seen else (),
+        still_seen=facts_without_verdict(recording) if undecided else (),
         baseline_note=fitted.case.baseline_note,
         recording=recording,
         provenance=recording.provenance,
@@ -433,24 +421,30 @@ def _stiction(
     fitted: _Fitted, fit: StickSlipFit, sample: StickSlipSample, mismatch: Mismatch | None
 ) -> tuple[Estimate, Estimate, Floats]:
     """S, J and draws of S, percent of OP: those of the fit with the named effects, if any."""
-    if mismatch is None or not mismatch.effects or mismatch.restated.S.value is None:
-        S, J, curve = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), fitted.curve
-        S_draws = sample.S
-        if fitted.archive is not None:
-            S, J = fitted.archive.restored(S, J, _missed(fitted, fit))
-            S_draws = S_draws if S.value is None else spread_of(S)
-        if curve is not None:
-            S, J = curve.in_op(S), curve.in_op(J, is_jump=True)
-            S_draws = S_draws / abs(curve.slope)
-        if mismatch is not None and _lag_is_doubtful(fitted, fit, mismatch, S, J):
-            # Only this fit needs the lag, and the recording does not show which of the two is
-            # right.
-            alone, restated = mismatch.naive, mismatch.restated
-            S, J = restated.S.holding(S, alone.S), restated.J.holding(J, alone.J)
-            S_draws = spread_of(S)
-        return S, J, S_draws
-    S, J = mismatch.restated.S, mismatch.restated.J
-    return S, J, spread_of(S)
+    if mismatch is not None and mismatch.effects and mismatch.restated.S.value is not None:
+        restated = mismatch.restated
+        return restated.S, restated.J, spread_of(restated.S)
+    S, J, S_draws = _stiction_alone(fitted, fit, sample)
+    if mismatch is not None and _lag_is_doubtful(fitted, fit, mismatch, S, J):
+        # Only this fit needs the lag, and the recording does not show which of the two is right.
+        naive, restated = mismatch.naive, mismatch.restated
+        S, J = restated.S.holding(S, naive.S), restated.J.holding(J, naive.J)
+        S_draws = spread_of(S)
+    return S, J, S_draws
+
+
+def _stiction_alone(
+    fitted: _Fitted, fit: StickSlipFit, sample: StickSlipSample
+) -> tuple[Estimate, Estimate, Floats]:
+    """S, J and draws of S of the stick-slip fit, percent of OP, with what the archive lost."""
+    S, J, S_draws = _estimate(sample.S, fit.S), _estimate(sample.J, fit.J), sample.S
+    if fitted.archive is not None:
+        S, J = fitted.archive.restored(S, J, _missed(fitted, fit))
+        S_draws = S_draws if S.value is None else spread_of(S)
+    if fitted.curve is not None:
+        S, J = fitted.curve.in_op(S), fitted.curve.in_op(J, is_jump=True)
+        S_draws = S_draws / abs(fitted.curve.slope)
+    return S, J, S_draws
 
 
 def _lag_is_doubtful(
