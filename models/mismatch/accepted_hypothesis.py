@@ -31,10 +31,7 @@ from stemwatch.models.mismatch.describe_effect import (
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.drive import name_drive, starts_of_first_part
 from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
-from stemwatch.models.mismatch.findings import (
-    Effect,
-    HeldOutFit,
-)
+from stemwatch.models.mismatch.findings import Effect, HeldOutFit
 from stemwatch.models.mismatch.held_out import (
     FirstPart,
     HeldOutComparison,
@@ -63,25 +60,28 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.recording import Floats, Recording
 
-WORSE = 1.15
+WORSE = 1.15  # rmse on unseen data over that of S and J alone, from which it refutes a line
 # Percent of fit on unseen data, below which a model does not describe the motion. Of 33 simulated
 # valves on which something was named (`prove`, seed 9393) none is fitted by less than 69; one whose
 # force was recorded as its command is fitted by 62.
-LEAST_FIT_OF_NAMED, NEAR_NOISE = 65.0, 2.0
+LEAST_FIT_OF_NAMED = 65.0
+NEAR_NOISE = 2.0  # noise floors, rmse up to which a stem that hardly moves is followed
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 BEND = "bend"  # a bent reading is not in the catalogue; its limits are those of a term
 STICKS_AGAIN = (RESTICK, OVERSHOOT)
-MUCH_NEARER = 0.7  # of the error of S and J alone
+MUCH_NEARER = 0.7  # rmse on unseen data over that of S and J alone
 
 
 @dataclass(frozen=True)
 class AcceptedHypothesis:
     """A hypothesis fitted to the whole record, with the effects that were accepted.
 
-    ``drawn`` returns the candidates (m, size) of its bootstrap. ``worse`` says, where it is not
-    empty, that another effect was dropped because it made the prediction of unseen samples worse;
-    ``spring`` that one was dropped because a spring with hysteresis stands behind it.
+    ``best`` (size,) is fitted to all blocks, ``fitted`` to either fold; ``drawn`` returns the
+    candidates (m, size) of its bootstrap. ``unexplained``: more than noise is left, so that without
+    an effect the finding is that something unknown is hidden. ``dropped_because`` says, where it is
+    not empty, that another effect was dropped because it made the prediction of unseen samples
+    worse; ``spring`` that one was dropped because a spring with hysteresis stands behind it.
     """
 
     evaluator: Evaluator
@@ -90,10 +90,10 @@ class AcceptedHypothesis:
     best: Floats
     drawn: Callable[[], Floats]
     effects: tuple[Effect, ...]
-    open_end: bool
-    shown: HeldOutComparison
+    unexplained: bool
+    comparison: HeldOutComparison
     named: Named
-    worse: str = ""
+    dropped_because: str = ""
     spring: bool = False
 
 
@@ -125,7 +125,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     terms = admissible(case.refused)
     named = named_effects(case, terms)
     pinned: set[str] = set()
-    worse, spring = "", False
+    dropped_because, spring = "", False
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -138,7 +138,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         spring = spring or hypothesis.spring
         stand = {effect.slug for effect in hypothesis.effects}
         if stand and not _predicts_as_well(hypothesis):
-            worse = worse or _worse(hypothesis)
+            dropped_because = dropped_because or _why_worse(hypothesis)
             stand.remove(hypothesis.effects[-1].slug)
             if DRIVE in hypothesis.layout.places:
                 # Motor and load are one model: what a valve needs is looked for instead.
@@ -150,8 +150,12 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             return hypothesis
         dropped = proposed - stand
         if not dropped:
-            open_end = hypothesis.open_end or (spring and not stand)
-            return replace(hypothesis, worse=worse, open_end=open_end, spring=spring)
+            return replace(
+                hypothesis,
+                unexplained=hypothesis.unexplained or (spring and not stand),
+                dropped_because=dropped_because,
+                spring=spring,
+            )
         pinned |= dropped & set(STRAIGHT_LINE)
         terms = {slug: term for slug, term in terms.items() if slug not in dropped}
         named = lacking(named, dropped)
@@ -180,7 +184,8 @@ def _whole_record(
 ) -> tuple[AcceptedHypothesis, set[str]]:
     """The hypothesis ``named`` on the whole record, and the slugs of all that it holds: terms that
     were needed, and the reading's errors. ``pinned`` are errors of the reading that it must not
-    have."""
+    have.
+    """
     evaluator = named.evaluator
     reading_errors, fitted = findings(evaluator, named.fitted, terms)
     for slug in pinned:
@@ -192,22 +197,21 @@ def _whole_record(
         drawn_candidates() if named.needed or reading_errors else np.empty((0, layout.size))
     )
     candidates = _effects(case.recording, named, reading_errors, layout, best, candidate_draws)
-    # Of two that were found together, what is removed is removed by both.
-    together = {item.term.slug for item in named.needed if item.of_pair}
-    large = tuple(
-        candidate for candidate in candidates if _matters(candidate) or candidate.slug in together
-    )
     of_drive = starts_of_first_part(evaluator, layout)
-    in_turn = (
+    terms_in_turn = (
         layout.hypothesis.terms
         if DRIVE in layout.places
-        else [score.term for score in named.needed]
+        else [needed.term for needed in named.needed]
     )
-    comparison = compare_held_out(evaluator, layout, in_turn, case.ceiling, of_drive, first_part)
-    effects, open_end = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
+    comparison = compare_held_out(
+        evaluator, layout, terms_in_turn, case.ceiling, of_drive, first_part
+    )
+    large = _large_enough(candidates, named)
+    effects, unexplained = _terms_that_stand(case, evaluator, fitted, large, comparison.heldout)
     # An error of the reading, or play, must leave nothing of a spring with hysteresis.
-    spring = any(one.slug in IMITATED for one in effects) and follows_turns(evaluator, fitted)
-    effects = tuple(one for one in effects if not (spring and one.slug in IMITATED))
+    spring = any(effect.slug in IMITATED for effect in effects) and follows_turns(evaluator, fitted)
+    if spring:
+        effects = tuple(effect for effect in effects if effect.slug not in IMITATED)
     if effects and DRIVE not in layout.places:
         comparison = _as_it_is_judged(comparison, effects, layout, first_part)
     proposed = {candidate.slug for candidate in candidates}
@@ -218,12 +222,20 @@ def _whole_record(
         best,
         drawn_candidates,
         effects,
-        open_end,
+        unexplained,
         comparison,
         named,
         spring=spring,
     )
     return hypothesis, proposed
+
+
+def _large_enough(candidates: Sequence[Effect], named: Named) -> tuple[Effect, ...]:
+    """The effects that remove a material share; of two that were found together, both are needed to
+    remove it.
+    """
+    of_pairs = {needed.term.slug for needed in named.needed if needed.of_pair}
+    return tuple(effect for effect in candidates if _matters(effect) or effect.slug in of_pairs)
 
 
 def _as_it_is_judged(
@@ -243,13 +255,13 @@ def _as_it_is_judged(
     sticks_again = all(effect.slug in STICKS_AGAIN for effect in effects)
     free = comparison.heldout
     stands = free.improves and (free.fit_extended or 0.0) >= LEAST_FIT_OF_NAMED
-    worse = free.gain_high is None or free.gain_high < 0.0
-    if not sticks_again and (stands or worse):
+    falls = free.gain_high is None or free.gain_high < 0.0
+    if not sticks_again and (stands or falls):
         return comparison
     by_slips = slip_by_slip(comparison, layout, first_part)
     fit, gain_low = by_slips.heldout.fit_extended, by_slips.heldout.gain_low
-    shown = (fit or 0.0) >= LEAST_FIT_OF_NAMED and (gain_low or 0.0) > 0.0
-    return by_slips if sticks_again or shown else comparison
+    slips_show_it = (fit or 0.0) >= LEAST_FIT_OF_NAMED and (gain_low or 0.0) > 0.0
+    return by_slips if sticks_again or slips_show_it else comparison
 
 
 def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
@@ -259,44 +271,46 @@ def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     Where OP hardly moves, a few breakaways that come late by chance decide how well a free run
     follows. If nothing systematic is left and the free run comes nearer beyond chance, they stand.
     """
-    heldout = hypothesis.shown.heldout
+    heldout = hypothesis.comparison.heldout
     if not hypothesis.effects or heldout.fit_extended is None or heldout.rmse_extended is None:
         return hypothesis
     # A stem that hardly moves in its noise is followed as well as can be.
     noise = NEAR_NOISE * (heldout.noise_floor or 0.0)
     if heldout.fit_extended >= LEAST_FIT_OF_NAMED or heldout.rmse_extended <= noise:
         return hypothesis
-    if not hypothesis.open_end and (heldout.gain_low or 0.0) > 0.0:
+    if not hypothesis.unexplained and (heldout.gain_low or 0.0) > 0.0:
         return hypothesis
-    return replace(
-        hypothesis, effects=(), worse=_parts_only(hypothesis, "not followed with it either")
-    )
+    reason = _parts_only(hypothesis, "not followed with it either")
+    return replace(hypothesis, effects=(), dropped_because=reason)
 
 
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
     """Whether unseen samples are predicted no worse than by S and J alone, in a free run; slip by
     slip, better beyond chance.
     """
-    heldout = hypothesis.shown.heldout
+    heldout = hypothesis.comparison.heldout
     if heldout.slip_by_slip and heldout.gain_low is not None:
         return heldout.gain_low > 0.0
     return heldout.improves
 
 
-def _worse(hypothesis: AcceptedHypothesis) -> str:
-    """That unseen samples are predicted worse with what was named."""
+def _why_worse(hypothesis: AcceptedHypothesis) -> str:
+    """A clause: unseen samples are predicted worse with what was named."""
     return _parts_only(hypothesis, "predicted worse with it")
 
 
-def _parts_only(hypothesis: AcceptedHypothesis, reason: str) -> str:
+def _parts_only(hypothesis: AcceptedHypothesis, outcome: str) -> str:
+    """A clause: the effects explain a part of the record, and the ``outcome`` on the unfitted part,
+    with both fits.
+    """
     words = " and ".join(effect.slug.replace("_", " ") for effect in hypothesis.effects)
-    heldout = hypothesis.shown.heldout
+    heldout = hypothesis.comparison.heldout
     fit = ""
     if heldout.fit_naive is not None and heldout.fit_extended is not None:
         fit = f" (fit {heldout.fit_naive:.0f} % without, {heldout.fit_extended:.0f} % with it)"
     return (
         f"{words.capitalize()} would explain parts of this recording, but its last part, which was "
-        f"not fitted, is {reason}{fit}"
+        f"not fitted, is {outcome}{fit}"
     )
 
 
@@ -307,29 +321,29 @@ def _terms_that_stand(
     effects: tuple[Effect, ...],
     heldout: HeldOutFit,
 ) -> tuple[tuple[Effect, ...], bool]:
-    """The effects that stand although something is left, and whether it must be said to be unknown.
+    """The effects that stand although something is left, and whether that is more than noise.
 
     Where much is left, an effect must explain a good part of it; a straight line through the
     reading must do so nearly alone, predict the rest of the record, and leave no bend.
     """
     # An archive that drew lines, or a flow, leaves no noise to compare with.
     noise_known = case.own_reading and not is_compressed(case.measured)
-    open_end = noise_known and not_little_left(evaluator, fitted)
+    unexplained = noise_known and not_little_left(evaluator, fitted)
     if noise_known and much_left(evaluator, fitted):
-        nearer = _much_nearer(heldout)
+        much_nearer = _much_nearer(heldout)
         effects = tuple(
             effect
             for effect in effects
-            if effect.evidence.mean >= _least_mean(effect) or (nearer and _of_air(effect))
+            if effect.evidence.mean >= _least_mean(effect) or (much_nearer and _of_air(effect))
         )
-    lines = [effect for effect in effects if effect.slug in STRAIGHT_LINE]
-    if lines and (
+    has_line = any(effect.slug in STRAIGHT_LINE for effect in effects)
+    if has_line and (
         _refuted(heldout)
         or convincing(curvature(evaluator, fitted), evaluator.measured_counts, BEND)
     ):
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
-        open_end = open_end or not effects
-    return effects, open_end
+        unexplained = unexplained or not effects
+    return effects, unexplained
 
 
 def _much_nearer(heldout: HeldOutFit) -> bool:
@@ -345,6 +359,7 @@ def _of_air(effect: Effect) -> bool:
 
 
 def _least_mean(effect: Effect) -> float:
+    """Mean advantage that an effect must have where much is left."""
     return MEAN_OF_A_LINE if effect.slug in STRAIGHT_LINE else MEAN_WHERE_MUCH_IS_LEFT
 
 
@@ -365,14 +380,14 @@ def _effects(
     candidate_draws: Floats,
 ) -> tuple[Effect, ...]:
     """The accepted terms and the reading's errors, strongest first."""
-    evaluator, found_directions = named.evaluator, directions(recording)
+    evaluator, in_directions = named.evaluator, directions(recording)
     effects = [
-        _needed_effect(named, score, layout, best, candidate_draws, found_directions)
-        for score in named.needed
+        _needed_effect(named, needed, layout, best, candidate_draws, in_directions)
+        for needed in named.needed
     ]
     for reading in reading_errors:
         share = _share(evaluator, reading.without, named.fitted)
-        found_effect = effect(
+        error = effect(
             evaluator,
             reading.term,
             reading.members,
@@ -381,10 +396,10 @@ def _effects(
             reading.advantage,
             share,
             (reading.without.layout, reading.without.candidates.mean(axis=0)),
-            found_directions,
+            in_directions,
         )
-        effects.append(told_by(found_effect, reading.tells))
-    return tuple(sorted(effects, key=lambda item: -item.evidence.mean))
+        effects.append(told_by(error, reading.tells))
+    return tuple(sorted(effects, key=lambda accepted: -accepted.evidence.mean))
 
 
 def _needed_effect(
@@ -393,10 +408,11 @@ def _needed_effect(
     layout: CoordinateLayout,
     best: Floats,
     candidate_draws: Floats,
-    found_directions: Directions,
+    in_directions: Directions,
 ) -> Effect:
+    """A needed term as an effect; where breakaways showed it, with their evidence."""
     coordinate_slice = layout.places[needed.term.slug]
-    found_effect = effect(
+    of_trajectories = effect(
         named.evaluator,
         needed.term,
         needed.members,
@@ -405,13 +421,11 @@ def _needed_effect(
         needed.advantage,
         _share(named.evaluator, needed.without, named.fitted),
         (needed.without.layout, needed.without.candidates.mean(axis=0)),
-        found_directions,
+        in_directions,
     )
-    return (
-        found_effect
-        if needed.events is None
-        else by_events(found_effect, needed.events, needed.term, found_directions)
-    )
+    if needed.events is None:
+        return of_trajectories
+    return by_events(of_trajectories, needed.events, needed.term, in_directions)
 
 
 def _matters(effect: Effect) -> bool:

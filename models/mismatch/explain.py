@@ -47,10 +47,12 @@ from stemwatch.models.mismatch.findings import (
     Finding,
     Mismatch,
     RecordEffect,
+    ResidualMap,
     Stiction,
     Untestable,
 )
 from stemwatch.models.mismatch.flow import as_position
+from stemwatch.models.mismatch.held_out import HeldOutComparison
 from stemwatch.models.mismatch.nothing_left_out import doubt, missed_breakaways
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
@@ -139,7 +141,9 @@ def explain(
 
 
 def _stilled(recording: Recording, measured: MeasuredRecord) -> tuple[Recording, MeasuredRecord]:
-    """Without a vibration of the position's reading, which is told with the record's effects."""
+    """Recording and record effects without a vibration of the position's reading, which becomes one
+    of these effects.
+    """
     if measured.slack.any() or measured.spacing_s > recording.interval_s:
         return recording, measured
     vibration = find_vibration(recording, measured.real)
@@ -158,7 +162,11 @@ def _explained(
     refused: Mapping[str, str] = NOTHING_REFUSED,
     unsure_degree: int = 0,
 ) -> Mismatch:
-    """``refused`` are terms that are left out from the start, and why."""
+    """The mismatch of a recording in percent of travel, or why it cannot be tested.
+
+    ``own_reading``: MV is the stem's own reading, and no flow. ``refused`` are terms that are left
+    out from the start, and why. ``unsure_degree`` is that of the curve through which OP was read.
+    """
     reason = why_not(recording, measured)
     if reason is not None:
         return _not_testable(measured, reason)
@@ -170,8 +178,9 @@ def _explained(
 def _through_curve(
     recording: Recording, measured: MeasuredRecord, ceiling: Floats | None, curve: StrokeCurve
 ) -> Mismatch:
-    """A recording whose command is percent of travel only after a curve; S and J in percent of
-    OP."""
+    """The mismatch of a recording whose OP is percent of travel only through ``curve``; S and J in
+    percent of OP.
+    """
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
     degree, commanded = curve.unsure_degree, in_travel(recording, curve)
     mismatch = _explained(commanded, measured, ceiling, refused=refused, unsure_degree=degree)
@@ -185,14 +194,15 @@ def _through_curve(
 
 
 def _in_op(stiction: Stiction, curve: StrokeCurve) -> Stiction:
+    """S and J in percent of OP instead of travel."""
     return Stiction(S=curve.in_op(stiction.S), J=curve.in_op(stiction.J, is_jump=True))
 
 
 def _through_flow(recording: Recording) -> Mismatch:
-    """A recording whose MV is no position but, at best, the flow that the stem makes."""
+    """The mismatch of a recording whose MV is no position but, at best, the flow that it makes."""
     assert recording.mv is not None
-    read = as_position(recording)
-    if read is None:
+    read_as_position = as_position(recording)
+    if read_as_position is None:
         unit = recording.mv.unit or "an unknown unit"
         reason = (
             f"{recording.mv.tag} is in {unit}, not in percent of travel, and is no rising curve of "
@@ -200,9 +210,9 @@ def _through_flow(recording: Recording) -> Mismatch:
             "its values at 0 % and 100 %"
         )
         return _not_testable(measured_record(recording), reason)
-    position, curve = read
+    position, curve = read_as_position
     mismatch = _explained(position, measured_record(position), None, own_reading=False)
-    not_explained = (
+    stands_for = (
         f"{recording.mv.tag} stands for the position, read through a characteristic that explains "
         f"{100.0 * curve.share:.1f} % of it."
     )
@@ -210,39 +220,26 @@ def _through_flow(recording: Recording) -> Mismatch:
     if runs is not None and position.mv is not None:
         followed = np.where(position.mv.usable, position.mv.values, np.nan)
         runs = replace(runs, position=followed)
-    return replace(mismatch, sentence=f"{not_explained} {mismatch.sentence}", runs=runs)
+    return replace(mismatch, sentence=f"{stands_for} {mismatch.sentence}", runs=runs)
 
 
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
+    """What the accepted hypothesis says of a recording, beside S and J alone."""
     hypothesis = if_followed(accepted_hypothesis(case))
-    evaluator, comparison, effects = hypothesis.evaluator, hypothesis.shown, hypothesis.effects
+    evaluator, comparison = hypothesis.evaluator, hypothesis.comparison
     naive_only = naive_evaluator(evaluator)
     naive = conclude(
         naive_only, fit_naive(naive_only, np.ones(evaluator.problem.n_blocks, dtype=bool))
     )
     archive = _archive(case, evaluator, hypothesis.best)
     friction_alone, refitted = _stictions(case, hypothesis, naive_only, naive, archive)
-    reason = hypothesis.worse
-    if not effects and not reason:
-        reason = doubt(
-            evaluator,
-            hypothesis.fitted,
-            hypothesis.best,
-            comparison,
-            (friction_alone, refitted),
-            naive,
-        )
-    unsure = "" if effects else reason
+    unsure = _why_unsure(hypothesis, (friction_alone, refitted), naive)
     effects, delays = _but_for_clocks(case, hypothesis)
     effects = in_order_of_work(effects)
-    finding = _finding(effects, hypothesis.open_end or bool(unsure))
+    finding = _finding(effects, hypothesis.unexplained or bool(unsure))
     if not hypothesis.effects and (finding is Finding.UNKNOWN or not comparison.heldout.improves):
         comparison, refitted = comparison.of_naive_alone(), friction_alone
-    # Both maps use the same cells: place, direction and rests are those of the better model's stem.
-    nearest = comparison.runs.extended
-    noise = comparison.heldout.noise_floor
-    before = residual_map(evaluator, comparison.runs.naive, nearest, noise)
-    after = residual_map(evaluator, nearest, nearest, noise)
+    before, after = _residual_maps(evaluator, comparison)
     too_small = [DELAY] if delays else []
     tried_effects, combined_gain = what_was_tried(hypothesis.named, effects, too_small)
     mismatch = Mismatch(
@@ -270,6 +267,36 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     return mismatch if archive is None else _restored(mismatch, archive, evaluator)
 
 
+def _residual_maps(
+    evaluator: Evaluator, comparison: HeldOutComparison
+) -> tuple[ResidualMap, ResidualMap]:
+    """The residual of S and J alone and of the better model, in the same cells: place, direction
+    and rests are those of the better model's stem.
+    """
+    naive, better = comparison.runs.naive, comparison.runs.extended
+    noise = comparison.heldout.noise_floor
+    before = residual_map(evaluator, naive, better, noise)
+    return before, residual_map(evaluator, better, better, noise)
+
+
+def _why_unsure(
+    hypothesis: AcceptedHypothesis, both_stictions: tuple[Stiction, Stiction], naive: Floats
+) -> str:
+    """Why it cannot be said that nothing is left out, a clause; empty where it can, or where
+    effects were accepted.
+    """
+    if hypothesis.effects:
+        return ""
+    return hypothesis.dropped_because or doubt(
+        hypothesis.evaluator,
+        hypothesis.fitted,
+        hypothesis.best,
+        hypothesis.comparison,
+        both_stictions,
+        naive,
+    )
+
+
 def _but_for_clocks(
     case: PreparedRecording, hypothesis: AcceptedHypothesis
 ) -> tuple[tuple[Effect, ...], tuple[RecordEffect, ...]]:
@@ -278,10 +305,10 @@ def _but_for_clocks(
     age are late by on the average.
     """
     evaluator, effects = hypothesis.evaluator, hypothesis.effects
-    delay = next((one for one in effects if one.slug == DELAY), None)
+    delay = next((effect for effect in effects if effect.slug == DELAY), None)
     if delay is None:
         return effects, ()
-    named = tuple(one for one in effects if one is not delay)
+    others = tuple(effect for effect in effects if effect is not delay)
     unit_s = evaluator.problem.unit_s
     delay_s = (delay.parameters["theta"].value or 0.0) / unit_s
     uneven = _uneven_readings(case, hypothesis)
@@ -289,9 +316,9 @@ def _but_for_clocks(
         age_s = uneven.half_width * evaluator.problem.interval_s
         beyond_s = np.array([delay_s - age_s])
         if catalogue()[DELAY].inherent(beyond_s, evaluator.summary):
-            return named, (uneven_readings_effect(age_s, unit_s),)
+            return others, (uneven_readings_effect(age_s, unit_s),)
     if delay.members == (DELAY,) and delay.inherent:
-        return named, (small_delay_effect(delay_s, unit_s),)
+        return others, (small_delay_effect(delay_s, unit_s),)
     return effects, ()
 
 
@@ -355,7 +382,9 @@ def _stictions(
     evaluator, effects = hypothesis.evaluator, hypothesis.effects
     # Where no named effect moves the levels, and every sample was kept, the breakaways give the
     # best S and J: a drift of the reading shifts both directions and not their mean.
-    can_be_restated = not hypothesis.open_end and not hypothesis.worse and archive is None
+    can_be_restated = (
+        not hypothesis.unexplained and not hypothesis.dropped_because and archive is None
+    )
     can_be_restated = can_be_restated and all(
         effect.slug in (*STRAIGHT_LINE, DELAY) for effect in effects
     )
@@ -392,9 +421,10 @@ def of_rivals(hypothesis: AcceptedHypothesis) -> Iterator[tuple[Estimate, Estima
         yield of_candidate(middle)
 
 
-def _finding(effects: tuple[Effect, ...], open_end: bool) -> Finding:
+def _finding(effects: tuple[Effect, ...], unexplained: bool) -> Finding:
+    """``unexplained``: without effects it cannot be said that nothing is left out."""
     if not effects:
-        return Finding.UNKNOWN if open_end else Finding.NONE
+        return Finding.UNKNOWN if unexplained else Finding.NONE
     single = all(len(effect.members) == 1 for effect in effects)
     return Finding.NAMED if single else Finding.CANDIDATES
 
@@ -434,17 +464,17 @@ def scores(recording: Recording) -> NullScores:
     case = prepare(recording, measured, None, problem_of(recording, measured))
     terms = of_the_valve(admissible(case.refused))
     named = name_terms(case.base, terms)
-    evaluator, told = named.evaluator, named.evaluator.measured_counts
+    evaluator, counts = named.evaluator, named.evaluator.measured_counts
     first: tuple[TermScore, ...] = named.stages[0].scores
     return NullScores(
         terms={
             score.slug: (
                 score.advantage.mean,
                 score.advantage.t,
-                strength(score.advantage, told, score.slug),
+                strength(score.advantage, counts, score.slug),
             )
             for score in first
         },
         pair=strongest_pair(named, terms),
-        left=remaining_loss(evaluator, named.base) / short_record_factor(told) ** 2,
+        left=remaining_loss(evaluator, named.base) / short_record_factor(counts) ** 2,
     )
