@@ -26,7 +26,7 @@ from stemwatch.models.mismatch.describe_effect import (
     by_events,
     directions,
     effect,
-    told_by,
+    with_what_tells,
 )
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.drive import name_drive, starts_of_first_part
@@ -398,7 +398,7 @@ def _effects(
             (reading.without.layout, reading.without.candidates.mean(axis=0)),
             in_directions,
         )
-        effects.append(told_by(error, reading.tells))
+        effects.append(with_what_tells(error, reading.tells))
     return tuple(sorted(effects, key=lambda accepted: -accepted.evidence.mean))
 
 

@@ -83,7 +83,7 @@ class _Rests(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ToldByBreakaways:
+class BreakawayEvidence:
     """An effect ``slug`` and its ``size`` (percent of span per e-fold of rest, or percent of
     travel) with its standard ``error`` and normal score ``z``, the lesser of that alone and that
     beside the other effect; ``usual`` is the mean of ``ln(1 + rest/t0)``, ``events`` the number of
@@ -109,7 +109,7 @@ class ToldByBreakaways:
         return LEAST_SIZE[self.slug] <= self.size <= MOST_SIZE[self.slug]
 
 
-def told_by_breakaways(evaluator: Evaluator, fitted: Fitted) -> list[ToldByBreakaways]:
+def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEvidence]:
     """What the breakaways tell of dwell and play beside S and J alone, the higher score first.
 
     Empty with fewer than eight breakaways, and where an archive drew lines, so that the time of a
@@ -133,7 +133,7 @@ def told_by_breakaways(evaluator: Evaluator, fitted: Fitted) -> list[ToldByBreak
     count = int(rests.side.size)
     goes_on = int(np.count_nonzero(rests.side == rests.before))
     answers = [
-        ToldByBreakaways(
+        BreakawayEvidence(
             slug,
             float(alone[place]),
             min(
@@ -296,7 +296,7 @@ def _with_slope(
     return value, slope
 
 
-def refit_with_size(evaluator: Evaluator, neutral_fit: Fitted, seen: ToldByBreakaways) -> Fitted:
+def refit_with_size(evaluator: Evaluator, neutral_fit: Fitted, seen: BreakawayEvidence) -> Fitted:
     """``neutral_fit``, a fit with the term at neutral, refitted with the size that was ``seen``.
 
     The size is held within two standard errors of that value: trajectories are hardly sensitive to
@@ -318,7 +318,7 @@ def refit_with_size(evaluator: Evaluator, neutral_fit: Fitted, seen: ToldByBreak
 def _with_size(
     candidates: Floats,
     coordinate_slice: slice,
-    seen: ToldByBreakaways,
+    seen: BreakawayEvidence,
     S_less: float,
     J_less: float,
 ) -> Floats:

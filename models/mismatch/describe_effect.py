@@ -11,7 +11,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.acceptance_limits import strength
-from stemwatch.models.mismatch.breakaway_levels import LEAST_Z, ToldByBreakaways
+from stemwatch.models.mismatch.breakaway_levels import LEAST_Z, BreakawayEvidence
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
@@ -141,7 +141,7 @@ def in_order_of_work(effects: Iterable[Effect]) -> tuple[Effect, ...]:
 
 
 def by_events(
-    found_effect: Effect, seen: ToldByBreakaways, term: Term, found_directions: Directions
+    found_effect: Effect, seen: BreakawayEvidence, term: Term, found_directions: Directions
 ) -> Effect:
     """``found_effect`` with the evidence and the interval from its breakaways in place of those
     from the residual.
@@ -163,7 +163,7 @@ def by_events(
     return replace(found_effect, sentence=sentence, evidence=evidence, parameters=parameters)
 
 
-def told_by(found_effect: Effect, tells: str) -> Effect:
+def with_what_tells(found_effect: Effect, tells: str) -> Effect:
     """``found_effect`` with a sentence on what would tell it from the others of its class."""
     note = f"{found_effect.evidence.note} {tells}".rstrip()
     return replace(found_effect, evidence=replace(found_effect.evidence, note=note))

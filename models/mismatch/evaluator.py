@@ -41,9 +41,7 @@ DRIVE, LOAD = "motor_drive", "load_by_position"  # these limit the base's own co
 LATE_DRIVE = 8.0  # samples by which a bus and a controller may delay a command
 # How far from its level a breakaway may come, a share: three times a normal scatter and more.
 WINDOW = 0.35
-EVENT_OF_DRAWN = (
-    0.7  # weight of a breakaway, in samples, where the archive interpolated most samples
-)
+EVENT_OF_DRAWN = 0.7  # weight of a breakaway, in samples, where most of these are interpolated
 FIRST_SCATTER = 0.08  # of the level (S + J)/2
 _NOTHING = np.empty((0, 0))
 
@@ -62,6 +60,12 @@ def batches(counts: Sequence[int]) -> Iterator[list[tuple[int, slice]]]:
             for batch_number, (first, last) in enumerate(pairwise(ends))
             if first < end and begin < last
         ]
+
+
+def S_and_J(candidate: Floats) -> tuple[float, float]:
+    """S and J of a candidate (size,), percent of travel."""
+    S = float(candidate[S_PERCENT])
+    return S, S * float(candidate[RATIO])
 
 
 @njit(cache=True)
@@ -110,7 +114,10 @@ class TermSet:
 
 @dataclass(frozen=True)
 class CoordinateLayout:
-    """Where the coordinates of a hypothesis lie, and their limits."""
+    """Where the coordinates of a hypothesis lie, and their limits.
+
+    ``places`` has those of each term, by its slug; the six of the base come before them.
+    """
 
     hypothesis: TermSet
     places: dict[str, slice]
@@ -197,14 +204,17 @@ class RunRequest:
         self.losses[part] = runs.losses
 
 
-Piece = tuple[
-    CoordinateLayout, Floats
-]  # candidates (m, size) that run side by side with those of others
+# Candidates (m, size) of a layout that run side by side with those of others.
+Piece = tuple[CoordinateLayout, Floats]
 
 
 @dataclass(frozen=True)
 class Evaluator:
-    """One recording with everything that a search over hypotheses shares."""
+    """One recording with everything that a search over hypotheses shares.
+
+    ``slack`` (n,) is how far the true value may lie from an interpolated one, percent; 0 where it
+    was measured.
+    """
 
     problem: FitProblem
     summary: RecordingSummary
@@ -216,9 +226,7 @@ class Evaluator:
     scatter: float  # of the breakaway level, percent of span
     window: float  # how far from its level a breakaway may come, a share; 0: free runs
     event: float  # weight of a breakaway, in samples
-    slack: (
-        Floats  # (n,) how far the true value may lie from an interpolated one, percent; 0: measured
-    )
+    slack: Floats
     _upcoming: tuple[Samples, Samples]
     _stems: Stems
     _forces: Forces
@@ -251,14 +259,14 @@ class Evaluator:
 
     def simulate(self, layout: CoordinateLayout, candidate: Floats) -> Floats:
         """(n,) MV by a free run, percent; only gaps in the recording restart it."""
-        runs = self._first(1)
+        runs = self._buffers(1)
         self._follow([(layout, candidate[None])], self.problem.start, 0.0, runs)
         return np.array(runs.simulated[:, 0])
 
     def assimilated(self, layout: CoordinateLayout, candidate: Floats) -> tuple[Floats, Floats]:
         """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each of these
         ``onsets`` (e,) came, percent; 0 where the run did not let go with it."""
-        runs = self._first(1)
+        runs = self._buffers(1)
         self._follow([(layout, candidate[None])], self.marks, self.window, runs)
         return np.array(runs.simulated[:, 0]), runs.early_late[0, self.onsets.at]
 
@@ -284,7 +292,7 @@ class Evaluator:
     def _serve(self, parts: list[tuple[RunRequest, slice]]) -> None:
         """Run up to LANES candidates, and hand each request its part of the results."""
         ends = list(accumulate(part.stop - part.start for _, part in parts))
-        runs = self._first(ends[-1])
+        runs = self._buffers(ends[-1])
         if not any(request.reads for request, _ in parts):
             runs = RunResults(_NOTHING, _NOTHING, runs.losses)
         pieces = [(request.layout, request.candidates[part]) for request, part in parts]
@@ -342,8 +350,8 @@ class Evaluator:
         block = self.problem.block[self.measured]
         return np.bincount(block, minlength=self.problem.n_blocks).astype(np.float64)
 
-    def _first(self, count: int) -> RunResults:
-        """Buffers for the runs of some candidates."""
+    def _buffers(self, count: int) -> RunResults:
+        """The buffers for the runs of ``count`` candidates."""
         runs, n = self._runs, self.problem.op.size
         simulated = runs.simulated.ravel()[: n * count].reshape(n, count)
         return RunResults(simulated, runs.early_late[:count], runs.losses[:count])
@@ -369,7 +377,7 @@ class Evaluator:
         )
 
     def _fill(self, pieces: Sequence[Piece]) -> None:
-        """The stems of the candidates."""
+        """Write the stems of the candidates, in their order, into ``_stems``."""
         base = np.concatenate([candidates[:, :N_BASE] for _, candidates in pieces])
         count = base.shape[0]
         stem_of_each, q = self._stems.each[:count], self._stems.numbers[:count]
@@ -420,7 +428,7 @@ def make_evaluator(
     n = problem.op.size
     slack = np.zeros(n) if slack is None else slack
     usable = np.isfinite(problem.mv)
-    seen = onsets(problem.mv, usable, problem.sigma, problem.interval_s)
+    seen_onsets = onsets(problem.mv, usable, problem.sigma, problem.interval_s)
     return Evaluator(
         problem=problem,
         summary=summary,
@@ -428,12 +436,12 @@ def make_evaluator(
         restick=restick,
         base_bounds=base_bounds,
         marks=_at_measured(problem.resynced_marks, slack),
-        onsets=seen,
+        onsets=seen_onsets,
         scatter=scatter,
         window=WINDOW,
         event=EVENT_OF_DRAWN if slack.any() else stem_number.EVENT,
         slack=slack,
-        _upcoming=seen.upcoming(n),
+        _upcoming=seen_onsets.upcoming(n),
         _stems=Stems.neutral(LANES, n, problem.interval_s),
         _forces=Forces.none_yet(problem.op, problem.start, problem.interval_s, LANES),
         _runs=RunResults(

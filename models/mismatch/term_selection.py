@@ -21,9 +21,9 @@ from stemwatch.models.mismatch.batched_search import Search, conclude, run_toget
 from stemwatch.models.mismatch.breakaway_levels import (
     LEAST_T,
     PLAY,
-    ToldByBreakaways,
+    BreakawayEvidence,
+    breakaway_evidence,
     refit_with_size,
-    told_by_breakaways,
 )
 from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
@@ -41,18 +41,24 @@ from stemwatch.models.mismatch.crossfit import (
     scored,
     widened,
 )
-from stemwatch.models.mismatch.evaluator import Evaluator, TermSet
+from stemwatch.models.mismatch.evaluator import (
+    DEAD_TIME,
+    CoordinateLayout,
+    Evaluator,
+    S_and_J,
+    TermSet,
+)
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 
 MOST_TERMS = 3
-LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3
+LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3  # of S; of travel; a smaller jump is not visible
 REFINED = 3  # candidates of a stage that are searched with care
 PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
 AS_GOOD = 1.5  # paired t below which two explanations cannot be separated
-ATTEMPTS = 2
+ATTEMPTS = 2  # looks at the terms of a stage, each on a base that was restarted from the last
 # Terms that are looked at again where the base has moved, the best of the look before.
 LOOKED_AT_AGAIN = 7
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
@@ -102,7 +108,7 @@ class Needed:
     stage: SelectionStage
     without: Fitted
     advantage: Advantage
-    events: ToldByBreakaways | None = None  # that showed it, where the trajectories did not
+    events: BreakawayEvidence | None = None  # that showed it, where the trajectories did not
     of_pair: bool = False  # was found together with another, without which it gains little
 
     @property
@@ -155,11 +161,7 @@ def _looked_at(
 
 def _starts(evaluator: Evaluator, simple: Fitted, term: Term, rich: TermSet) -> Floats:
     """(m, size) where the search for one more term begins."""
-    middle = simple.candidates.mean(axis=0)
-    S, J = (
-        float(middle[base_coordinate.S_PERCENT]),
-        float(middle[base_coordinate.S_PERCENT] * middle[base_coordinate.RATIO]),
-    )
+    S, J = S_and_J(simple.candidates.mean(axis=0))
     return widened(evaluator, rich, simple, term, beginnings(term, S, J))
 
 
@@ -170,35 +172,30 @@ def _ordered(scores: Iterable[TermScore]) -> list[TermScore]:
 def neutral(evaluator: Evaluator, simple: Fitted, rich: TermSet) -> Search[Fitted]:
     """``simple`` written in the coordinates of ``rich``, its new terms neutral."""
     layout = evaluator.layout(rich)
-    candidates = np.zeros((2, layout.size))
-    candidates[:, : base_coordinate.N_BASE] = simple.candidates[:, : base_coordinate.N_BASE]
-    for slug, coordinate_slice in simple.layout.places.items():
-        candidates[:, layout.places[slug]] = simple.candidates[:, coordinate_slice]
-    if (
-        base_coordinate.DEAD_TIME in layout.places
-        and base_coordinate.DEAD_TIME not in simple.layout.places
-    ):
-        candidates[:, layout.places[base_coordinate.DEAD_TIME]] = simple.candidates[
-            :, [base_coordinate.DELAY]
-        ]
-    fitted = yield from scored(layout, layout.bounds.clip(candidates))
+    fitted = yield from scored(layout, _carried_over(simple, layout))
     return fitted
 
 
 def reduced(evaluator: Evaluator, rich: Fitted, simple: TermSet) -> Floats:
     """(2, size) the candidates of ``rich`` in the coordinates of ``simple``."""
-    layout = evaluator.layout(simple)
+    return _carried_over(rich, evaluator.layout(simple))
+
+
+def _carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
+    """(2, size) the candidates of ``fitted`` in the coordinates of a ``layout`` with more terms,
+    which are neutral, or with fewer.
+
+    A dead time takes the place of the base's delay, and the other way round.
+    """
     candidates = np.zeros((2, layout.size))
-    candidates[:, : base_coordinate.N_BASE] = rich.candidates[:, : base_coordinate.N_BASE]
-    for slug, coordinate_slice in layout.places.items():
-        candidates[:, coordinate_slice] = rich.candidates[:, rich.layout.places[slug]]
-    if (
-        base_coordinate.DEAD_TIME in rich.layout.places
-        and base_coordinate.DEAD_TIME not in layout.places
-    ):
-        candidates[:, [base_coordinate.DELAY]] = rich.candidates[
-            :, rich.layout.places[base_coordinate.DEAD_TIME]
-        ]
+    candidates[:, : base_coordinate.N_BASE] = fitted.candidates[:, : base_coordinate.N_BASE]
+    shared = layout.places.keys() & fitted.layout.places.keys()
+    for slug in shared:
+        candidates[:, layout.places[slug]] = fitted.values(slug)
+    if DEAD_TIME in layout.places.keys() - shared:
+        candidates[:, layout.places[DEAD_TIME]] = fitted.candidates[:, [base_coordinate.DELAY]]
+    elif DEAD_TIME in fitted.layout.places.keys() - shared:
+        candidates[:, [base_coordinate.DELAY]] = fitted.values(DEAD_TIME)
     return layout.bounds.clip(candidates)
 
 
@@ -211,19 +208,19 @@ def refined(
     A local minimum of the simple hypothesis is the commonest cause of a false discovery: where a
     restart finds a better one, the whole stage is repeated from there.
     """
-    again, scores = list(terms), list[TermScore]()
+    to_look_at, scores = list(terms), list[TermScore]()
     for _ in range(ATTEMPTS):
-        looked = yield from screened(evaluator, simple, again, effort)
-        looked += scores[LOOKED_AT_AGAIN:]
-        promising = [score for score in looked[:REFINED] if score.advantage.mean >= PROMISING]
+        first_looks = yield from screened(evaluator, simple, to_look_at, effort)
+        first_looks += scores[LOOKED_AT_AGAIN:]
+        promising = [score for score in first_looks[:REFINED] if score.advantage.mean >= PROMISING]
         careful = yield from run_together(_careful(evaluator, score) for score in promising)
-        scores = [*careful, *looked[len(promising) :]]
+        scores = [*careful, *first_looks[len(promising) :]]
         restarted = yield from _restarted(evaluator, simple, scores[:REFINED])
         moved = gain(evaluator, simple, restarted).mean
         simple = restarted
         if moved < MOVED:
             break
-        again = [score.term for score in scores[:LOOKED_AT_AGAIN]]
+        to_look_at = [score.term for score in scores[:LOOKED_AT_AGAIN]]
     nested = yield from run_together(_nested(evaluator, simple, score) for score in scores)
     return simple, _ordered(nested)
 
@@ -269,11 +266,7 @@ def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
     """False for a stem that does not jump: then play and friction make one dead band, and cannot be
     separated.
     """
-    middle = fitted.candidates.mean(axis=0)
-    S, J = (
-        middle[base_coordinate.S_PERCENT],
-        middle[base_coordinate.S_PERCENT] * middle[base_coordinate.RATIO],
-    )
+    S, J = S_and_J(fitted.candidates.mean(axis=0))
     return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT))
 
 
@@ -289,9 +282,9 @@ def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[
             break
     rivals = [score for score in passing if score is not best and _as_good(evaluator, score, best)]
     # A second lag on top of a lag is what another delay looks like.
-    other = next((score for score in rivals if not _related(score)), None)
-    if other is not None and _related(best):
-        return [other, *(score for score in (best, *rivals) if score is not other)]
+    unrelated = next((score for score in rivals if not _related(score)), None)
+    if unrelated is not None and _related(best):
+        return [unrelated, *(score for score in (best, *rivals) if score is not unrelated)]
     return [best, *rivals]
 
 
@@ -332,52 +325,65 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
     evaluator, simple = base.evaluator, base.fitted
     terms_left = list(terms)
     stages: list[SelectionStage] = []
-    first = simple
-    for stage in range(MOST_TERMS):
-        effort = LOOK if stage == 0 else GLANCE
-        simple, scores = conclude(evaluator, refined(evaluator, simple, terms_left, effort))
-        if stage == 0:
-            first = simple
-        accepted_scores, promising = accepted(evaluator, scores, stage), False
-        if not accepted_scores and stage == 0 and not_little_left(evaluator, simple):
-            # Two terms that explain it together may gain nothing one by one; whether both are
-            # needed is tested at the end.
-            accepted_scores = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
-            promising = True
-        stages.append(SelectionStage(simple, tuple(scores), tuple(accepted_scores), promising))
-        if not accepted_scores:
+    for number in range(MOST_TERMS):
+        stage = _stage(evaluator, simple, terms_left, number)
+        stages.append(stage)
+        simple = stage.before
+        if not stage.accepted:
             break
-        simple = conclude(evaluator, refit(evaluator, accepted_scores[0].fitted, POLISH))
-        terms_left = [term for term in terms_left if term.slug != accepted_scores[0].slug]
+        chosen = stage.accepted[0]
+        simple = conclude(evaluator, refit(evaluator, chosen.fitted, POLISH))
+        terms_left = [term for term in terms_left if term.slug != chosen.slug]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
-    if any(one.term.slug == PLAY for one in needed) and not jump_is_visible(fitted, evaluator):
+    has_play = any(term_needed.term.slug == PLAY for term_needed in needed)
+    if has_play and not jump_is_visible(fitted, evaluator):
         # A later term has taken away the jump that separated play from friction.
         return _named_from(base, [term for term in terms if term.slug != PLAY])
     if not needed:
-        fitted, needed = told_by_events(evaluator, fitted, terms)
+        fitted, needed = named_by_breakaways(evaluator, fitted, terms)
     return Named(
-        evaluator=evaluator, base=first, fitted=fitted, needed=tuple(needed), stages=tuple(stages)
+        evaluator=evaluator,
+        base=stages[0].before,
+        fitted=fitted,
+        needed=tuple(needed),
+        stages=tuple(stages),
     )
 
 
-def told_by_events(
+def _stage(
+    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term], number: int
+) -> SelectionStage:
+    """Round ``number``, from 0: one more of ``terms`` on top of ``simple``."""
+    effort = LOOK if number == 0 else GLANCE
+    before, scores = conclude(evaluator, refined(evaluator, simple, terms, effort))
+    explaining = accepted(evaluator, scores, number)
+    look_for_two = not explaining and number == 0 and not_little_left(evaluator, before)
+    if not look_for_two:
+        return SelectionStage(before, tuple(scores), tuple(explaining))
+    # Two terms that explain it together may gain nothing one by one; whether both are needed is
+    # tested at the end.
+    best_guess = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
+    return SelectionStage(before, tuple(scores), tuple(best_guess), promising=True)
+
+
+def named_by_breakaways(
     evaluator: Evaluator, simple: Fitted, terms: Sequence[Term]
 ) -> tuple[Fitted, list[Needed]]:
     """Dwell or play, where the breakaways together show it although no trajectory needs a term."""
     by_slug = {term.slug: term for term in terms}
-    for seen in told_by_breakaways(evaluator, simple):
-        if not seen.convincing or seen.slug not in by_slug:
+    for evidence in breakaway_evidence(evaluator, simple):
+        if not evidence.convincing or evidence.slug not in by_slug:
             continue
-        term = by_slug[seen.slug]
+        term = by_slug[evidence.slug]
         neutral_fit = conclude(
             evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term))
         )
-        fitted = refit_with_size(evaluator, neutral_fit, seen)
+        fitted = refit_with_size(evaluator, neutral_fit, evidence)
         score = TermScore(term, fitted, gain(evaluator, simple, fitted))
-        if score.advantage.t < LEAST_T[seen.slug]:
+        if score.advantage.t < LEAST_T[evidence.slug]:
             continue  # something else moves the levels
         stage = SelectionStage(simple, (score,), (score,))
-        return fitted, [Needed(stage, simple, score.advantage, seen)]
+        return fitted, [Needed(stage, simple, score.advantage, evidence)]
     return simple, []
 
 
@@ -392,10 +398,7 @@ def lacking(named: Named, slugs: Collection[str]) -> Named:
         tuple(term for term in named.fitted.layout.hypothesis.terms if term.slug not in slugs)
     )
     evaluator = named.evaluator
-    start = conclude(
-        evaluator, scored(evaluator.layout(remaining), reduced(evaluator, named.fitted, remaining))
-    )
-    fitted = conclude(evaluator, refit(evaluator, start, CAREFUL))
+    fitted = _refitted_with(evaluator, named.fitted, remaining)
     if len(stages) == 1:
         # Its own stage may have had a term before it that is gone now.
         stages = [replace(stages[0], before=named.base)]
@@ -412,26 +415,11 @@ def pruned(
     The first term of two has often stood in for both.
     """
     if len(stages) == 1:
-        only, before = stages[0], stages[0].before
-        if before.layout.hypothesis.terms:
-            # It was found behind a term that has been dropped since.
-            base_layout = evaluator.layout(TermSet())
-            start = conclude(
-                evaluator, scored(base_layout, reduced(evaluator, fitted, base_layout.hypothesis))
-            )
-            before = conclude(evaluator, refit(evaluator, start, CAREFUL))
-        advantage = gain(evaluator, before, fitted)
-        if not _is_needed(evaluator, fitted, only, advantage):
-            # What was polished on both folds predicts less than it did at its first look, or was
-            # taken for the sake of a second term that was not found.
-            return before, []
-        return fitted, [Needed(only, before, advantage)]
+        return _only_if_needed(evaluator, fitted, stages[0])
     needed: list[Needed] = []
     for stage in stages:
-        lacking = fitted.layout.hypothesis.without(stage.accepted[0].slug)
-        layout = evaluator.layout(lacking)
-        start = conclude(evaluator, scored(layout, reduced(evaluator, fitted, lacking)))
-        without_term = conclude(evaluator, refit(evaluator, start, CAREFUL))
+        fewer = fitted.layout.hypothesis.without(stage.accepted[0].slug)
+        without_term = _refitted_with(evaluator, fitted, fewer)
         advantage = gain(evaluator, without_term, fitted)
         if _is_needed(evaluator, fitted, stage, advantage, 1):
             needed.append(Needed(stage, without_term, advantage))
@@ -442,6 +430,30 @@ def pruned(
     return fitted, needed
 
 
+def _only_if_needed(
+    evaluator: Evaluator, fitted: Fitted, stage: SelectionStage
+) -> tuple[Fitted, list[Needed]]:
+    """``fitted``, which has the term of one stage alone, or what stood before where it is not
+    needed.
+    """
+    before = stage.before
+    if before.layout.hypothesis.terms:
+        # It was found behind a term that has been dropped since.
+        before = _refitted_with(evaluator, fitted, TermSet())
+    advantage = gain(evaluator, before, fitted)
+    if _is_needed(evaluator, fitted, stage, advantage):
+        return fitted, [Needed(stage, before, advantage)]
+    # What was polished on both folds predicts less than it did at its first look, or was taken for
+    # the sake of a second term that was not found.
+    return before, []
+
+
+def _refitted_with(evaluator: Evaluator, fitted: Fitted, terms: TermSet) -> Fitted:
+    """``fitted`` with no more than some of its ``terms``, searched anew."""
+    start = conclude(evaluator, scored(evaluator.layout(terms), reduced(evaluator, fitted, terms)))
+    return conclude(evaluator, refit(evaluator, start, CAREFUL))
+
+
 def _is_needed(
     evaluator: Evaluator,
     fitted: Fitted,
@@ -449,8 +461,9 @@ def _is_needed(
     advantage: Advantage,
     number: int = 0,
 ) -> bool:
-    """True where the hypothesis gains by the term of a stage beyond chance; where that was only
-    promising, and has passed no test of its size, its size must be material as well.
+    """True where the hypothesis gains by the term of a stage beyond what chance reaches in round
+    ``number``; where that was only promising, and has passed no test of its size, its size must be
+    material as well.
     """
     term = stage.accepted[0].term
     if not convincing(advantage, evaluator.measured_counts, term.slug, number):

@@ -15,8 +15,8 @@ from stemwatch.models.mismatch.breakaway_levels import (
     DWELL,
     LEAST_Z,
     PLAY,
+    breakaway_evidence,
     refit_with_size,
-    told_by_breakaways,
 )
 from stemwatch.models.mismatch.crossfit import scored
 from stemwatch.models.mismatch.explain import explain
@@ -53,7 +53,7 @@ def simulated(place):
 
 def told(recording, slug, S=4.0, J=1.2):
     """What the breakaways of a recording tell of one effect."""
-    answers = told_by_breakaways(*base_of(recording, S, J))
+    answers = breakaway_evidence(*base_of(recording, S, J))
     return next((answer for answer in answers if answer.slug == slug), None)
 
 
@@ -80,7 +80,7 @@ def test_play_is_seen_where_the_stem_turns():
 
 def test_breakaways_at_one_level_tell_neither():
     """Without dwell and play there is no such thing."""
-    answers = told_by_breakaways(*base_of(simulated_by_chain(samples=7200)))
+    answers = breakaway_evidence(*base_of(simulated_by_chain(samples=7200)))
     assert not any(answer.convincing for answer in answers)
 
 
@@ -97,7 +97,7 @@ def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
 
 def test_few_breakaways_tell_nothing():
     """Two minutes hold fewer than eight."""
-    assert told_by_breakaways(*base_of(simulated_by_chain(samples=120))) == []
+    assert breakaway_evidence(*base_of(simulated_by_chain(samples=120))) == []
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_few_breakaways_tell_nothing():
 def test_the_refit_holds_the_size_and_gives_back_s_and_j(slug, size, S, J):
     """The size from the breakaways stays in the model; S and J change by what belongs to it."""
     evaluator, result = base_of(simulated_by_chain(samples=7200, **{slug: [size]}), S, J)
-    seen = next(item for item in told_by_breakaways(evaluator, result) if item.slug == slug)
+    seen = next(item for item in breakaway_evidence(evaluator, result) if item.slug == slug)
     conclusion = conclude(
         evaluator, neutral(evaluator, result, hypothesis().plus(catalogue()[slug]))
     )
