@@ -60,10 +60,11 @@ def departure(low: float, high: float) -> float:
 
 
 def _wider_movement(evaluator: Evaluator, height: float) -> str:
+    """The sentence for a bow of ``height`` percent at its middle: the moves that would show it."""
     low, high = evaluator.summary.mv_low, evaluator.summary.mv_high
-    seen = f"Over {low:.0f} to {high:.0f} % of travel a bow is nearly a straight line"
+    alike = f"Over {low:.0f} to {high:.0f} % of travel a bow is nearly a straight line"
     while low > 0.0 or high < 100.0:
         low, high = max(low - WIDER, 0.0), min(high + WIDER, 100.0)
         if height * departure(low, high) >= SHOWS * evaluator.delta:
-            return f"{seen}; moves from {low:.0f} to {high:.0f} % would tell the two apart."
-    return f"{seen}; only a stroke check with the scale at the stem tells the two apart."
+            return f"{alike}; moves from {low:.0f} to {high:.0f} % would tell the two apart."
+    return f"{alike}; only a stroke check with the scale at the stem tells the two apart."

@@ -59,8 +59,8 @@ RESTICKS = (0.0, 0.01, 0.03, 0.06, 0.12, 0.25, 0.5, 1.0, 4.0)  # percent per sec
 AFTER_RESTICK = 4  # rounds of descent
 DISAGREE = 0.1  # percent per second between the folds' speeds of sticking again
 BEND_DEGREE = 3
-BEND_ROUNDS = 3  # of reweighting
 BEND_SAMPLES = 30  # the fewest that show a bend
+REWEIGHTINGS = 3  # of a robust linear fit
 
 
 @dataclass(frozen=True)
@@ -335,30 +335,36 @@ def widened(
         # descent.
         centre[base_coordinate.RESTICK] = slow
     rows = []
-    for start in beginnings:
-        base = np.zeros(layout.size)
-        base[: base_coordinate.N_BASE] = centre[: base_coordinate.N_BASE]
-        base[base_coordinate.S_PERCENT], base[base_coordinate.RATIO] = (
-            start.S,
-            start.J / max(start.S, 1e-6),
-        )
-        if start.restick is not None:
-            base[base_coordinate.RESTICK] = start.restick
-        if start.plain:
-            base[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
-        for slug, coordinate_slice in simple.layout.places.items():
-            base[layout.places[slug]] = centre[coordinate_slice]
-        block = np.tile(base, (grid.shape[0], 1))
-        block[:, layout.places[term.slug]] = grid
-        S = np.maximum(start.S - start.S_less * grid[:, 0], 0.3 * start.S)
-        J = np.clip(start.J - start.J_less * grid[:, 0], 0.05 * S, S)
-        if start.S_less != 0.0 or start.J_less != 0.0:
-            block[:, base_coordinate.S_PERCENT], block[:, base_coordinate.RATIO] = (
-                S,
-                J / np.maximum(S, 1e-6),
-            )
-        rows.append(block)
+    for beginning in beginnings:
+        start = _start_at(beginning, layout, simple.layout, centre)
+        starts = np.tile(start, (grid.shape[0], 1))
+        starts[:, layout.places[term.slug]] = grid
+        if beginning.S_less != 0.0 or beginning.J_less != 0.0:
+            S = np.maximum(beginning.S - beginning.S_less * grid[:, 0], 0.3 * beginning.S)
+            J = np.clip(beginning.J - beginning.J_less * grid[:, 0], 0.05 * S, S)
+            starts[:, base_coordinate.S_PERCENT] = S
+            starts[:, base_coordinate.RATIO] = J / np.maximum(S, 1e-6)
+        rows.append(starts)
     return layout.bounds.clip(np.vstack(rows))
+
+
+def _start_at(
+    beginning: Beginning, layout: CoordinateLayout, simple: CoordinateLayout, centre: Floats
+) -> Floats:
+    """(size,) a start in ``layout`` with the S and J of ``beginning`` and all else from ``centre``,
+    a candidate of the ``simple`` layout.
+    """
+    start = np.zeros(layout.size)
+    start[: base_coordinate.N_BASE] = centre[: base_coordinate.N_BASE]
+    start[base_coordinate.S_PERCENT] = beginning.S
+    start[base_coordinate.RATIO] = beginning.J / max(beginning.S, 1e-6)
+    if beginning.restick is not None:
+        start[base_coordinate.RESTICK] = beginning.restick
+    if beginning.plain:
+        start[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
+    for slug, coordinate_slice in simple.places.items():
+        start[layout.places[slug]] = centre[coordinate_slice]
+    return start
 
 
 def curvature(evaluator: Evaluator, fitted: Fitted) -> Advantage:
@@ -400,14 +406,22 @@ def _curve(places: Floats, residual: Floats, new_places: Floats, delta: float) -
     columns = np.polynomial.legendre.legvander(
         np.clip((places - centre) / half, -1, 1), BEND_DEGREE
     )
-    weight: Floats = np.ones(places.size)
-    coefficients: Floats = np.zeros(BEND_DEGREE + 1)
-    for _ in range(BEND_ROUNDS):
-        weighted = columns * weight[:, None]
-        solved = np.linalg.lstsq(weighted.T @ columns, weighted.T @ residual, rcond=None)
-        coefficients = np.asarray(solved[0], dtype=np.float64)
-        weight = np.asarray(1.0 / (1.0 + ((residual - columns @ coefficients) / delta) ** 2))
+    coefficients = robust_coefficients(columns, residual, delta)
     basis_there = np.polynomial.legendre.legvander(
         np.clip((new_places - centre) / half, -1, 1), BEND_DEGREE
     )
     return np.asarray(basis_there @ coefficients)
+
+
+def robust_coefficients(columns: Floats, values: Floats, delta: float) -> Floats:
+    """(m,) coefficients of ``columns`` (n, m) for ``values`` (n,), by Cauchy's loss of scale
+    ``delta``: iteratively reweighted least squares.
+    """
+    weight: Floats = np.ones(values.size)
+    coefficients: Floats = np.zeros(columns.shape[1])
+    for _ in range(REWEIGHTINGS):
+        weighted = columns * weight[:, None]
+        solved = np.linalg.lstsq(weighted.T @ columns, weighted.T @ values, rcond=None)
+        coefficients = np.asarray(solved[0], dtype=np.float64)
+        weight = np.asarray(1.0 / (1.0 + ((values - columns @ coefficients) / delta) ** 2))
+    return coefficients

@@ -23,7 +23,7 @@ from stemwatch.models.mismatch.base_fit import (
 )
 from stemwatch.models.mismatch.batched_search import Search, conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search, widened
-from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, TermSet
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, S_and_J, TermSet
 from stemwatch.models.mismatch.findings import FreeRuns, HeldOutFit
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
@@ -81,14 +81,14 @@ class FirstPart:
         evaluator = self.evaluator
         layout = evaluator.layout(TermSet())
         starts = np.vstack((_few_candidates(evaluator), beyond_command(evaluator.summary, 0.0)))
-        found = conclude(
+        sliding = conclude(
             evaluator,
             search(evaluator, layout, self.blocks, layout.bounds.clip(starts), CAREFUL),
         )
-        slides = found.candidate[None, :]
-        starts = np.vstack((slides, *sticking_again(layout, slides)))
-        again = conclude(evaluator, search(evaluator, layout, self.blocks, starts, AGAIN))
-        best = again if again.loss < CLEARLY * found.loss else found
+        candidate = sliding.candidate[None, :]
+        starts = np.vstack((candidate, *sticking_again(layout, candidate)))
+        sticking = conclude(evaluator, search(evaluator, layout, self.blocks, starts, AGAIN))
+        best = sticking if sticking.loss < CLEARLY * sliding.loss else sliding
         return _on_both(layout, best.candidate)
 
 
@@ -103,7 +103,6 @@ def compare_held_out(
     """Fit naive and extended to the first part only, run both freely over the whole record.
 
     ``layout`` is the final hypothesis, ``terms`` its terms in the order in which they were found.
-
     ``ceiling`` (n,) is the free run of a network that was fitted to the same first part. With
     ``starts`` (m, size), which know the first part alone, the final hypothesis begins there.
     ``first_part`` holds the fits that all hypotheses of this record share.
@@ -122,11 +121,11 @@ def compare_held_out(
     candidate = _running_free(evaluator, layout, terms, train, trained, simple)
     extended = evaluator.simulate(layout, candidate)
     begin = int(np.ceil(problem.op.size * train.sum() / problem.n_blocks))
-    late = _unseen(evaluator, begin)
+    unseen = _unseen(evaluator, begin)
     runs = FreeRuns(naive=naive, extended=extended, heldout_from=begin)
-    heldout = _heldout(evaluator, runs, late, ceiling)
+    heldout = _heldout(evaluator, runs, unseen, ceiling)
     assimilated, _ = evaluator.assimilated(layout, trained)
-    followed = _fit(problem.mv[late], assimilated[late])
+    followed = _fit(problem.mv[unseen], assimilated[unseen])
     return HeldOutComparison(heldout, runs, trained, followed)
 
 
@@ -143,8 +142,8 @@ def slip_by_slip(
     naive, _ = evaluator.assimilated(naive_layout(evaluator), first_part.naive_slip_by_slip)
     extended, _ = evaluator.assimilated(layout, comparison.trained)
     runs = replace(comparison.runs, naive=naive, extended=extended)
-    late = _unseen(evaluator, runs.heldout_from)
-    heldout = replace(_heldout(evaluator, runs, late, None), slip_by_slip=True)
+    unseen = _unseen(evaluator, runs.heldout_from)
+    heldout = replace(_heldout(evaluator, runs, unseen, None), slip_by_slip=True)
     return replace(comparison, heldout=heldout, runs=runs)
 
 
@@ -170,9 +169,8 @@ def _trained(
     evaluator, train, fitted = first_part.evaluator, first_part.blocks, first_part.base
     for term in terms:
         rich = evaluator.layout(fitted.layout.hypothesis.plus(term))
-        S, ratio = fitted.candidates[0, [base_coordinate.S_PERCENT, base_coordinate.RATIO]]
-        beginning = beginnings(term, float(S), float(S * ratio))
-        starts = widened(evaluator, rich.hypothesis, fitted, term, beginning)
+        begin_at = beginnings(term, *S_and_J(fitted.candidates[0]))
+        starts = widened(evaluator, rich.hypothesis, fitted, term, begin_at)
         fit = yield from search(evaluator, rich, train, starts, CAREFUL)
         fitted = _on_both(rich, fit.candidate)
     start = layout.bounds.clip(fitted.candidates[:1])  # a gain that is no finding is held at 1
@@ -198,8 +196,7 @@ def _running_free(
     rows = [trained]
     if not terms:
         rows.append(np.concatenate((simple, np.zeros(layout.size - simple.size))))
-    S = float(simple[base_coordinate.S_PERCENT])
-    J = S * float(simple[base_coordinate.RATIO])
+    S, J = S_and_J(simple)
     for term in terms:
         size = float(trained[layout.places[term.slug]][0])
         for start in beginnings(term, S, J):
@@ -232,20 +229,23 @@ def _few_candidates(evaluator: Evaluator) -> Floats:
 
 
 def _heldout(
-    evaluator: Evaluator, runs: FreeRuns, late: Bools, ceiling: Floats | None
+    evaluator: Evaluator, runs: FreeRuns, unseen: Bools, ceiling: Floats | None
 ) -> HeldOutFit:
+    """The errors of both runs on the ``unseen`` samples (n,), percent; without a number where these
+    are few or MV does not vary.
+    """
     problem = evaluator.problem
-    mv = problem.mv[late]
+    mv = problem.mv[unseen]
     spread = float(np.std(mv)) if mv.size else 0.0
     if mv.size < FEWEST or spread == 0.0:
         return HeldOutFit(noise_floor=problem.sigma)
-    naive, extended = (mv - run[late] for run in (runs.naive, runs.extended))
-    low, high = _interval(naive, extended, mv, problem.block[late])
+    naive, extended = (mv - run[unseen] for run in (runs.naive, runs.extended))
+    low, high = _interval(naive, extended, mv, problem.block[unseen])
     rmse_naive, rmse_extended = _rms(naive), _rms(extended)
     return HeldOutFit(
         rmse_naive=rmse_naive,
         rmse_extended=rmse_extended,
-        rmse_ceiling=_ceiling(ceiling, problem.mv, late),
+        rmse_ceiling=_ceiling(ceiling, problem.mv, unseen),
         # A model with a smaller residual than the estimated noise shows that the noise is smaller.
         noise_floor=min(problem.sigma, rmse_naive, rmse_extended),
         fit_naive=100.0 * (1.0 - rmse_naive / spread),
@@ -259,10 +259,11 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _ceiling(ceiling: Floats | None, mv: Floats, late: Bools) -> float | None:
+def _ceiling(ceiling: Floats | None, mv: Floats, unseen: Bools) -> float | None:
+    """The rms error of the network's free run on the unseen samples, percent."""
     if ceiling is None or ceiling.size != mv.size:
         return None
-    error = (mv - ceiling)[late & np.isfinite(ceiling)]
+    error = (mv - ceiling)[unseen & np.isfinite(ceiling)]
     return _rms(error) if error.size >= FEWEST else None
 
 

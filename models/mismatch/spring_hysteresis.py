@@ -1,9 +1,9 @@
 """Whether a spring with hysteresis stands behind what looks like a straight line of the reading.
 
 A spring or diaphragm with inner friction resists each turn, by ``H h`` percent of span:
-``dh = (dx - |dx| h) / w`` (Dahl 1968), h from -1 to 1, reached within some times ``w`` percent of
-travel. Short moves come out too short, as with a span error, but long ones do not. No term of the
-catalogue does that; a span error or a zero error must not stand in for it.
+``dh = (dx - |dx| h) / w`` (Dahl 1968), ``h`` from -1 to 1, reached within some times ``w`` percent
+of travel. Short moves come out too short, as with a span error, but long ones do not. No term of
+the catalogue does that; a span error or a zero error must not stand in for it.
 """
 
 from __future__ import annotations
@@ -11,20 +11,19 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from stemwatch.models.mismatch.crossfit import Fitted, folds
+from stemwatch.models.mismatch.crossfit import Fitted, folds, robust_coefficients
 from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage, advantage
 
-WAYS = (3.0, 6.0, 12.0)  # percent of travel
+WAYS = (3.0, 6.0, 12.0)  # ``w`` that are tried, percent of travel
 # What takes its place: errors of the reading, and play.
 IMITATED = ("zero_shift", "span_error", "bowed_linkage", "lost_motion")
 # Least mean log ratio of the losses and least t of what is left, and least swing of it, percent of
 # span. Of five valves whose spring was taken for a span error, or for play, none leaves less than
 # 0.06 (t 1.0) and 0.5 %, of eight with a span error none more than 0.01 (t 0.3) but for one, with a
 # swing of 0.02 %: seed 4060, development.
-MEAN, T, MATERIAL_PERCENT = 0.04, 0.8, 0.3
-ROUNDS = 3  # of reweighting
+LEAST_MEAN, LEAST_T, LEAST_SWING_PERCENT = 0.04, 0.8, 0.3
 FEWEST = 30  # samples of a fold that show anything
 
 
@@ -41,8 +40,8 @@ def turned(x: Floats, way: float) -> Floats:
 
 def follows_turns(evaluator: Evaluator, fitted: Fitted) -> bool:
     """True where ``fitted`` leaves what a spring with hysteresis would, and that is material."""
-    left, swing = hysteresis_left(evaluator, fitted)
-    return left.mean >= MEAN and left.t >= T and swing >= MATERIAL_PERCENT
+    left, swing_percent = hysteresis_left(evaluator, fitted)
+    return left.mean >= LEAST_MEAN and left.t >= LEAST_T and swing_percent >= LEAST_SWING_PERCENT
 
 
 def hysteresis_left(evaluator: Evaluator, fitted: Fitted) -> tuple[Advantage, float]:
@@ -63,21 +62,9 @@ def hysteresis_left(evaluator: Evaluator, fitted: Fitted) -> tuple[Advantage, fl
         unseen = evaluator.measured & ~seen
         if np.count_nonzero(seen) < FEWEST:
             continue
-        added = columns[unseen] @ _robust(columns[seen], residual[seen], scale)
+        added = columns[unseen] @ robust_coefficients(columns[seen], residual[seen], scale)
         swings.append(float(np.ptp(np.percentile(added, (2.0, 98.0)))))
-        for sums, left in ((before, residual[unseen]), (after, residual[unseen] - added)):
-            loss = scale**2 * np.log1p((left / scale) ** 2)
+        for sums, error in ((before, residual[unseen]), (after, residual[unseen] - added)):
+            loss = scale**2 * np.log1p((error / scale) ** 2)
             sums += np.bincount(block[unseen], loss, minlength=sums.size)
     return advantage(before, after, evaluator.measured_counts, scale), max(swings)
-
-
-def _robust(columns: Floats, values: Floats, scale: float) -> Floats:
-    """(m,) coefficients of ``columns`` (n, m) by Cauchy's loss of ``scale``."""
-    weight: Floats = np.ones(values.size)
-    coefficients: Floats = np.zeros(columns.shape[1])
-    for _ in range(ROUNDS):
-        weighted = columns * weight[:, None]
-        solved = np.linalg.lstsq(weighted.T @ columns, weighted.T @ values, rcond=None)
-        coefficients = np.asarray(solved[0], dtype=np.float64)
-        weight = np.asarray(1.0 / (1.0 + ((values - columns @ coefficients) / scale) ** 2))
-    return coefficients
