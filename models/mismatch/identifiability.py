@@ -9,7 +9,7 @@ effect only where it could not be seen at all; where it would show weakly, the e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,162 +28,7 @@ SLOW_PERCENT_PER_S = (0.003, 0.25)  # of a ramp on which a stem could stick repe
 OPENING_PERCENT = 2.0
 SLIP_NOISE = 0.01  # percent, of a simulated stem
 BANDS = 12  # of travel, whose passes are counted
-
-
-@dataclass(frozen=True, kw_only=True)
-class Exercised:
-    """What the recording exercised; counts of the recording or of the simulated stem, whichever is
-    larger.
-
-    ``travel`` is the range of MV in percent, 1st to 99th percentile; ``moves`` (rising, falling)
-    counts the stem's moves between its turns, ``slips`` its jumps; ``quick`` OP's moves by at least
-    0.2 %/s over 5 s each way, ``openings`` its rises by 2 % or more within 10 s; ``restarts``
-    starts in the direction of the motion before; ``slow_s`` the time of ramps slower than 0.25 %/s;
-    ``rests`` (m,) lengths in seconds; ``passes`` the most through any band of travel. ``bends`` is
-    the share of the samples at which OP bends by more than a tenth of its swing, and ``noisy``
-    whether its noise explains these bends; ``at_low`` and ``at_high`` tell whether MV stands at
-    that end while OP goes further.
-    """
-
-    duration_s: float
-    travel: float
-    moves: tuple[int, int]
-    slips: tuple[int, int]
-    quick: tuple[int, int]
-    openings: int
-    restarts: int
-    slow_s: float
-    resting_s: float
-    rests: Floats
-    passes: int
-    at_low: bool
-    at_high: bool
-    bends: float = 0.0
-    noisy: bool = False
-    unit_s: float = 1.0  # seconds in the unit of the times, see ``own_clock``
-
-
-def exercised(
-    op: Floats,
-    mv: Floats,
-    simulated: Floats,
-    scored: Bools,
-    interval_s: float,
-    sigma: float,
-    S: float,
-    J: float,
-    unit_s: float = 1.0,
-) -> Exercised:
-    """Look at a recording; all arrays (n,) finite, percent; ``sigma`` is the noise of MV.
-
-    S and J are those of the base fit, percent.
-    """
-    moving = moving_stem(simulated, interval_s)
-    ends, lengths = rests(moving)
-    jumps = jumps_from_rest(mv, op, sigma)
-    pairs = [
-        (int(np.sum(sizes > 0.0)), int(np.sum(sizes < 0.0)))
-        for sizes in (jumps.sizes, jumps_from_rest(simulated, op, SLIP_NOISE).sizes)
-    ]
-    seen = np.diff(jumps.begins) * interval_s
-    return Exercised(
-        duration_s=float(np.count_nonzero(scored)) * interval_s,
-        travel=swing(mv[scored]) if scored.any() else 0.0,
-        moves=_moves(mv, simulated, sigma),
-        slips=(max(p[0] for p in pairs), max(p[1] for p in pairs)),
-        quick=(_quick(op, interval_s), _quick(-op, interval_s)),
-        openings=len(runs_of(_rise(op, OPENING_S, interval_s) >= OPENING_PERCENT)),
-        restarts=max(_restarts(simulated, ends, lengths), _further_jumps(mv, jumps, sigma)),
-        slow_s=_slow(op, interval_s),
-        resting_s=float(np.count_nonzero(~moving)) * interval_s,
-        rests=np.concatenate((lengths * interval_s, seen)),
-        passes=_passes(mv, sigma),
-        at_low=_at_end(-op, -mv, sigma, S, J),
-        at_high=_at_end(op, mv, sigma, S, J),
-        bends=float(np.mean(np.abs(np.diff(op, 2)) > SHARP_BEND * swing(op))),
-        noisy=correlation_of_steps(op) < NOISE,
-        unit_s=unit_s,
-    )
-
-
-def correlation_of_steps(op: Floats) -> float:
-    """Correlation of a step of OP (n,) with the one before it; 0 where OP does not move."""
-    steps = np.diff(op)
-    if steps.size < LEAST_STEPS or steps[1:].std() == 0.0 or steps[:-1].std() == 0.0:
-        return 0.0
-    return float(np.corrcoef(steps[1:], steps[:-1])[0, 1])
-
-
-def _restarts(simulated: Floats, ends: NDArray[np.int64], lengths: NDArray[np.int64]) -> int:
-    """Rests of the simulated stem after which it goes on the way it came."""
-    directions = np.sign(np.diff(simulated, prepend=simulated[:1]))
-    return int(np.sum(directions[np.maximum(ends - lengths - 1, 0)] * directions[ends] > 0.0))
-
-
-def _further_jumps(mv: Floats, jumps: Jumps, sigma: float) -> int:
-    """Jumps of the recorded stem from where the jump before left it, in the same direction."""
-    begins, sizes = jumps.begins, jumps.sizes
-    between = np.abs(mv[begins[1:]] - (mv[begins[:-1]] + sizes[:-1]))
-    rested = between < max(8.0 * sigma, 0.3)
-    return int(np.sum(rested & (sizes[1:] * sizes[:-1] > 0.0)))
-
-
-def _moves(mv: Floats, simulated: Floats, sigma: float) -> tuple[int, int]:
-    """Moves rising and falling between turns that noise does not make."""
-    counts = []
-    for stem, noise in ((mv, sigma), (simulated, 0.0)):
-        turns = reversals(stem, max(8.0 * noise, 0.3))
-        points = stem[np.concatenate(([0], turns, [stem.size - 1]))]
-        steps = np.diff(points)
-        large = np.abs(steps) >= max(8.0 * noise, 0.3)
-        counts.append((int(np.sum(large & (steps > 0.0))), int(np.sum(large & (steps < 0.0)))))
-    return max(c[0] for c in counts), max(c[1] for c in counts)
-
-
-def _rise(op: Floats, window_s: float, interval_s: float) -> Floats:
-    """(m,) net rise of OP over a window, percent."""
-    lag = min(max(round(window_s / interval_s), 1), op.size - 1)
-    return np.asarray(op[lag:] - op[:-lag])
-
-
-def _quick(op: Floats, interval_s: float) -> int:
-    """Stretches in which OP rises quickly, by more than its own scatter."""
-    rise = _rise(op, QUICK_S, interval_s)
-    return len(runs_of(rise >= QUICK_PERCENT_PER_S * max(QUICK_S, interval_s)))
-
-
-def _slow(op: Floats, interval_s: float) -> float:
-    """Seconds in which OP creeps one way: its net speed over 20 s is small but not zero."""
-    speed = np.abs(_rise(op, SLOW_S, interval_s)) / max(SLOW_S, interval_s)
-    low, high = SLOW_PERCENT_PER_S
-    return float(np.count_nonzero((speed > low) & (speed < high))) * interval_s
-
-
-def _passes(mv: Floats, sigma: float) -> int:
-    """The most often that the stem crossed any of eleven places of its travel."""
-    turns: NDArray[np.int64] = reversals(mv, max(8.0 * sigma, 0.3))
-    points = mv[np.concatenate(([0], turns, [mv.size - 1]))]
-    low, high = np.percentile(mv, (1.0, 99.0))
-    places = np.linspace(low, high, BANDS + 1)[1:-1, None]
-    crossed = (points[:-1] < places) != (points[1:] < places)
-    return int(crossed.sum(axis=1).max())
-
-
-def _at_end(op: Floats, mv: Floats, sigma: float, S: float, J: float) -> bool:
-    """True where MV stands at its upper end while OP goes on by more than friction explains.
-
-    Friction holds the stem up to ``(S + J)/2`` from its command. A fit that took a stop for
-    friction has too large an S, so what OP - MV reaches elsewhere counts where it is smaller.
-    """
-    near_end = mv >= float(np.percentile(mv, 99.5)) - max(4.0 * sigma, 0.3)
-    if np.count_nonzero(near_end) < 10 or np.all(near_end):
-        return False
-    beyond_end = float(np.percentile((op - mv)[near_end], 98.0))
-    # The stem's own band about the command, without what a shifted reading adds to both sides.
-    low, high = np.percentile((op - mv)[~near_end], (5.0, 95.0))
-    centre, half = 0.5 * (low + high), 0.5 * float(high - low)
-    return bool(beyond_end - centre > min(0.5 * (S + J), half) + max(3.0 * sigma, 0.15))
-
+FEWEST_AT_END = 10  # samples at an end of the range, from which the stem stands there
 
 PHYSICS = (
     "actuator_lag",
@@ -233,9 +78,9 @@ DITHERED = 0.7
 # Correlation of a step of OP with the one before it: -0.5 for white noise, which bends without
 # turning, and around 0 or above for a loop whose turns fall between samples.
 NOISE, LEAST_STEPS = -0.25, 10
-LEAST_MOVES = 2
+LEAST_MOVES = 2  # both ways together
 LEAST_SLIPS = 3  # each way, for their sizes to be compared at all
-LEAST_QUICK = 1
+LEAST_QUICK = 1  # quick moves of OP, both ways together
 LEAST_OPENINGS = 2
 SPAN_TRAVEL, FLOW_TRAVEL, FRICTION_TRAVEL = 6.0, 15.0, 3.0  # percent of travel
 LEAST_PASSES = 4
@@ -249,6 +94,177 @@ _SLOW_CHANGE = "a quarter of an hour"
 NO_POSITION = (
     "the recording holds no valve position, and what the stem does cannot be told from OP and PV"
 )
+Refusals = Iterator[tuple[str, str]]  # slug of an effect, and why it cannot be tested
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exercised:
+    """What the recording exercised; counts of the recording or of the simulated stem, whichever is
+    larger.
+
+    ``travel`` is the range of MV in percent, 1st to 99th percentile; ``moves`` (rising, falling)
+    counts the stem's moves between its turns, ``slips`` its jumps; ``quick`` OP's moves by at least
+    0.2 %/s over 5 s each way, ``openings`` its rises by 2 % or more within 10 s; ``restarts``
+    starts in the direction of the motion before; ``slow_s`` the time of ramps slower than 0.25 %/s;
+    ``rests`` (m,) lengths in seconds; ``passes`` the most through any band of travel. ``bends`` is
+    the share of the samples at which OP bends by more than a tenth of its swing, and ``noisy``
+    whether its noise explains these bends; ``at_low`` and ``at_high`` tell whether MV stands at
+    that end while OP goes further.
+    """
+
+    duration_s: float
+    travel: float
+    moves: tuple[int, int]
+    slips: tuple[int, int]
+    quick: tuple[int, int]
+    openings: int
+    restarts: int
+    slow_s: float
+    resting_s: float
+    rests: Floats
+    passes: int
+    at_low: bool
+    at_high: bool
+    bends: float = 0.0
+    noisy: bool = False
+    unit_s: float = 1.0  # seconds in the unit of the times, see ``own_clock``
+
+
+def exercised(
+    op: Floats,
+    mv: Floats,
+    simulated: Floats,
+    scored: Bools,
+    interval_s: float,
+    sigma: float,
+    S: float,
+    J: float,
+    unit_s: float = 1.0,
+) -> Exercised:
+    """Count what a recording exercised; all arrays (n,) finite, percent; ``sigma`` is the noise of
+    MV.
+
+    S and J are those of the base fit, percent, and ``simulated`` its run; times in units of
+    ``unit_s`` seconds.
+    """
+    moving = moving_stem(simulated, interval_s)
+    ends, lengths = rests(moving)
+    jumps = jumps_from_rest(mv, op, sigma)
+    slips = [
+        (int(np.sum(sizes > 0.0)), int(np.sum(sizes < 0.0)))
+        for sizes in (jumps.sizes, jumps_from_rest(simulated, op, SLIP_NOISE).sizes)
+    ]
+    between_jumps_s = np.diff(jumps.begins) * interval_s
+    return Exercised(
+        duration_s=float(np.count_nonzero(scored)) * interval_s,
+        travel=swing(mv[scored]) if scored.any() else 0.0,
+        moves=_moves(mv, simulated, sigma),
+        slips=_larger(slips),
+        quick=(_quick(op, interval_s), _quick(-op, interval_s)),
+        openings=len(runs_of(_rise(op, OPENING_S, interval_s) >= OPENING_PERCENT)),
+        restarts=max(_restarts(simulated, ends, lengths), _further_jumps(mv, jumps, sigma)),
+        slow_s=_slow(op, interval_s),
+        resting_s=float(np.count_nonzero(~moving)) * interval_s,
+        rests=np.concatenate((lengths * interval_s, between_jumps_s)),
+        passes=_passes(mv, sigma),
+        at_low=_at_end(-op, -mv, sigma, S, J),
+        at_high=_at_end(op, mv, sigma, S, J),
+        bends=float(np.mean(np.abs(np.diff(op, 2)) > SHARP_BEND * swing(op))),
+        noisy=correlation_of_steps(op) < NOISE,
+        unit_s=unit_s,
+    )
+
+
+def correlation_of_steps(op: Floats) -> float:
+    """Correlation of a step of OP (n,) with the one before it; 0 where OP does not move."""
+    steps = np.diff(op)
+    if steps.size < LEAST_STEPS or steps[1:].std() == 0.0 or steps[:-1].std() == 0.0:
+        return 0.0
+    return float(np.corrcoef(steps[1:], steps[:-1])[0, 1])
+
+
+def _restarts(simulated: Floats, ends: NDArray[np.int64], lengths: NDArray[np.int64]) -> int:
+    """Rests of the simulated stem after which it goes on the way it came."""
+    directions = np.sign(np.diff(simulated, prepend=simulated[:1]))
+    return int(np.sum(directions[np.maximum(ends - lengths - 1, 0)] * directions[ends] > 0.0))
+
+
+def _further_jumps(mv: Floats, jumps: Jumps, sigma: float) -> int:
+    """Jumps of the recorded stem from where the jump before left it, in the same direction."""
+    begins, sizes = jumps.begins, jumps.sizes
+    between = np.abs(mv[begins[1:]] - (mv[begins[:-1]] + sizes[:-1]))
+    rested = between < _least_move(sigma)
+    return int(np.sum(rested & (sizes[1:] * sizes[:-1] > 0.0)))
+
+
+def _least_move(sigma: float) -> float:
+    """The smallest move that is no noise of standard deviation ``sigma``, percent."""
+    return max(8.0 * sigma, 0.3)
+
+
+def _turning_points(stem: Floats, sigma: float) -> Floats:
+    """(m,) where the stem turned, by more than noise, with its first and last place."""
+    turns: NDArray[np.int64] = reversals(stem, _least_move(sigma))
+    return np.asarray(stem[np.concatenate(([0], turns, [stem.size - 1]))])
+
+
+def _moves(mv: Floats, simulated: Floats, sigma: float) -> tuple[int, int]:
+    """Moves rising and falling between turns that noise does not make."""
+    counts = []
+    for stem, noise in ((mv, sigma), (simulated, 0.0)):
+        steps = np.diff(_turning_points(stem, noise))
+        large = np.abs(steps) >= _least_move(noise)
+        counts.append((int(np.sum(large & (steps > 0.0))), int(np.sum(large & (steps < 0.0)))))
+    return _larger(counts)
+
+
+def _larger(counts: Sequence[tuple[int, int]]) -> tuple[int, int]:
+    """The larger count of the recorded and of the simulated stem, rising and falling."""
+    return max(rising for rising, _ in counts), max(falling for _, falling in counts)
+
+
+def _rise(op: Floats, window_s: float, interval_s: float) -> Floats:
+    """(m,) net rise of OP over a window, percent."""
+    lag = min(max(round(window_s / interval_s), 1), op.size - 1)
+    return np.asarray(op[lag:] - op[:-lag])
+
+
+def _quick(op: Floats, interval_s: float) -> int:
+    """Stretches in which OP rises quickly, by more than its own scatter."""
+    rise = _rise(op, QUICK_S, interval_s)
+    return len(runs_of(rise >= QUICK_PERCENT_PER_S * max(QUICK_S, interval_s)))
+
+
+def _slow(op: Floats, interval_s: float) -> float:
+    """Seconds in which OP creeps one way: its net speed over 20 s is small but not zero."""
+    speed = np.abs(_rise(op, SLOW_S, interval_s)) / max(SLOW_S, interval_s)
+    low, high = SLOW_PERCENT_PER_S
+    return float(np.count_nonzero((speed > low) & (speed < high))) * interval_s
+
+
+def _passes(mv: Floats, sigma: float) -> int:
+    """The most often that the stem crossed any of eleven places of its travel."""
+    points = _turning_points(mv, sigma)
+    low, high = np.percentile(mv, (1.0, 99.0))
+    places = np.linspace(low, high, BANDS + 1)[1:-1, None]
+    crossed = (points[:-1] < places) != (points[1:] < places)
+    return int(crossed.sum(axis=1).max())
+
+
+def _at_end(op: Floats, mv: Floats, sigma: float, S: float, J: float) -> bool:
+    """True where MV stands at its upper end while OP goes on by more than friction explains.
+
+    Friction holds the stem up to ``(S + J)/2`` from its command. A fit that took a stop for
+    friction has too large an S, so what OP - MV reaches elsewhere counts where it is smaller.
+    """
+    near_end = mv >= float(np.percentile(mv, 99.5)) - max(4.0 * sigma, 0.3)
+    if np.count_nonzero(near_end) < FEWEST_AT_END or np.all(near_end):
+        return False
+    beyond_end = float(np.percentile((op - mv)[near_end], 98.0))
+    # The stem's own band about the command, without what a shifted reading adds to both sides.
+    low, high = np.percentile((op - mv)[~near_end], (5.0, 95.0))
+    centre, half = 0.5 * (low + high), 0.5 * float(high - low)
+    return bool(beyond_end - centre > min(0.5 * (S + J), half) + max(3.0 * sigma, 0.15))
 
 
 def untestable_effects(
@@ -272,16 +288,13 @@ def untestable_effects(
     """
     if mv is None or simulated is None:
         return dict.fromkeys(PHYSICS, NO_POSITION)
-    seen = exercised(op, mv, simulated, scored, interval_s, sigma, S, J, unit_s)
+    motion = exercised(op, mv, simulated, scored, interval_s, sigma, S, J, unit_s)
     refused = dict(_sampling(max(interval_s, spacing_s), unit_s))
-    refused |= dict(_lost_turns(seen, interval_s))
+    refused |= dict(_lost_turns(motion, interval_s))
     for rule in _RULES:
-        for slug, reason in rule(seen):
+        for slug, reason in rule(motion):
             refused.setdefault(slug, reason)
     return refused
-
-
-Refusals = Iterator[tuple[str, str]]
 
 
 def _sampling(spacing_s: float, unit_s: float) -> Refusals:
@@ -295,41 +308,43 @@ def _sampling(spacing_s: float, unit_s: float) -> Refusals:
         yield from ((slug, reason) for slug in _QUICK_EFFECTS)
 
 
-def _lost_turns(seen: Exercised, interval_s: float) -> Refusals:
+def _lost_turns(motion: Exercised, interval_s: float) -> Refusals:
     """Effects within a few samples where OP itself turns between the samples."""
     reason = (
-        f"OP bends by more than a tenth of its swing at {share(seen.bends, 1)} of the samples: its "
-        "turns fall between them, and so does such an effect; record faster than every "
-        f"{duration(interval_s, seen.unit_s, 'g')}"
+        f"OP bends by more than a tenth of its swing at {share(motion.bends, 1)} of the samples: "
+        "its turns fall between them, and so does such an effect; record faster than every "
+        f"{duration(interval_s, motion.unit_s, 'g')}"
     )
-    if seen.noisy or seen.bends > DITHERED:
+    if motion.noisy or motion.bends > DITHERED:
         return
-    if seen.bends > BENDS_UNSEEN:
+    if motion.bends > BENDS_UNSEEN:
         yield from ((slug, reason) for slug in _BETWEEN_SAMPLES)
-    if seen.bends > MOST_BENDS:
+    if motion.bends > MOST_BENDS:
         yield from ((slug, reason) for slug in _QUICK_EFFECTS)
 
 
-def _untested_moves(seen: Exercised) -> Refusals:
+def _untested_moves(motion: Exercised) -> Refusals:
     """Effects that show while the stem moves, in one direction or in both."""
-    up, down = seen.moves
+    up, down = motion.moves
     if up + down < LEAST_MOVES:
         reason = f"the stem moved {only_times(up + down)}, and this shows while it moves"
         for slug in (*_QUICK_EFFECTS, "zero_shift", "lost_motion", *_RESTING):
             yield slug, reason
     if min(up, down) < 1:
-        moved_way = "rose" if up < down else "fell"
+        seldom = "rose" if up < down else "fell"
         reason = (
-            f"the stem {moved_way} {only_times(min(up, down))}, so its directions cannot be "
-            "compared"
+            f"the stem {seldom} {only_times(min(up, down))}, so its directions cannot be compared"
         )
         yield from ((slug, reason) for slug in ("asymmetric_lag", "asymmetric_rate_limit"))
 
 
-def _speeds(seen: Exercised) -> Refusals:
+def _speeds(motion: Exercised) -> Refusals:
     """Effects that need quick moves or large openings of the command."""
-    up, down = seen.quick
-    quick, over_time = rate(QUICK_PERCENT_PER_S, seen.unit_s, "g"), duration(QUICK_S, seen.unit_s)
+    up, down = motion.quick
+    quick, over_time = (
+        rate(QUICK_PERCENT_PER_S, motion.unit_s, "g"),
+        duration(QUICK_S, motion.unit_s),
+    )
     reason = (
         f"OP moved faster than {quick} over {over_time} {only_times(up + down)}; a "
         "slower command never meets the valve's top speed"
@@ -337,48 +352,48 @@ def _speeds(seen: Exercised) -> Refusals:
     if up + down < LEAST_QUICK:
         yield "rate_limit", reason
         yield "asymmetric_rate_limit", reason
-    if seen.openings < LEAST_OPENINGS:
+    if motion.openings < LEAST_OPENINGS:
         yield (
             "supply_sag",
-            f"OP opened by {OPENING_PERCENT:g} % within {duration(OPENING_S, seen.unit_s)} only "
-            f"{times(seen.openings)}; the air supply was never drawn on",
+            f"OP opened by {OPENING_PERCENT:g} % within {duration(OPENING_S, motion.unit_s)} only "
+            f"{times(motion.openings)}; the air supply was never drawn on",
         )
-    if seen.slow_s < LEAST_SLOW_S:
+    if motion.slow_s < LEAST_SLOW_S:
         reason = (
-            f"OP crept slower than {rate(SLOW_PERCENT_PER_S[1], seen.unit_s, 'g')} for only "
-            f"{duration(seen.slow_s, seen.unit_s)}; stepping along slow "
+            f"OP crept slower than {rate(SLOW_PERCENT_PER_S[1], motion.unit_s, 'g')} for only "
+            f"{duration(motion.slow_s, motion.unit_s)}; stepping along slow "
             "ramps cannot show without them"
         )
         yield from ((slug, reason) for slug in _RESTING)
 
 
-def _slips(seen: Exercised) -> Refusals:
+def _slips(motion: Exercised) -> Refusals:
     """Effects that compare slips with one another."""
-    up, down = seen.slips
+    up, down = motion.slips
     if min(up, down) < LEAST_SLIPS:
         yield (
             "asymmetric_slip",
             f"the stem slipped {times(up)} rising and {times(down)} falling; their sizes can be "
             f"compared from {LEAST_SLIPS} each way",
         )
-    if seen.restarts < LEAST_RESTARTS:
+    if motion.restarts < LEAST_RESTARTS:
         yield (
             "lost_motion",
-            f"the stem started again in the same direction {only_times(seen.restarts)}; at full "
+            f"the stem started again in the same direction {only_times(motion.restarts)}; at full "
             "reversals play cannot be told from a smaller jump (do a staircase test)",
         )
-    rests = seen.rests
-    spread = float(np.divide(*np.percentile(rests, (95.0, 5.0)))) if rests.size else 1.0
-    if rests.size < LEAST_RESTS or spread < REST_SPREAD:
+    rests_s = motion.rests
+    spread = float(np.divide(*np.percentile(rests_s, (95.0, 5.0)))) if rests_s.size else 1.0
+    if rests_s.size < LEAST_RESTS or spread < REST_SPREAD:
         yield (
             "dwell_dependent_breakaway",
-            f"the stem rested {times(rests.size)}, the long rests {spread:.1f} times as long as "
+            f"the stem rested {times(rests_s.size)}, the long rests {spread:.1f} times as long as "
             f"the short ones; at least {LEAST_RESTS} rests that differ {REST_SPREAD:g}-fold are "
             "needed",
         )
 
 
-def _travel(seen: Exercised) -> Refusals:
+def _travel(motion: Exercised) -> Refusals:
     """Effects that need a part of the stroke, passes through it, or its ends."""
     for slug, least in (
         ("span_error", SPAN_TRAVEL),
@@ -386,18 +401,19 @@ def _travel(seen: Exercised) -> Refusals:
         ("flow_force", FLOW_TRAVEL),
         ("position_dependent_friction", FRICTION_TRAVEL),
     ):
-        if seen.travel < least:
+        if motion.travel < least:
             yield (
                 slug,
-                f"the stem covered only {seen.travel:.1f} % of its travel; {least:g} % are needed",
+                f"the stem covered only {motion.travel:.1f} % of its travel; {least:g} % are "
+                "needed",
             )
-    if seen.passes < LEAST_PASSES:
+    if motion.passes < LEAST_PASSES:
         yield (
             "position_dependent_friction",
-            f"the stem passed no place of its travel more than {times(seen.passes)}; "
+            f"the stem passed no place of its travel more than {times(motion.passes)}; "
             f"{LEAST_PASSES} passes are needed to tell the place from the time",
         )
-    if not (seen.at_low or seen.at_high):
+    if not (motion.at_low or motion.at_high):
         yield (
             "travel_stop",
             "the position never stood still at an end of its range while OP went on by more than "
@@ -405,26 +421,27 @@ def _travel(seen: Exercised) -> Refusals:
         )
 
 
-def _time(seen: Exercised) -> Refusals:
+def _time(motion: Exercised) -> Refusals:
     """Effects that need a long record, or long rests."""
-    if seen.duration_s < LEAST_DURATION_S:
-        least = long_time(LEAST_DURATION_S, seen.unit_s)
+    if motion.duration_s < LEAST_DURATION_S:
+        least = long_time(LEAST_DURATION_S, motion.unit_s)
         reason = (
-            f"the recording has {long_time(seen.duration_s, seen.unit_s)}; a slow change needs "
-            f"{_SLOW_CHANGE if is_of_seconds(seen.unit_s) else least} at least"
+            f"the recording has {long_time(motion.duration_s, motion.unit_s)}; a slow change needs "
+            f"{_SLOW_CHANGE if is_of_seconds(motion.unit_s) else least} at least"
         )
         yield "sensor_drift", reason
         yield "growing_stiction", reason
-    if sum(seen.moves) <= LEAST_MOVES:
+    if sum(motion.moves) <= LEAST_MOVES:
         yield (
             "growing_stiction",
-            f"the stem moved {only_times(sum(seen.moves))}, too seldom to compare early with late",
+            f"the stem moved {only_times(sum(motion.moves))}, too seldom to compare early with "
+            "late",
         )
-    if seen.resting_s < LEAST_RESTING_S:
+    if motion.resting_s < LEAST_RESTING_S:
         yield (
             "stem_creep",
-            f"the stem rested for only {duration(seen.resting_s, seen.unit_s)}, and creep shows at "
-            "rest",
+            f"the stem rested for only {duration(motion.resting_s, motion.unit_s)}, and creep "
+            "shows at rest",
         )
 
 
