@@ -13,6 +13,7 @@ always taken from the simplest hypothesis that the recording does not reject in 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,7 +41,7 @@ MIN_T = 0.5
 
 # When a moving stem sticks again, %/s of the actuator.
 CANONICAL, ALWAYS, ONLY_WHEN_TURNING = 0.0, np.inf, -1e-9
-# share of repeated commands, from which a command that seems held may only be coarsely recorded
+# Share of repeated commands, from which a command that seems held may only be coarsely recorded
 COARSE_COMMAND = 0.05
 # Loss of a search that began at the S and J of the slips, as a share of the fit's, up to which the
 # slips decide which of the two is right.
@@ -166,7 +167,7 @@ def search(
         refine(loss, start.candidate, spread, evaluator.bounds, rng, rounds=rounds)
         for start in starts
     ]
-    return min(fits, key=lambda f: f.loss)
+    return min(fits, key=lambda fit: fit.loss)
 
 
 def _joint_grid(evaluator: StickSlipEvaluator, sticking: Floats) -> Floats:
@@ -207,18 +208,16 @@ def _fit_all(evaluator: StickSlipEvaluator, blocks: Bools, base: Floats) -> dict
     starts = best_of(loss, actuator_grid(evaluator, base), keep=2)
     actuator = search(evaluator, loss, starts, coordinate.ACTUATOR, 0.08, 8)
     starts = _both_starts(sticking, actuator, loss, evaluator)
-    both_ends = search(evaluator, loss, starts, BOTH.free, 0.06, 9)
-    both_ends = search(evaluator, loss, [both_ends], BOTH.free, 0.02, 9)
+    both = search(evaluator, loss, starts, BOTH.free, 0.06, 9)
+    both = search(evaluator, loss, [both], BOTH.free, 0.02, 9)
     # For a fair comparison the simpler hypothesis restarts from the S and J of the richer one.
+    of_sticking = [coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]
     candidate = sticking.candidate.copy()
-    candidate[[coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]] = both_ends.candidate[
-        [coordinate.S_PERCENT, coordinate.RATIO, coordinate.ZERO]
-    ]
-    restarted = search(
-        evaluator, loss, [SearchResult(candidate, np.inf)], coordinate.STICKING, 0.03, 6
-    )
-    sticking = min(sticking, restarted, key=lambda f: f.loss)
-    return {"sticking": sticking, "actuator": actuator, "both": both_ends}
+    candidate[of_sticking] = both.candidate[of_sticking]
+    restart = [SearchResult(candidate, np.inf)]
+    restarted = search(evaluator, loss, restart, coordinate.STICKING, 0.03, 6)
+    sticking = min(sticking, restarted, key=lambda fit: fit.loss)
+    return {"sticking": sticking, "actuator": actuator, "both": both}
 
 
 @dataclass(frozen=True)
@@ -272,10 +271,10 @@ class StickSlipFit:
     naive: Floats  # (9,) S and J alone, on the whole record
     first_heldout: int  # first sample of the held-out part
     breakaways: Breakaways | None = None
-    # jumps that are seen although the run is best without one: they may be those of a stem that
-    # creeps with its command
+    # Jumps that are seen although the run is best without one: they may be those of a stem that
+    # creeps with its command.
     unneeded: Breakaways | None = None
-    # of friction alone, where a lag may have taken the place of part of it
+    # Those of friction alone, where a lag may have taken the place of part of it.
     alone: Breakaways | None = None
 
     @property
@@ -304,6 +303,7 @@ class StickSlipFit:
 
 
 def _scaled(problem: FitProblem, base: Floats, delta: float) -> StickSlipEvaluator:
+    """The evaluator with bounds about ``base`` (9,) and a loss of scale ``delta``, percent."""
     free_gain = not problem.mv_is_percent
     limits = bounds(problem.swing, problem.interval_s, float(base[coordinate.ZERO]), free_gain)
     if free_gain:
@@ -333,8 +333,8 @@ def first_look(problem: FitProblem) -> tuple[StickSlipEvaluator, Floats]:
     spread = float(np.std(problem.mv[problem.scored]))
     evaluator = _scaled(problem, base, max(3.0 * problem.sigma, 0.1 * spread, 0.05))
     all_blocks = np.ones(problem.n_blocks, dtype=bool)
-    best_found = best_of(evaluator.loss(all_blocks), sticking_grid(evaluator, base))[0]
-    delta = _scale(problem, evaluator.simulate(best_found.candidate))
+    best = best_of(evaluator.loss(all_blocks), sticking_grid(evaluator, base))[0]
+    delta = _scale(problem, evaluator.simulate(best.candidate))
     return _scaled(problem, base, min(delta, evaluator.delta * 3.0)), base
 
 
@@ -389,53 +389,99 @@ def fit_stickslip(
     ``unsure_degree`` is that of the curve through which OP was read (``StrokeCurve``), ``first``
     the first look at this recording where there was one.
     """
+    evaluator, base = _start(recording, unsure_degree, first)
+    problem = evaluator.problem
+    train = problem.training_blocks()
+    evaluator = _resticking(evaluator, base, train)
+    trained = _fit_all(evaluator, train, base)
+    of_actuator, of_sticking = _heldout_gains(evaluator, trained, ~train)
+    needs_actuator = of_actuator.mean >= MIN_GAIN and of_actuator.t >= MIN_T
+    trained_hypothesis = "both" if needs_actuator else "sticking"
+    all_blocks = np.ones(problem.n_blocks, dtype=bool)
+    final = _polish(
+        evaluator, all_blocks, trained[trained_hypothesis].candidate, trained_hypothesis
+    )
+    naive = _polish(evaluator, all_blocks, trained["sticking"].candidate, "sticking")
+    chosen = _with_slips(evaluator, all_blocks, trained_hypothesis, final, naive)
+    friction_alone = None
+    if _is_late(evaluator, chosen.fitted):
+        friction_alone = _breakaways(evaluator, naive.candidate)
+    return StickSlipFit(
+        evaluator=evaluator,
+        hypothesis=chosen.hypothesis,
+        candidate=chosen.fitted.candidate,
+        trained=trained[chosen.hypothesis].candidate,
+        of_actuator=of_actuator,
+        of_sticking=of_sticking,
+        naive=naive.candidate,
+        first_heldout=int(np.ceil(problem.op.size * train.sum() / problem.n_blocks)),
+        breakaways=chosen.slips,
+        unneeded=chosen.unneeded,
+        alone=friction_alone,
+    )
+
+
+def _start(
+    recording: Recording, unsure_degree: int, first: FirstLook | None
+) -> tuple[StickSlipEvaluator, Floats]:
+    """The evaluator and the base candidate (9,) from which all hypotheses are fitted."""
     problem = make_problem(recording) if first is None else first.evaluator.problem
     problem = replace(problem, unsure_degree=unsure_degree)
     if not problem.scored.any():
         raise ValueError(f"{recording.valve}: no usable pair of OP and MV to fit to")
     if first is None:
-        evaluator, base = first_look(problem)
-    else:
-        evaluator, base = replace(first.evaluator, problem=problem), first.base
-    train = problem.training_blocks()
-    evaluator = _resticking(evaluator, base, train)
-    trained = _fit_all(evaluator, train, base)
+        return first_look(problem)
+    return replace(first.evaluator, problem=problem), first.base
+
+
+def _heldout_gains(
+    evaluator: StickSlipEvaluator, trained: dict[str, SearchResult], heldout: Bools
+) -> tuple[Advantage, Advantage]:
+    """What ``both`` gains on the held-out blocks over ``sticking``, by the actuator, and over
+    ``actuator``, by friction.
+    """
     names = list(trained)
     losses, counts = evaluator.block_losses(np.array([trained[name].candidate for name in names]))
-    heldout_losses = {name: losses[i, ~train] for i, name in enumerate(names)}
+    heldout_losses = {name: losses[i, heldout] for i, name in enumerate(names)}
 
-    def gain(rich: str, simple: str) -> Advantage:
+    def gain_over(simple: str) -> Advantage:
         return advantage(
-            heldout_losses[simple], heldout_losses[rich], counts[~train], evaluator.delta
+            heldout_losses[simple], heldout_losses["both"], counts[heldout], evaluator.delta
         )
 
-    of_actuator, of_sticking = gain("both", "sticking"), gain("both", "actuator")
-    needs_actuator = of_actuator.mean >= MIN_GAIN and of_actuator.t >= MIN_T
-    hypothesis = "both" if needs_actuator else "sticking"
-    all_blocks = np.ones(problem.n_blocks, dtype=bool)
-    final = _polish(evaluator, all_blocks, trained[hypothesis].candidate, hypothesis)
-    naive = _polish(evaluator, all_blocks, trained["sticking"].candidate, "sticking")
+    return gain_over("sticking"), gain_over("actuator")
+
+
+class _Chosen(NamedTuple):
+    """The hypothesis that is published, fitted to the whole record; its ``slips``, and slips that
+    are seen although it needs none.
+    """
+
+    hypothesis: str
+    fitted: SearchResult
+    slips: Breakaways | None
+    unneeded: Breakaways | None = None
+
+
+def _with_slips(
+    evaluator: StickSlipEvaluator,
+    all_blocks: Bools,
+    hypothesis: str,
+    final: SearchResult,
+    naive: SearchResult,
+) -> _Chosen:
+    """The slips of the ``final`` fit of ``hypothesis``; another fit where the slips show it.
+
+    ``naive`` is that of S and J alone.
+    """
     slips = _breakaways(evaluator, final.candidate)
     if S_and_J(final.candidate)[1] < LEAST_J:
-        seen = _breakaways_of_jumps(evaluator, naive.candidate)
-        if seen is not None:
-            hypothesis, final, slips = "sticking", naive, seen
-    unneeded = None
+        slips_of_jumps = _breakaways_of_jumps(evaluator, naive.candidate)
+        if slips_of_jumps is not None:
+            return _Chosen("sticking", naive, slips_of_jumps)
     if slips is None and hypothesis == "sticking":
-        final, slips, unneeded = _begun_at_slips(evaluator, all_blocks, final)
-    return StickSlipFit(
-        evaluator=evaluator,
-        hypothesis=hypothesis,
-        candidate=final.candidate,
-        trained=trained[hypothesis].candidate,
-        of_actuator=of_actuator,
-        of_sticking=of_sticking,
-        naive=naive.candidate,
-        first_heldout=int(np.ceil(problem.op.size * train.sum() / problem.n_blocks)),
-        breakaways=slips,
-        unneeded=unneeded,
-        alone=_breakaways(evaluator, naive.candidate) if _is_late(evaluator, final) else None,
-    )
+        return _Chosen(hypothesis, *_begun_at_slips(evaluator, all_blocks, final))
+    return _Chosen(hypothesis, final, slips)
 
 
 def _is_late(evaluator: StickSlipEvaluator, fitted: SearchResult) -> bool:
@@ -444,11 +490,13 @@ def _is_late(evaluator: StickSlipEvaluator, fitted: SearchResult) -> bool:
 
 
 def _late_s(candidate: Floats) -> float:
+    """The dead time and the mean lag of a candidate (9,), in the recording's unit of time."""
     lag_s = 0.5 * (candidate[coordinate.LAG_UP_S] + candidate[coordinate.LAG_DOWN_S])
     return float(candidate[coordinate.DEAD_TIME_S] + lag_s)
 
 
 def _breakaways(evaluator: StickSlipEvaluator, candidate: Floats) -> Breakaways | None:
+    """The slips of the recording, read as a candidate (9,) does; ``None`` where they are few."""
     gain, zero = 1.0 + float(candidate[coordinate.GAIN]), float(candidate[coordinate.ZERO])
     if gain == 0.0:
         return None
@@ -513,4 +561,4 @@ def _polish(
         search(evaluator, loss, [SearchResult(start, np.inf)], free, scale, 7)
         for scale in (0.05, 0.01)
     ]
-    return min(searches, key=lambda f: f.loss)
+    return min(searches, key=lambda fit: fit.loss)
