@@ -20,8 +20,10 @@ from stemwatch.models.mismatch.terms.bowed_linkage import shape as bowed
 from stemwatch.models.recording import Bools, Floats
 
 MOST_SHIFT = 4.0  # times the dead time, up to which the correlation is tried
-SHIFTS = 61
-STEP_OF_LAG, STEP_OF_SWING = 0.3, 0.1  # the time over which a speed is taken
+SHIFTS = 61  # delays tried
+# The time over which a speed is taken: shares of a lag, and of the time that OP's swing takes.
+STEP_OF_LAG, STEP_OF_SWING = 0.3, 0.1
+SAMPLES_OF_SPEED = 10  # over which the speeds of OP and stem are compared
 FEWEST = 12  # points that show something
 SPEED = "speed of the stem, %/s"
 
@@ -87,20 +89,18 @@ def effect_signature(slug: str, moves: Moves) -> EffectSignature | None:
     """The plot that shows the effect ``slug`` in these moves; ``None`` where too few samples show
     it.
     """
-    make_signature = _SHOWN.get(slug)
+    make_signature = _SIGNATURES.get(slug)
     signature = None if make_signature is None else make_signature(moves)
     if signature is None:
         return None
     finite = np.isfinite(signature.x) & np.isfinite(signature.y)
     if np.count_nonzero(finite) < FEWEST:
         return None
-    return EffectSignature(
-        **{
-            **signature.__dict__,
-            "x": signature.x[finite],
-            "y": signature.y[finite],
-            "rising": signature.rising[finite],
-        }
+    return replace(
+        signature,
+        x=signature.x[finite],
+        y=signature.y[finite],
+        rising=signature.rising[finite],
     )
 
 
@@ -131,6 +131,7 @@ def _of_speed(error: Floats, speed: Floats, caption: str, law: FittedLine) -> Ef
 
 
 def _limited(moves: Moves) -> EffectSignature:
+    """A speed limit: the speed of the stem against its distance from the command."""
     both_rates = moves.value("rate")
     up, down = moves.value("rate_rising") or both_rates, moves.value("rate_falling") or both_rates
     slower = min((rate for rate in (up, down) if rate > 0.0), default=1.0)
@@ -153,6 +154,7 @@ def _top_speed(rate: float) -> str:
 
 
 def _lagging(moves: Moves) -> EffectSignature:
+    """A lag: the speed of the stem against its distance from the command."""
     both_lags = moves.value("tau") or moves.value("tau_v") or moves.value("recovery")
     up, down = moves.value("tau_rising") or both_lags, moves.value("tau_falling") or both_lags
     error, speed, took = _speed_by_error(moves, STEP_OF_LAG * max(up, down))
@@ -174,6 +176,7 @@ def _lagging(moves: Moves) -> EffectSignature:
 
 
 def _late(moves: Moves) -> EffectSignature:
+    """A dead time: the likeness of the moves of OP and stem against the delay applied to OP."""
     theta = max(moves.value("theta"), moves.interval_s)
     shifts = np.linspace(0.0, MOST_SHIFT * theta, SHIFTS)
     step = np.diff(moves.mv)
@@ -200,6 +203,9 @@ def _late(moves: Moves) -> EffectSignature:
 
 
 def _likeness(moves: Moves, step: Floats, shift_s: float) -> float:
+    """The correlation of the stem's steps (n - 1,) with those of OP taken ``shift_s`` later; NaN
+    where few samples have both.
+    """
     of_op = np.diff(later(moves.op, shift_s, moves.interval_s))
     both_finite = np.isfinite(of_op) & np.isfinite(step)
     if np.count_nonzero(both_finite) < FEWEST or not (
@@ -210,6 +216,7 @@ def _likeness(moves: Moves, step: Floats, shift_s: float) -> float:
 
 
 def _difference(moves: Moves) -> Floats:
+    """(n,) position less OP, percent, OP taken later by the dead time that was named."""
     return np.asarray(moves.mv - later(moves.op, moves.late_s, moves.interval_s))
 
 
@@ -274,9 +281,9 @@ def _stopped(moves: Moves) -> EffectSignature:
     ends = np.array(_ends(op))
     stops = (("lower", moves.value("stop_low"), 0.1), ("upper", moves.value("stop_high"), 99.9))
     laws = tuple(
-        FittedLine(f"{name} stop at {stop_name:.3g} %", ends, np.full(2, stop_name))
-        for name, stop_name, end in stops
-        if (stop_name > end if name == "lower" else 0.0 < stop_name < end)
+        FittedLine(f"{name} stop at {place:.3g} %", ends, np.full(2, place))
+        for name, place, end in stops
+        if (place > end if name == "lower" else 0.0 < place < end)
     )
     return EffectSignature(
         x_label="OP, %",
@@ -301,7 +308,7 @@ def _by_time(moves: Moves) -> EffectSignature:
 
 
 def _by_speed(moves: Moves) -> EffectSignature:
-    step = 10
+    step = SAMPLES_OF_SPEED
     x, y = np.full(moves.op.size, np.nan), np.full(moves.op.size, np.nan)
     x[step:] = (moves.op[step:] - moves.op[:-step]) / (step * moves.interval_s)
     y[step:] = (moves.mv[step:] - moves.mv[:-step]) / (step * moves.interval_s)
@@ -336,6 +343,7 @@ def _slips(moves: Moves) -> EffectSignature | None:
 
 
 def _ends(values: Floats) -> tuple[float, float]:
+    """The range of ``values`` without the outermost half percent on either side."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return 0.0, 1.0
@@ -343,7 +351,7 @@ def _ends(values: Floats) -> tuple[float, float]:
     return float(low), float(high)
 
 
-_SHOWN: Mapping[str, Callable[[Moves], EffectSignature | None]] = MappingProxyType(
+_SIGNATURES: Mapping[str, Callable[[Moves], EffectSignature | None]] = MappingProxyType(
     {
         **dict.fromkeys(("rate_limit", "asymmetric_rate_limit"), _limited),
         **dict.fromkeys(
