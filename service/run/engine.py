@@ -141,6 +141,7 @@ def screen_now(
 
 
 def _screen_planned(run: Run, planned: Plan, on_screened: OnScreened) -> RunResult:
+    """Execute and finish a run of the command line. Raises as ``screen_now`` does."""
     if run.plant is not None:
         run.store.save_valves(run.plant.valves.values())
     executed = execute(run, planned.tasks, threading.Event(), on_screened=on_screened)
@@ -172,10 +173,10 @@ def continue_queued(
     read_tags = read_tags_with(run.executor, stop)
     planned = make_plan(request, read_tags) if request.valves else Plan(tasks=())
     executed = execute(run, planned.tasks, stop, on_valve_done=on_valve_done)
-    to_plot = run.store.worst_of_run(run.number, run.shown or 0)
+    reported = run.store.worst_of_run(run.number, run.shown or 0)
     plant_valves = run.plant.valves if run.plant else {}
     without_plots = tuple(
-        valve for valve in to_plot if valve not in executed.previous and valve in plant_valves
+        valve for valve in reported if valve not in executed.previous and valve in plant_valves
     )
     if without_plots and not stop.is_set():
         plan_of_plots = make_plan(replace(request, valves=without_plots), read_tags)
@@ -194,10 +195,10 @@ def _note_end(run: Run, error: BaseException) -> None:
 
     A run whose process was killed is ended by the next use of the store (``end_lost``).
     """
-    by_hand = is_interrupt(error)
-    state = RunState.CANCELLED if by_hand else RunState.FAILED
+    interrupted = is_interrupt(error)
+    state = RunState.CANCELLED if interrupted else RunState.FAILED
     reason = f"{type(error).__name__}: {error}"
-    if by_hand:
+    if interrupted:
         terminated = isinstance(error, Terminated) or isinstance(error.__cause__, Terminated)
         reason = "ended by SIGTERM" if terminated else "interrupted by Ctrl-C"
     try:

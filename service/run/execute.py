@@ -40,6 +40,7 @@ CHUNK = 16
 # once more.
 SPLIT_FROM_VALVES, SPLIT_UP_TO_BYTES = 8, 32 * 2**20
 
+ScreenedTask = Outcome[Task, tuple[Screening, ValvePlots]]
 OnScreened = Callable[[Screening, int, int], None]  # (screening, how many are done, of how many)
 OnValveDone = Callable[[str, str], None]  # (valve, why it was given up; empty where it was not)
 
@@ -170,9 +171,8 @@ def execute(
     )
 
 
-def _is_left_out(
-    run: Run, outcome: Outcome[Task, tuple[Screening, ValvePlots]], outside_window: OutsideWindow
-) -> bool:
+def _is_left_out(run: Run, outcome: ScreenedTask, outside_window: OutsideWindow) -> bool:
+    """Whether a recording has no sample in the window; no valve of a queued run is left out."""
     if run.queued:
         return False
     screening = None if outcome.result is None else outcome.result[0]
@@ -191,7 +191,8 @@ def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threa
 
 def _screened(
     run: Run, tasks: Sequence[Task], stop: threading.Event
-) -> Iterator[list[Outcome[Task, tuple[Screening, ValvePlots]]]]:
+) -> Iterator[list[ScreenedTask]]:
+    """The outcomes of the tasks as the executor's workers finish them, a batch at a time."""
     batches = make_batches(tasks, run.executor.workers)
     work = partial(screen_packed, run.limits, os.getcwd(), networks=run.networks)
     return outcomes(run.executor, work, batches, stop)
@@ -217,19 +218,19 @@ def _worth_splitting(tasks: Sequence[Task], workers: int) -> bool:
         return False
 
 
-def _put(
-    results: ResultSpill, outcome: Outcome[Task, tuple[Screening, ValvePlots]], first: int = 0
-) -> PlacedScreening:
-    """Put the outcome of a task into ``results``; return what is saved in the store."""
+def _put(results: ResultSpill, outcome: ScreenedTask, first: int = 0) -> PlacedScreening:
+    """Put the outcome of a task into ``results``, counted from ``first``; return what is saved in
+    the store.
+    """
     index = first + outcome.index
     if outcome.result is None:
-        screening, evidence = plots_instead_of_samples(given_up(outcome.item, outcome.reason))
+        screening, plots = plots_instead_of_samples(given_up(outcome.item, outcome.reason))
     else:
-        screening, evidence = outcome.result
-    results.add(index, screening, evidence)
+        screening, plots = outcome.result
+    results.add(index, screening, plots)
     return PlacedScreening(
         task_index=index,
         screening=screening,
         given_up=outcome.reason,
-        packed_pictures=pack_pictures(evidence.pictures),
+        packed_pictures=pack_pictures(plots.pictures),
     )

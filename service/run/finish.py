@@ -30,7 +30,8 @@ from stemwatch.service.store.screenings.false_discoveries import StandingMark, T
 from stemwatch.service.store.store import Store
 
 log = logging.getLogger(__name__)
-NotRead = Sequence[tuple[str, str]]
+NotRead = Sequence[tuple[str, str]]  # sources that could not be read, each with the reason
+MORE_THAN_ANY_PLANT = 1_000_000  # valves
 
 
 def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
@@ -54,13 +55,15 @@ def hold_back(store: Store, run_id: int) -> list[TestedScreening]:
         for screening in newest
     ]
     stands_of_each = significant([screening.p_value for screening in tested])
-    found = Discoveries(standing=(), tested=len(tested), named=sum(stands_of_each), held_back=0)
+    discoveries = Discoveries(
+        standing=(), tested=len(tested), named=sum(stands_of_each), held_back=0
+    )
     marks = {}
     for screening, stands in zip(tested, stands_of_each, strict=True):
         history = by_window.get(screening.valve)
         held_back = screening.named and not stands
         marks[screening.screening] = StandingMark(
-            held_back=found.remark(history) if held_back else "",
+            held_back=discoveries.remark(history) if held_back else "",
             confirmed=confirmed_slugs(history, stands=stands),
         )
     store.note_standing(run_id, marks)
@@ -103,6 +106,9 @@ def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles 
 def _write(
     run: Run, executed: Executed, not_read: NotRead, tested: Sequence[TestedScreening]
 ) -> ReportFiles:
+    """Work list and report. The report is written even where the work list cannot be; its error is
+    raised afterwards, for a run of the command line only.
+    """
     context = _context(run, executed, not_read)
     failed: Exception | None = None
     try:
@@ -132,7 +138,8 @@ def _write_worst(
     """The report of the worst valves only, with a note on how many it leaves out."""
     valves_shown = [screening.valve for screening in worst_screenings]
     notes = context.sources_not_read
-    valves_not_shown = len(set(run.store.worst_of_run(run.number, 1_000_000)) - set(valves_shown))
+    all_valves = run.store.worst_of_run(run.number, MORE_THAN_ANY_PLANT)
+    valves_not_shown = len(set(all_valves) - set(valves_shown))
     if valves_not_shown:
         text = (
             f"{valves_not_shown} valves less severe than these are in the ranking of the "
@@ -178,6 +185,7 @@ def _groups(run: Run, executed: Executed) -> tuple[OscillationGroup, ...]:
 
 
 def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
+    """What the report says beside the screenings, of valves, sources, groups and the run."""
     plant = run.plant
     notes = [SourceNotRead(source=source, reason=reason) for source, reason in not_read]
     if run.queued:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import threading
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -41,6 +41,7 @@ NO_VALVE = (
 
 TagsOrReason = frozenset[str] | str  # the tags in a file, or why it cannot be read
 ReadTags = Callable[[Sequence[TextFile]], Sequence[TagsOrReason]]
+# The top of a text file, in which its header is looked for.
 HEADER_BYTES = 1_000_000
 HEADER_LINES = 12
 _SEPARATORS = re.compile(r"[,;\t|]")
@@ -110,20 +111,22 @@ def make_plan(request: Request, read_tags: ReadTags = read_tags_here) -> Plan:
     Raises ``UnreadableSource`` where a source matches nothing.
     """
     plan = _plan(request, read_tags)
-    valves = {} if request.plant is None else request.plant.valves
-    tasks = []
-    for task in plan.tasks:
-        valve = valves.get(task.tags.valve)
-        if valve is not None:
-            tasks.append(
-                replace(task, given_curve=valve.given_curve, target_band=valve.target_band)
-            )
-        else:
-            tasks.append(task)
-    return replace(plan, tasks=tuple(tasks))
+    if request.plant is None:
+        return plan
+    valves = request.plant.valves
+    return replace(plan, tasks=tuple(_with_settings(task, valves) for task in plan.tasks))
+
+
+def _with_settings(task: Task, valves: Mapping[str, Valve]) -> Task:
+    """``task`` with the curve and the target band that the plant file gives of its valve."""
+    valve = valves.get(task.tags.valve)
+    if valve is None:
+        return task
+    return replace(task, given_curve=valve.given_curve, target_band=valve.target_band)
 
 
 def _plan(request: Request, read_tags: ReadTags) -> Plan:
+    """The tasks of the plant's own sources, or of the files and archives that a request names."""
     if request.plant is not None and not request.sources:
         return _of_plant(request, request.plant, read_tags)
     archives, others = split_archives(request.sources)
@@ -139,12 +142,13 @@ def _of_plant(request: Request, plant: Plant, read_tags: ReadTags) -> Plan:
     """Every valve in every file of its source that has its OP tag."""
     chosen = request.chosen(plant)
     live_window = request.live_window or request.window
-    tasks = [live_task(plant, v.id, live_window) for v in chosen if plant.is_live(v.id)]
+    live = [valve for valve in chosen if plant.is_live(valve.id)]
+    tasks = [live_task(plant, valve.id, live_window) for valve in live]
     archived = [valve for valve in chosen if valve.source in plant.archives]
     tasks += [archive_task(plant, valve.id, request.window) for valve in archived]
     not_read: list[tuple[str, str]] = []
     for source in plant.sources.values():
-        valves = [plant.valve_tags(v) for v in chosen if v.source == source.name]
+        valves = [plant.valve_tags(valve) for valve in chosen if valve.source == source.name]
         if source.folder is not None or (request.valves and not valves):
             continue
         files = plant.source_files(source)
@@ -207,8 +211,8 @@ def _tags_in(
         return [frozenset() for _ in files]
     tags: dict[str, TagsOrReason] = {}
     for path in files:
-        if named := header_tags(path, tags_wanted):
-            tags[path] = frozenset(named)
+        if names := header_tags(path, tags_wanted):
+            tags[path] = frozenset(names)
     unknown = [path for path in files if path not in tags]
     parsed = read_tags([TextFile(path=path, options=options) for path in unknown])
     tags |= dict(zip(unknown, parsed, strict=True))
@@ -258,21 +262,22 @@ def _of_archive(request: Request, path: str) -> list[Task]:
     if request.plant is not None:
         options = _plant_options(request.plant, path, options)
     address = ParquetAddress(path, options)
+    no_valve = NO_VALVE
     try:
         if request.plant is not None:
             in_archive = {info.tag for info in open_archive(address).tags()}
             tagged = [request.plant.valve_tags(valve) for valve in request.chosen(request.plant)]
             valves = [valve for valve in tagged if valve.tags[Role.OP].tag in in_archive]
-            reason = f"{path}: none of the plant's OP tags is in it"
+            no_valve = f"{path}: none of the plant's OP tags is in it"
         elif request.tags:
             tags = {role: TagMapping(tag=tag) for role, tag in request.tags.items()}
             valves = [ValveTags(valve=request.valve or Path(path).stem, tags=tags)]
         else:
-            valves, reason = propose_valves(open_archive(address)), NO_VALVE
+            valves = propose_valves(open_archive(address))
     except ConnectorError as error:
         return [_not_readable(path, Path(path).stem, str(error))]
     if not valves:
-        return [_not_readable(path, Path(path).stem, reason)]
+        return [_not_readable(path, Path(path).stem, no_valve)]
     return [Task(path=path, tags=tags, archive=address, window=request.window) for tags in valves]
 
 
@@ -307,6 +312,7 @@ def _task(path: str, tags: ValveTags, options: ReadOptions, window: Window) -> T
 
 
 def _not_readable(path: str, valve: str, reason: str) -> Task:
+    """A task whose result is the reason why no valve of ``path`` can be screened."""
     tags = ValveTags(valve=valve, tags={Role.OP: TagMapping(tag="")})
     return Task(path=path, tags=tags, reason=reason)
 
@@ -326,7 +332,7 @@ def header_tags(path: str, tags_wanted: Set[str]) -> set[str] | None:
         return None  # reading the file reports the error
     for line in head.decode("utf-8-sig", "replace").splitlines()[:HEADER_LINES]:
         cells = {cell.strip().strip("\"'").strip() for cell in _SEPARATORS.split(line)}
-        named = cells | {_UNIT.sub("", cell) for cell in cells}
-        if len(named & tags_wanted) >= FEWEST_TAGS:
-            return named
+        names = cells | {_UNIT.sub("", cell) for cell in cells}
+        if len(names & tags_wanted) >= FEWEST_TAGS:
+            return names
     return None
