@@ -50,12 +50,13 @@ class TagMapping:
         return self.low is not None and self.high is not None
 
     def process_range(self, unit: str = "") -> ProcessRange | None:
-        """The range in its own unit, or that which the source names; ``None`` where range or unit
-        is not known, or is percent already."""
-        named = self.unit or unit
-        if self.low is None or self.high is None or named in ("", PERCENT):
+        """The range in the tag's own unit, else in ``unit``, which the source names; ``None`` where
+        range or unit is not known, or is percent already.
+        """
+        own_unit = self.unit or unit
+        if self.low is None or self.high is None or own_unit in ("", PERCENT):
             return None
-        return ProcessRange(low=self.low, high=self.high, unit=named)
+        return ProcessRange(low=self.low, high=self.high, unit=own_unit)
 
 
 @dataclass(frozen=True, kw_only=True)

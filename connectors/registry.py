@@ -15,7 +15,9 @@ GROUP = "stemwatch.connectors"
 
 
 def installed_connectors() -> dict[str, tuple[EntryPoint, ...]]:
-    """The installed kinds; more than one entry where several packages claim the same one."""
+    """The entry points of each installed kind, sorted by kind; more than one where several packages
+    claim it.
+    """
     by_name: dict[str, dict[str, EntryPoint]] = {}
     for point in entry_points(group=GROUP):
         by_name.setdefault(point.name, {})[point.value] = point
@@ -54,4 +56,5 @@ def settings_of(kind: str) -> type[SourceSettings] | None:
 
 
 def _package(point: EntryPoint) -> str:
+    """The name of the package that an entry point comes from, for a message."""
     return point.dist.name if point.dist is not None else "an unnamed package"

@@ -219,13 +219,13 @@ def screen(
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
     inputs = checked_options(signals, valve, interval_s, zone, ranges, start, stop, file_options)
     options = Options(narx=narx, mismatch=mismatch, limits=_limits(limits))
-    several_asked = is_several(data)
-    read_ones = several(data, inputs) if several_asked else [one_recording(data, inputs)]
-    cases = [Case(recording=item) for item in read_ones if isinstance(item, Recording)]
+    many = is_several(data)
+    recordings = several(data, inputs) if many else [one_recording(data, inputs)]
+    cases = [Case(recording=item) for item in recordings if isinstance(item, Recording)]
     fitted = iter(screen_cases(cases, options))
-    screenings = [next(fitted) if isinstance(item, Recording) else item for item in read_ones]
-    valves, stands = screened(screenings)
-    return ScreenedValves(valves, stands, zone) if several_asked else valves[0]
+    screenings = [next(fitted) if isinstance(item, Recording) else item for item in recordings]
+    valves, discoveries = screened(screenings)
+    return ScreenedValves(valves, discoveries, zone) if many else valves[0]
 
 
 @overload
@@ -279,10 +279,10 @@ def explain(
     """
     signals = {"op": op, "mv": mv, "pv": pv, "sp": sp, "mode": mode}
     inputs = checked_options(signals, valve, interval_s, zone, ranges, start, stop, file_options)
-    several_asked = is_several(data)
-    read_ones = several(data, inputs) if several_asked else [one_recording(data, inputs)]
-    valves, stands = explained([_explained(item, narx) for item in read_ones])
-    return ExplainedValves(valves, stands) if several_asked else valves[0]
+    many = is_several(data)
+    recordings = several(data, inputs) if many else [one_recording(data, inputs)]
+    valves, discoveries = explained([_explained(item, narx) for item in recordings])
+    return ExplainedValves(valves, discoveries) if many else valves[0]
 
 
 def simulate(
@@ -337,6 +337,7 @@ def simulate(
 
 
 def _explained(recording: Recording | Screening, narx: bool) -> Explained:
+    """The explanation of a recording; of one that could not be read, that nothing is known."""
     from stemwatch.models.mismatch.findings import Mismatch
     from stemwatch.service.explain.explain_recording import Explained, explain_recording
 
@@ -348,6 +349,7 @@ def _explained(recording: Recording | Screening, narx: bool) -> Explained:
 
 
 def _limits(limits: Mapping[str, float] | None) -> Limits:
+    """The default limits with those given. Raises ``ValueError`` for a name that is none."""
     limit_names = [field.name for field in fields(Limits)]
     for name in limits or {}:
         if name not in limit_names:

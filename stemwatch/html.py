@@ -46,8 +46,9 @@ def explained_card(valve: str, mismatch: Mismatch, remark: str) -> str:
 def screened_table(
     valves: Sequence[tuple[Screening, PresentedFinding, bool | None]], discovered: str
 ) -> str:
-    """A row for each screening, with what is said of it and whether its effects stand;
-    ``discovered`` sums them up."""
+    """A row for each screening, with what is said of it and whether its effects stand; the sentence
+    ``discovered`` sums them up.
+    """
     return _rendered("screened_valves.html", valves=valves, discovered=discovered)
 
 
@@ -55,10 +56,11 @@ def _view(mismatch: Mismatch | None, valve: str, remark: str) -> MismatchView | 
     return None if mismatch is None else mismatch_view(mismatch, None, "valve", valve, remark)
 
 
-def _rendered(name: str, **shown: Any) -> str:
+def _rendered(name: str, **values: Any) -> str:
+    """The template ``name`` with its values."""
     context = ReportContext(started=datetime.now(UTC))
     styles = Markup(_load("card.css"))
-    return environment(context, _load).get_template(name).render(styles=styles, **shown)
+    return environment(context, _load).get_template(name).render(styles=styles, **values)
 
 
 @cache

@@ -165,7 +165,7 @@ def one_recording(data: object, inputs: InputOptions) -> Recording:
         raise TypeError(f"received {_described(data)}; {EXPECTED}")
     if inputs.arrays:
         raise ValueError(
-            f"{', '.join(array.value for array in inputs.arrays)}: beside a DataFrame expected the "
+            f"{', '.join(role.value for role in inputs.arrays)}: beside a DataFrame expected the "
             "name of a column; leave the frame out to hand over arrays"
         )
     return _of_frame(data, inputs)
@@ -225,6 +225,7 @@ def _renamed(recording: Recording | Screening, name: object) -> Recording | Scre
 
 
 def _of_path(path: str, inputs: InputOptions) -> list[Recording | Screening]:
+    """Every valve of the files and folders that ``path`` names."""
     recordings: list[Recording | Screening] = []
     for task in _tasks(path, inputs):
         case: Case | Screening = case_of(task)
@@ -233,9 +234,10 @@ def _of_path(path: str, inputs: InputOptions) -> list[Recording | Screening]:
 
 
 def _tasks(path: str, inputs: InputOptions) -> list[Task]:
+    """What there is to read in ``path``, with the ranges of the call."""
     if inputs.arrays:
         raise ValueError(
-            f"{', '.join(array.value for array in inputs.arrays)}: beside a path expected the name "
+            f"{', '.join(role.value for role in inputs.arrays)}: beside a path expected the name "
             "of a tag; leave the path out to hand over arrays"
         )
     tags = inputs.tags
@@ -282,7 +284,7 @@ def _one_of_file(path: str, inputs: InputOptions) -> Recording:
 
 
 def read_options(inputs: InputOptions) -> ReadOptions:
-    """The reading options. Raises ``ValueError`` for one that does not exist."""
+    """The reading options. Raises ``TypeError`` for one that does not exist."""
     option_names = set(FileOptions.__annotations__)
     for name in inputs.options:
         if name not in option_names:
@@ -335,7 +337,8 @@ def _of_arrays(inputs: InputOptions) -> Recording:
         raise TypeError(f"received nothing; {EXPECTED}")
     if inputs.tags:
         raise ValueError(
-            f"{', '.join(f'{r.value}={n!r}' for r, n in inputs.tags.items())} names a column or a "
+            f"{', '.join(f'{role.value}={tag!r}' for role, tag in inputs.tags.items())} names a "
+            "column or a "
             "tag, but no frame and no file was given; hand it over as the first argument"
         )
     signals = {role: _vector(role, array) for role, array in inputs.arrays.items()}
@@ -367,7 +370,7 @@ def _side_by_side(
     first = next(iter(columns.values())).index
     for name, column in columns.items():
         if not column.index.is_unique and any(
-            not column.index.equals(x.index) for x in columns.values()
+            not column.index.equals(other.index) for other in columns.values()
         ):
             raise ValueError(
                 f"{name}: its times repeat, so that it cannot be laid beside the others; drop them "
@@ -408,7 +411,7 @@ def _checked(recording: Recording, inputs: InputOptions) -> Recording:
                 f"{values.max():.3g} and was taken as percent of span; if it is a fraction, say "
                 f"ranges={{{role.value!r}: (0, 1)}}, if it is percent, (0, 100)",
                 UserWarning,
-                stacklevel=5,
+                stacklevel=5,  # the caller of ``read``, or of ``screen`` for one valve
             )
     return recording
 

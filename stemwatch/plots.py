@@ -37,14 +37,14 @@ def screening_figure(screening: Screening, verdict: Verdict) -> Figure:
     part, reason = part_drawn(recording, simulated)
     mv = recording.mv
     ratios = [1.0] if mv is None else [2.4, 1.0]
-    places = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
-    time = figure.add_subplot(places[0, 0])
+    panels = figure.add_gridspec(1, len(ratios), width_ratios=ratios)
+    time = figure.add_subplot(panels[0, 0])
     _over_time(time, recording, part, simulated)
     time.set_title(
         f"{screening.valve}: {verdict.value} ({reason[0].lower()}{reason[1:]})", loc="left"
     )
     if mv is not None:
-        _against_op(figure.add_subplot(places[0, 1]), screening, recording, part)
+        _against_op(figure.add_subplot(panels[0, 1]), screening, recording, part)
     return figure
 
 

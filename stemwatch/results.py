@@ -124,10 +124,10 @@ class ScreenedValve:
         return screening_figure(self.screening, self.verdict)
 
     def __repr__(self) -> str:
-        screening, sure = self.screening, finite(self.confidence)
+        screening, confidence = self.screening, finite(self.confidence)
         numbers = f"severity {self.severity:.0f} of 100"
-        if sure is not None:
-            numbers += f", confidence {share(sure)}"
+        if confidence is not None:
+            numbers += f", confidence {share(confidence)}"
         verdict = f"{VERDICT_SYMBOL[self.verdict]} {self.verdict.value}"
         lines = [f"{printable(screening.valve)}: {verdict}"]
         lines[0] += f" ({numbers})"
@@ -152,7 +152,9 @@ class ExplainedValve:
 
     explained: Explained
     stands: bool | None = None
+    """As ``ScreenedValve.stands``."""
     remark: str = ""
+    """As ``ScreenedValve.remark``."""
 
     @property
     def valve(self) -> str:
@@ -297,8 +299,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
             return repr(self[0])
         counts = count_verdicts(self._ranking())
         verdicts = ", ".join(f"{n} {verdict.value}" for verdict, n in counts.items() if n)
-        count_text = "1 valve" if len(self) == 1 else f"{len(self)} valves"
-        lines = [f"{count_text}: {verdicts}" if verdicts else count_text]
+        lines = [f"{len(self)} valves: {verdicts}" if verdicts else f"{len(self)} valves"]
         first_valves = self.ranked()[:_MOST_LISTED]
         width = max((len(valve.valve) for valve in first_valves), default=0)
         for rank, valve in enumerate(first_valves, start=1):
@@ -338,22 +339,22 @@ class ExplainedValves(_Valves[ExplainedValve]):
 
 def screened(screenings: Sequence[Screening]) -> tuple[list[ScreenedValve], Discoveries]:
     """Each screening, with whether its effects stand after false-discovery control over all."""
-    run = discoveries([screening.mismatch for screening in screenings])
+    of_all = discoveries([screening.mismatch for screening in screenings])
     valves = [
-        ScreenedValve(screening, stands, run.remark() if stands is False else "")
-        for screening, stands in zip(screenings, run.standing, strict=True)
+        ScreenedValve(screening, stands, of_all.remark() if stands is False else "")
+        for screening, stands in zip(screenings, of_all.standing, strict=True)
     ]
-    return valves, run
+    return valves, of_all
 
 
 def explained(results: Sequence[Explained]) -> tuple[list[ExplainedValve], Discoveries]:
     """Each explanation, with whether its effects stand after false-discovery control over all."""
-    run = discoveries([explained.mismatch for explained in results])
+    of_all = discoveries([result.mismatch for result in results])
     valves = [
-        ExplainedValve(explained, stands, run.remark() if stands is False else "")
-        for explained, stands in zip(results, run.standing, strict=True)
+        ExplainedValve(result, stands, of_all.remark() if stands is False else "")
+        for result, stands in zip(results, of_all.standing, strict=True)
     ]
-    return valves, run
+    return valves, of_all
 
 
 def _mismatch_lines(mismatch: Mismatch | None, remark: str) -> list[str]:
