@@ -33,6 +33,11 @@ def headline(group: OscillationGroup) -> str:
     return f"{every}: {source_clause(group)}"
 
 
+def probability(share: float) -> str:
+    """That a loop is the source, as percent; a ranking is never certain."""
+    return "over 99 %" if share > 0.99 else words.share(share)
+
+
 def source_clause(group: OscillationGroup) -> str:
     """Where the oscillation likely originates, and how certain that is."""
     if not group.source:
@@ -43,7 +48,7 @@ def source_clause(group: OscillationGroup) -> str:
         )
     first, second = group.members[:2]
     sure = "likely" if first.probability >= LIKELY else "perhaps"
-    begins = f"it {sure} begins in {first.loop} ({words.share(first.probability)})"
+    begins = f"it {sure} begins in {first.loop} ({probability(first.probability)})"
     if second.probability < WORTH_NAMING:
         return begins
     return f"{begins}, else in {second.loop} ({words.share(second.probability)})"
@@ -85,7 +90,7 @@ def loop_sentence(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
         evidence = f": {', '.join(member.evidence)}" if member.evidence else ""
         return (
             f"Oscillates{when} with {named}{and_more} ({sentence}); of these loops it is the "
-            f"likeliest source ({words.share(member.probability)}){evidence}."
+            f"likeliest source ({probability(member.probability)}){evidence}."
         )
     if not group.source:
         return (

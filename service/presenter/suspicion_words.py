@@ -209,10 +209,10 @@ def answers_sentence(steps: Sequence[NextStep]) -> str:
         count[step.verdict] += len(step.loops)
     if not count.total():
         return ""
-    asked = "the one valve" if count.total() == 1 else f"the {count.total()} valves"
+    asked = "one valve" if count.total() == 1 else f"{count.total()} valves"
     sentence = (
-        f"Of {asked} without a verdict OP and PV alone let sticking be suspected at "
-        f"{count[Suspicion.SUSPECTED] or 'none'}, show no sign of it at "
+        f"OP and PV alone were asked at {asked} without a verdict: they let sticking be suspected "
+        f"at {count[Suspicion.SUSPECTED] or 'none'}, show no sign of it at "
         f"{count[Suspicion.NO_SIGN] or 'none'}, and cannot tell at "
         f"{count[Suspicion.CANNOT_TELL] or 'none'}."
     )

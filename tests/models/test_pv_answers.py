@@ -55,6 +55,13 @@ def test_pv_answers_its_own_sticking_valve(index: int, late: int) -> None:
     assert not answers.of_op_only
 
 
+def test_under_loads_alone_nothing_is_said() -> None:
+    """OP stands for the load, which nobody records, and would tell most of what PV does."""
+    recording = simulate_loop(draw_sticky(9, 5151)[8], 5_151_248).recording
+    assert np.isnan(PvAnswers.of(recording).op_alone)
+    assert wiring_obstacles(recording) == []
+
+
 def test_without_pv_nothing_is_said() -> None:
     """Nor of a recording that is too short."""
     recording = healthy_valve().recording

@@ -166,11 +166,13 @@ def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening,
     steps = rank_valves(valves, make_context(valves)).next_steps
     sentence = answers_sentence(steps)
     assert sentence.startswith(
-        "Of the 4 valves without a verdict OP and PV alone let sticking be suspected at 1, show no "
+        "OP and PV alone were asked at 4 valves without a verdict: they let sticking be "
+        "suspected at 1, show no "
         "sign of it at 2, and cannot tell at 1. 1 loop deserves a position transmitter"
     )
     assert answers_sentence([step for step in steps if step.loops == ("D",)]) == (
-        "Of the one valve without a verdict OP and PV alone let sticking be suspected at none, "
+        "OP and PV alone were asked at one valve without a verdict: they let sticking be "
+        "suspected at none, "
         "show no sign of it at none, and cannot tell at 1."
     )
     assert answers_sentence([]) == ""
