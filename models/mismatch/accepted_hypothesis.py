@@ -29,7 +29,7 @@ from stemwatch.models.mismatch.describe_effect import (
     with_what_tells,
 )
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
-from stemwatch.models.mismatch.drive import name_drive, starts_of_first_part
+from stemwatch.models.mismatch.drive import is_refuted, name_drive, starts_of_first_part
 from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import Effect, HeldOutFit
 from stemwatch.models.mismatch.held_out import (
@@ -101,10 +101,9 @@ def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
     """What the recording needs: as a drive whose motion it resolves, or else term by term
     and two at once."""
     drive = name_drive(case.base, case.balance, terms) if case.balance is not None else None
-    if drive is not None:
-        return drive
     sought = of_the_valve(terms)
-    return or_air(with_pair(name_terms(case.base, sought), sought), sought)
+    term_by_term = or_air(with_pair(name_terms(case.base, sought), sought), sought)
+    return term_by_term if drive is None or is_refuted(drive, term_by_term) else drive
 
 
 def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:

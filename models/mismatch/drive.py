@@ -50,6 +50,10 @@ NOT_RESOLVED = (
 NEAR, LEAST_NEAR = 0.1, 0.03  # of S, percent
 RATIOS = (0.0, 0.4)  # J/S
 DELAYS = (0.0, 2.0, 4.0)  # samples
+# Mean log ratio of the losses on unseen blocks, and its t, by which other physics refutes a drive:
+# three valves whose position was stored 5 s late have 1.2, 2.0 and 2.0 (t 11 and more), recordings
+# of a servo drive at most 0.55 (t 2.4).
+REFUTED_MEAN, REFUTED_T = 0.8, 4.0
 TOP_SPEEDS = (1.0, 1.15, np.inf)  # times the fastest motion that was seen
 
 
@@ -87,6 +91,19 @@ def name_drive(base: BaseFit, balance: ForceBalance, terms: Mapping[str, Term]) 
     return Named(
         evaluator=evaluator, base=base.fitted, fitted=fitted, needed=tuple(needed), stages=stages
     )
+
+
+def is_refuted(drive: Named, term_by_term: Named) -> bool:
+    """Whether what was found term by term predicts the unseen blocks so much better that no drive
+    moves this stem.
+
+    A position that is stored some seconds late in even steps looks as if a motor moved it, without
+    any friction; a dead time and friction then predict it much better.
+    """
+    as_drive = drive.fitted
+    followed = conclude(term_by_term.evaluator, scored(as_drive.layout, as_drive.candidates))
+    advantage = gain(term_by_term.evaluator, followed, term_by_term.fitted)
+    return advantage.mean >= REFUTED_MEAN and advantage.t >= REFUTED_T
 
 
 def _fitted(base: BaseFit, balance: ForceBalance, hypothesis: TermSet) -> tuple[Evaluator, Fitted]:

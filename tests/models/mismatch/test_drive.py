@@ -9,6 +9,7 @@ import pytest
 
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.service.studies.robustness import WAYS, draw_valves, recorded
 from tests.models.mismatch.simulated_drive import drive
 
 
@@ -85,3 +86,13 @@ def test_names_and_S_do_not_depend_on_the_time_unit(factor):
         for item in (plain, other)
     ]
     assert taus[1] == pytest.approx(factor * taus[0], rel=1e-6)
+
+
+def test_a_late_position_of_a_sticking_valve_is_no_motor() -> None:
+    """Stored 5 s late, its smooth answer looks like that of a motor without friction; a dead time
+    and friction predict it better. This valve was called healthy (`robustness --seed 2103`)."""
+    valve = draw_valves(40, 2103)[28]
+    late = WAYS["position stored 5 s late"].change(recorded(valve))
+    answer = explain(late)
+    assert [effect.slug for effect in answer.effects] == ["dead_time"]
+    assert answer.restated.S.value == pytest.approx(valve.S, abs=0.3)
