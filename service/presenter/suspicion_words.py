@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
@@ -113,7 +113,8 @@ def next_steps(
 
     A valve counts once. It is suspected only if at least half of its recordings raise the
     suspicion, since one in many does so by chance; otherwise the commonest answer counts, and no
-    sign only where none of its recordings leaves the question open: such a one makes a work order.
+    sign only where none of its recordings leaves the question open or raises the suspicion: such a
+    one makes a work order.
     Where the position signal itself is to be mended, that OP and PV show no sign is no reason to do
     nothing. A loop that another one moves, by the ``groups`` that oscillate together, needs no test
     of its own before that one was looked at.
@@ -165,9 +166,19 @@ def _of_most(
         most_like_sticking = max(suspicions, key=lambda answer: finite(answer.score) or 0.0)
         return _sameness(most_like_sticking), most_like_sticking
     open_ones = [answer for answer in answers if answer.verdict is Suspicion.CANNOT_TELL]
+    open_ones += [_contradicted(suspicion, len(answers)) for suspicion in suspicions[:1]]
     others = open_ones or [one for one in answers if one.verdict is Suspicion.NO_SIGN]
     ((same, _),) = Counter(_sameness(answer) for answer in others).most_common(1)
     return same, next(answer for answer in others if _sameness(answer) == same)
+
+
+def _contradicted(suspicion: WithoutPosition, recordings: int) -> WithoutPosition:
+    """A suspicion that fewer than half of a valve's recordings share: nothing can be told by it."""
+    reason = (
+        f"OP and PV cannot tell whether the valve sticks: fewer than half of its {recordings} "
+        "recordings look like sticking."
+    )
+    return replace(suspicion, verdict=Suspicion.CANNOT_TELL, reason=reason)
 
 
 def _sameness(answer: WithoutPosition) -> tuple[Suspicion, str, str]:
