@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.service.studies.robustness import WAYS, draw_valves, recorded
+from stemwatch.models.recording import Role, Signal
+from stemwatch.models.studies.simulator import simulate_loop
+from stemwatch.models.studies.simulator.defects import PackingDefects
+from stemwatch.models.studies.simulator.hidden import draw_nulls
 from tests.models.mismatch.simulated_drive import drive
 
 
@@ -91,8 +95,12 @@ def test_names_and_S_do_not_depend_on_the_time_unit(factor):
 def test_a_late_position_of_a_sticking_valve_is_no_motor() -> None:
     """Stored 5 s late, its smooth answer looks like that of a motor without friction; a dead time
     and friction predict it better. This valve was called healthy (`robustness --seed 2103`)."""
-    valve = draw_valves(40, 2103)[28]
-    late = WAYS["position stored 5 s late"].change(recorded(valve))
-    answer = explain(late)
+    wide = [case for case in draw_nulls(160, 2103, "routine") if 3.0 <= case.loop.valve.S <= 8.0]
+    valve = replace(wide[28].loop.valve, packing=PackingDefects())
+    recording = simulate_loop(replace(wide[28].loop, valve=valve), wide[28].seed).recording
+    assert recording.mv is not None
+    stored_late = recording.mv.values[np.maximum(np.arange(len(recording)) - 5, 0)]
+    late = Signal.good(stored_late, recording.mv.tag, recording.mv.unit)
+    answer = explain(replace(recording, signals={**recording.signals, Role.MV: late}))
     assert [effect.slug for effect in answer.effects] == ["dead_time"]
     assert answer.restated.S.value == pytest.approx(valve.S, abs=0.3)

@@ -27,6 +27,7 @@ pytestmark = pytest.mark.postgres
 CLOCK = re.compile(
     r"\d{4}-\d\d-\d\d \d\d:\d\d(?=</title>| \(Europe/Berlin\)(?:</p>|</dd>))"
     r"|(?<=stemwatch 0\.1\.0 in )[\d.e-]+ s|(?<=<dt>Command</dt><dd>)<code>.*?</code>"
+    r'|(?<=<p class="printed">stemwatch 0\.1\.0 · )<code>.*?</code>'
 )
 
 
