@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stemwatch.connectors.historian.times.epoch import instant_of
-from stemwatch.connectors.historian.times.source_clock import clock_facts
+from stemwatch.connectors.historian.times.source_clock import clock_facts, interval_ns
+from stemwatch.connectors.historian.times.timeline import Timeline
 from stemwatch.connectors.historian.values.columns import Column
 from stemwatch.models import forensics
 from stemwatch.models.recording import ClockFacts, Quality
@@ -34,7 +35,7 @@ class TagInspection:
     remark: str
     samples: int  # with a value that can be used
     bad_share: float  # of the tag's rows, 0 to 1
-    interval_s: float | None  # median step between its samples
+    interval_s: float | None  # between its samples
     own_interval_s: float | None  # between new values, where slower
     low: float | None
     high: float | None
@@ -108,8 +109,17 @@ def inspect_file(opened: OpenedFile) -> Inspection:
 
 
 def _interval_s(column: Column) -> float | None:
-    distinct = np.unique(column.file_ns)
-    return float(np.median(np.diff(distinct))) / 1e9 if distinct.size > 1 else None
+    """The interval of the grid that a recording on this tag's rows would have."""
+    times = Timeline(column.file_ns)
+    return interval_ns(times) / 1e9 if times.steps.size else None
+
+
+def _own_step_s(column: Column) -> float | None:
+    """Seconds between the tag's samples: by the clock where they come evenly, else the median."""
+    times = column.times
+    if times.usual_step is None:
+        return None
+    return (times.usual_step if times.by_exception else interval_ns(times)) / 1e9
 
 
 def _inspect(column: Column, candidate: Candidate) -> TagInspection:
@@ -117,8 +127,7 @@ def _inspect(column: Column, candidate: Candidate) -> TagInspection:
 
     values = column.values
     finite = values[np.isfinite(values)]
-    steps = np.diff(np.unique(column.ns))
-    interval_s = float(np.median(steps)) / 1e9 if steps.size else None
+    interval_s = _own_step_s(column)
     lines = float(np.mean(forensics.interpolated(values))) if values.size > 2 else 0.0
     longest = forensics.longest_repeat(values) if values.size > 1 else 1
     return TagInspection(

@@ -241,7 +241,7 @@ def _unusable(recording: Recording) -> tuple[str, str] | None:
     do."""
     pv = recording.get(Role.PV)
     if pv is None:
-        return "PV is not in this recording", "Export PV beside OP."
+        return "PV is not in this recording", "Export PV beside OP, in one file."
     _, op, pv_known, _ = _longest(recording)
     if not op.size:
         return "OP and PV have no usable values at the same times", "Check both tags."

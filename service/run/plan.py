@@ -13,6 +13,7 @@ from pathlib import Path
 from stemwatch.connectors.connector import (
     WHOLE,
     ConnectorError,
+    TagInfo,
     TagMapping,
     ValveTags,
     Window,
@@ -37,6 +38,11 @@ MOST_NAMED = 12  # tags of a file that a message lists
 NO_VALVE = (
     "no controller output was recognised in this file; say which tags are meant with --op and "
     "--mv, or in a plant.toml (`stemwatch inspect` shows the tags)."
+)
+ONE_TAG = (
+    "this file holds one tag only, and OP, PV and position of a valve must stand in one file. "
+    "Export the tags of the loop together, or put the files below each other with a column for the "
+    "tag: time, tag, value."
 )
 
 TagsOrReason = frozenset[str] | str  # the tags in a file, or why it cannot be read
@@ -252,7 +258,9 @@ def _of_file(request: Request, path: str, read_tags: ReadTags) -> list[Task]:
     except ConnectorError as error:
         return [_not_readable(path, stem, str(error))]
     if not proposed:
-        return [replace(_not_readable(path, stem, NO_VALVE), file_remarks=_columns(path, options))]
+        infos = open_file(path, options).tags()
+        reason = ONE_TAG if len(infos) == 1 else NO_VALVE
+        return [replace(_not_readable(path, stem, reason), file_remarks=_columns(infos))]
     return [_task(path, valve, options, window) for valve in proposed]
 
 
@@ -298,9 +306,8 @@ def _plant_options(plant: Plant, path: str, options: ReadOptions) -> ReadOptions
     return replace(base, **given_options(options))
 
 
-def _columns(path: str, options: ReadOptions) -> tuple[str, ...]:
+def _columns(infos: Sequence[TagInfo]) -> tuple[str, ...]:
     """The tags of a readable file without a recognised valve, and why none was taken for OP."""
-    infos = open_file(path, options).tags()
     names = ", ".join(info.tag for info in infos[:MOST_NAMED])
     and_more = f" and {len(infos) - MOST_NAMED} more" if len(infos) > MOST_NAMED else ""
     tag_remarks = [f"{info.tag}: {info.remark}" for info in infos[:MOST_NAMED] if info.remark]

@@ -53,6 +53,7 @@ class Structure:
     headers: tuple[list[str], ...]  # the header rows, each ``width`` cells
     time: tuple[int, ...]  # one column, two (date and clock), or none
     numeric: tuple[int, ...]  # columns whose cells are mostly numbers
+    other_times: tuple[int, ...] = ()  # columns of dates beside ``time``
 
 
 def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
@@ -65,7 +66,12 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
     time: tuple[int, ...] = ()
     if options.time_column is not None:
         time = _time_named(_head(rows, width), options.time_column, name)
-    time = time or _time_by_content(sample, width) or _time_by_header(_head(rows, width), sample)
+    time = (
+        time
+        or _time_by_content(sample, width)
+        or _time_by_header(_head(rows, width), sample)
+        or _time_of_day(sample, width)
+    )
     first = _first_row(rows, width, time)
     headers = tuple(_fit(row, width) for row in rows.cells[:first] if _is_header(row, width))
     if first == len(rows.cells):
@@ -76,7 +82,15 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
             "probably not a recording"
         )
     numeric = tuple(c for c in range(width) if c not in time and _holds_numbers(sample, c))
-    return Structure(width=width, first_row=first, headers=headers, time=time, numeric=numeric)
+    others = [c for c in range(width) if c not in time and c not in numeric]
+    return Structure(
+        width=width,
+        first_row=first,
+        headers=headers,
+        time=time,
+        numeric=numeric,
+        other_times=tuple(c for c in others if _share(sample, c, is_time) > 0.8),
+    )
 
 
 def _head(rows: Rows, width: int) -> list[list[str]]:
@@ -116,6 +130,12 @@ def _time_by_content(sample: Sequence[list[str]], width: int) -> tuple[int, ...]
     if dates and clocks:
         return (dates[0], clocks[0])
     return (dates[0],) if dates else ()
+
+
+def _time_of_day(sample: Sequence[list[str]], width: int) -> tuple[int, ...]:
+    """The first column of times of day, where no column has dates."""
+    clocks = (c for c in range(width) if _share(sample, c, is_clock_only) > 0.8)
+    return tuple(islice(clocks, 1))
 
 
 def _time_named(headers: Sequence[list[str]], time_column: str, name: str) -> tuple[int, ...]:

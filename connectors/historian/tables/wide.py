@@ -12,6 +12,13 @@ from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.layout_input import Body, LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.tables.structure import Names, Structure, column_names
+from stemwatch.connectors.historian.tables.text_pieces import NotInPieces
+from stemwatch.connectors.historian.tables.time_value_pairs import (
+    TimedColumns,
+    names_beside_times,
+    rows_of_groups,
+    timed_columns,
+)
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.quality_codes import looks_like_codes
 from stemwatch.connectors.historian.values.stored_text import StoredText, joined
@@ -33,6 +40,9 @@ def wide_table(
 ) -> RawTable:
     """The table of a file whose rows of data are ``body``."""
     names = column_names(structure)
+    groups = () if source.options.time_column else timed_columns(structure, names)
+    if groups:
+        return _timed_apart(source, body, names, groups, separator)
     times, used = _times(body, structure, names, source)
     interval_s, interval_name, skipped = _interval_column(body, names, used)
     used |= skipped | _row_numbers(body, names, used, source.notes)
@@ -45,6 +55,36 @@ def wide_table(
         separator=separator,
         interval_s=interval_s,
         interval_name=interval_name,
+    )
+
+
+def _timed_apart(
+    source: LayoutInput,
+    body: Body,
+    names: Names,
+    groups: Sequence[TimedColumns],
+    separator: str,
+) -> RawTable:
+    """The table of a file whose tags have times of their own."""
+    if isinstance(body.columns[0], StoredText):
+        raise NotInPieces
+    names = names_beside_times(names, groups)
+    parts = rows_of_groups(body, groups)
+    columns: list[RawColumn] = []
+    for group, part in zip(groups, parts, strict=True):
+        others = set(range(len(names.tags))) - set(group.values)
+        columns += [replace(c, rows=part.rows) for c in _columns(part.body, names, others)]
+    source.notes.decide(
+        f"There are {len(groups)} time columns; each tag has the times of the one to its left."
+    )
+    texts = [text for g, p in zip(groups, parts, strict=True) for text in p.body.columns[g.time]]
+    return RawTable(
+        layout="wide table: tags with time columns of their own",
+        times=RawTimes(texts=texts, name=names.tags[groups[0].time]),
+        columns=unique_tags(columns, source.notes),
+        numbers=[number for part in parts for number in part.body.numbers],
+        separator=separator,
+        narrow=True,
     )
 
 

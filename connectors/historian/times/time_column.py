@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
-from stemwatch.connectors.historian.tables.raw_table import RawTable
+from stemwatch.connectors.historian.tables.raw_table import Index, RawTable
 from stemwatch.connectors.historian.times.day_month_order import local_ns
 from stemwatch.connectors.historian.times.row_spacing import (
     Spread,
@@ -28,6 +28,7 @@ from stemwatch.connectors.historian.times.time_fields import (
     stored_time_fields,
     time_fields,
 )
+from stemwatch.connectors.historian.times.time_of_day import are_times_of_day, times_of_day
 from stemwatch.connectors.historian.times.zones import to_utc
 from stemwatch.connectors.historian.values.numbers import parse_numbers
 from stemwatch.connectors.historian.values.stored_text import (
@@ -95,6 +96,9 @@ def _written(table: RawTable, options: ReadOptions, name: str, notes: ReadingNot
     if options.time_format is not None:
         notes.use("time_format")
         instants = _by_format(texts, options.time_format, table, options, notes)
+    elif are_times_of_day(texts):
+        ns, ok = times_of_day(list(texts), _groups(table), table.times.name, notes)
+        instants = Instants(ns=ns, ok=ok, in_utc=False, zone="The times have no date.")
     else:
         instants = _numeric(texts, table, options, notes)
     if instants is None:
@@ -208,14 +212,21 @@ def _repeated(columns: Sequence[Sequence[str]]) -> bool:
 def _row_count_instants(
     table: RawTable, options: ReadOptions, name: str, notes: ReadingNotes
 ) -> Instants:
-    interval_s = options.interval_s or table.interval_s
+    given, said = options.interval_s, table.interval_s
+    interval_s = given or said
     notes.use("interval_s")
     if interval_s is None:
         raise UnreadableSource(
             f"{name}: there is no time column and nothing tells the interval of the rows; "
             f"{_SAY_INTERVAL}, or time_column (--time-column) if a column holds the time"
         )
-    notes.decide(f"There is no time column; the rows are {interval_s:g} s apart.")
+    origin = "as given" if given else f"as column {table.interval_name!r} says"
+    notes.decide(f"There is no time column; the rows are {interval_s:g} s apart, {origin}.")
+    if given and said and abs(given - said) > 0.05 * said:
+        notes.problem(
+            f"column {table.interval_name!r} says {said:g} s between rows, interval_s {given:g} s; "
+            "interval_s was taken"
+        )
     n = len(table.numbers)
     ns = np.round(np.arange(n) * interval_s * 1e9).astype(np.int64)
     return Instants(ns=ns, ok=np.ones(n, dtype=bool), in_utc=False, zone="")
@@ -414,6 +425,11 @@ def _in_pieces(
     return ns, ok, offsets
 
 
+def _groups(table: RawTable) -> list[Index | None]:
+    """The rows of each tag where each has its own times; else all rows together."""
+    return [column.rows for column in table.columns] if table.narrow else [None]
+
+
 def _in_zone(
     ns: Ints,
     ok: Bools,
@@ -445,8 +461,7 @@ def _in_zone(
         return Instants(
             ns=utc, ok=aware, in_utc=True, zone=_offset_sentence(offset_min[aware], notes)
         )
-    _remark_clock_change(ns if ok.all() else ns[ok], notes)
-    return undated(ns, ok, notes)
+    return undated(_after_clock_change(ns, ok, table, notes), ok, notes)
 
 
 def undated(ns: Ints, ok: Bools, notes: ReadingNotes) -> Instants:
@@ -466,14 +481,13 @@ def _localised(
     options: ReadOptions,
     notes: ReadingNotes,
 ) -> Instants:
-    groups = [column.rows for column in table.columns] if table.narrow else [None]
     local_utc, is_placed = to_utc(
         ns if naive.all() else ns.copy(),
         naive,
         zone,
         ambiguous_hour=options.ambiguous_hour,
         missing_hour=options.missing_hour,
-        groups=groups,
+        groups=_groups(table),
         notes=notes,
     )
     sentence = f"Times without offset are local times of {zone}."
@@ -491,17 +505,35 @@ def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) 
     return sentence
 
 
-def _remark_clock_change(ns: Ints, notes: ReadingNotes) -> None:
-    steps = np.diff(ns)
-    backward = steps[steps < 0]
-    if not backward.size:
-        return
-    median_step = float(np.median(np.abs(steps, out=steps), overwrite_input=True))
-    if np.count_nonzero(np.abs(backward + 3600e9) <= 2 * median_step + 1e9) == 1:
+def _after_clock_change(ns: Ints, ok: Bools, table: RawTable, notes: ReadingNotes) -> Ints:
+    """``ns`` with what follows the end of summer time an hour later, so that the two passes of the
+    repeated hour do not fall on each other: for each tag where each has its own times."""
+    put_back = False
+    for group in _groups(table):
+        rows = np.arange(ns.size) if group is None else np.asarray(group)
+        rows = rows if ok.all() else rows[ok[rows]]
+        at = _clock_put_back(ns[rows])
+        if at is not None:
+            ns[rows[at:]] += 3600 * _SECOND_NS
+            put_back = True
+    if put_back:
         notes.decide(
-            "The times step back by about an hour once: probably the end of summer time. Give the "
-            "zone and both passes of the repeated hour will be told apart."
+            "The times step back by an hour once and go on evenly, as at the end of summer time: "
+            "the rows after it are taken as an hour later. Give the zone where that is wrong."
         )
+    return ns
+
+
+def _clock_put_back(ns: Ints) -> int | None:
+    """The row before which the clock was put back by an hour; ``None`` where it was not once."""
+    steps = np.diff(ns)
+    backward = np.flatnonzero(steps < 0)
+    if backward.size != 1:
+        return None
+    at = int(backward[0])
+    step, median_step = int(steps[at]), float(np.median(np.abs(steps)))
+    goes_on_evenly = abs(step + 3600e9 - median_step) <= median_step + 1e9
+    return at + 1 if goes_on_evenly else None
 
 
 def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:

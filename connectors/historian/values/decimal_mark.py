@@ -35,7 +35,7 @@ _VOTES = {
     "either": "^[+-]?[1-9][0-9]{0,2},[0-9]{3}$",
     "comma": "^[+-]?(?:[0-9]{1,15},(?:[0-9]{1,2}|[0-9]{4,15})"
     "|(?:0[0-9]{0,2}|[0-9]{4,15}),[0-9]{3})$",
-    "none": "^[+-]?[0-9]{1,15}$",
+    "whole": "^[+-]?[0-9]{1,15}$",
 }
 _COMMA_NUMBER = re.compile(rf"{SIGN}[0-9][0-9.,' \u00a0\u202f]*{EXPONENT}")
 
@@ -59,7 +59,7 @@ def decide_decimal(columns: Iterable[Sequence[str]], separator: str, name: str) 
         return ".", "No number has a decimal mark; a point is taken."
     if separator == ";":
         return ",", "Numbers like 1,234 in a file with semicolons were read as 1.234."
-    if separator == ",":
+    if separator == "," and votes["whole"]:  # thousands go with numbers below a thousand
         return ".", "Numbers like '1,234' in quotes were read as 1234 (thousands)."
     either = _votes_of_texts(stored)["either"] if stored else either
     raise UnreadableSource(
@@ -73,7 +73,8 @@ def _votes(columns: Iterable[Sequence[str]]) -> Counter[str]:
     for cells in columns:
         joined = "\n".join(cells)
         if "," not in joined:
-            votes["point"] += "." in joined and quick_numbers(cells[:500], ".") is not None
+            are_numbers = quick_numbers(cells[:_FIRST], ".") is not None
+            votes["point" if "." in joined else "whole"] += are_numbers
             continue
         certain = len(_CERTAIN_COMMA.findall(joined))
         if certain and quick_numbers(cells, ",") is not None:
@@ -91,7 +92,7 @@ def _vote(text: str) -> str:
     if as_point and as_comma:
         if "," in text and text.lstrip("+-").startswith("0"):
             return "comma"
-        return "either" if "," in text else "none"
+        return "either" if "," in text else "whole"
     if as_comma:
         return "comma"
     return "point" if as_point else "none"
@@ -111,7 +112,8 @@ def stored_votes(columns: Sequence[StoredText]) -> Counter[str]:
     doubtful = []
     for cells, seen in zip(columns, _look_at(columns), strict=True):
         if not seen.comma:
-            votes["point"] += seen.point and quick_numbers(seen.first[:_FIRST], ".") is not None
+            are_numbers = quick_numbers(seen.first[:_FIRST], ".") is not None
+            votes["point" if seen.point else "whole"] += are_numbers
         elif seen.certain and seen.numbers:
             votes["comma"] += seen.certain
         elif seen.texts is not None:
