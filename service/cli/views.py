@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from stemwatch.models.screening_result import Screening
     from stemwatch.service.config import Plant
     from stemwatch.service.report import ReportContext
-    from stemwatch.service.report.ranking import Ranking
+    from stemwatch.service.report.ranking import RankedValve, Ranking
     from stemwatch.service.store.administration.backup_file import TableDigest
     from stemwatch.service.store.administration.check import DatabaseHealth
     from stemwatch.service.store.administration.prune import Pruned
@@ -221,7 +221,9 @@ def summary(screenings: Sequence[Screening]) -> Table:
     from stemwatch.service.report.report_context import ReportContext
 
     ranking = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
-    worst_shown = f", the worst {SHOWN} shown" if len(ranking) > SHOWN else ""
+    lines = _lines_of_ranking(ranking)
+    is_cut = len(lines) == SHOWN < len(ranking)
+    worst_shown = f", the worst {SHOWN} shown" if is_cut else ""
     table = Table(
         title=f"{ranking.counts.sentence.rstrip('.')}{worst_shown}.", title_justify="left"
     )
@@ -237,7 +239,9 @@ def summary(screenings: Sequence[Screening]) -> Table:
     table.add_column("valve", overflow="fold")  # names must not be cut
     table.add_column("verdict", no_wrap=True, min_width=len(Verdict.UNDETERMINED))
     numbers = [
-        _number(estimate) for v in ranking[:SHOWN] for estimate in (v.screening.S, v.screening.J)
+        _number(estimate)
+        for valve, _ in lines
+        for estimate in (valve.screening.S, valve.screening.J)
     ]
     longest = max((len(part) for text in numbers for part in text.split(" ")), default=0)
     for name in ("S, %", "J, %"):  # an interval that is cut is none
@@ -247,7 +251,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
         table.add_column(name, no_wrap=True)
     if wide:  # in a narrow terminal the sentence would stand in a column of single words
         table.add_column("why")
-    for valve in ranking[:SHOWN]:
+    for valve, recording in lines:
         screening = valve.screening
         shape = screening.shape.value if screening.shape else ""
         named = note_of.get(screening.valve, "")
@@ -255,7 +259,7 @@ def summary(screenings: Sequence[Screening]) -> Table:
         side_cells = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
         table.add_row(
             str(valve.rank),
-            escape("\n".join(filter(None, (screening.valve, valve.recording)))),
+            escape("\n".join(filter(None, (screening.valve, recording)))),
             f"[{STYLE[valve.verdict]}]{valve.verdict.value}[/]{note}",
             _number(screening.S),
             _number(screening.J),
@@ -263,6 +267,21 @@ def summary(screenings: Sequence[Screening]) -> Table:
             *([escape(valve.finding.reason)] if wide else []),
         )
     return table
+
+
+def _lines_of_ranking(ranking: Ranking) -> list[tuple[RankedValve, str]]:
+    """The first lines of the table, each with the recording that it is of. Where nothing has a
+    verdict, a valve has one line and the number of its recordings: the others would say the same.
+    """
+    if set(ranking.verdicts) != {Verdict.UNDETERMINED}:
+        return [(valve, valve.recording) for valve in ranking[:SHOWN]]
+    lines: dict[str, tuple[RankedValve, str]] = {}
+    for valve in ranking:
+        recordings = f"{valve.recordings} recordings" if valve.recordings > 1 else ""
+        lines.setdefault(valve.screening.valve, (valve, recordings))
+        if len(lines) == SHOWN:
+            break
+    return list(lines.values())
 
 
 def _verdicts(ranking: Ranking) -> str:

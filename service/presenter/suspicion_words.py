@@ -196,8 +196,18 @@ def _with_ranges(reasons: Sequence[str]) -> str:
 
 
 def _why(answer: WithoutPosition) -> str:
-    """Why no answer is possible, without the words that all such reasons begin with."""
-    return answer.reason.partition(": ")[2] if answer.verdict is Suspicion.CANNOT_TELL else ""
+    """What OP and PV show, or why no answer is possible, without the words that all such reasons
+    begin with."""
+    if answer.verdict is Suspicion.CANNOT_TELL:
+        return answer.reason.partition(": ")[2]
+    S = answer.apparent_S.value
+    unit = f" {answer.apparent_S.unit}".rstrip()
+    if answer.verdict is Suspicion.SUSPECTED and finite(S) is not None:
+        return f"it looks as if the valve sticks by {figure(S, 2)}{unit} of OP."
+    shows = finite(answer.shows_from)
+    if answer.verdict is Suspicion.NO_SIGN and shows is not None:
+        return f"a valve that sticks by {figure(shows, 2)}{unit} of OP or more would have shown."
+    return ""
 
 
 def loops_to_test(steps: Iterable[NextStep]) -> tuple[str, ...]:

@@ -177,6 +177,17 @@ def test_a_file_without_a_recognised_op_says_what_to_do(screened, tmp_path: Path
     assert "upper" in " ".join(valves[0]["still_seen"])
 
 
+def test_a_file_of_one_tag_says_that_the_others_belong_into_it(screened, tmp_path: Path) -> None:
+    """One file per tag: how the tags of a loop come into one file is said."""
+    rows = [f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{k % 7}" for k in range(300)]
+    file = tmp_path / "FIC1.OP.csv"
+    file.write_text("\n".join(["Timestamp,Value", *rows]), encoding="utf-8")
+    outcome, _ = screened(file)
+    assert outcome.status == 0
+    assert "this file holds one tag only" in outcome.said
+    assert "time, tag, value" in outcome.said
+
+
 def test_json_is_the_reports_own(screened, export: Path, tmp_path: Path) -> None:
     """--json writes byte for byte the objects of the report, one for each valve, worst first."""
     file = tmp_path / "mine.json"

@@ -647,9 +647,17 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     assert [one.screening.valve for one in listed.to_work_on] == ["C-FIRST", "B-DUMB"]
     told = [Text.from_markup(line).plain for line in views.undetermined_lines(every)]
     assert told == [
-        "sticking suspected C-FIRST  Do a bump test.",
+        "sticking suspected C-FIRST  it looks as if the valve sticks by 2.5 % of OP. "
+        "Do a bump test.",
         "cannot tell B-DUMB  the record is short. Export longer.",
-        "no sign of sticking A-NONE  Nothing at the valve on these grounds.",
+        "no sign of sticking A-NONE  a valve that sticks by 1.5 % of OP or more would have shown. "
+        "Nothing at the valve on these grounds.",
+    ]
+    twice = [*every, every[0]]  # a valve has one line where nothing has a verdict
+    assert [str(cell) for cell in views.summary(twice).columns[1].cells] == [
+        "C-FIRST",
+        "A-NONE\n2 recordings",
+        "B-DUMB",
     ]
     (valves, verdicts) = (views.summary(every).columns[n].cells for n in (1, 2))
     marked = [v for v, word in zip(valves, verdicts, strict=True) if SUSPECTED_NOTE in str(word)]

@@ -90,8 +90,10 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
     assert text.index(title) < text.index("Ranking, worst first")
     beside = page_of([*valves, make_screening("FV-3")], make_context)
     assert beside.index(title) > beside.index("Ranking, worst first")
-    assert "1 sticking suspected – Do a bump test. FV-1" in text
-    assert "1 no sign of sticking – Nothing at the valve on these grounds. FV-2" in text
+    looks_so = "it looks as if the valve sticks by 2.5 % of OP."
+    assert f"1 sticking suspected {looks_so} Do a bump test. FV-1" in text
+    shows = "a valve that sticks by 1.5 % of OP or more would have shown."
+    assert f"1 no sign of sticking {shows} Nothing at the valve on these grounds. FV-2" in text
 
 
 def test_beside_a_position_it_is_a_cross_check(make_screening, make_context):
@@ -198,10 +200,10 @@ def test_a_loop_that_another_moves_is_first_looked_for_there(make_screening, mak
     context = replace(make_context(valves), groups=(GROUP,))
     steps = rank_valves(valves, context).next_steps
     assert [(step.why, step.loops) for step in steps] == [
-        ("", ("FIC-104",)),
+        ("it looks as if the valve sticks by 2.5 % of OP.", ("FIC-104",)),
         (MOVED, ("TIC-2",)),
         ("the signs are too weak.", ("PIC-9",)),
-        ("", ("<b>LIC",)),
+        ("a valve that sticks by 1.5 % of OP or more would have shown.", ("<b>LIC",)),
     ]
     assert steps[1].step.startswith("Look at FIC-104 first")
 
