@@ -74,6 +74,25 @@ def _limits(recording: Recording) -> list[str]:
     return sentences
 
 
+def _not_controlled(recording: Recording) -> list[str]:
+    """That PV never comes near its set point."""
+    pv, set_point = recording.get(Role.PV), recording.get(Role.SP)
+    if pv is None or set_point is None or pv.unit != set_point.unit:
+        return []
+    both = pv.usable & set_point.usable
+    error = (pv.values - set_point.values)[both]
+    if error.size < 10 or error.min() <= 0.0 <= error.max():
+        return []
+    nearest = float(np.abs(error).min())
+    if nearest <= float(np.ptp(pv.values[both])):
+        return []
+    return [
+        f"PV stays {nearest:.3g}{_unit(pv)} and more from its set point, farther than it moves: "
+        "this loop does not hold it. Another controller, OP at a limit, or tags of two loops make "
+        "such a record."
+    ]
+
+
 def facts_without_verdict(recording: Recording) -> tuple[str, ...]:
     """Sentences that hold without a verdict: movement, oscillation, limits, archive."""
     sentences = [
@@ -81,6 +100,7 @@ def facts_without_verdict(recording: Recording) -> tuple[str, ...]:
         f"{recording.duration_s / 60:.0f} minutes.",
         *_cycles(loop_oscillation(recording)),
         *_limits(recording),
+        *_not_controlled(recording),
     ]
     for role in (Role.OP, Role.PV, Role.MV):
         signal = recording.get(role)

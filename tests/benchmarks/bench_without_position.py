@@ -68,6 +68,10 @@ def report(name: str, loops: list[tuple[bool, Recording]], judge: Judge) -> None
         is_it = np.array([item.verdict is verdict for item in sentences])
         print(f"  {verdict.value}: {np.sum(is_it & sticks)} and {np.sum(is_it & ~sticks)}")
     print(f"  AUC of the score {auc(sticks, score):.2f}, of the gain {auc(sticks, gain):.2f}")
+    # A loop of which OP and PV show nothing counts as the least sticking above.
+    seen_at_all = np.array([item.score is not None for item in sentences])
+    with_score = auc(sticks[seen_at_all], score[seen_at_all])
+    print(f"  AUC of the {seen_at_all.sum()} with a score {with_score:.2f}")
 
 
 def main() -> None:

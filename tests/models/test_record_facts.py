@@ -86,3 +86,12 @@ def test_set_point():
 def test_next_to_nothing(op):
     """No sample, one sample or no number at all still give sentences."""
     assert "OP has hardly any usable sample." in said(op)
+
+
+def test_a_loop_that_does_not_hold_its_set_point():
+    """PV far from SP all the time is said; an offset within its own movement is not."""
+    pv, far, near = 60.0 + np.sin(T / 10.0), np.full(T.size, 15.0), np.full(T.size, 58.5)
+    assert "PV stays 44 bar and more from its set point" in said(pv=pv, sp=far)
+    assert "from its set point" not in said(pv=pv, sp=near)
+    elsewhere = Signal.good(far, "V.sp", "%")
+    assert "from its set point" not in said(pv=pv, sp=elsewhere)
