@@ -27,7 +27,7 @@ from stemwatch.models.without_position.features import (
 from stemwatch.models.without_position.hammerstein import block_means
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore, unpacked
 from stemwatch.models.without_position.picture import ElementTraces, element_traces
-from stemwatch.models.without_position.windows import JUDGED_STRETCHES, windows
+from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 120  # two scales of blocks need them
 ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
@@ -133,7 +133,7 @@ def look_at_loop(recording: Recording) -> SeenLoop:
         loop_evidence = evidence(op, pv)
     except ValueError:
         return SeenLoop(unit=unit, doubt=("OP or PV stands still where both are known", _FASTER))
-    cut = windows(op, pv, sp, loop_evidence.period, JUDGED_STRETCHES)
+    cut = windows(op, pv, sp, loop_evidence.period)
     return SeenLoop(
         unit=unit,
         samples=op.size,

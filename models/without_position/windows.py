@@ -9,17 +9,14 @@ from stemwatch.models.recording import Floats
 LENGTH = 256
 # samples a period: twenty cycles, eight, and two and a half in detail
 PER_PERIOD = (12, 32, 100)
-STRETCHES = 3  # of each length, spread over the record, to learn from
-JUDGED_STRETCHES = 12  # of a loop that is judged: their mean is the surer, the longer the record
+STRETCHES = 3  # of each length, spread over the record
 SIGNALS = 3
 _FINEST = 0.5  # of a sample
 _FARTHEST = 5.0  # standard deviations of PV, at which SP is clipped
 
 
-def windows(
-    op: Floats, pv: Floats, sp: Floats | None, period: float, stretches: int = STRETCHES
-) -> Floats:
-    """(lengths, stretches, SIGNALS, LENGTH) stretches of OP, PV and SP, spread over the record.
+def windows(op: Floats, pv: Floats, sp: Floats | None, period: float) -> Floats:
+    """(lengths, STRETCHES, SIGNALS, LENGTH) stretches of OP, PV and SP, spread over the record.
 
     ``period`` is in samples. OP and PV have mean 0 and size 1 in each; SP lies where it lies beside
     PV, because what OP does depends on the error, and is zeros where it is not known. A record that
@@ -29,18 +26,18 @@ def windows(
     if float(np.diff(op) @ np.diff(pv)) > 0.0:
         pv, sp = -pv, None if sp is None else -sp
     signals = np.stack([op, pv, pv if sp is None else sp])
-    cut = np.stack([_cut(signals, period / places, stretches) for places in PER_PERIOD])
+    cut = np.stack([_cut(signals, period / places) for places in PER_PERIOD])
     if sp is None:
         cut[:, :, 2] = 0.0
     return cut
 
 
-def _cut(signals: Floats, step: float, stretches: int) -> Floats:
+def _cut(signals: Floats, step: float) -> Floats:
     n = signals.shape[1]
     step = min(max(step, _FINEST), n / LENGTH)
     count = int(n / step + 1e-9)
     thin = np.stack([_resampled(signal, step, count) for signal in signals])
-    starts = np.linspace(0, count - LENGTH, stretches).astype(np.int64)
+    starts = np.linspace(0, count - LENGTH, STRETCHES).astype(np.int64)
     cut = np.stack([thin[:, start : start + LENGTH] for start in starts])
     middle, size = cut.mean(axis=2, keepdims=True), cut.std(axis=2, keepdims=True) + 1e-9
     middle[:, 2], size[:, 2] = middle[:, 1], size[:, 1]
