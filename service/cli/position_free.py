@@ -93,7 +93,8 @@ def _table(seed: int, rows: Iterable[FamilyRow]) -> Table:
         "no sign",
         "cannot tell",
         "AUC",
-        "found at 2, 5 %",
+        "score: 2, 5 %",
+        "suspected: 2, 5 %",
         "error of S",
         "intervals",
     )
@@ -105,6 +106,7 @@ def _table(seed: int, rows: Iterable[FamilyRow]) -> Table:
             *(f"{a} + {b}" for a, b in (row.suspected, row.no_sign, row.cannot_tell)),
             f"{row.auc:.2f}",
             f"{row.sensitivity[0]:.2f}, {row.sensitivity[1]:.2f}",
+            f"{row.found[0]:.2f}, {row.found[1]:.2f}",
             f"{row.error:.2f} %",
             f"{row.held[0]} of {row.held[1]}",
         )

@@ -18,7 +18,8 @@ from stemwatch.models.studies.loops.examples import (
 )
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.simulate import simulate_loop
-from stemwatch.models.without_position.network import LoopNetwork, packed
+from stemwatch.models.without_position.features import Evidence
+from stemwatch.models.without_position.network import LoopNetwork, LoopScore, packed
 from stemwatch.models.without_position.suspicion import (
     ENOUGH_PERIODS,
     FEW_PERIODS,
@@ -128,14 +129,19 @@ def _judged(draw: SeenDraw, network: LoopNetwork) -> _JudgedLoop | None:
     if shown is None or windows is None or draw.seen.doubt is not None:
         return None
     answer = network.answer(shown.values, windows)
-    may_alarm = predicts_better(shown) and estimated_S(shown, answer) >= LEAST_S_PERCENT
     return _JudgedLoop(
         is_own=draw.place.family == "own",
         size=draw.S / shown.amplitude,
         score=answer.score,
-        alarm=answer.score if may_alarm else 0.0,
+        alarm=_alarm(shown, answer),
         has_few_swings=draw.seen.samples / shown.period < FEW_PERIODS,
     )
+
+
+def _alarm(shown: Evidence, answer: LoopScore) -> float:
+    """The score where all other rules let a loop be suspected, else 0."""
+    may_alarm = predicts_better(shown) and estimated_S(shown, answer) >= LEAST_S_PERCENT
+    return answer.score if may_alarm else 0.0
 
 
 def _no_sign(sticking: Sequence[_JudgedLoop], suspected: float) -> NoSignLimit:
@@ -198,6 +204,7 @@ class StudiedLoop:
     verdict: Suspicion
     score: float | None
     apparent_S: tuple[float, float, float] | None  # value, low, high
+    alarm: float = 0.0  # the score where all other rules let it be suspected
 
     @property
     def sticky(self) -> bool:
@@ -223,10 +230,13 @@ def look_item(item: LoopToDraw) -> list[SeenDraw]:
 
 def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
     suspicion = judge.says(seen_draw.seen)
-    estimate, shown = suspicion.apparent_S, seen_draw.seen.shown
+    estimate, shown, windows = suspicion.apparent_S, seen_draw.seen.shown, seen_draw.seen.windows
     numbers = None
     if estimate.value is not None and estimate.low is not None and estimate.high is not None:
         numbers = (estimate.value, estimate.low, estimate.high)
+    alarm = 0.0
+    if shown is not None and windows is not None and seen_draw.seen.doubt is None:
+        alarm = _alarm(shown, judge.network.answer(shown.values, windows))
     return StudiedLoop(
         family=seen_draw.place.family,
         story=seen_draw.story,
@@ -235,6 +245,7 @@ def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
         verdict=suspicion.verdict,
         score=suspicion.score,
         apparent_S=numbers,
+        alarm=alarm,
     )
 
 
@@ -293,8 +304,9 @@ class FamilyRow:
     """What came out for one family: counts, and shares of 0 to 1.
 
     ``auc`` and ``sensitivity`` (at 2 and 5 % false alarms) are of the score, all loops counted, a
-    missing score as 0. ``error`` is the median error of S of the suspected, percent; ``held`` how
-    many of their intervals hold the truth.
+    missing score as 0; ``found`` is the sensitivity of suspicions, where a loop that another rule
+    keeps from being suspected is no false alarm and is not found. ``error`` is the median error of
+    S of the suspected, percent; ``held`` how many of their intervals hold the truth.
     """
 
     family: str
@@ -305,6 +317,7 @@ class FamilyRow:
     cannot_tell: tuple[int, int]
     auc: float
     sensitivity: tuple[float, float]
+    found: tuple[float, float]
     error: float
     held: tuple[int, int]
 
@@ -324,6 +337,8 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
     sticky = np.array([answer.sticky for answer in answers])
     score = np.array([answer.score or 0.0 for answer in answers])
     good, bad = score[sticky], score[~sticky]
+    alarm = np.array([answer.alarm for answer in answers])
+    alarms = alarm[sticky], alarm[~sticky]
     better = (good[:, None] > bad[None]) + 0.5 * (good[:, None] == bad[None])
     right = [a for a in answers if a.sticky and a.apparent_S is not None]
     errors = [abs(a.apparent_S[0] - a.S) for a in right if a.apparent_S]
@@ -342,6 +357,7 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
         cannot_tell=count(Suspicion.CANNOT_TELL),
         auc=float(better.mean()),
         sensitivity=(_sensitivity(good, bad, 0.02), _sensitivity(good, bad, 0.05)),
+        found=(_sensitivity(*alarms, 0.02), _sensitivity(*alarms, 0.05)),
         error=float(np.median(errors)) if errors else float("nan"),
         held=(int(covered), len(right)),
     )
@@ -349,4 +365,4 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
 
 def _sensitivity(good: Floats, bad: Floats, alarms: float) -> float:
     """The share of ``good`` above all but a share ``alarms`` of ``bad``."""
-    return float(np.mean(good > np.quantile(bad, 1.0 - alarms)))
+    return float(np.mean(good > max(float(np.quantile(bad, 1.0 - alarms)), 0.0)))

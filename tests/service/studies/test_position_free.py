@@ -59,7 +59,9 @@ def test_every_family_is_asked_and_counted(trained) -> None:
 def test_the_row_of_a_family_counts_what_was_said() -> None:
     """On answers made by hand: areas, alarms, errors and intervals."""
 
-    def answer(S: float, score: float | None, numbers=None, swings=5.0) -> StudiedLoop:
+    def answer(
+        S: float, score: float | None, numbers=None, swings=5.0, alarm: float | None = None
+    ) -> StudiedLoop:
         verdict = Suspicion.CANNOT_TELL if score is None else Suspicion.NO_SIGN
         verdict = Suspicion.SUSPECTED if numbers else verdict
         return StudiedLoop(
@@ -70,6 +72,7 @@ def test_the_row_of_a_family_counts_what_was_said() -> None:
             verdict=verdict,
             score=score,
             apparent_S=numbers,
+            alarm=(score or 0.0) if alarm is None else alarm,
         )
 
     answers = [
@@ -88,3 +91,7 @@ def test_the_row_of_a_family_counts_what_was_said() -> None:
     (_, row) = family_rows(answers + longer)
     assert row.family == "own, 8 swings and more"
     assert (row.sticking, row.sound, row.auc) == (1, 1, 1.0)
+    # The sound loop that no limit lets be suspected is no false alarm.
+    small = [answer(3.0, 0.8), answer(0.0, 0.9, alarm=0.0), answer(2.0, 0.9, alarm=0.0)]
+    (row,) = family_rows(small)
+    assert (row.sensitivity, row.found) == ((0.0, 0.0), (0.5, 0.5))
