@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.narrow import (
+    ATTRIBUTE_NAMES,
     DESCRIPTION_NAMES,
     QUALITY_NAMES,
     TAG_NAMES,
@@ -95,6 +96,7 @@ def narrow_columns(
         quality=pick(header, QUALITY_NAMES, options.quality_column),
         unit=pick(header, UNIT_NAMES),
         description=pick(header, DESCRIPTION_NAMES),
+        attribute=pick(header, ATTRIBUTE_NAMES),
     )
 
 

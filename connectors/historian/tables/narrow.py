@@ -12,6 +12,7 @@ from stemwatch.connectors.historian.tables.layout_input import LayoutInput
 from stemwatch.connectors.historian.tables.raw_table import Index, RawColumn, RawTable, RawTimes
 from stemwatch.connectors.historian.values.quality_codes import Family
 from stemwatch.connectors.historian.values.stored_text import (
+    Kinds,
     cells_at,
     chosen,
     code_together,
@@ -37,6 +38,7 @@ QUALITY_NAMES = (
     "ip_trend_qstatus", "ip_trend_qlevel", "qualität", "qualitaet", "statuscode", "good", "qualite",
     "qualité", "confidence", "state", "qualitycode",
 )  # fmt: skip
+ATTRIBUTE_NAMES = ("attribute", "attribut", "parameter", "param", "field", "property")
 UNIT_NAMES = ("unit", "units", "einheit", "unité", "unidad", "uom", "engunits", "eu")
 DESCRIPTION_NAMES = ("description", "descriptor", "desc", "beschreibung", "descripción")
 
@@ -52,6 +54,7 @@ class NarrowColumns:
     unit: int | None = None
     description: int | None = None
     second_value: int | None = None  # where ``value`` is empty, such as vValue
+    attribute: int | None = None  # what of the tag a row has, such as OP or PV of a controller
 
 
 def pick(header: Sequence[str], names: Sequence[str], option: str | None = None) -> int | None:
@@ -92,7 +95,8 @@ def narrow_table(
         day_first=day_first,
         utc=utc,
     )
-    code_together([columns[i] for i in (column_of.tag, column_of.quality) if i is not None])
+    coded_ones = (column_of.tag, column_of.attribute, column_of.quality)
+    code_together([columns[i] for i in coded_ones if i is not None])
     series = _series(columns, column_of, source)
     cells = _values(columns, column_of)
     quality_name = (
@@ -140,8 +144,22 @@ def _series(
         return {source.document.path.stem.split(".")[0]: np.arange(n, dtype=np.int64)}
     tags, tag_index = coded(columns[column_of.tag])
     forget_codes(columns[column_of.tag])
+    if column_of.attribute is not None:
+        tags, tag_index = _with_attributes(tags, tag_index, columns[column_of.attribute])
     rows = rows_of_each(tag_index, len(tags))
     return {tag: rows_of_tag for tag, rows_of_tag in zip(tags, rows, strict=True) if tag}
+
+
+def _with_attributes(
+    tags: Sequence[str], tag_index: Kinds, cells: Sequence[str]
+) -> tuple[list[str], Kinds]:
+    """The tags with their attributes, ``TAG.ATTRIBUTE``, and which of them each row has."""
+    attributes, attribute_index = coded(cells)
+    forget_codes(cells)
+    both = tag_index.astype(np.int64) * len(attributes) + attribute_index
+    kinds, index = np.unique(both, return_inverse=True)
+    pairs = [(tags[kind // len(attributes)], attributes[kind % len(attributes)]) for kind in kinds]
+    return [".".join(filter(None, pair)) if pair[0] else "" for pair in pairs], index
 
 
 def _firsts(

@@ -74,13 +74,9 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
     )
     first = _first_row(rows, width, time)
     headers = tuple(_fit(row, width) for row in rows.cells[:first] if _is_header(row, width))
+    _refuse_turned(rows, name)
     if first == len(rows.cells):
-        raise UnreadableSource(
-            f"{name}: no row of numbers was found in the first "
-            f"{min(_HEADER_ROWS, len(rows.cells))} rows; the first is "
-            f"{'|'.join(rows.cells[0])[:60]!r}. Expected a time and values in every row: this is "
-            "probably not a recording"
-        )
+        _refuse_without_data(rows, name)
     numeric = tuple(c for c in range(width) if c not in time and _holds_numbers(sample, c))
     others = [c for c in range(width) if c not in time and c not in numeric]
     return Structure(
@@ -90,6 +86,33 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
         time=time,
         numeric=numeric,
         other_times=tuple(c for c in others if _share(sample, c, is_time) > 0.8),
+    )
+
+
+def _refuse_turned(rows: Rows, name: str) -> None:
+    """Raise where the times stand beside each other in the first line."""
+    cells = rows.cells[0][1:]
+    if len(cells) > 2 and sum(map(is_time, cells)) > 0.8 * len(cells):
+        raise UnreadableSource(
+            f"{name}: the times stand beside each other in line {rows.numbers[0]}. Turn the table, "
+            "so that each row is a time with the values of all tags"
+        )
+
+
+def _refuse_without_data(rows: Rows, name: str) -> None:
+    """Raise for a table in which no row of data was found. A first column with numbers beside it
+    that has digits and is no time may be one in a form that nobody knows."""
+    for row in rows.cells[1:_HEADER_ROWS]:
+        digits = sum(letter.isdigit() for letter in row[0])
+        if digits >= 4 and not is_number(row[0]) and any(map(is_number, row[1:])):
+            raise UnreadableSource(
+                f"{name}: {row[0]!r} is no time that can be read; say time_column (--time-column) "
+                "and time_format (--time-format), such as '%d.%m.%Y %H:%M:%S'"
+            )
+    raise UnreadableSource(
+        f"{name}: no row of numbers was found in the first {min(_HEADER_ROWS, len(rows.cells))} "
+        f"rows; the first is {'|'.join(rows.cells[0])[:60]!r}. Expected a time and values in every "
+        "row: this is probably not a recording"
     )
 
 

@@ -54,7 +54,7 @@ _CLOCK_ONLY = re.compile(_CLOCK, re.VERBOSE)
 
 def match_time(text: str) -> re.Match[str] | None:
     """The parts of a date with or without a time of day, or ``None``."""
-    text = text.strip()
+    text = text.strip().removeprefix("'")  # a spreadsheet's mark of a text
     match = _WHOLE.fullmatch(text) if len(text) <= _LONGEST else None
     if match is not None:
         name = match["mon"] or match["mon2"]

@@ -157,3 +157,37 @@ def test_quoted_commas_alone_are_not_taken_for_thousands(open_text) -> None:
     beside = "".join(f'2026-02-17 08:{i:02d},"44,{500 + i}",{900 + i}\n' for i in range(60))
     recording = open_text("Time,OP,PV\n" + beside, "b.csv").read(OP)
     assert recording.op.values[0] == 44500.0
+
+
+def test_a_tag_with_attributes_is_several_tags(open_text) -> None:
+    """OP and PV of one controller stand below each other under its name."""
+    rows = [
+        f"FIC1,2026-02-17 08:{i:02d}:00,{name},{i + add}\n"
+        for i in range(60)
+        for name, add in (("OP", 0.5), ("PV", 100.25))
+    ]
+    source = open_text("TagName,DateTime,Attribute,Value\n" + "".join(rows))
+    assert [tag.tag for tag in source.inspect().tags] == ["FIC1.OP", "FIC1.PV"]
+    tags = {Role.OP: TagMapping(tag="FIC1.OP"), Role.PV: TagMapping(tag="FIC1.PV")}
+    recording = source.read(ValveTags(valve="FIC1", tags=tags))
+    assert recording.interval_s == 60.0
+    assert recording.signals[Role.PV].values.tolist() == [i + 100.25 for i in range(60)]
+
+
+def test_a_turned_table_says_so(open_text) -> None:
+    """Times beside each other in the first line."""
+    times = [f"2026-02-17 08:{i:02d}" for i in range(50)]
+    text = f"Time,{','.join(times)}\nOP,{','.join(map(str, range(50)))}\n"
+    with pytest.raises(UnreadableSource, match="Turn the table"):
+        open_text(text).read(OP)
+
+
+def test_times_of_an_unknown_form_ask_for_it(open_text) -> None:
+    """A zone that nobody knows; with the form they are read. A text mark is no part of a time."""
+    times = [f"2026-02-17 08:{i:02d}:00" for i in range(60)]
+    text = table([f"{time} EST" for time in times])
+    with pytest.raises(UnreadableSource, match=r"'2026-02-17 08:00:00 EST' is no time .*format"):
+        open_text(text).read(OP)
+    options = ReadOptions(time_column="Time", time_format="%Y-%m-%d %H:%M:%S EST")
+    assert open_text(text, "b.csv", options).read(OP).interval_s == 60.0
+    assert open_text(table([f"'{time}" for time in times]), "c.csv").read(OP).interval_s == 60.0
