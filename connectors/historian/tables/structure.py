@@ -30,6 +30,7 @@ _TIME_NAME = re.compile(
     r"(?:\s*[\[(].*[\])])?$",
     re.I,
 )
+_LIKE_A_TIME = re.compile(r"[0-9]+([-/.:])[0-9]+\1[0-9]+")  # a date or a time of day
 _HEADER_ROWS = 60  # no export has more lines than this before its data
 _SAMPLE = 200
 
@@ -100,11 +101,10 @@ def _refuse_turned(rows: Rows, name: str) -> None:
 
 
 def _refuse_without_data(rows: Rows, name: str) -> None:
-    """Raise for a table in which no row of data was found. A first column with numbers beside it
-    that has digits and is no time may be one in a form that nobody knows."""
+    """Raise for a table in which no row of data was found; a first column may hold times in a form
+    that nobody knows."""
     for row in rows.cells[1:_HEADER_ROWS]:
-        digits = sum(letter.isdigit() for letter in row[0])
-        if digits >= 4 and not is_number(row[0]) and any(map(is_number, row[1:])):
+        if _LIKE_A_TIME.search(row[0]) and any(map(is_number, row[1:])):
             raise UnreadableSource(
                 f"{name}: {row[0]!r} is no time that can be read; say time_column (--time-column) "
                 "and time_format (--time-format), such as '%d.%m.%Y %H:%M:%S'"
