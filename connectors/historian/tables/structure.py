@@ -33,6 +33,7 @@ _TIME_NAME = re.compile(
 _LIKE_A_TIME = re.compile(r"[0-9]+([-/.:])[0-9]+\1[0-9]+")  # a date or a time of day
 _HEADER_ROWS = 60  # no export has more lines than this before its data
 _SAMPLE = 200
+_FIRST_CELLS = 5
 
 
 def is_number(text: str) -> bool:
@@ -86,7 +87,7 @@ def find_structure(rows: Rows, options: ReadOptions, name: str) -> Structure:
         headers=headers,
         time=time,
         numeric=numeric,
-        other_times=tuple(c for c in others if _share(sample, c, is_time) > 0.8),
+        other_times=tuple(c for c in others if _holds_times(sample, c)),
     )
 
 
@@ -139,6 +140,12 @@ def _holds_numbers(sample: Sequence[list[str]], column: int) -> bool:
     return bool(cells) and (
         quick_numbers(cells, ".") is not None or _share(sample, column, is_number) >= 0.5
     )
+
+
+def _holds_times(sample: Sequence[list[str]], column: int) -> bool:
+    # Most of thousands of columns of words are told by their first cells.
+    first = [row[column] for row in sample[:_FIRST_CELLS]]
+    return any(map(is_time, first)) and _share(sample, column, is_time) > 0.8
 
 
 def _time_by_content(sample: Sequence[list[str]], width: int) -> tuple[int, ...]:
