@@ -508,13 +508,18 @@ def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) 
 def _after_clock_change(ns: Ints, ok: Bools, table: RawTable, notes: ReadingNotes) -> Ints:
     """``ns`` with what follows the end of summer time an hour later, so that the two passes of the
     repeated hour do not fall on each other: for each tag where each has its own times."""
-    put_back = False
+    put_back, all_dated = False, bool(ok.all())
     for group in _groups(table):
-        rows = np.arange(ns.size) if group is None else np.asarray(group)
-        rows = rows if ok.all() else rows[ok[rows]]
-        at = _clock_put_back(ns[rows])
+        rows: slice | Index = slice(None)  # which costs a large file no memory
+        if group is not None:
+            rows = group if all_dated else group[ok[group]]
+        elif not all_dated:
+            rows = np.flatnonzero(ok)
+        local = ns[rows]
+        at = _clock_put_back(local)
         if at is not None:
-            ns[rows[at:]] += 3600 * _SECOND_NS
+            local[at:] += 3600 * _SECOND_NS
+            ns[rows] = local
             put_back = True
     if put_back:
         notes.decide(
@@ -531,7 +536,7 @@ def _clock_put_back(ns: Ints) -> int | None:
     if backward.size != 1:
         return None
     at = int(backward[0])
-    step, median_step = int(steps[at]), float(np.median(np.abs(steps)))
+    step, median_step = int(steps[at]), float(np.median(np.abs(steps, out=steps)))
     goes_on_evenly = abs(step + 3600e9 - median_step) <= median_step + 1e9
     return at + 1 if goes_on_evenly else None
 
