@@ -516,9 +516,11 @@ def _after_clock_change(ns: Ints, ok: Bools, table: RawTable, notes: ReadingNote
         elif not all_dated:
             rows = np.flatnonzero(ok)
         local = ns[rows]
-        at = _clock_put_back(local)
+        newest_first = bool(local.size) and local[0] > local[-1]
+        in_order = local[::-1] if newest_first else local
+        at = _clock_put_back(in_order)
         if at is not None:
-            local[at:] += 3600 * _SECOND_NS
+            in_order[at:] += 3600 * _SECOND_NS
             ns[rows] = local
             put_back = True
     if put_back:

@@ -70,10 +70,12 @@ def autumn(count: int) -> list[str]:
     return [step.astimezone(zone).strftime("%Y-%m-%d %H:%M:%S") for step in steps]
 
 
-def test_both_passes_of_the_repeated_hour_are_kept_without_a_zone(open_text) -> None:
-    """One even step back by an hour is the clock's; the passes do not overwrite each other."""
-    recording = open_text(table(autumn(30))).read(OP)
-    assert recording.op.values.tolist() == [i + 0.5 for i in range(30)]
+@pytest.mark.parametrize("order", [1, -1])
+def test_both_passes_of_the_repeated_hour_are_kept_without_a_zone(open_text, order: int) -> None:
+    """One even step back by an hour is the clock's; the passes do not overwrite each other, also
+    where the newest row is the first."""
+    recording = open_text(table(autumn(30)[::order])).read(OP)
+    assert recording.op.values.tolist() == [i + 0.5 for i in range(30)][::order]
     assert (recording.clock.repeated_times, recording.start) == (0, None)
     assert "the rows after it are taken as an hour later" in said(recording)
 
