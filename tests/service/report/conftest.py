@@ -276,7 +276,8 @@ def mixed_plant() -> list[Screening]:
 def open_page(windows, mixed_plant, make_context, tmp_path):
     """Opens the report; at the end no error was logged and nothing but the file was asked for."""
     path = write_report(mixed_plant, make_context(mixed_plant), tmp_path).html
-    errors, requests = [], []
+    errors: list[str] = []
+    requests: list[str] = []
 
     def open_it(**options):
         return windows.open(path.as_uri(), logged=errors, asked=requests, offline=True, **options)

@@ -157,7 +157,7 @@ def test_odd_recordings_are_drawn_too(windows, make_screening, make_context, tmp
     valves = [undated, still]
     facts = {valve.valve: ValveFacts(area="A" * 300, criticality="C" * 300) for valve in valves}
     path = write_report(valves, make_context(valves, valves=facts), tmp_path).html
-    errors = []
+    errors: list[str] = []
     page = windows.open(path.as_uri(), logged=errors, viewport={"width": 390, "height": 800})
     for plots in page.locator("[data-plots]").all():
         plots.scroll_into_view_if_needed()

@@ -216,7 +216,7 @@ def explained_page(make_screening, make_context, tmp_path):
 def test_the_section_is_drawn_in_a_browser(windows, written, explained_page, theme, which):
     """Overlay and maps stand, on a phone too, without an error and no wider than the screen."""
     path = {"report": written.html, "explain": explained_page}[which]
-    errors = []
+    errors: list[str] = []
     page = windows.open(
         path.as_uri(),
         logged=errors,
