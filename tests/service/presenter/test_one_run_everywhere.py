@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import html
 import io
+import itertools
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -43,8 +44,14 @@ from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
 from stemwatch.service.run.finish import hold_back
-from stemwatch.service.store.alerts.alerts import RaisedAlert, StoredAlert
+from stemwatch.service.store.alerts.alerts import (
+    AlertKind,
+    AlertSeverity,
+    RaisedAlert,
+    StoredAlert,
+)
 from stemwatch.service.store.screenings.feedback import Judgement
+from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
 from tests.service.maintenance.example_work_list import context, frozen, with_effects
@@ -135,19 +142,47 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Store, in
     """The run in a store, with what stands among its valves decided."""
     folder = tmp_path_factory.mktemp("stored")
     with open_store(f"sqlite:///{folder / 'plant.db'}") as store:
-        run = store.begin_run(software_version="1")
-        for item in every_kind():
-            store.save(item.without_samples(), run)
-        hold_back(store, run)
-        store.finish_run(run)
-        yield store, run
+        yield store, save_run(store)
+
+
+def save_run(store: Store) -> int:
+    """The run of every kind into ``store``."""
+    facts = needed(every_kind()).valves
+    store.save_valves(
+        StoredValve(id=valve, criticality=int(facts[valve].criticality)) for valve in facts
+    )
+    run = store.begin_run(software_version="1")
+    for item in every_kind():
+        store.save(item.without_samples(), run)
+    hold_back(store, run)
+    store.finish_run(run)
+    return run
+
+
+def brief_ranking(screenings: Iterable[Screening]) -> Ranking:
+    """As the terminal has it."""
+    brief = [in_brief(item) for item in screenings]
+    return rank_valves(brief, needed(brief))
+
+
+def needed(screenings: Iterable[Screening]) -> ReportContext:
+    """The plant can least do without one valve, next to without another, by turns, so that the
+    order is neither that of severity nor that of tags."""
+    made = context(list(screenings))
+    levels = itertools.cycle("213")
+    return replace(
+        made,
+        valves={
+            valve: replace(facts, criticality=next(levels)) for valve, facts in made.valves.items()
+        },
+    )
 
 
 @pytest.fixture(scope="module")
 def ranking() -> Ranking:
     """As the report has it."""
     every = every_kind()
-    return rank_valves(every, context(every))
+    return rank_valves(every, needed(every))
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +195,7 @@ def verdicts(ranking: Ranking) -> dict[str, str]:
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the report."""
     every = every_kind()
-    write_report(every, context(every), folder := tmp_path_factory.mktemp("files"))
+    write_report(every, needed(every), folder := tmp_path_factory.mktemp("files"))
     return folder
 
 
@@ -359,7 +394,7 @@ def test_order_severity_S_and_J_are_the_same(
     lines = _lines(pages)
     rows = _rows(files / "valves.csv")
     cells = _workbook(files / "valves.xlsx")
-    table = views.summary([in_brief(item) for item in every_kind()])
+    table = views.summary(brief_ranking(every_kind()))
     for several in (objects, lines, rows, cells):
         assert [item["valve"] for item in several] == order
     assert list(table.columns[1].cells) == order
@@ -384,6 +419,52 @@ def test_order_severity_S_and_J_are_the_same(
                 assert (float(text) if text not in ("", None) else "") == written
             on_terminal = str(list(table.columns[column].cells)[index])
             assert on_terminal.startswith("-" if value is None else f"{value:.1f}")
+
+
+def test_maintenance_alerts_and_mail_have_the_order_of_the_ranking(
+    ranking: Ranking, work_list: WorkList, told: Told, files: Path, pages: httpx.Client, tmp_path
+) -> None:
+    """Pages on paper and on screen, work orders, what a run shows first, the alerts and their mail;
+    and a priority is the same number wherever it stands."""
+    order = [valve.screening.valve for valve in ranking]
+    assert [sheet.screening.valve for sheet in work_list.sheets] == order
+    for text in (told.paper, told.maintenance):
+        assert tags_in(text, order) == order
+    assert list(told.orders) == [valve for valve in order if valve in told.orders]
+    priorities = [int(row["priority"]) for row in told.orders.values()]
+    assert priorities == sorted(priorities)
+    assert len(set(priorities)) > 2
+    of_orders = {name: int(row["priority"]) for name, row in told.orders.items()}
+    tables = (_rows(files / "valves.csv"), _workbook(files / "valves.xlsx"))
+    for row in (*_objects(files), *_lines(pages), *itertools.chain(*tables)):
+        assert (int(row["priority"]) if row["priority"] else None) == of_orders.get(row["valve"])
+    for name, code in of_orders.items():
+        assert f"priority{code}" in told.report[name]
+        assert f"priority{code}" in told.pages[name]
+
+    with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
+        run = save_run(store)
+        assert store.worst_of_run(run, len(order)) == order
+        store.alerts.raise_all([an_alert(valve, run) for valve in sorted(order)])
+        alerted = store.alerts.in_state("open", example_plant.NOW)
+        assert [alert.valve for alert in alerted] == order
+        mail = message_of(store.deliveries.undelivered(), "plant", run)
+        assert tags_in(mail["text"], order) == order
+
+
+def tags_in(text: str, tags: Sequence[str]) -> list[str]:
+    """The tags in the order in which ``text`` has them first."""
+    longest_first = sorted(tags, key=len, reverse=True)
+    return list(dict.fromkeys(re.findall("|".join(map(re.escape, longest_first)), text)))
+
+
+def an_alert(valve: str, run: int) -> RaisedAlert:
+    """That the valve sticks; not the same severity everywhere."""
+    severity = AlertSeverity.HIGH if valve < "FIC-5" else AlertSeverity.LOW
+    return RaisedAlert(
+        cause=f"sticky {valve}", kind=AlertKind.STICKY, severity=severity,
+        text=f"{valve}: sticks.", valve=valve, run_id=run, evidence={},
+    )  # fmt: skip
 
 
 def test_the_workbook_says_what_the_live_pages_say(
@@ -560,7 +641,7 @@ def test_headline_and_counts_are_the_same(
         counts.not_judged,
         counts.no_work,
     ]
-    assert headline in str(views.summary([in_brief(item) for item in every_kind()]).title)
+    assert headline in str(views.summary(brief_ranking(every_kind())).title)
     assert headline in work_list.counts
     by_word = Counter(valve.verdict.value for valve in ranking)
     assert dict(store.run(run).counts) == dict(by_word)
@@ -604,7 +685,7 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
     report = written.html.read_text("utf-8")
     table = report[report.index('id="ranking-table"') :]
     table = table[: table.index("</table>")]
-    terminal = list(views.summary([in_brief(item) for item in every]).columns[1].cells)
+    terminal = list(views.summary(brief_ranking(every)).columns[1].cells)
     for file in files:
         assert table.count(file) == 1
         assert [f"LIC-1\n{file}" in str(cell) for cell in terminal].count(True) == 1
@@ -649,9 +730,9 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
     assert told == [
         "sticking suspected C-FIRST  Do a bump test.",
         "cannot tell B-DUMB  the record is short. Export longer.",
-        "no sign of sticking A-NONE  Nothing at the valve on these grounds.",
+        "no sign of sticking A-NONE  Nothing to do at the valve on these grounds.",
     ]
-    (valves, verdicts) = (views.summary(every).columns[n].cells for n in (1, 2))
+    (valves, verdicts) = (views.summary(brief_ranking(every)).columns[n].cells for n in (1, 2))
     marked = [v for v, word in zip(valves, verdicts, strict=True) if SUSPECTED_NOTE in str(word)]
     assert [str(valve) for valve in marked] == ["C-FIRST"]
     report = write_report(every, context(every), tmp_path).html.read_text("utf-8")
