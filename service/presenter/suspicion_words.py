@@ -79,6 +79,9 @@ class AnsweredLoop(Protocol):
     def reason(self) -> str: ...
 
     @property
+    def advice(self) -> str: ...
+
+    @property
     def without_position(self) -> WithoutPosition | None: ...
 
 
@@ -124,8 +127,8 @@ def next_steps(
     for screening in screenings:
         if screening.verdict is not Verdict.UNDETERMINED:
             judged.add(screening.valve)
-        elif screening.without_position is not None and not _signal_to_mend(screening):
-            by_valve.setdefault(screening.valve, []).append(screening.without_position)
+        elif (answer := _answer(screening)) is not None:
+            by_valve.setdefault(screening.valve, []).append(answer)
     loops: dict[tuple[Suspicion, str, str], list[tuple[float, str, str]]] = {}
     for valve, answers in by_valve.items():
         if valve in judged:
@@ -148,6 +151,17 @@ def next_steps(
     ]
     order = (Suspicion.SUSPECTED, Suspicion.CANNOT_TELL, Suspicion.NO_SIGN)
     return tuple(sorted(steps, key=lambda step: (order.index(step.verdict), -len(step.loops))))
+
+
+def _answer(screening: AnsweredLoop) -> WithoutPosition | None:
+    """What OP and PV alone say; ``None`` where the position signal is to be mended. Where they
+    cannot tell and there is a position, why and what to do are those of the verdict."""
+    answer = screening.without_position
+    if answer is None or _signal_to_mend(screening):
+        return None
+    if answer.verdict is Suspicion.CANNOT_TELL and obstacle_kind(screening.reason) != NO_POSITION:
+        return replace(answer, reason=screening.reason, advice=screening.advice)
+    return answer
 
 
 def _signal_to_mend(screening: AnsweredLoop) -> bool:

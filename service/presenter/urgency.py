@@ -1,13 +1,15 @@
 """How urgent a valve is: its priority, and the one order of valves in every output.
 
-First the valves with a work order, then those to watch, those that cannot be judged, and those
-without work; within each group by severity times the weight of the valve's criticality.
+First the valves with a work order, by priority; then those to watch, those that cannot be judged,
+and those without work. Of one priority what needs work comes before what is to be found out, then
+the larger score: severity times the weight of the valve's criticality.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta, tzinfo
+from functools import lru_cache
 
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.presenter.suspicion_words import score_of_suspicion
@@ -21,8 +23,8 @@ WORDS = {1: "within a week", 2: "within a month", 3: "within three months", 4: "
 DAYS = {1: 7, 2: 30, 3: 90, 4: 180}
 CLASSES_IN_WORDS = ", ".join(f"{code} {words}" for code, words in WORDS.items())
 
-# Group, score, whether it is work or to be found out, suspicion, tag: the smallest comes first.
-UrgencyKey = tuple[int, float, int, float, str]
+# Group, priority, whether it is work or to be found out, score, suspicion, tag: the smallest first.
+UrgencyKey = tuple[int, int, int, float, float, str]
 _GROUP_OF = {
     WorkState.NEEDS_WORK: 0,
     WorkState.WATCH: 1,
@@ -52,14 +54,18 @@ def priority(severity: float | None, criticality: str) -> Priority:
     It is calculated from the rounded severity that is printed, so that a reader comes to the same
     class.
     """
-    severity = round(finite(severity) or 0.0)
+    return _priority(round(finite(severity) or 0.0), criticality)
+
+
+@lru_cache(maxsize=1024)  # a ranking asks for each of thousands of valves
+def _priority(severity: int, criticality: str) -> Priority:
     level = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
     score = round(severity / 100.0 * WEIGHT_OF_CRITICALITY[level], 6)
     code = next(code for least, code in CLASSES if score >= least)
     stated = f"criticality {level} of 3"
     if level != criticality:
         stated += f" (plant says {criticality!r})" if criticality else " (none is given)"
-    reason = f"severity {severity:.0f} of 100, {stated}"
+    reason = f"severity {severity} of 100, {stated}"
     return Priority(code=code, words=WORDS[code], score=score, reason=reason)
 
 
@@ -74,14 +80,15 @@ def urgency_key(
     """A key that sorts the valve to work on first to the front; without a ``decision``, which a
     valve has that was not screened yet, to the end.
 
-    ``suspicion`` is the score that OP and PV alone give a loop without a position. It decides
-    between equals, after what needs work.
+    ``suspicion`` is the score that OP and PV alone give a loop without a position; it decides
+    between equals.
     """
     if decision is None:
-        return _NOT_SCREENED, 0.0, 0, 0.0, valve
+        return _NOT_SCREENED, 0, 0, 0.0, 0.0, valve
     group = 0 if decision.has_order else _GROUP_OF[decision.state]
-    score = priority(decision.severity, criticality).score
-    return group, -score, int(not decision.needs_work), -suspicion, valve
+    urgency = priority(decision.severity, criticality)
+    to_find_out = int(not decision.needs_work)
+    return group, urgency.code, to_find_out, -urgency.score, -suspicion, valve
 
 
 def urgency_of(screening: Screening, decision: WorkDecision, criticality: str) -> UrgencyKey:

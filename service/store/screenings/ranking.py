@@ -89,6 +89,7 @@ class LoopWithoutVerdict:
     valve: str
     verdict: Verdict
     reason: str
+    advice: str
     without_position: WithoutPosition | None
 
 
@@ -347,10 +348,15 @@ def read_work_states(session: Session, until: datetime) -> dict[WorkState, int]:
     return states
 
 
-def read_places(session: Session, groups: Sequence[OscillationGroup] = ()) -> dict[str, int]:
-    """Each valve's place in the ranking, from 1, by its latest screening."""
-    rows = session.connection().execute(_joined(*_deciding())).all()
-    ordered = sorted(rows, key=lambda row: _urgency(row, _decided(row, groups)))
+def read_places(session: Session) -> dict[str, int]:
+    """The place in the ranking, from 1, of each valve that was screened, by its latest screening.
+
+    A loop that another one moves has the place of one that is to be found out about: no alert is
+    raised on either.
+    """
+    screened = _joined(*_deciding()).where(ScreeningRow.id.is_not(None))
+    rows = session.connection().execute(screened).all()
+    ordered = sorted(rows, key=lambda row: _urgency(row, _decided(row)))
     return {row.id: place for place, row in enumerate(ordered, start=1)}
 
 
@@ -364,7 +370,8 @@ def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
 
 def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
     """The valves whose latest screening has no verdict and says what OP and PV alone tell."""
-    statement = _joined(ValveRow.id, ScreeningRow.reason, ScreeningRow.without_position).where(
+    told = (ScreeningRow.reason, ScreeningRow.advice, ScreeningRow.without_position)
+    statement = _joined(ValveRow.id, *told).where(
         ScreeningRow.verdict == Verdict.UNDETERMINED.value
     )
     return [
@@ -372,6 +379,7 @@ def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
             valve=row.id,
             verdict=Verdict.UNDETERMINED,
             reason=row.reason,
+            advice=row.advice,
             without_position=without_position_of(row.without_position),
         )
         for row in session.execute(statement)

@@ -26,6 +26,7 @@ from stemwatch.models.recording import Provenance
 from stemwatch.models.screening import failed
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.evaluate import gathered
 from stemwatch.service.alerts.rules import apply_rules
@@ -38,7 +39,7 @@ from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.finding import why_no_work
-from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
+from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE, next_steps
 from stemwatch.service.presenter.wording import figure
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
@@ -132,7 +133,7 @@ def _made_once() -> tuple[Screening, ...]:
         replace(blind("PIC-5", NO_POSITION), without_position=suspected()),
         replace(blind("PIC-6", NO_POSITION), without_position=no_sign()),
         blind("PIC-7", IN_MM),
-        blind("PIC-8", SHORT),
+        replace(blind("PIC-8", SHORT), without_position=cannot_tell("OP is at its limit")),
         blind("PIC-9", SLOW),
     )
 
@@ -330,6 +331,18 @@ def test_why_and_what_to_do_read_the_same_in_every_output(
         if name in told.orders:
             assert reason in bare(told.orders[name]["long_text"])
             assert told.orders[name]["ne107"] == tables[0][name]["NE 107"]
+
+
+def test_the_list_of_next_steps_says_what_each_valve_is_told(ranking: Ranking, stored) -> None:
+    """Why there is no verdict and what to do next, from the report and from the store."""
+    answers = {valve.screening.valve: valve.finding for valve in ranking}
+    listed = ranking.next_steps
+    assert listed == next_steps(stored[0].without_verdict())
+    open_steps = [step for step in listed if step.verdict is not Suspicion.NO_SIGN]
+    assert {loop for step in open_steps for loop in step.loops} == {"PIC-5", "PIC-8"}
+    for step in open_steps:
+        for loop in step.loops:
+            assert bare(step.step) in bare(answers[loop].next_step), loop
 
 
 def test_a_mail_says_of_a_valve_what_its_page_and_order_say(ranking: Ranking, told: Told) -> None:

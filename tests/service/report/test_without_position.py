@@ -57,7 +57,11 @@ def no_sign() -> WithoutPosition:
 
 def without_mv(make_screening, valve: str, answer: WithoutPosition) -> Screening:
     """A valve without a verdict of which OP and PV say ``told``."""
-    return replace(make_screening(valve, Verdict.UNDETERMINED), without_position=answer)
+    return replace(
+        make_screening(valve, Verdict.UNDETERMINED),
+        reason="Cannot tell: there is no valve position in this recording.",
+        without_position=answer,
+    )
 
 
 def page_of(valves, make_context) -> str:
