@@ -376,7 +376,8 @@ def _hand(t: TypeSize, sheet: WorkSheet) -> list[Any]:
 
 def _doubt(t: TypeSize, sheet: WorkSheet) -> list[Any]:
     doubts = " ".join(sheet.finding.otherwise) or "Nothing that this recording would show."
-    reason = t.text(f"{sheet.priority.reason}.")
+    why = sheet.priority.reason
+    reason = t.text(f"{why[:1].upper()}{why[1:]}.")
     return [
         *[t.heading("What else it could be"), t.text(doubts)],
         *[t.heading("Why this priority"), reason],
