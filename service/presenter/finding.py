@@ -261,12 +261,11 @@ def field_test(screening: Screening) -> str:
         expected += f" ({fewest} to {most_steps})"
     moves = "a move of no more than one step"
     if J >= step / 2:
-        moves = f"a jump of {J:.1f} to {J + step:.1f} % of OP span"
+        moves = f"a jump of {J:.1f} to {J + step:.1f} % of OP"
     return (
         f"Field test, loop in manual: step OP by {step:g} % in one direction until the stem "
-        "moves, then back by steps of the same size. Wait after each step, and count the steps "
-        f"back until the stem moves: expect about {expected}, and then {moves}. It passes if it "
-        "answers the first or second step back."
+        f"moves, then back; wait after each step. Expect about {expected} steps back until it "
+        f"moves, then {moves}. A stem that answers the first or second step back passes."
     )
 
 

@@ -35,12 +35,12 @@ def of(S: float, J: float, verdict: Verdict = Verdict.STICKY) -> Screening:
 @pytest.mark.parametrize(
     ("S", "J", "step", "expected", "moves"),
     [
-        (5.0, 2.5, 1.0, "5 (5 to 6)", "a jump of 2.5 to 3.5 % of OP span"),
-        (4.4, 4.4, 1.0, "5 (4 to 5)", "a jump of 4.4 to 5.4 % of OP span"),
+        (5.0, 2.5, 1.0, "5 (5 to 6)", "a jump of 2.5 to 3.5 % of OP"),
+        (4.4, 4.4, 1.0, "5 (4 to 5)", "a jump of 4.4 to 5.4 % of OP"),
         (6.2, 0.0, 1.0, "7 (6 to 7)", "a move of no more than one step"),
-        (3.3, 5.0, 1.0, "4 (3 to 4)", "a jump of 5.0 to 6.0 % of OP span"),
-        (2.0, 2.0, 0.5, "4 (4 to 5)", "a jump of 2.0 to 2.5 % of OP span"),
-        (1.7, 0.3, 0.5, "4", "a jump of 0.3 to 0.8 % of OP span"),
+        (3.3, 5.0, 1.0, "4 (3 to 4)", "a jump of 5.0 to 6.0 % of OP"),
+        (2.0, 2.0, 0.5, "4 (4 to 5)", "a jump of 2.0 to 2.5 % of OP"),
+        (1.7, 0.3, 0.5, "4", "a jump of 0.3 to 0.8 % of OP"),
         (1.0, 0.0, 0.2, "5 (5 to 6)", "a move of no more than one step"),
     ],
 )
@@ -50,7 +50,7 @@ def test_steps_are_counted_from_the_valves_own_numbers(
     """As many steps back as add up to S, by the interval of S; then J and what they are more."""
     sentence = field_test(of(S, J))
     assert f"step OP by {step:g} % in one direction" in sentence
-    assert f"expect about {expected}, and then {moves}." in sentence
+    assert f"Expect about {expected} steps back until it moves, then {moves}." in sentence
     assert sentence in present(of(S, J), stands=None).next_step
 
 
@@ -59,7 +59,7 @@ def test_steps_are_counted_from_the_valves_own_numbers(
 def test_the_stick_slip_element_moves_at_the_step_that_is_told(S: float, J: float) -> None:
     """The element that S and J belong to, stepped as the test says."""
     sentence = field_test(of(S, J))
-    match = re.search(r"step OP by ([\d.]+) % .* expect about (\d+)", sentence)
+    match = re.search(r"step OP by ([\d.]+) % .* Expect about (\d+)", sentence)
     assert match is not None
     step = float(match[1])
     counts, moved = steps_back(S, J, step)

@@ -9,7 +9,7 @@ import itertools
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -26,7 +26,6 @@ from stemwatch.models.recording import Provenance
 from stemwatch.models.screening import failed
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.alerts.evaluate import gathered
 from stemwatch.service.alerts.rules import apply_rules
@@ -39,18 +38,13 @@ from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_list import WorkList, work_list_of
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.finding import why_no_work
-from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE, next_steps
+from stemwatch.service.presenter.suspicion_words import SUSPECTED_NOTE
 from stemwatch.service.presenter.wording import figure
 from stemwatch.service.report import ReportContext, ValveFacts, write_report
 from stemwatch.service.report.ranking import Ranking, rank_valves
 from stemwatch.service.run.engine import in_brief
 from stemwatch.service.run.finish import hold_back
-from stemwatch.service.store.alerts.alerts import (
-    AlertKind,
-    AlertSeverity,
-    RaisedAlert,
-    StoredAlert,
-)
+from stemwatch.service.store.alerts.alerts import RaisedAlert, StoredAlert
 from stemwatch.service.store.screenings.feedback import Judgement
 from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store, open_store
@@ -162,8 +156,7 @@ def save_run(store: Store) -> int:
 
 def brief_ranking(screenings: Iterable[Screening]) -> Ranking:
     """As the terminal has it."""
-    brief = [in_brief(item) for item in screenings]
-    return rank_valves(brief, needed(brief))
+    return rank_valves(brief := [in_brief(item) for item in screenings], needed(brief))
 
 
 def needed(screenings: Iterable[Screening]) -> ReportContext:
@@ -333,18 +326,6 @@ def test_why_and_what_to_do_read_the_same_in_every_output(
             assert told.orders[name]["ne107"] == tables[0][name]["NE 107"]
 
 
-def test_the_list_of_next_steps_says_what_each_valve_is_told(ranking: Ranking, stored) -> None:
-    """Why there is no verdict and what to do next, from the report and from the store."""
-    answers = {valve.screening.valve: valve.finding for valve in ranking}
-    listed = ranking.next_steps
-    assert listed == next_steps(stored[0].without_verdict())
-    open_steps = [step for step in listed if step.verdict is not Suspicion.NO_SIGN]
-    assert {loop for step in open_steps for loop in step.loops} == {"PIC-5", "PIC-8"}
-    for step in open_steps:
-        for loop in step.loops:
-            assert bare(step.step) in bare(answers[loop].next_step), loop
-
-
 def test_a_mail_says_of_a_valve_what_its_page_and_order_say(ranking: Ranking, told: Told) -> None:
     """Only of valves that need work; what was found and the first step are those of all others."""
     needing = {valve.screening.valve for valve in ranking if valve.decision.needs_work}
@@ -423,6 +404,8 @@ def test_order_severity_S_and_J_are_the_same(
         for severity in (row, cell):
             assert float(severity["severity (0 to 100)"]) == pytest.approx(valve.decision.severity)
         assert line["confidence"] == item["confidence"] == valve.decision.confidence
+        code = None if valve.priority is None else valve.priority.code
+        assert line["priority"] == item["priority"] == (cell["priority"] or None) == code
         for name, column in (("S", 3), ("J", 4)):
             value = item["stiction"][name]["value"]
             assert line[name]["value"] == value
@@ -432,52 +415,6 @@ def test_order_severity_S_and_J_are_the_same(
                 assert (float(text) if text not in ("", None) else "") == written
             on_terminal = str(list(table.columns[column].cells)[index])
             assert on_terminal.startswith("-" if value is None else f"{value:.1f}")
-
-
-def test_maintenance_alerts_and_mail_have_the_order_of_the_ranking(
-    ranking: Ranking, work_list: WorkList, told: Told, files: Path, pages: httpx.Client, tmp_path
-) -> None:
-    """Pages on paper and on screen, work orders, what a run shows first, the alerts and their mail;
-    and a priority is the same number wherever it stands."""
-    order = [valve.screening.valve for valve in ranking]
-    assert [sheet.screening.valve for sheet in work_list.sheets] == order
-    for text in (told.paper, told.maintenance):
-        assert tags_in(text, order) == order
-    assert list(told.orders) == [valve for valve in order if valve in told.orders]
-    priorities = [int(row["priority"]) for row in told.orders.values()]
-    assert priorities == sorted(priorities)
-    assert len(set(priorities)) > 2
-    of_orders = {name: int(row["priority"]) for name, row in told.orders.items()}
-    tables = (_rows(files / "valves.csv"), _workbook(files / "valves.xlsx"))
-    for row in (*_objects(files), *_lines(pages), *itertools.chain(*tables)):
-        assert (int(row["priority"]) if row["priority"] else None) == of_orders.get(row["valve"])
-    for name, code in of_orders.items():
-        assert f"priority{code}" in told.report[name]
-        assert f"priority{code}" in told.pages[name]
-
-    with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
-        run = save_run(store)
-        assert store.worst_of_run(run, len(order)) == order
-        store.alerts.raise_all([an_alert(valve, run) for valve in sorted(order)])
-        alerted = store.alerts.in_state("open", example_plant.NOW)
-        assert [alert.valve for alert in alerted] == order
-        mail = message_of(store.deliveries.undelivered(), "plant", run)
-        assert tags_in(mail["text"], order) == order
-
-
-def tags_in(text: str, tags: Sequence[str]) -> list[str]:
-    """The tags in the order in which ``text`` has them first."""
-    longest_first = sorted(tags, key=len, reverse=True)
-    return list(dict.fromkeys(re.findall("|".join(map(re.escape, longest_first)), text)))
-
-
-def an_alert(valve: str, run: int) -> RaisedAlert:
-    """That the valve sticks; not the same severity everywhere."""
-    severity = AlertSeverity.HIGH if valve < "FIC-5" else AlertSeverity.LOW
-    return RaisedAlert(
-        cause=f"sticky {valve}", kind=AlertKind.STICKY, severity=severity,
-        text=f"{valve}: sticks.", valve=valve, run_id=run, evidence={},
-    )  # fmt: skip
 
 
 def test_the_workbook_says_what_the_live_pages_say(
