@@ -320,7 +320,8 @@ def test_paper_has_no_buttons_nothing_cut_off_and_no_sheet_for_the_foot(opened, 
 
 
 def test_at_a_desk_the_head_is_one_line(opened, live):
-    """However long the names of plant and person, no button goes to a second line."""
+    """However long the names of plant and person, no button goes to a second line, and the plant's
+    is not cut."""
     page = opened.page("/overview", viewport={"width": 1280, "height": 800})
     page.evaluate(
         """() => {
@@ -332,6 +333,11 @@ def test_at_a_desk_the_head_is_one_line(opened, live):
         "all => all.map(one => one.getBoundingClientRect()).map(box => (box.top + box.bottom) / 2)"
     )
     assert max(lines) - min(lines) < 4
+    room = page.locator(".brand .plant").evaluate(
+        "one => [one.scrollWidth - one.clientWidth, one.scrollHeight - one.clientHeight]"
+    )
+    assert max(room) <= 0
+    assert page.locator(".brand .plant").evaluate("one => getComputedStyle(one).display") == "block"
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280
 
 
