@@ -31,9 +31,6 @@ unexport PYTHONDONTWRITEBYTECODE
 # stays on its own core, and all share one cache of compiled kernels.
 test test-all explore: export OMP_NUM_THREADS ?= 1
 test test-all explore: export NUMBA_CACHE_DIR ?= $(abspath $(VENV))/numba-cache
-# Beside the type checks, kernels that are not compiled yet are, and all tests are read once: test processes that begin
-# together would each do it.
-test test-all: MEANWHILE = $(BIN)/python tests/prepare.py &
 PYTEST = $(BIN)/pytest -n $(WORKERS) --dist worksteal -q -rsfE --durations=10 --durations-min=1
 
 # $(call alone,marker): what a failure is followed by. Alone on the machine, a test that only a busy machine upset passes,
@@ -68,6 +65,10 @@ define step
 	else echo 'failed:'; cat $(LOG); exit 1; fi
 endef
 
+STYLE = $(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
+RULES := $(BIN)/lint-imports --no-cache
+TYPES := $(BIN)/mypy
+
 .PHONY: demo test test-all explore faults check live bench lock supply-chain docs clean help
 .DEFAULT_GOAL := help
 
@@ -77,9 +78,14 @@ demo: $(VENV)/can-run ## Simulate the demonstration plant, screen it, and write 
 live: $(VENV)/can-run ## The live demo: a plant whose valve wears, the service, and its mails; Ctrl-C ends it
 	@$(BIN)/stemwatch demo --live --out $(LIVE)
 
-test: check ## All checks and the tests that a change needs; sets up what they need
-	@echo 'Running the tests ...'
-	@$(PYTEST) -m 'not long'$(call alone,not long)
+# Types are checked beside the tests, many of which wait, and give way to them. Before the tests, kernels that are not
+# compiled yet are, and all tests are read once: test processes that begin together would each do it.
+test: $(VENV)/can-test ## All checks and the tests that a change needs; sets up what they need
+	$(STYLE)
+	@echo 'Running the tests, and beside them checking types and which package may import which ...'
+	@{ nice $(RULES) && nice $(TYPES); } > $(VENV)/types.txt 2>&1 || { cat $(VENV)/types.txt; false; } & types=$$!; \
+	$(BIN)/python tests/prepare.py && { $(PYTEST) -m 'not long'$(call alone,not long); }; tests=$$?; \
+	wait $$types || { echo 'Types or imports are wrong, see above; make check says it again.'; exit 1; }; exit $$tests
 
 test-all: test ## The same, and then the long tests: stories, hours of faults, statistical studies
 	@echo 'Running the long tests ...'
@@ -92,10 +98,9 @@ faults: $(VENV)/can-test ## Kill and cut off whatever the service needs, ROUNDS=
 	@$(BIN)/python -m tests.faults --rounds $(ROUNDS)
 
 check: $(VENV)/can-test ## Style, import rules and types, without the tests
-	$(call step,Checking style (ruff),$(BIN)/ruff check . && $(BIN)/ruff format --check .)
-	$(call step,Checking the types (mypy) and which package may import which (lint-imports),$(MEANWHILE) \
-	$(BIN)/lint-imports --no-cache & rules=$$!; $(BIN)/mypy --num-workers 2; types=$$?; \
-	wait $$rules; rules=$$?; wait; exit $$((types + rules)))
+	$(STYLE)
+	$(call step,Checking the types (mypy) and which package may import which (lint-imports),\
+	$(RULES) & rules=$$!; $(TYPES) --num-workers 2; types=$$?; wait $$rules; exit $$((types + $$?)))
 
 bench: $(VENV)/can-test ## All benchmarks, with the machine named, into bench/; FULL=yes takes longer
 	@$(BIN)/python tests/benchmarks/suite.py --out $(BENCH) $(if $(filter yes,$(FULL)),--full)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import difflib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Protocol, runtime_checkable
@@ -29,6 +30,12 @@ class MappingNeeded(ConnectorError):
 
 class UnknownTag(ConnectorError):
     """A tag was asked for that the source does not have; the text lists the nearest ones."""
+
+
+def nearest_names(tag: str, names: Collection[str]) -> str:
+    """Up to three quoted ``names`` like ``tag``, else the first five; "" where there are none."""
+    nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or list(names)[:5]
+    return ", ".join(map(repr, nearest))
 
 
 @dataclass(frozen=True, kw_only=True)

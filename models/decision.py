@@ -9,7 +9,7 @@ import numpy as np
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Mismatch
-from stemwatch.models.own_clock import duration, rate
+from stemwatch.models.own_clock import duration, period, rate
 from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
@@ -179,7 +179,7 @@ def _sticky(evidence: DecisionEvidence, limits: Limits) -> Decision:
     jump = f", then jumps {_percent(J)}" if shape is not Shape.DEADBAND else " and then follows"
     cycle = ""
     if evidence.cycling_s is not None:
-        cycle = f"; the loop cycles every {duration(evidence.cycling_s, evidence.unit_s)}"
+        cycle = f"; the loop cycles every {period(evidence.cycling_s, evidence.unit_s)}"
     return Decision(
         verdict=Verdict.STICKY,
         reason=(
@@ -270,8 +270,8 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
     text = f"The stem follows: S is {_width(evidence)}.{evidence.slow}"
     advice = "Nothing to do at the valve."
     if evidence.cycling_s is not None:
-        cycle_text = duration(evidence.cycling_s, evidence.unit_s)
-        text += f" The loop oscillates all the same, every {cycle_text}."
+        cycle_text = period(evidence.cycling_s, evidence.unit_s)
+        text += f" The loop oscillates nevertheless, every {cycle_text}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
     S = float(evidence.S.value or 0.0)
     confidence, stored = _share(evidence.S_draws < limits.sticky_S_percent), evidence.both_in

@@ -50,13 +50,13 @@ MEANINGS: dict[str, tuple[str, str]] = {
         "none",
     ),
     "variance_from_sticking_percent": (
-        "Share of the variance of SP - PV that the sticking makes",
+        "Share of the variance of SP - PV that the sticking causes",
         "up",
     ),
-    "control_error_from_sticking": ("Part of the mean of |SP - PV| that the sticking makes", "up"),
-    "off_target_from_sticking_percent": ("Share of time off target that the sticking makes", "up"),
+    "control_error_from_sticking": ("Part of the mean of |SP - PV| that the sticking causes", "up"),
+    "off_target_from_sticking_percent": ("Share of time off target that the sticking causes", "up"),
     "travel_from_sticking_per_hour_percent": (
-        "Part of the stem's travel that the sticking makes",
+        "Part of the stem's travel that the sticking causes",
         "up",
     ),
     "baseline_ratio": ("Residual of the baseline network against its own window", "up"),

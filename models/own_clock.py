@@ -104,6 +104,14 @@ def duration(own_time: float, unit_s: float, spec: str = ".0f") -> str:
     return f"{seconds / factor:.3g} {unit}"
 
 
+def period(own_time: float, unit_s: float) -> str:
+    """A period in words, as ``duration``; on a clock of seconds in minutes from two of them on."""
+    minutes = own_time * unit_s / 60.0
+    if not is_of_seconds(unit_s) or minutes < 2.0:
+        return duration(own_time, unit_s)
+    return f"{minutes:.0f} min" if minutes >= 10.0 else f"{minutes:.2g} min"
+
+
 def long_time(own_time: float, unit_s: float) -> str:
     """``own_time`` units of time in words: minutes on a clock of seconds."""
     return (

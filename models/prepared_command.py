@@ -50,7 +50,7 @@ def prepare_command(as_stored: Recording, known_curve: KnownCurve | None) -> Pre
 
     ``known_curve`` is what is known of its curve from OP to stroke.
     """
-    look_as_stored = FirstLook.at(as_stored)
+    look_as_stored = FirstLook.of(as_stored)
     late = late_evidence(as_stored, look_as_stored)
     late_s = late.late_s(as_stored.interval_s)
     on_time = brought_forward(as_stored, late_s)
@@ -59,7 +59,7 @@ def prepare_command(as_stored: Recording, known_curve: KnownCurve | None) -> Pre
     found_curve, curve_changed = stroke_curve_of(finer, known_curve)
     curve = refined(finer, found_curve)
     commanded = in_travel(finer, curve)
-    first_look = look_as_stored if commanded is as_stored else FirstLook.at(commanded)
+    first_look = look_as_stored if commanded is as_stored else FirstLook.of(commanded)
     obstacles = [] if curve else reversed_obstacles(finer)
     return PreparedCommand(
         on_time=on_time,

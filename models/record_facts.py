@@ -96,7 +96,7 @@ def _not_controlled(recording: Recording) -> list[str]:
 def facts_without_verdict(recording: Recording) -> tuple[str, ...]:
     """Sentences that hold without a verdict: movement, oscillation, limits, archive."""
     sentences = [
-        f"OP moved over {swing(recording.op.values):.3g}{_unit(recording.op)} in "
+        f"OP moved over a range of {swing(recording.op.values):.3g}{_unit(recording.op)} in "
         f"{recording.duration_s / 60:.0f} minutes.",
         *_cycles(loop_oscillation(recording)),
         *_limits(recording),

@@ -9,7 +9,7 @@ from datetime import datetime
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
+from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.position_histograms import PositionHistograms
 from stemwatch.models.recording import Floats, Provenance, Recording, Role
@@ -182,13 +182,8 @@ class Screening:
         traces, mismatch = self.traces, self.mismatch
         runs = None if mismatch is None else mismatch.runs
         if mismatch is not None and runs is not None:
-            part = FreeRuns(
-                naive=_copy(runs.naive, first, last),
-                extended=_copy(runs.extended, first, last),
-                heldout_from=max(runs.heldout_from - first, 0),
-                position=None if runs.position is None else _copy(runs.position, first, last),
-            )
-            mismatch = replace(mismatch, runs=part if last > first else None)
+            part = runs.part(first, last) if last > first else None
+            mismatch = replace(mismatch, runs=part)
         suspicion = self.without_position
         if suspicion is not None and suspicion.traces is not None:
             suspicion = replace(

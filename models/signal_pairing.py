@@ -10,6 +10,7 @@ from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.excitation import swing, travel
 from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.forensics import noise_sigma, quantum
+from stemwatch.models.quantiles import percentiles
 from stemwatch.models.recording import Floats, Recording, Role
 from stemwatch.models.runs_of_samples import equal_runs
 
@@ -219,9 +220,9 @@ def _tolerance(copy: Floats) -> float:
 
 def _same_line(source: Floats, copy: Floats) -> bool:
     """Whether ``copy`` is ``source`` times a number plus a number, at once or some samples late."""
-    delays = {*DELAYS, _agreed_delay(source, copy)}
+    delays, tolerance = {*DELAYS, _agreed_delay(source, copy)}, _tolerance(copy)
     return any(
-        _on_a_line(source[: source.size - late], copy[late:])
+        _on_a_line(source[: source.size - late], copy[late:], tolerance)
         for late in delays
         if source.size - late >= LEAST_COPIED
     )
@@ -232,16 +233,25 @@ def _agreed_delay(source: Floats, copy: Floats) -> int:
     return int(np.argmax(np.abs(lagged_products(np.diff(source), np.diff(copy), longest))))
 
 
-def _on_a_line(source: Floats, copy: Floats) -> bool:
-    """Whether all but a few samples lie on one line, within the rounding."""
-    tolerance, on_line = _tolerance(copy), np.ones(source.size, dtype=bool)
+def _on_a_line(source: Floats, copy: Floats, tolerance: float) -> bool:
+    """Whether all but a few samples lie on one line, within the rounding ``tolerance``."""
+    near_x, near_y = source, copy
     for _ in range(2):
-        if on_line.sum() < LEAST_COPIED or np.ptp(source[on_line]) == 0.0:
+        if near_x.size < LEAST_COPIED or np.ptp(near_x) == 0.0:
             return False
-        gain, zero = np.polyfit(source[on_line], copy[on_line], 1)
+        gain, zero = _line_through(near_x, near_y)
         deviation = np.abs(copy - gain * source - zero)
-        on_line = deviation <= max(float(np.percentile(deviation, 90.0)), tolerance)
+        on_line = deviation <= max(percentiles(deviation, (90.0,))[0], tolerance)
+        near_x, near_y = source[on_line], copy[on_line]
     return bool(gain != 0.0 and np.mean(deviation <= tolerance) > COPIED_SHARE)
+
+
+def _line_through(x: Floats, y: Floats) -> tuple[float, float]:
+    """Gain and zero of the line of least squares over ``x`` (n,), which is not constant."""
+    middle_x, middle_y = float(x.mean()), float(y.mean())
+    across = x - middle_x
+    gain = float(across @ (y - middle_y)) / float(across @ across)
+    return gain, middle_y - gain * middle_x
 
 
 def _filtered(source: Floats, copy: Floats) -> bool:
@@ -260,7 +270,8 @@ def _filtered(source: Floats, copy: Floats) -> bool:
         method="bounded",
     )
     settled = copy.size // 10
-    return _on_a_line(first_order_lag(source, float(best_lag.x))[settled:], copy[settled:])
+    lagged = first_order_lag(source, float(best_lag.x))
+    return _on_a_line(lagged[settled:], copy[settled:], _tolerance(copy))
 
 
 def _off_a_line(source: Floats, copy: Floats, lag: float) -> float:

@@ -4,7 +4,7 @@
 
     found = sw.screen(frame, op="FIC101.OP", mv="ZT101")    a DataFrame with a time index
     work = sw.screen("exports/")                            every valve of every file
-    work.to_frame()                                         the worst first
+    work.to_frame()                                         the most urgent first
 
 ``read`` gives one valve's ``Recording``, ``screen`` the verdict with S and J, ``explain`` what S
 and J leave out, ``simulate`` a recording with known S and J. These names are promised; what stands

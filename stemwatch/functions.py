@@ -191,7 +191,7 @@ def screen(
 
     Returns:
         A ``ScreenedValve`` for one valve: ``verdict``, ``reason``, ``advice``, ``S``, ``J``,
-        ``to_dict()``, ``plot()``. ``ScreenedValves`` for several, the worst first in
+        ``to_dict()``, ``plot()``. ``ScreenedValves`` for several, the most urgent first in
         ``to_frame()``.
 
     Raises:

@@ -263,7 +263,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
     """Several valves, screened together: what ``stemwatch.screen`` gives for a file or a list.
 
     ``work[0]`` and ``work["FIC-101"]`` give one valve, iteration all in the order in which they
-    were given; ``to_frame()``, ``print`` and a notebook show the worst first.
+    were given; ``to_frame()``, ``print`` and a notebook show the most urgent first.
     """
 
     def __init__(
@@ -273,12 +273,12 @@ class ScreenedValves(_Valves[ScreenedValve]):
         self._context = ReportContext(started=datetime.now(UTC), zone=zone or "UTC")
 
     def ranked(self) -> list[ScreenedValve]:
-        """The worst first: by verdict, then severity, then name."""
+        """The most urgent first, as in a report."""
         by_id = {id(valve.screening): valve for valve in self}
         return [by_id[id(ranked.screening)] for ranked in self._ranking()]
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each valve, the worst first, with the columns of ``valves.csv``.
+        """A row for each valve, the most urgent first, with the columns of ``valves.csv``.
 
         Percent of span, seconds; times are aware, in the zone that the call named (UTC without).
         """
@@ -288,7 +288,7 @@ class ScreenedValves(_Valves[ScreenedValve]):
         return pd.DataFrame(list(rows), columns=[column.header for column in columns])
 
     def to_dict(self) -> list[dict[str, Any]]:
-        """The objects of ``valves.json``, the worst first (docs/json.md)."""
+        """The objects of ``valves.json``, the most urgent first (docs/json.md)."""
         return [valve.to_dict() for valve in self.ranked()]
 
     def _ranking(self) -> Any:

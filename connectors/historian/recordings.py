@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from datetime import timedelta
 from typing import Protocol
@@ -17,6 +16,7 @@ from stemwatch.connectors.connector import (
     UnknownTag,
     ValveTags,
     Window,
+    nearest_names,
 )
 from stemwatch.connectors.historian.times.epoch import EPOCH, ns_of
 from stemwatch.connectors.historian.times.source_clock import (
@@ -168,10 +168,9 @@ def find_tag(opened: SampleSource, tag_text: str) -> str:
     ]
     if len(with_unit) == 1:
         return with_unit[0]
-    close_matches = difflib.get_close_matches(tag_text, tags, n=3, cutoff=0.4) or tags[:5]
     raise UnknownTag(
         f"{opened.source_name}: there is no tag {tag_text!r} among {len(tags)}; the nearest are "
-        f"{', '.join(repr(tag) for tag in close_matches)}"
+        f"{nearest_names(tag_text, tags)}"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from stemwatch.connectors.connector import (
     UnknownTag,
     ValveTags,
     Window,
+    nearest_names,
 )
 from stemwatch.connectors.influx.query import InfluxServer
 from stemwatch.connectors.settings import Name, contradiction
@@ -188,6 +188,5 @@ class InfluxArchive:
         known = query.tags()
         if tag in known:
             return
-        nearest = difflib.get_close_matches(tag, known, n=3, cutoff=0.4) or known[:5]
-        names = ", ".join(map(repr, nearest)) or "none: nothing is there"
+        names = nearest_names(tag, known) or "none: nothing is there"
         raise UnknownTag(f"{self.address}: there is no {tag!r}; the nearest are {names}")

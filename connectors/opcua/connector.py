@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import difflib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from stemwatch.connectors.connector import (
     UnknownTag,
     ValveTags,
     Window,
+    nearest_names,
 )
 from stemwatch.connectors.opcua.session import OpcUaServer, Security
 from stemwatch.connectors.secret import Secret
@@ -204,8 +204,7 @@ class OpcUaArchive:
                     histories[tag] = await read_history(client, tag, start, stop, self.address)
                 except UnknownTag as error:
                     names = [node.tag for node in await browse(client)]
-                    nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-                    near_tags = ", ".join(map(repr, nearest)) or "none: nothing has a history"
+                    near_tags = nearest_names(tag, names) or "none: nothing has a history"
                     raise UnknownTag(f"{error}; the nearest are {near_tags}") from None
         return histories
 

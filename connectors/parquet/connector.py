@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ from stemwatch.connectors.connector import (
     UnknownTag,
     ValveTags,
     Window,
+    nearest_names,
 )
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.settings import Name
@@ -225,10 +225,9 @@ class ParquetArchive:
         if self._has_tag(tag):
             return empty_column(tag)
         names = self.names()
-        nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
         raise UnknownTag(
             f"{self.path}: there is no tag {tag!r} among {len(names)}; the nearest are "
-            f"{', '.join(map(repr, nearest))}"
+            f"{nearest_names(tag, names)}"
         )
 
     def _contents_of_tag(self, tag: str) -> str:

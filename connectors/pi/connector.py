@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -21,6 +20,7 @@ from stemwatch.connectors.connector import (
     UnknownTag,
     ValveTags,
     Window,
+    nearest_names,
 )
 from stemwatch.connectors.pi.web_api import WEB_ID, PiServer, SignIn
 from stemwatch.connectors.settings import Name, Text, contradiction
@@ -214,8 +214,7 @@ class PiArchive:
                 raise
             pattern = f"{tag[: max(len(tag) // 2, 1)]}*"
             names = [point.name for point in api.points(pattern)]
-            nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-            near_names = ", ".join(map(repr, nearest)) or f"none: no point is called {pattern}"
+            near_names = nearest_names(tag, names) or f"none: no point is called {pattern}"
             raise UnknownTag(f"{error}; the nearest are {near_names}") from None
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from stemwatch.connectors.connector import (
     UnreadableSource,
     ValveTags,
     Window,
+    nearest_names,
 )
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.secret import Secret
@@ -331,16 +331,13 @@ class SqlArchive:
 
     def _unknown(self, tag: str) -> UnknownTag:
         names = [info.tag for info in self.tags()]
-        nearest = difflib.get_close_matches(tag, names, n=3, cutoff=0.4) or names[:5]
-        window_text = (
-            f"the nearest of {len(names)} are {', '.join(map(repr, nearest))}" if nearest else ""
+        hint = (
+            f"the nearest of {len(names)} are {nearest_names(tag, names)}"
+            if names
+            else "say tags_query, which lists the tags, and the nearest are shown here"
         )
         return UnknownTag(
-            f"{self.address}: the query gives no sample of {tag!r} at any time; "
-            + (
-                window_text
-                or "say tags_query, which lists the tags, and the nearest are shown here"
-            )
+            f"{self.address}: the query gives no sample of {tag!r} at any time; {hint}"
         )
 
     def _window_text(self, window: Window) -> str:

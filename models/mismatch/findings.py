@@ -8,6 +8,8 @@ from enum import StrEnum
 from math import exp
 from typing import Any
 
+import numpy as np
+
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.fit_window import on_whole_clock
 from stemwatch.models.mismatch.open_question import OpenQuestion
@@ -240,6 +242,23 @@ class FreeRuns:
             return recording
         signal = replace(recording.mv, values=self.position, unit=PERCENT)
         return replace(recording, signals={**recording.signals, Role.MV: signal})
+
+    @property
+    def stretch(self) -> tuple[int, int]:
+        """The first sample (inclusive) and the last (exclusive) that a model was run over; all of
+        them where it was run over none."""
+        finite = np.flatnonzero(np.isfinite(self.naive))
+        return (int(finite[0]), int(finite[-1]) + 1) if finite.size else (0, self.naive.size)
+
+    def part(self, first: int, last: int) -> FreeRuns:
+        """The runs of samples ``first`` (inclusive) to ``last`` (exclusive), copied, so that the
+        others can be let go."""
+        return FreeRuns(
+            naive=self.naive[first:last].copy(),
+            extended=self.extended[first:last].copy(),
+            heldout_from=max(self.heldout_from - first, 0),
+            position=None if self.position is None else self.position[first:last].copy(),
+        )
 
     def within(self, first: int, samples: int) -> FreeRuns:
         """The runs on the clock of a recording of ``samples`` samples, of which they begin at

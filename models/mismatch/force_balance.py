@@ -71,7 +71,7 @@ def force_balance(problem: FitProblem) -> ForceBalance | None:
     zero, *load, friction, lag, _ = resolved.coefficients.tolist()
     return ForceBalance(
         S=max(2.0 * float(friction), 0.0),
-        S_replicates=np.maximum(2.0 * resolved.drawn()[:, FRICTION], 0.0),
+        S_replicates=np.maximum(2.0 * resolved.bootstrapped()[:, FRICTION], 0.0),
         zero=-float(zero),
         load=np.array(load),
         lag_s=float(lag) * dt,
@@ -154,7 +154,7 @@ class _Regression:
             and self.left <= MOST_OF_MASSLESS * self.left_massless
         )
 
-    def drawn(self) -> Floats:
+    def bootstrapped(self) -> Floats:
         """(REPLICATES, 7) the coefficients from a block bootstrap. Seeded."""
         numbers, block_index = np.unique(self.block, return_inverse=True)
         counts = np.bincount(block_index).astype(np.float64)

@@ -377,10 +377,12 @@ def _slips(motion: Exercised) -> Refusals:
             f"compared from {LEAST_SLIPS} each way",
         )
     if motion.restarts < LEAST_RESTARTS:
+        seldom = f"started again {only_times(motion.restarts)}"
         yield (
             "lost_motion",
-            f"the stem started again in the same direction {only_times(motion.restarts)}; at full "
-            "reversals play cannot be told from a smaller jump (do a staircase test)",
+            f"the stem {seldom if motion.restarts else 'never started again'} in the same "
+            "direction; at full reversals play cannot be told from a smaller jump (do a staircase "
+            "test)",
         )
     rests_s = motion.rests
     spread = float(np.divide(*np.percentile(rests_s, (95.0, 5.0)))) if rests_s.size else 1.0

@@ -65,7 +65,7 @@ class Pairing:
         """The pairing of a recording's OP and MV; ``None`` where one of the two hardly moves, or
         nothing can be scored. ``first_look`` saves time where it has been made already.
         """
-        first_look = first_look or FirstLook.at(recording)
+        first_look = first_look or FirstLook.of(recording)
         if first_look is None or float(np.ptp(first_look.evaluator.problem.mv)) <= 0.0:
             return None
         evaluator, base = first_look.evaluator, first_look.base

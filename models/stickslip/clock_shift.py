@@ -125,7 +125,7 @@ _NOTHING = LateEvidence(0.0, Advantage(0.0, 0.0))
 
 def late_evidence(recording: Recording, first_look: FirstLook | None = None) -> LateEvidence:
     """The evidence for an OP that was stored late."""
-    first_look = first_look or FirstLook.at(recording)
+    first_look = first_look or FirstLook.of(recording)
     if first_look is None:
         return _NOTHING
     evaluator, base = first_look.evaluator, first_look.base

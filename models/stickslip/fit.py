@@ -348,7 +348,7 @@ class FirstLook:
     base: Floats
 
     @classmethod
-    def at(cls, recording: Recording) -> FirstLook | None:
+    def of(cls, recording: Recording) -> FirstLook | None:
         """``None`` where OP does not move, or nothing can be scored."""
         if recording.mv is None:
             return None

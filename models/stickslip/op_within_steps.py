@@ -164,7 +164,7 @@ def _follows_steps(recording: Recording, finer: Recording) -> bool:
     Of 40 valves of `draw_valves` (seeds 5151, 6161) in steps of 0.5 % the steps gain -1.4 to 0.02;
     where the steps themselves move the same element, 0.10 to 2.0 on 38 and -0.1 on two.
     """
-    look = FirstLook.at(recording)
+    look = FirstLook.of(recording)
     if look is None:
         return True
     evaluator = look.evaluator

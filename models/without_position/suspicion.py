@@ -377,7 +377,7 @@ def _answer(
                 f"{shows:.1f}{said_unit} of OP or more would have shown. By itself this is no "
                 "verdict."
             ),
-            advice="Nothing at the valve on these grounds.",
+            advice="Nothing to do at the valve on these grounds.",
             score=answer.score,
             apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
             shows_from=shows,

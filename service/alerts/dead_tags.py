@@ -47,7 +47,7 @@ def dead_tags(
         for valve in plant.valves.values() if dead else ():
             if valve.source != device:
                 continue
-            for role, tag in valve.tags.given().items():
+            for role, tag in valve.tags.by_role().items():
                 number = dead.get(clean_text(tag.tag))
                 if number is not None:
                     dead_tag = DeadTag(valve=valve.id, role=role.value, tag=tag.tag, number=number)

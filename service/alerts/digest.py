@@ -21,7 +21,7 @@ _LONGEST_SUBJECT = 200
 
 def queue_messages(store: Store, plant: Plant, *, run_id: int | None = None) -> bool:
     """Queue messages about the open alerts that are in no message yet; whether there were any."""
-    alerts = sorted(store.deliveries.undelivered(), key=lambda alert: _ORDER.index(alert.severity))
+    alerts = store.deliveries.undelivered()
     if not alerts:
         return False
     messages: dict[str, dict[str, Any]] = {}
@@ -91,8 +91,8 @@ def message_of(
 
 
 def _in_short(alerts: Sequence[StoredAlert]) -> str:
-    """What a message is about: what one alert says first; of several the valves, the most urgent
-    first, and how many are old ones."""
+    """What a message is about: what one alert says first; of several the valves, in
+    their order, and how many are old ones."""
     again = sum(alert.opened_again is not None for alert in alerts)
     if len(alerts) == 1:
         first = alerts[0].text.split(". ")[0].rstrip(".")

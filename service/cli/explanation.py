@@ -147,7 +147,8 @@ def _caption(mismatch: Mismatch, *, shown_alone: bool) -> str:
     known = finite(heldout.gain_low) is not None and finite(heldout.gain_high) is not None
     if known and mismatch.effects:
         parts.append(
-            f"fit grows by {figure(heldout.gain_low, 2)} to {figure(heldout.gain_high, 2)} points"
+            f"fit grows by {figure(heldout.gain_low, 2)} to {figure(heldout.gain_high, 2)} "
+            "percentage points"
         )
     if heldout.slip_by_slip:
         parts.append(how_both_ran(mismatch))

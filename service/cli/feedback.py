@@ -37,7 +37,8 @@ def feedback(
         judgement: sum(label.judgement is judgement for label in labels) for judgement in Judgement
     }
     count_list = ", ".join(f"{count} {word.value}" for word, count in counts.items())
-    views.say_result(f"{len(labels)} findings were judged: {count_list}.")
+    judged = "1 finding was" if len(labels) == 1 else f"{len(labels)} findings were"
+    views.say_result(f"{judged} judged: {count_list}.")
     if out is not None:
         out.write_text(labels_csv(labels), encoding="utf-8")
         views.say_result(f"Labels: {out.resolve()}")

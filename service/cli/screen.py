@@ -23,8 +23,8 @@ from stemwatch.service.cli.reading import (
 from stemwatch.service.presenter.cost_of_sticking import RankBy
 
 if TYPE_CHECKING:
-    from stemwatch.models.screening_result import Screening
     from stemwatch.service.config import Plant
+    from stemwatch.service.report.ranking import Ranking
     from stemwatch.service.run.engine import RunResult
     from stemwatch.service.run.plan import Request
     from stemwatch.service.store.database_url import DatabaseUrl
@@ -50,7 +50,7 @@ def screen(
     ] = False,
     rank_by: Annotated[
         RankBy,
-        typer.Option(help="Order of the report: worst first, or what sticking costs most first."),
+        typer.Option(help="Order: the most urgent first, or what sticking costs most first."),
     ] = RankBy.VERDICT,
     site: o.Site = None,
     area: o.Area = None,
@@ -65,8 +65,8 @@ def screen(
     chosen = valves_in_part(request.plant, part_of(site, area, unit))
     request = replace(request, valves=request.valves or chosen)
     _need_prices(request.plant, rank_by)
-    screenings = _run(request, out, db, (workers, executor), new_baseline, json_file, rank_by)
-    if fail_on is not None and _is_found(fail_on, screenings):
+    ranking = _run(request, out, db, (workers, executor), new_baseline, json_file, rank_by)
+    if fail_on is not None and _is_found(fail_on, ranking):
         raise typer.Exit(1)
 
 
@@ -85,21 +85,13 @@ def _need_prices(plant: Plant | None, rank_by: RankBy) -> None:
         )
 
 
-def _is_found(verdict: Verdict, screenings: tuple[Screening, ...]) -> bool:
+def _is_found(verdict: Verdict, ranking: Ranking) -> bool:
     """Whether a valve or its stem has this verdict, so that ``--fail-on sticky`` also reports the
     sticking stem of a defective valve."""
-    from datetime import UTC, datetime
-
-    from stemwatch.service.report.ranking import rank_valves
-    from stemwatch.service.report.report_context import ReportContext
-
-    ranked = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
-    return any(verdict in (valve.verdict, valve.screening.verdict) for valve in ranked)
+    return any(verdict in (valve.verdict, valve.screening.verdict) for valve in ranking)
 
 
-def screen_plant(
-    plant: Path, out: Path, workers: int | None, earlier: Sequence[Path] = ()
-) -> tuple[Screening, ...]:
+def screen_plant(plant: Path, out: Path, workers: int | None, earlier: Sequence[Path] = ()) -> None:
     """Screen a plant file's own sources into its own database, after the files ``earlier``, of
     which no summary is printed and whose report lies beside them."""
     from stemwatch.service.cli.reading import loaded_plant
@@ -110,7 +102,7 @@ def screen_plant(
     if earlier:
         before = replace(request, sources=tuple(str(path) for path in earlier))
         _run(before, earlier[0].parent / "report", *how, said=False)
-    return _run(request, out, *how)
+    _run(request, out, *how)
 
 
 def _run(
@@ -123,7 +115,8 @@ def _run(
     rank_by: RankBy = RankBy.VERDICT,
     *,
     said: bool = True,
-) -> tuple[Screening, ...]:
+) -> Ranking:
+    """Screen, write the report and say what was found, in the order of the report."""
     from stemwatch.service.executors import LocalProcesses, choose_executor
     from stemwatch.service.process_lifecycle import expect_workers
 
@@ -136,6 +129,7 @@ def _run(
     # Imported only now, while the server process of the workers does its own imports.
     from stemwatch.models.limits import Limits
     from stemwatch.service.cli import views
+    from stemwatch.service.report.ranking import rank_valves
     from stemwatch.service.run.engine import RunNow, screen_now
     from stemwatch.service.store.database_url import DatabaseUrl
     from stemwatch.service.store.store import open_store
@@ -159,13 +153,16 @@ def _run(
             rank_by=rank_by,
         )
         result: RunResult = screen_now(request, how_to_run, on_screened)
+    # What sticking costs is not in the brief screenings.
+    screenings = result.brief if rank_by is RankBy.VERDICT else result.screenings
+    ranking = rank_valves(screenings, result.context)
     if said:
-        show(result, json_file)
+        show(result, ranking, json_file)
     # What a plant file says of its sources holds for all their files; the report names those that
     # did without.
     if request.sources and said:
         say_unused_options(screening.provenance for screening in result.brief)
-    return result.brief
+    return ranking
 
 
 @contextmanager
@@ -191,15 +188,16 @@ def _nothing_left_of_nothing(out: Path, address: DatabaseUrl) -> Iterator[None]:
         raise
 
 
-def show(result: RunResult, json_file: Path | None) -> None:
+def show(result: RunResult, ranking: Ranking, json_file: Path | None) -> None:
     """The summary, what was left out, and where report, PDF and work orders are."""
     from stemwatch.service.cli import views
     from stemwatch.service.maintenance.write_maintenance import ORDERS_XLSX, PDF
 
-    views.out.print(views.summary(result.brief))
+    groups = result.context.groups
+    views.out.print(views.summary(ranking))
     for line in (
-        *views.undetermined_lines(result.brief, result.groups),
-        *views.oscillation_lines(result.groups),
+        *views.undetermined_lines(result.brief, groups),
+        *views.oscillation_lines(groups),
         *views.signal_lines(result.brief),
     ):
         views.out.print(line, highlight=False)

@@ -208,8 +208,8 @@ def is_final(screening: Screening) -> bool:
     return decide(screening, stands=None).verdict is decide(screening, stands=False).verdict
 
 
-def summary(screenings: Sequence[Screening]) -> Table:
-    """The ranking, worst first, in the order and the words of the report."""
+def summary(ranking: Ranking) -> Table:
+    """The ranking in the order and the words of the report."""
     from stemwatch.service.presenter.suspicion_words import (
         NO_SIGN_NOTE,
         SUSPECTED_NOTE,
@@ -217,13 +217,10 @@ def summary(screenings: Sequence[Screening]) -> Table:
         loops_to_test,
         loops_without_sign,
     )
-    from stemwatch.service.report.ranking import rank_valves
-    from stemwatch.service.report.report_context import ReportContext
 
-    ranking = rank_valves(screenings, ReportContext(started=datetime.now(UTC)))
     lines = _lines_of_ranking(ranking)
     is_cut = len(lines) == SHOWN < len(ranking)
-    worst_shown = f", the worst {SHOWN} shown" if is_cut else ""
+    worst_shown = f", the first {SHOWN} shown" if is_cut else ""
     table = Table(
         title=f"{ranking.counts.sentence.rstrip('.')}{worst_shown}.", title_justify="left"
     )
@@ -256,7 +253,10 @@ def summary(screenings: Sequence[Screening]) -> Table:
         shape = screening.shape.value if screening.shape else ""
         named = note_of.get(screening.valve, "")
         note = f"\n{named}" if named and screening.verdict is Verdict.UNDETERMINED else ""
-        side_cells = (valve.decision.state.value, shape, screening.quality.grade)[: len(aside)]
+        urgency = f"\npriority {valve.priority.code}" if valve.priority else ""
+        side_cells = (f"{valve.decision.state.value}{urgency}", shape, screening.quality.grade)[
+            : len(aside)
+        ]
         table.add_row(
             str(valve.rank),
             escape("\n".join(filter(None, (screening.valve, recording)))),

@@ -398,7 +398,7 @@ def tags_without_register(valve: Valve, device: Device, location: TableLocation)
             f"{tag.tag!r}, which no register of {device.name} has",
             "the tag of one of its registers" + nearest(tag.tag, mapped),
         )
-        for role, tag in valve.tags.given().items()
+        for role, tag in valve.tags.by_role().items()
         if tag.tag not in mapped
     ]
 

@@ -69,7 +69,7 @@ class Plant:
     def valve_tags(self, valve: str | Valve) -> ValveTags:
         """The valve's tags as a connector needs them. Raises ``KeyError`` for an unknown valve."""
         entry = self._valve(valve)
-        tags = {role: _mapping(tag) for role, tag in entry.tags.given().items()}
+        tags = {role: _mapping(tag) for role, tag in entry.tags.by_role().items()}
         return ValveTags(valve=entry.id, tags=tags)
 
     def source_of(self, valve: str | Valve) -> TextExportSettings:

@@ -159,10 +159,10 @@ class Tags(TomlTable):
             raise contradiction(("mv", "tag"), found_text, expected)
         return self
 
-    def given(self) -> dict[Role, Tag]:
-        """The given tags by role."""
-        by_role = {role: getattr(self, role.value) for role in Role}
-        return {role: tag for role, tag in by_role.items() if tag is not None}
+    def by_role(self) -> dict[Role, Tag]:
+        """The tags that are given."""
+        tags = {role: getattr(self, role.value) for role in Role}
+        return {role: tag for role, tag in tags.items() if tag is not None}
 
 
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]

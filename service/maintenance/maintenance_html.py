@@ -12,6 +12,7 @@ from markupsafe import Markup
 from stemwatch.service.maintenance.drawing import svg_of
 from stemwatch.service.maintenance.work_list import WorkList
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
+from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
 from stemwatch.service.presenter.wording import NOTHING
 from stemwatch.service.presenter.work_decision import verdict_before
 from stemwatch.service.report.html_page import environment
@@ -48,6 +49,7 @@ def work_list_html(work_list: WorkList) -> bytes:
         ],
         levels=LEVEL_NAME,
         hint=HINT,
+        priorities=CLASSES_IN_WORDS,
         styles=Markup(_resource(STYLE)),
     )
     return text.encode()

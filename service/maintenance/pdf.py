@@ -48,6 +48,7 @@ from stemwatch.service.maintenance.work_compared import WorkCompared
 from stemwatch.service.maintenance.work_list import ValveWithoutPage, WorkList
 from stemwatch.service.maintenance.work_sheet import WorkSheet
 from stemwatch.service.presenter.advice import HINT, LEVEL_NAME
+from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
 from stemwatch.service.presenter.wording import (
     NOTHING,
     VERDICT_SYMBOL,
@@ -69,8 +70,8 @@ SEE_LETTERS = "□ stands for a letter that this PDF's font lacks: maintenance.h
 HEADINGS = ("No.", "Priority", "Valve", "Finding", "S", "Since", "By")
 SHARES = (0.055, 0.16, 0.325, 0.195, 0.07, 0.095, 0.1)
 LEGEND = (
-    "Priority: severity x criticality x trend; 1 within a week, 2 within a month, 3 within three "
-    "months, 4 at the next stop. Confirm with a stroke test before a valve is opened."
+    f"Priority, from severity and criticality: {CLASSES_IN_WORDS}. Valves stand in the order of "
+    "the report. Confirm with a stroke test before a valve is opened."
 )
 # The most letters of a table cell, which has to fit one page, and of a name.
 LONGEST_CELL, LONGEST_NAME = 1200, 200
@@ -375,7 +376,8 @@ def _hand(t: TypeSize, sheet: WorkSheet) -> list[Any]:
 
 def _doubt(t: TypeSize, sheet: WorkSheet) -> list[Any]:
     doubts = " ".join(sheet.finding.otherwise) or "Nothing that this recording would show."
-    reason = t.text(f"{sheet.priority.reason}.")
+    why = sheet.priority.reason
+    reason = t.text(f"{why[:1].upper()}{why[1:]}.")
     return [
         *[t.heading("What else it could be"), t.text(doubts)],
         *[t.heading("Why this priority"), reason],

@@ -1,4 +1,4 @@
-"""``WorkList``: a page for each valve that needs work, in the order of priority, and the rest."""
+"""``WorkList``: a page for each valve that needs work, in the order of the report, and the rest."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.valve_history import NOTHING_KNOWN, ValveHistory
 from stemwatch.service.maintenance.work_compared import WorkCompared, newest_first
 from stemwatch.service.maintenance.work_sheet import WorkSheet, brief_of, work_sheet_of
-from stemwatch.service.presenter.suspicion_words import worth_a_test
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.ranking import discovered, rank_valves
 from stemwatch.service.report.report_context import ReportContext
@@ -27,8 +26,8 @@ class ValveWithoutPage:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkList:
-    """``sheets`` in the order in which to work, each followed by the next, one a valve: of several
-    recordings the most urgent one's; ``others`` in the order of the report. ``discovered`` is what
+    """``sheets`` and ``others`` in the order of the report, which is that in which to work, one a
+    valve: of several recordings the most urgent one's. ``discovered`` is what
     stands of all that was named in the run; ``done`` the last work on its valves that has a window
     before and one after it, the newest of ``worked``."""
 
@@ -78,7 +77,6 @@ def work_list_of(
                 valve=screening.valve, verdict=valve.verdict, line=brief_of(valve)
             )
             others.append(brief)
-    sheets.sort(key=_order)
     by_valve: dict[str, WorkSheet] = {}
     for sheet in sheets:
         by_valve.setdefault(sheet.screening.valve, sheet)
@@ -96,14 +94,4 @@ def work_list_of(
         done=newest_first(works),
         worked=len(works),
         run=background.run,
-    )
-
-
-def _order(sheet: WorkSheet) -> tuple[bool, int, float, bool, str]:
-    return (
-        not sheet.has_order,
-        sheet.priority.code,
-        -sheet.priority.score,
-        not worth_a_test(sheet.screening),
-        sheet.screening.valve,
     )

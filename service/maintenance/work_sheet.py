@@ -7,7 +7,7 @@ wrong, and whether it stands among all valves of the run.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import date, datetime, timedelta, tzinfo
+from datetime import tzinfo
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import CheckStep, FieldAdvice, IsolationLevel
@@ -22,6 +22,7 @@ from stemwatch.service.maintenance.valve_history import ValveHistory
 from stemwatch.service.presenter import advice
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
 from stemwatch.service.presenter.finding import PresentedFinding, field_test
+from stemwatch.service.presenter.urgency import Priority, priority
 from stemwatch.service.presenter.wording import (
     figure,
     finite,
@@ -30,17 +31,10 @@ from stemwatch.service.presenter.wording import (
     span_percent,
 )
 from stemwatch.service.presenter.work_decision import WorkDecision
-from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.report.ranking import RankedValve
 
-WEIGHT_OF_CRITICALITY = {"1": 0.6, "2": 0.8, "3": 1.0}
-USUAL_CRITICALITY = "2"  # the plant file's default for a valve without a criticality
-WEIGHT_OF_TREND = {"worse": 1.2, "better": 0.85}
-CLASSES = ((0.80, 1), (0.55, 2), (0.30, 3), (0.0, 4))
-WORDS = {1: "within a week", 2: "within a month", 3: "within three months", 4: "at the next stop"}
-DAYS = {1: 7, 2: 30, 3: 90, 4: 180}
-
 GENERAL_TEST = "Step OP by 1 %"  # begins the step that is the same for all sticking valves
+COMPARED = frozenset({"worse", "better", "same"})
 MOST_PAST = 5  # earlier screenings in the table
 MEANING = {
     "S": "dead band + stick band: how far OP moves after a turn before the stem lets go",
@@ -55,38 +49,6 @@ STANDS = (
     "What is named beside friction stands among all valves of the run: of such findings at most "
     f"{LEVEL_PERCENT} are expected to be due to chance."
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Priority:
-    """``code`` 1 (most urgent) to 4, its ``words``, the ``score`` 0 to 1.2 and the ``reason``."""
-
-    code: int
-    words: str
-    score: float
-    reason: str
-
-    def due(self, reported: datetime, zone: tzinfo) -> date:
-        """The end date to propose, a day in ``zone``."""
-        return (reported.astimezone(zone) + timedelta(days=DAYS[self.code])).date()
-
-
-def priority(severity: float, criticality: str, trend: Change) -> Priority:
-    """The class of a finding, with the three factors as its reason.
-
-    It is calculated from the rounded score that is printed, so that a reader comes to the same
-    class.
-    """
-    severity = round(severity)
-    level = criticality if criticality in WEIGHT_OF_CRITICALITY else USUAL_CRITICALITY
-    weight = WEIGHT_OF_TREND.get(trend.direction, 1.0)
-    score = round(severity / 100.0 * WEIGHT_OF_CRITICALITY[level] * weight, 6)
-    code = next(code for least, code in CLASSES if score >= least)
-    stated = f"criticality {level} of 3"
-    if level != criticality:
-        stated += f" (plant says {criticality!r})" if criticality else " (none is given)"
-    reason = f"{stated}, severity {severity:.0f} of 100, trend: {trend.words}"
-    return Priority(code=code, words=WORDS[code], score=score, reason=reason)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,9 +137,7 @@ def work_sheet_of(valve: RankedValve, background: ValveHistory, zone: tzinfo) ->
         since_said=_since(since, valve, background, zone),
         past=tuple(earlier[:MOST_PAST]),
         sure=how_sure(valve, since),
-        priority=priority(
-            finite(finding.decision.severity) or 0.0, valve.facts.criticality, valve.trend
-        ),
+        priority=priority(finding.decision.severity, valve.facts.criticality),
         picture=picture,
         picture_note=note,
         run=background.run,
@@ -252,10 +212,16 @@ def _since(
     sentences: tuple[str, ...] = (
         s.sentence(first_seen, zone),
         s.work_sentence(work, window_start, zone),
+        _trend(valve),
     )
     if by_window is not None:
         sentences += by_window.sentences(zone)
     return tuple(sentence for sentence in sentences if sentence)
+
+
+def _trend(valve: RankedValve) -> str:
+    """How it goes since the last run; empty where there is none to compare it with."""
+    return f"Trend: {valve.trend.words}." if valve.trend.direction in COMPARED else ""
 
 
 def brief_of(valve: RankedValve) -> str:

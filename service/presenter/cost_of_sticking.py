@@ -74,7 +74,7 @@ class CostOfSticking:
         """Both in one or two sentences."""
         share, unit = self.share, self.repaired.unit
         said = (
-            f"The sticking makes {_percent(share.value)} % of the variance of SP - PV "
+            f"The sticking causes {_percent(share.value)} % of the variance of SP - PV "
             f"({_percent(share.low)} to {_percent(share.high)} %): with a valve that does not "
             f"stick its standard deviation would be {figure(self.repaired.value, 2)} instead of "
             f"{figure(self.std, 2)} {unit}."

@@ -27,7 +27,7 @@ from stemwatch.service.presenter.wording import (
     share,
     span_percent,
 )
-from stemwatch.service.presenter.work_decision import WorkDecision, decide
+from stemwatch.service.presenter.work_decision import NO_POSITION, WorkDecision, decide
 
 MOST_STILL_SEEN = 2  # sentences on what can be seen without a verdict; the page has all
 MOST_UNTESTABLE = 4  # effects that could not have shown, named one by one
@@ -259,13 +259,13 @@ def field_test(screening: Screening) -> str:
     expected = f"{_steps_for(S, step)}"
     if fewest != most_steps:
         expected += f" ({fewest} to {most_steps})"
-    moves = "no more than a step, without a jump"
+    moves = "a move of no more than one step"
     if J >= step / 2:
-        moves = f"{span_percent(J)} to {span_percent(J + step)} % of OP at once"
+        moves = f"a jump of {J:.1f} to {J + step:.1f} % of OP"
     return (
-        f"Field test, loop in manual: step OP by {step:g} % one way until the stem moves, then "
-        f"back; wait after each step, and count those back. Expect about {expected} until it "
-        f"moves, by {moves}. A stem that answers the first or second step back passes."
+        f"Field test, loop in manual: step OP by {step:g} % in one direction until the stem "
+        f"moves, then back; wait after each step. Expect about {expected} steps back until it "
+        f"moves, then {moves}. A stem that answers the first or second step back passes."
     )
 
 
@@ -277,10 +277,11 @@ def _steps_for(S: float, step: float) -> int:
 def _next_step(
     screening: Screening, decision: WorkDecision, groups: Sequence[OscillationGroup]
 ) -> str:
-    """The next step: the screening's advice, with two exceptions. A valve that does not stick but
+    """The next step: the screening's advice, with three exceptions. A valve that does not stick but
     has a defect gets the advice for that defect, since the cause is not elsewhere. A valve that is
-    healthy, or whose position is not recorded, and that oscillates because of another loop is
-    referred to that loop first, which its own recording cannot know."""
+    healthy, or of which nothing can be told, and that oscillates because of another loop is
+    referred to that loop first, which its own recording cannot know. Without a position, OP and PV
+    decide what to do first."""
     if decision.verdict is Verdict.DEFECTIVE and decision.effects:
         return present_effect(decision.effects[0]).check
     if decision.verdict is Verdict.DEFECTIVE:
@@ -289,9 +290,11 @@ def _next_step(
     if decision.verdict is Verdict.HEALTHY:
         look = where_to_look(groups, screening.valve)
         return f"Nothing to do at this valve. {look}" if look else screening.advice
+    told = screening.without_position if decision.kinds[0] == NO_POSITION else None
+    advice = screening.advice if told is None else told.advice
     if decision.moved:
-        return f"{where_to_look(groups, screening.valve)} After that: {screening.advice}"
-    return " ".join(filter(None, (screening.advice, field_test(screening))))
+        return f"{where_to_look(groups, screening.valve)} After that: {advice}"
+    return " ".join(filter(None, (advice, field_test(screening))))
 
 
 def _otherwise(
@@ -310,8 +313,8 @@ def _otherwise(
         )
         unlisted = len(mismatch.not_testable) - MOST_UNTESTABLE
         alternatives.append(
-            "Not testable in this recording: "
-            f"{named}{f' and {unlisted} more' if unlisted > 0 else ''}; "
+            f"This recording could not have shown {named}"
+            f"{f' and {unlisted} more' if unlisted > 0 else ''}; "
             f"the first because {mismatch.not_testable[0].reason.rstrip('.')}."
         )
     return tuple(alternatives)

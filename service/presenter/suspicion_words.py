@@ -20,7 +20,7 @@ from stemwatch.service.presenter.work_decision import NO_POSITION, SIGNAL, obsta
 HOW_SURE = (
     "Of 233 such suspicions on simulated valves 227 were right. Of seven on 61 real loops with "
     "known answers six were right; the cause of the seventh is likely a disturbance. Run a test "
-    "before you open anything."
+    "before you open a valve."
 )
 MOVED = "it oscillates with other loops, which likely does not begin here."
 MOST_NAMED = 20  # loops in a line of the list of next steps
@@ -79,6 +79,9 @@ class AnsweredLoop(Protocol):
     def reason(self) -> str: ...
 
     @property
+    def advice(self) -> str: ...
+
+    @property
     def without_position(self) -> WithoutPosition | None: ...
 
 
@@ -124,8 +127,8 @@ def next_steps(
     for screening in screenings:
         if screening.verdict is not Verdict.UNDETERMINED:
             judged.add(screening.valve)
-        elif screening.without_position is not None and not _signal_to_mend(screening):
-            by_valve.setdefault(screening.valve, []).append(screening.without_position)
+        elif (answer := _answer(screening)) is not None:
+            by_valve.setdefault(screening.valve, []).append(answer)
     loops: dict[tuple[Suspicion, str, str], list[tuple[float, str, str]]] = {}
     for valve, answers in by_valve.items():
         if valve in judged:
@@ -148,6 +151,17 @@ def next_steps(
     ]
     order = (Suspicion.SUSPECTED, Suspicion.CANNOT_TELL, Suspicion.NO_SIGN)
     return tuple(sorted(steps, key=lambda step: (order.index(step.verdict), -len(step.loops))))
+
+
+def _answer(screening: AnsweredLoop) -> WithoutPosition | None:
+    """What OP and PV alone say; ``None`` where the position signal is to be mended. Where they
+    cannot tell and there is a position, why and what to do are those of the verdict."""
+    answer = screening.without_position
+    if answer is None or _signal_to_mend(screening):
+        return None
+    if answer.verdict is Suspicion.CANNOT_TELL and obstacle_kind(screening.reason) != NO_POSITION:
+        return replace(answer, reason=screening.reason, advice=screening.advice)
+    return answer
 
 
 def _signal_to_mend(screening: AnsweredLoop) -> bool:
@@ -231,12 +245,13 @@ def answers_sentence(steps: Sequence[NextStep]) -> str:
     if not count.total():
         return ""
     asked = "one valve" if count.total() == 1 else f"{count.total()} valves"
-    sentence = (
-        f"OP and PV alone were asked at {asked} without a verdict: they let sticking be suspected "
-        f"at {count[Suspicion.SUSPECTED] or 'none'}, show no sign of it at "
-        f"{count[Suspicion.NO_SIGN] or 'none'}, and cannot tell at "
-        f"{count[Suspicion.CANNOT_TELL] or 'none'}."
-    )
+    words = {
+        Suspicion.SUSPECTED: "suspected of sticking",
+        Suspicion.NO_SIGN: "without any sign of it",
+        Suspicion.CANNOT_TELL: "left open",
+    }
+    counted = ", ".join(f"{count[verdict]} {said}" for verdict, said in words.items())
+    sentence = f"What OP and PV alone tell of {asked} without a verdict: {counted}."
     return " ".join(filter(None, (sentence, suspected_sentence(loops_to_test(steps)))))
 
 
@@ -250,6 +265,6 @@ def suspected_sentence(named: Sequence[str]) -> str:
         return ""
     loops = "loop deserves" if len(named) == 1 else "loops deserve"
     return (
-        f"{len(named)} {loops} a position transmitter or a test first, because OP and PV let "
-        f"sticking be suspected there: {', '.join(named)}. {HOW_SURE}"
+        f"{len(named)} {loops} a position transmitter or a test first, since OP and PV look like "
+        f"a sticking valve: {', '.join(named)}. {HOW_SURE}"
     )

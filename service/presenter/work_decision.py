@@ -21,7 +21,7 @@ from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.models.validity_checks import SUMS_OP
 from stemwatch.models.verdict import Shape, Verdict
-from stemwatch.models.without_position.suspicion import Suspicion
+from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.oscillation_words import is_moved_by_another
 from stemwatch.service.presenter.wording import finite, valves_counted
 
@@ -38,6 +38,7 @@ UNKNOWN, UNEXPLAINED = "unknown", "unexplained"
 NO_POSITION, FROZEN = "no_position", "frozen_transmitter"
 WRONG, BAD = "wrong_position", "bad_signal"
 SIGNAL = frozenset({NO_POSITION, FROZEN, WRONG, BAD})
+MOVABLE = ((NO_POSITION,), (RECORDING,))
 WITHOUT_PAGE = frozenset({HEALTHY, RECORDING, WATCH})
 
 # Words by which the reason of an undetermined verdict is recognised: a stored screening keeps the
@@ -117,7 +118,8 @@ class WorkDecision:
     how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
     weeks confirm and this one does not name: work is planned on them too. ``no_sign``: there is no
     position, and OP and PV show no sign of sticking, so that there is nothing to do at the valve;
-    ``moved``: there is no position, and another loop, or what reaches several, makes it oscillate.
+    ``moved``: nothing can be told of it, and another loop, or what reaches several, makes it
+    oscillate.
     """
 
     verdict: Verdict
@@ -199,8 +201,20 @@ def decide(
         effects=effects,
         inherent=tuple(effect for effect in named_effects if effect.inherent),
         lasting=lasting,
-        moved=kinds == (NO_POSITION,) and is_moved_by_another(groups, screening.valve),
+        moved=is_moved(kinds, screening.without_position, groups, screening.valve),
     )
+
+
+def is_moved(
+    kinds: tuple[str, ...],
+    told: WithoutPosition | None,
+    groups: Sequence[OscillationGroup],
+    valve: str,
+) -> bool:
+    """Whether to look elsewhere first: nothing can be ``told`` of the valve, not even by OP and PV
+    alone, and one of ``groups`` makes it oscillate."""
+    untold = told is None or told.verdict is Suspicion.CANNOT_TELL
+    return kinds in MOVABLE and untold and is_moved_by_another(groups, valve)
 
 
 def _class_of(effect: Effect) -> frozenset[str]:
@@ -297,7 +311,7 @@ class WorkCounts:
     orders: int = 0
 
     @classmethod
-    def of_states(cls, states: Mapping[WorkState, int]) -> WorkCounts:
+    def of_states(cls, states: Mapping[WorkState, int], orders: int = 0) -> WorkCounts:
         """The counts where each valve is counted already."""
         return cls(
             recordings=sum(states.values()),
@@ -305,6 +319,7 @@ class WorkCounts:
             watch=states[WorkState.WATCH],
             not_judged=states[WorkState.NOT_JUDGED],
             no_work=states[WorkState.NO_WORK],
+            orders=orders,
         )
 
     @property

@@ -35,6 +35,7 @@ from stemwatch.service.presenter.suspicion_words import (
     loops_without_sign,
     suspicion_title,
 )
+from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
 from stemwatch.service.report.bars import MODEL_NAMES, fit_bars, gauge, gauge_top, spread_percent
 from stemwatch.service.report.charts.traces import Chart
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_of
@@ -123,6 +124,7 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         valves=_plotted(ranked, counts),
         discovered=discoveries.sentence,
         told=section_limit(counts),
+        priorities=CLASSES_IN_WORDS,
         suspected=answers_sentence(next_steps),
         note_of=dict.fromkeys(loops_to_test(next_steps), SUSPECTED_NOTE)
         | dict.fromkeys(loops_without_sign(next_steps), NO_SIGN_NOTE),

@@ -34,6 +34,7 @@ from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import PresentedFinding, present, present_effect
 from stemwatch.service.presenter.plant_path import LEVELS, NO_PATH, PlantPath
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.urgency import priority_of
 from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.report_context import software_name
 
@@ -218,6 +219,7 @@ def to_contract(
     groups: Sequence[OscillationGroup] = (),
     cost: CostOfSticking | None = None,
     path: PlantPath = NO_PATH,
+    criticality: str = "",
     weeks: TrendOverWeeks | None = None,
     finding: PresentedFinding | None = None,
 ) -> dict[str, Any]:
@@ -226,12 +228,14 @@ def to_contract(
     ``stands`` says whether its effects stand among all valves of the run, ``by_window`` what the
     windows of the last weeks say together, ``confirmed`` what of it stands, ``groups`` which loops
     oscillate together, ``cost`` what the sticking costs with the plant's prices, ``path`` where in
-    the plant the valve is, ``weeks`` how its S goes. ``finding`` has the words of all this where
-    the caller has them already. Days in sentences are those of ``zone``, as in a report.
+    the plant the valve is, ``criticality`` what the plant states of it, ``weeks`` how its S goes.
+    ``finding`` has the words of all this where the caller has them already. Days in sentences are
+    those of ``zone``, as in a report.
     """
     mismatch = screening.mismatch
     presented = finding or present(screening, stands=stands, confirmed=confirmed, groups=groups)
     cost = cost or cost_of_sticking(screening.indicators, None)
+    urgency = priority_of(presented.decision, criticality)
     start, end = screening.window
     return {
         "version": CONTRACT_VERSION,
@@ -244,6 +248,7 @@ def to_contract(
         "advice": printable(presented.next_step),
         "shape": None if screening.shape is None else screening.shape.value,
         "severity": finite(presented.decision.severity),
+        "priority": None if urgency is None else urgency.code,
         "confidence": finite(presented.decision.confidence),
         "ne107": presented.decision.ne107,
         "stem_verdict": screening.verdict.value,

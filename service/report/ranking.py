@@ -1,4 +1,4 @@
-"""The order of the report: worst first, each valve with its facts, trend and anchor."""
+"""The valves of a report in their order, each with its facts, trend and anchor."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ from stemwatch.service.presenter.cost_of_sticking import (
 )
 from stemwatch.service.presenter.false_discoveries import Discoveries, discoveries
 from stemwatch.service.presenter.finding import PresentedFinding, present
-from stemwatch.service.presenter.suspicion_words import NextStep, next_steps, score_of_suspicion
+from stemwatch.service.presenter.suspicion_words import NextStep, next_steps
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
-from stemwatch.service.presenter.wording import finite, instant, printable
+from stemwatch.service.presenter.urgency import Priority, UrgencyKey, priority_of, urgency_of
+from stemwatch.service.presenter.wording import instant, printable
 from stemwatch.service.presenter.work_decision import (
     WorkCounts,
     WorkDecision,
@@ -37,7 +38,6 @@ from stemwatch.service.report.report_context import ReportContext, ValveFacts
 from stemwatch.service.report.summary_lines import SummaryLine, summary_lines
 
 LONGEST_ANCHOR = 60
-RankKey = tuple[int, float, float, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +73,11 @@ class RankedValve:
         return self.finding.decision.verdict
 
     @property
+    def priority(self) -> Priority | None:
+        """How urgent its work order is; ``None`` where it has none."""
+        return priority_of(self.decision, self.facts.criticality)
+
+    @property
     def recording(self) -> str:
         """Which of its valve's recordings it is of: the file's name, and when it begins; empty
         where there is only one."""
@@ -94,8 +99,8 @@ class RankedValve:
 
 
 class Ranking(Sequence[RankedValve]):
-    """The valves of a report, worst first: by verdict, severity and tag; by cost where the context
-    says so, and then worst first.
+    """The valves of a report, the one to work on first at the front (``urgency_key``); by cost
+    where the context says so, and then by urgency.
 
     A valve is created on access from ``screenings``; where that sequence reads from a disk, only
     one valve is held in memory at a time. ``evidence`` gives the plots of the screening at a
@@ -126,7 +131,10 @@ class Ranking(Sequence[RankedValve]):
         ]
         by_cost = context.rank_by is RankBy.COST
         keys = [
-            (-_a_month(costs.get(note.valve)) if by_cost else 0.0, _key(note, decision))
+            (
+                -_a_month(costs.get(note.valve)) if by_cost else 0.0,
+                urgency_of(note, decision, context.facts(note.valve).criticality),
+            )
             for note, decision in zip(notes, decided, strict=True)
         ]
         self._order = sorted(range(len(notes)), key=lambda index: keys[index])
@@ -241,7 +249,7 @@ def rank_valves(
     context: ReportContext,
     evidence: Callable[[int], ValvePlots | None] = lambda _: None,
 ) -> Ranking:
-    """Worst first: by verdict, severity and tag."""
+    """The screenings as a ranking."""
     return Ranking(screenings, context, evidence)
 
 
@@ -321,17 +329,9 @@ def count_verdicts(ranked: Sequence[RankedValve]) -> dict[Verdict, int]:
     return {verdict: counts[verdict] for verdict in WORST_FIRST}
 
 
-def worst_first(screening: Screening, *, stands: bool | None = None) -> RankKey:
-    """A key that sorts the worst to the front; without ``stands`` as if what was named stood."""
-    return _key(screening, decide(screening, stands=stands))
-
-
-def _key(screening: Screening, decided: WorkDecision) -> RankKey:
-    """By verdict, then severity and tag; of those without a verdict whose severity is the same,
-    the suspected first, by their score."""
-    score = score_of_suspicion(screening.verdict, screening.without_position)
-    severity = finite(decided.severity) or 0.0
-    return WORST_FIRST.index(decided.verdict), -severity, -score, screening.valve
+def provisional_urgency(screening: Screening, criticality: str) -> UrgencyKey:
+    """Its place before the run is over, as if all that was named stood among all valves."""
+    return urgency_of(screening, decide(screening, stands=None), criticality)
 
 
 def steps_without_position(ranked: Sequence[RankedValve]) -> Sequence[NextStep]:

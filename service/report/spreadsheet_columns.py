@@ -9,6 +9,7 @@ from datetime import datetime
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.presenter.false_discoveries import LEVEL_PERCENT
 from stemwatch.service.presenter.physics_words import left_out
+from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
 from stemwatch.service.presenter.wording import finite, printable
 from stemwatch.service.report.ranking import RankedValve
 from stemwatch.service.report.report_context import ReportContext
@@ -18,6 +19,9 @@ Cell = str | float | int | datetime | None
 STATES = (
     "needs work: the stem sticks, or it is defective by an effect beside friction; watch; "
     "cannot be judged; no work"
+)
+PRIORITY = (
+    f"of the work order, from severity and criticality: {CLASSES_IN_WORDS}; empty without one"
 )
 STEM = "what S and J alone say of the stem; version 1 had this as verdict"
 TREND = "rate of S over weeks with its 95 % interval, else the change since the run before"
@@ -79,7 +83,7 @@ def _text(
 
 def _identity_columns() -> list[SpreadsheetColumn]:
     return [
-        _text("rank", "1 is the valve to look at first", lambda v: v.rank, 6),
+        _text("rank", "1 is the valve to work on first", lambda v: v.rank, 6),
         _text("valve", "tag", lambda v: v.screening.valve, 18),
         _text("service", "what the valve does", lambda v: v.facts.description, 32),
         _text("site", "ISA-95 site", lambda v: v.facts.site, 12),
@@ -97,10 +101,11 @@ def _finding() -> list[SpreadsheetColumn]:
         _text("maintenance", STATES, lambda v: v.decision.state.value, 16),
         SpreadsheetColumn(
             header="severity (0 to 100)",
-            meaning="orders valves of one verdict, 100 is worst",
+            meaning="100 is worst",
             read=lambda v: v.decision.severity,
             digits=0,
         ),
+        _text("priority", PRIORITY, _priority, 8),
         SpreadsheetColumn(
             header="confidence (0 to 1)",
             meaning="how sure the verdict is; empty for undetermined and defective",
@@ -124,6 +129,10 @@ def _finding() -> list[SpreadsheetColumn]:
             40,
         ),
     ]
+
+
+def _priority(valve: RankedValve) -> int | None:
+    return None if valve.priority is None else valve.priority.code
 
 
 def _shape(screening: Screening) -> str:

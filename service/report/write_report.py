@@ -102,6 +102,7 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
             groups=context.groups,
             cost=valve.cost,
             path=valve.facts,
+            criticality=valve.facts.criticality,
             weeks=valve.facts.weeks,
             finding=valve.finding,
         )

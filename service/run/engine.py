@@ -20,7 +20,6 @@ from pathlib import Path
 from stemwatch.connectors.connector import ConnectorError
 from stemwatch.connectors.secret import masked_command
 from stemwatch.models.limits import Limits
-from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Residual, Screening
 from stemwatch.service import __version__
 from stemwatch.service.executors import Executor
@@ -32,7 +31,7 @@ from stemwatch.service.interruption import (
 )
 from stemwatch.service.presenter.cost_of_sticking import RankBy
 from stemwatch.service.process_lifecycle import process_name
-from stemwatch.service.report import ReportFiles
+from stemwatch.service.report import ReportContext, ReportFiles
 from stemwatch.service.report.ranking import reduced_for_ranking
 from stemwatch.service.run.execute import (
     Executed,
@@ -78,10 +77,10 @@ class RunResult:
     screenings: Sequence[Screening]
     brief: tuple[Screening, ...]
     report: ReportFiles
+    context: ReportContext  # what the report says beside the screenings
     not_read: tuple[tuple[str, str], ...]
     not_saved: tuple[tuple[str, str], ...]
     outside_window: str = ""  # how many recordings were left out for the window, one sentence
-    groups: tuple[OscillationGroup, ...] = ()  # loops that oscillate together
 
 
 class NothingScreened(ConnectorError):
@@ -149,16 +148,19 @@ def _screen_planned(run: Run, planned: Plan, on_screened: OnScreened) -> RunResu
     if not any(screening.was_read for screening in brief):
         nothing_read = (*brief, *executed.outside_window.screenings)
         raise NothingScreened.of(nothing_read, planned.not_read)
-    report = finish(run, executed, planned.not_read)
-    assert report is not None  # a run of the command line writes one or raises
+    finished = finish(run, executed, planned.not_read)
+    report, context = finished.files, finished.context
+    # A run of the command line writes a report or raises.
+    assert report is not None
+    assert context is not None
     return RunResult(
         screenings=executed.results,
         brief=brief,
         report=report,
+        context=context,
         not_read=planned.not_read,
         not_saved=tuple(executed.not_saved),
         outside_window=executed.outside_window.sentence,
-        groups=tuple(run.store.oscillations_of_run(run.number)),
     )
 
 

@@ -139,7 +139,7 @@ def execute(
     set.
     """
     tasks = with_stored_context(tasks, run.store)
-    results = ResultSpill(MOST_PLOTTED)
+    results = ResultSpill(MOST_PLOTTED, partial(_criticality_of, run.plant))
     saving = Saving(
         run.store,
         run.number,
@@ -169,6 +169,12 @@ def execute(
         not_saved=tuple(saving.not_saved),
         outside_window=outside_window,
     )
+
+
+def _criticality_of(plant: Plant | None, valve: str) -> str:
+    """As the plant states it; empty where it does not."""
+    entry = None if plant is None else plant.valves.get(valve)
+    return "" if entry is None else str(entry.criticality)
 
 
 def _is_left_out(run: Run, outcome: ScreenedTask, outside_window: OutsideWindow) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from stemwatch.models.false_discovery import significant
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup, plant_groups
@@ -78,21 +78,30 @@ def p_elsewhere(
     return tuple(screening.p_value for screening in tested if screening.valve not in in_report)
 
 
-def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles | None:
+@dataclass(frozen=True, kw_only=True)
+class Finished:
+    """The files of a report, ``None`` without one, and what the report says beside its screenings,
+    so that the terminal can say the same."""
+
+    files: ReportFiles | None = None
+    context: ReportContext | None = None
+
+
+def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> Finished:
     """Control false discoveries, raise alerts, write report and work list, queue messages.
 
     For a queued run, files that cannot be written are only logged, since alerts matter more; for a
-    run of the command line ``ReportNotWritten`` is raised. Returns ``None`` without a report.
+    run of the command line ``ReportNotWritten`` is raised.
     """
     tested = hold_back(run.store, run.number)
     if run.plant is not None and run.queued:
         evaluate(run.store, run.plant, run.number)
     else:
         run.store.finish_run(run.number)
-    files: ReportFiles | None = None
+    finished = Finished()
     if len(executed.results) or not run.queued:
         try:
-            files = _write(run, executed, not_read, tested)
+            finished = _write(run, executed, not_read, tested)
         except OSError as error:
             if not run.queued:
                 raise
@@ -100,12 +109,12 @@ def finish(run: Run, executed: Executed, not_read: NotRead = ()) -> ReportFiles 
             log.error(text, run.number, error, extra={"run": run.number})
     if run.plant is not None and run.queued:
         queue_messages(run.store, run.plant, run_id=run.number)
-    return files
+    return finished
 
 
 def _write(
     run: Run, executed: Executed, not_read: NotRead, tested: Sequence[TestedScreening]
-) -> ReportFiles:
+) -> Finished:
     """Work list and report. The report is written even where the work list cannot be; its error is
     raised afterwards, for a run of the command line only.
     """
@@ -126,7 +135,7 @@ def _write(
         files = _write_worst(run, executed.results.worst(run.shown), context, tested)
     if failed is not None and not run.queued:
         raise failed
-    return files
+    return Finished(files=files, context=context)
 
 
 def _write_worst(

@@ -134,7 +134,7 @@ class QueueWorker:
         if halt.is_set():
             self._stopped(stored, heart)
             return
-        files = finish(run, executed, not_read)
+        files = finish(run, executed, not_read).files
         _remove_old(run.out.parent, self._plant.service.keep_reports)
         report = None if files is None else str(run.out)
         finished = self._store.queue.finish(stored.id, RunState.DONE, report=report)

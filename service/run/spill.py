@@ -6,24 +6,25 @@ import heapq
 import pickle
 import tempfile
 import weakref
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, overload
 
 from stemwatch.models.oscillation_groups.plant_groups import ThinnedLoop
 from stemwatch.models.screening_result import Screening
+from stemwatch.service.presenter.urgency import UrgencyKey
 from stemwatch.service.report.charts.valve_plots import ValvePlots
-from stemwatch.service.report.ranking import RankKey, worst_first
+from stemwatch.service.report.ranking import provisional_urgency
 
 MOST_LOOPS = 4000  # loops of a run that are compared with each other; each takes 0.1 MB of disk
 
 
 class _ReversedRank:
-    """A rank with reversed order, so that the heap has the least severe result on top."""
+    """A rank with reversed order, so that the heap has the least urgent result on top."""
 
     __slots__ = ("key",)
 
-    def __init__(self, key: RankKey) -> None:
+    def __init__(self, key: UrgencyKey) -> None:
         self.key = key
 
     def __lt__(self, other: _ReversedRank) -> bool:
@@ -33,18 +34,20 @@ class _ReversedRank:
 class ResultSpill(Sequence[Screening]):
     """The screenings of a run by their place, read from a temporary file on access.
 
-    Plots are kept for the ``plotted`` worst results only, which pages show. The file has no name,
-    is written by this process only, and is deleted with the object.
+    Plots are kept for the ``plotted`` most urgent results only, which pages show;
+    ``criticality_of`` a valve is as the plant states it. The file has no name, is written by this
+    process only, and is deleted with the object.
     """
 
-    def __init__(self, plotted: int) -> None:
+    def __init__(self, plotted: int, criticality_of: Callable[[str], str] = lambda _: "") -> None:
         self._file = tempfile.TemporaryFile(prefix="stemwatch-")  # noqa: SIM115  # see below
         weakref.finalize(self, self._file.close)  # its disk space is freed with the last reference
         self._plotted = plotted
+        self._criticality_of = criticality_of
         self._where: dict[int, int] = {}  # place -> offset of the screening
         self._plots: dict[int, int] = {}  # place -> offset of its plots
         self._thinned_loops: list[int] = []  # offsets
-        self._badness: dict[int, tuple[float, str]] = {}  # as ``Store.worst_of_run`` sorts
+        self._urgency: dict[int, UrgencyKey] = {}
         self._worst: list[tuple[_ReversedRank, int]] = []
         self._order: list[int] | None = None
 
@@ -55,9 +58,10 @@ class ResultSpill(Sequence[Screening]):
             if len(self._thinned_loops) < MOST_LOOPS:
                 self._thinned_loops.append(self._write(evidence.thinned_loop))
             evidence = replace(evidence, thinned_loop=None)
-        self._badness[index] = (-screening.severity, screening.valve)
+        urgency = provisional_urgency(screening, self._criticality_of(screening.valve))
+        self._urgency[index] = urgency
         self._order = None
-        heapq.heappush(self._worst, (_ReversedRank(worst_first(screening)), index))
+        heapq.heappush(self._worst, (_ReversedRank(urgency), index))
         dropped = heapq.heappop(self._worst)[1] if len(self._worst) > self._plotted else None
         if dropped != index:
             self._plots[index] = self._write(evidence)
@@ -83,8 +87,8 @@ class ResultSpill(Sequence[Screening]):
         return None if offset is None else self._read(offset)
 
     def worst(self, limit: int) -> WorstScreenings:
-        """The ``limit`` most severe screenings, the worst first, read on access."""
-        return WorstScreenings(self, sorted(self._badness, key=self._badness.__getitem__)[:limit])
+        """The ``limit`` most urgent screenings, the first of them first, read on access."""
+        return WorstScreenings(self, sorted(self._urgency, key=self._urgency.__getitem__)[:limit])
 
     def __len__(self) -> int:
         return len(self._where)

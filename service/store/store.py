@@ -313,9 +313,9 @@ class Store:
             return screenings.read_curves(session, valve, limit)
 
     def worst_of_run(self, run_id: int, limit: int) -> list[str]:
-        """The valves of a run's worst screenings, the worst first."""
+        """The valves of a run, the one to work on first at the front."""
         with self.transactions.reading() as session:
-            return screenings.read_worst(session, run_id, limit)
+            return ranking.read_worst(session, run_id, limit)
 
     def valve(self, valve: str) -> StoredValve | None:
         """The valve with this id, ``None`` where there is none."""
@@ -338,12 +338,15 @@ class Store:
             return ranking.read_valves_in(session, part)
 
     def ranking(
-        self, ranking_filter: RankingFilter, costs: Mapping[str, float] = NO_COSTS
+        self,
+        ranking_filter: RankingFilter,
+        costs: Mapping[str, float] = NO_COSTS,
+        groups: Sequence[OscillationGroup] = (),
     ) -> RankingPage:
         """One page of valves, each with its latest screening; ``costs`` is what each costs a month,
-        for an order by it."""
+        for an order by it, ``groups`` the loops that oscillate together at present."""
         with self.transactions.reading() as session:
-            return ranking.read_ranking(session, ranking_filter, costs)
+            return ranking.read_ranking(session, ranking_filter, costs, groups)
 
     def without_verdict(self) -> list[LoopWithoutVerdict]:
         """The valves whose latest screening has no verdict, with what OP and PV alone say."""

@@ -68,7 +68,7 @@ def _tags_wanted(plant: Plant, source: str) -> dict[str, bool]:
         tag.tag: role is Role.MODE
         for valve in plant.valves.values()
         if valve.source == source
-        for role, tag in valve.tags.given().items()
+        for role, tag in valve.tags.by_role().items()
     }
 
 

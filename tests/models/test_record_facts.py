@@ -27,7 +27,7 @@ def said(op=WAVE, *, op_unit="%", **more) -> str:
 def test_movement_and_oscillation():
     """The swing of OP and the period of each regular signal are said, and what they leave open."""
     text = said(WAVE + 0.1 * NOISE, pv=3.0 + np.sin(T / 10.0) + 0.05 * NOISE)
-    assert "OP moved over 10" in text
+    assert "OP moved over a range of 10" in text
     assert "in 20 minutes" in text
     assert "OP oscillates regularly, every 62.8 s" in text
     assert "PV oscillates regularly" in text

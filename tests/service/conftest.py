@@ -25,6 +25,7 @@ from stemwatch.models.studies.simulator import demo_plant, simulate_loop
 from stemwatch.service.access import passwords
 from stemwatch.service.cli import main, views
 from stemwatch.service.studies.simulated_export import write_export
+from tests.service.browser_windows import Windows
 from tests.shared_setup import made_once
 
 if TYPE_CHECKING:
@@ -226,3 +227,15 @@ def browser():
         chromium = driver.chromium.launch(executable_path=CHROMIUM, args=BROWSER_ARGUMENTS)
         yield chromium
         chromium.close()
+
+
+@pytest.fixture(scope="module")
+def _windows(browser) -> Windows:
+    return Windows(browser)
+
+
+@pytest.fixture
+def windows(_windows: Windows) -> Iterator[Windows]:
+    """The browser's windows; those that the test opened are taken back after it."""
+    yield _windows
+    _windows.close()

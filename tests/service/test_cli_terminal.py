@@ -15,7 +15,8 @@ from rich.console import Console
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.service.cli import views
-from tests.service.maintenance.example_work_list import mixed
+from stemwatch.service.report.ranking import rank_valves
+from tests.service.maintenance.example_work_list import context, mixed
 
 HOSTILE = {
     "markup": "[bold red]FIC[/]",
@@ -159,7 +160,7 @@ def test_the_ranking_shows_whole_intervals(width: int, monkeypatch: pytest.Monke
     matching = [replace(item, S=wide, J=wide) if item.S.value else item for item in mixed()]
     terminal = Console(width=width, file=io.StringIO(), record=True)
     monkeypatch.setattr(views, "out", terminal)
-    terminal.print(views.summary(matching))
+    terminal.print(views.summary(rank_valves(matching, context(matching))))
     text = terminal.export_text()
     assert text.count("(10.9-13.6)") == 2 * sum(item.S.value is not None for item in matching)
     assert "\N{HORIZONTAL ELLIPSIS}" not in text.partition("verdict")[2]

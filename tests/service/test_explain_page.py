@@ -174,7 +174,7 @@ def test_the_terminal_says_what_matters(result):
         "1.00 (0.80 to 1.20)",
         "24.2",
         "69.4",
-        "fit grows by 38 to 51 points",
+        "fit grows by 38 to 51 percentage points",
         "Not testable here: travel stop, flow force",
     ):
         assert words in text

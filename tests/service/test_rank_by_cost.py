@@ -131,15 +131,16 @@ def test_page_and_api_sort_by_cost(priced: Site) -> None:
 
 
 @pytest.mark.browser
-def test_a_click_on_the_cost_orders_the_ranking_by_it(priced: Site, browser) -> None:
+def test_a_click_on_the_cost_orders_the_ranking_by_it(priced: Site, windows) -> None:
     """The dearest first; on a phone the cost is a line of the valve's card, and the page
     no wider."""
     with example_plant.serving(priced) as base:
-        context = browser.new_context(viewport={"width": 1280, "height": 900})
         (name, value) = next(iter(cookie_of(priced).items()))
-        context.add_cookies([{"name": name, "value": value, "url": base}])
-        page = context.new_page()
-        page.goto(base)
+        page = windows.open(
+            base,
+            cookies=[{"name": name, "value": value, "url": base}],
+            viewport={"width": 1280, "height": 900},
+        )
         costs = page.locator("#ranking-table tbody .c-cost")
         page.locator("th.h-cost a").click()
         page.locator("th.h-cost[aria-sort=descending]").wait_for()
@@ -152,4 +153,4 @@ def test_a_click_on_the_cost_orders_the_ranking_by_it(priced: Site, browser) -> 
         label = "one => getComputedStyle(one, '::before').content"
         assert "Cost a month" in costs.first.evaluate(label)
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
-        context.close()
+        windows.close()

@@ -43,7 +43,10 @@ class AsymmetricLag(CommandTerm):
                     "look: Where the slow side vents: exhaust port and silencer, ice, paint, "
                     "insects. Where it fills: supply pressure during the move."
                 ),
-                "look: Whether that side vents or fills, the actuator's action tells.",
+                (
+                    "look: The actuator's action, air to open or to close, tells whether that side "
+                    "vents or fills."
+                ),
                 "manual: Step OP by 5 % and by 20 % in the slow direction and time both.",
                 (
                     "air: Clean or exchange silencer, quick exhaust, restrictor or the "

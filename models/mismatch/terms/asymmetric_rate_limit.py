@@ -67,9 +67,12 @@ class AsymmetricRateLimit(CommandTerm):
             steps=check_steps(
                 (
                     "look: Look for a blocked exhaust, a throttled speed controller, a kinked "
-                    "tube on the slow side (finding above)."
+                    "tube on the slow side."
                 ),
-                "look: Whether that side vents or fills, the actuator's action tells.",
+                (
+                    "look: The actuator's action, air to open or to close, tells whether that side "
+                    "vents or fills."
+                ),
                 "manual: Step OP by 5 % and by 20 % in the slow direction; read the supply gauge.",
                 (
                     "air: Open or clean what is throttled; check volume tank, booster and its "

@@ -90,14 +90,16 @@ class _Seen:
 
 
 def effect_pictures(recording: Recording | None, mismatch: Mismatch) -> tuple[Picture, ...]:
-    """The pictures of what ``mismatch`` names; none where nothing is named or no samples are
-    left."""
+    """The pictures of what ``mismatch`` names, from the stretch that it was named on; none where
+    nothing is named or no samples are left."""
     runs = mismatch.runs
     if recording is None or recording.mv is None or runs is None or not mismatch.effects:
         return ()
     if runs.naive.size != len(recording):
         return ()
-    recording, scale = runs.followed(recording), 1.0
+    first, last = runs.stretch
+    recording, runs, scale = recording.part(first, last), runs.part(first, last), 1.0
+    recording = runs.followed(recording)
     if mismatch.stroke_curve is not None:
         scale = abs(mismatch.stroke_curve.slope)
         recording = in_travel(recording, mismatch.stroke_curve)

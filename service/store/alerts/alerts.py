@@ -21,7 +21,7 @@ from stemwatch.service.store.alerts.tables import AlertRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.screenings.ranking import in_part
+from stemwatch.service.store.screenings.ranking import in_part, read_places
 from stemwatch.service.store.screenings.screenings import ensure_valve
 from stemwatch.service.store.screenings.tables import ValveRow
 from stemwatch.service.store.storable import from_row
@@ -193,8 +193,8 @@ class Alerts:
         part: PartOfPlant = WHOLE_PLANT,
         limit: int = MOST_ALERTS,
     ) -> list[StoredAlert]:
-        """The newest ``limit`` alerts in one of ``STATES``; those not closed sorted by urgency.
-        With ``part`` only those about one of its valves."""
+        """The newest ``limit`` alerts in one of ``STATES``; those not closed in the order of the
+        ranking. With ``part`` only those about one of its valves."""
         statement = select(AlertRow).where(*_in_state(state, now))
         if valve is not None:
             statement = statement.where(AlertRow.valve == valve)
@@ -204,9 +204,7 @@ class Alerts:
         newest = statement.order_by(AlertRow.opened.desc(), AlertRow.id.desc()).limit(limit)
         with self._transactions.reading() as session:
             alerts = [stored_alert(row) for row in session.scalars(newest)]
-        if state in ("closed", "all"):
-            return alerts
-        return sorted(alerts, key=lambda alert: list(AlertSeverity).index(alert.severity))
+            return alerts if state in ("closed", "all") else by_place(session, alerts)
 
     def count_open(self, now: datetime) -> int:
         """How many alerts are in the state "open"."""
@@ -291,6 +289,19 @@ def _raise(session: Session, alert: RaisedAlert) -> int | None:
         returning=AlertRow.id,
     )
     return session.execute(statement).scalar_one_or_none()
+
+
+def by_place(session: Session, alerts: Sequence[StoredAlert]) -> list[StoredAlert]:
+    """The alerts in the order of their valves in the ranking, after those that are about more than
+    one valve; of one valve the most severe first."""
+    places = read_places(session) if alerts else {}
+    severities = list(AlertSeverity)
+
+    def place(alert: StoredAlert) -> tuple[int, int, int]:
+        of_valve = 0 if alert.valve is None else places.get(alert.valve, len(places) + 1)
+        return of_valve, severities.index(alert.severity), alert.id
+
+    return sorted(alerts, key=place)
 
 
 def _say_again(row: AlertRow, alert: RaisedAlert, now: datetime) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from sqlalchemy import or_, select, update
 
-from stemwatch.service.store.alerts.alerts import StoredAlert, stored_alert
+from stemwatch.service.store.alerts.alerts import StoredAlert, by_place, stored_alert
 from stemwatch.service.store.alerts.tables import AlertRow, DeliveryRow
 from stemwatch.service.store.database.insert_or_update import upsert
 from stemwatch.service.store.database.transactions import Transactions, database_now
@@ -47,7 +47,7 @@ class Deliveries:
         self._transactions = transactions
 
     def undelivered(self) -> list[StoredAlert]:
-        """Open alerts that are in no message yet and not snoozed."""
+        """Open alerts that are in no message yet and not snoozed, in the order of the ranking."""
         now = datetime.now(UTC)
         statement = select(AlertRow).where(
             AlertRow.told.is_(None),
@@ -56,7 +56,7 @@ class Deliveries:
             or_(AlertRow.snoozed_until.is_(None), AlertRow.snoozed_until <= now),
         )
         with self._transactions.reading() as session:
-            return [stored_alert(row) for row in session.scalars(statement.order_by(AlertRow.id))]
+            return by_place(session, [stored_alert(row) for row in session.scalars(statement)])
 
     def put(
         self, messages: Mapping[str, Mapping[str, Any]], key: str, alerts: Sequence[int]

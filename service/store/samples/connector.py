@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from datetime import timedelta
 
@@ -18,6 +17,7 @@ from stemwatch.connectors.connector import (
     UnknownTag,
     ValveTags,
     Window,
+    nearest_names,
 )
 from stemwatch.connectors.historian.times.source_clock import (
     Grid,
@@ -79,14 +79,11 @@ class StoredSamples:
 
     def _column(self, tag: str, tags_by_name: dict[str, StoredTag], window: Window) -> Column:
         if tag not in tags_by_name:
-            close_names = (
-                difflib.get_close_matches(tag, tags_by_name, n=3, cutoff=0.4)
-                or sorted(tags_by_name)[:5]
-            )
+            close_names = nearest_names(tag, sorted(tags_by_name))
             raise UnknownTag(
                 f"{self._where}: there is no sample of {tag!r} among {len(tags_by_name)} tags; the "
                 "nearest are "
-                f"{', '.join(map(repr, close_names)) or 'none: nothing was collected yet'}"
+                f"{close_names or 'none: nothing was collected yet'}"
             )
         samples = self._samples.read(self.source, tag, window.start, window.stop)
         ns = samples.at_us * 1000

@@ -16,10 +16,11 @@ from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import WORST_FIRST, Shape, Verdict
-from stemwatch.models.without_position.suspicion import WithoutPosition
+from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
 from stemwatch.service.presenter.plant_path import (
     LEVELS,
     PartOfPlant,
@@ -29,11 +30,15 @@ from stemwatch.service.presenter.plant_path import (
     names_by_level,
 )
 from stemwatch.service.presenter.suspicion_words import score_of_suspicion
+from stemwatch.service.presenter.urgency import Priority, UrgencyKey, priority_of, urgency_key
 from stemwatch.service.presenter.wording import finite
 from stemwatch.service.presenter.work_decision import (
+    NO_POSITION,
     STATE_OF,
+    WorkDecision,
     WorkState,
     confidence_in,
+    is_moved,
     kinds_of,
     ne107_word,
     overall_verdict,
@@ -84,6 +89,7 @@ class LoopWithoutVerdict:
     valve: str
     verdict: Verdict
     reason: str
+    advice: str
     without_position: WithoutPosition | None
 
 
@@ -101,6 +107,7 @@ class RankingLine(PlantPath):
     at: datetime | None
     severity: float
     confidence: float | None
+    priority: Priority | None  # of its work order, where it has one
     grade: str
     shape: str | None
     S: Estimate
@@ -128,11 +135,12 @@ class RankingLine(PlantPath):
 @dataclass(frozen=True, kw_only=True)
 class RankingPage:
     """One page of the ranking. ``counts`` by verdict and ``states`` by state of work count the
-    valves before the filter by verdict."""
+    valves before the filter by verdict, and so do ``orders``."""
 
     lines: tuple[RankingLine, ...]
     counts: Mapping[str, int]
     states: Mapping[WorkState, int]
+    orders: int  # of the valves that cannot be judged, those with a work order to find out why
     total: int
     levels: Mapping[str, tuple[str, ...]]  # the names of sites, areas and units that there are
     largest_percent: float  # the largest S or J of all filtered valves, the scale of the bars
@@ -201,11 +209,11 @@ _SORTED_IN_SQL: dict[str, Any] = {
 }
 
 
-def _decided(row: Any) -> tuple[Verdict | None, float]:
-    """Verdict on the valve and severity of a row with the columns of ``_deciding``, as in every
-    report; ``None`` and 0 where the valve has not been screened."""
+def _decided(row: Any, groups: Sequence[OscillationGroup] = ()) -> WorkDecision | None:
+    """The decision on a row with the columns of ``_deciding``, as in every report; ``None`` where
+    the valve has not been screened."""
     if row.verdict is None:
-        return None, 0.0
+        return None
     verdict = Verdict(row.verdict)
     named = standing_defects(row)
     kinds = kinds_of(
@@ -215,44 +223,49 @@ def _decided(row: Any) -> tuple[Verdict | None, float]:
         named=named,
         finding=None if row.finding is None else Finding(row.finding),
     )
-    severity = finite(severity_of(verdict, row.severity, kinds)) or 0.0
-    return overall_verdict(verdict, named=bool(named)), severity
+    told = without_position_of(row.suspicion)
+    alone = told if kinds[0] == NO_POSITION else None
+    return WorkDecision(
+        verdict=overall_verdict(verdict, named=bool(named)),
+        kinds=kinds,
+        severity=finite(severity_of(verdict, row.severity, kinds)) or 0.0,
+        no_sign=alone is not None and alone.verdict is Suspicion.NO_SIGN,
+        moved=is_moved(kinds, told, groups, row.id),
+    )
+
+
+def _urgency(row: Any, decision: WorkDecision | None) -> UrgencyKey:
+    score = 0.0
+    if decision is not None and row.suspicion is not None:
+        score = score_of_suspicion(Verdict(row.verdict), without_position_of(row.suspicion))
+    return urgency_key(decision, str(row.criticality), score, row.id)
 
 
 def _in_order(
-    rows: Sequence[Any], ranking_filter: RankingFilter, costs: Mapping[str, float]
-) -> list[tuple[Any, Verdict | None, float]]:
-    """The rows in the wanted order, each with verdict and severity. Where the database has sorted
-    them, rows with equal values are ordered worst first."""
-    decided = {row.id: _decided(row) for row in rows}
+    rows: Sequence[Any],
+    decided: Mapping[str, WorkDecision | None],
+    ranking_filter: RankingFilter,
+    costs: Mapping[str, float],
+) -> list[Any]:
+    """The rows in the wanted order. Where the database has sorted them, rows with equal values are
+    ordered by urgency."""
 
-    def urgency(row: Any) -> tuple[int, float, float]:
-        verdict, severity = decided[row.id]
-        if verdict is None:
-            return len(WORST_FIRST), 0.0, 0.0
-        score = score_of_suspicion(verdict, without_position_of(row.suspicion))
-        return WORST_FIRST.index(verdict), -severity, -score
+    def urgency(row: Any) -> UrgencyKey:
+        return _urgency(row, decided[row.id])
 
-    def worst_first(row: Any) -> tuple[Any, ...]:
-        return *urgency(row), -row.criticality
-
-    ordered: list[Any] = []
+    sign = -1.0 if ranking_filter.descending else 1.0
     if ranking_filter.sort in _SORTED_IN_SQL:
-        for _, equal_rows in groupby(rows, key=lambda row: row.sorted_by):
-            ordered += sorted(equal_rows, key=worst_first)
-    elif ranking_filter.sort == "severity":
-        sign = -1.0 if ranking_filter.descending else 1.0
-        ordered = sorted(rows, key=worst_first)
-        ordered.sort(key=lambda row: (row.verdict is None, sign * decided[row.id][1]))
+        groups = groupby(rows, key=lambda row: row.sorted_by)
+        return [row for _, equal_rows in groups for row in sorted(equal_rows, key=urgency)]
+    ordered = sorted(rows, key=urgency)
+    if ranking_filter.sort == "severity":
+        severities = {valve: one.severity for valve, one in decided.items() if one is not None}
+        ordered.sort(key=lambda row: (row.id not in severities, sign * severities.get(row.id, 0.0)))
     elif ranking_filter.sort == "cost":
-        sign = -1.0 if ranking_filter.descending else 1.0
-        ordered = sorted(rows, key=worst_first)
         ordered.sort(key=lambda row: (row.id not in costs, sign * costs.get(row.id, 0.0)))
     elif ranking_filter.descending:
-        ordered = sorted(rows, key=urgency, reverse=True)
-    else:
-        ordered = sorted(rows, key=worst_first)
-    return [(row, *decided[row.id]) for row in ordered]
+        ordered.reverse()
+    return ordered
 
 
 _COLUMNS = (
@@ -280,9 +293,13 @@ _COLUMNS = (
 
 
 def read_ranking(
-    session: Session, ranking_filter: RankingFilter, costs: Mapping[str, float]
+    session: Session,
+    ranking_filter: RankingFilter,
+    costs: Mapping[str, float],
+    groups: Sequence[OscillationGroup],
 ) -> RankingPage:
-    """One page of the ranking; ``costs`` of valves a month, for an order by them.
+    """One page of the ranking; ``costs`` of valves a month, for an order by them; ``groups`` of
+    loops that oscillate together, one of which may move a valve without a position.
 
     All latest screenings are read with the few columns that order and counts need; the other
     columns only for the lines of the page. Texts are compared by the database.
@@ -292,25 +309,29 @@ def read_ranking(
     statement = _joined(*_deciding(), column.label("sorted_by")).where(*_conditions(ranking_filter))
     statement = statement.order_by(direction.nulls_last(), ValveRow.id)
     counts = dict.fromkeys([*(verdict.value for verdict in WORST_FIRST), NOT_SCREENED], 0)
-    chosen: list[tuple[str, int | None, float]] = []
+    chosen: list[tuple[str, int | None, WorkDecision | None]] = []
     states = dict.fromkeys(WorkState, 0)
-    largest = 0.0
+    largest, orders = 0.0, 0
     # Not through the session, whose rows cost several times as much: these are all valves.
     rows = session.connection().execute(statement).all()
-    for row, verdict, severity in _in_order(rows, ranking_filter, costs):
-        word = NOT_SCREENED if verdict is None else verdict.value
+    decided = {row.id: _decided(row, groups) for row in rows}
+    for row in _in_order(rows, decided, ranking_filter, costs):
+        decision = decided[row.id]
+        word = NOT_SCREENED if decision is None else decision.verdict.value
         counts[word] += 1
-        if verdict is not None:
-            states[STATE_OF[verdict]] += 1
+        if decision is not None:
+            states[decision.state] += 1
+            orders += decision.has_order and not decision.needs_work
         largest = max(largest, row.s_percent or 0.0, row.j_percent or 0.0)
         if not ranking_filter.verdicts or word in ranking_filter.verdicts:
-            chosen.append((row.id, row.screening_id, severity))
+            chosen.append((row.id, row.screening_id, decision))
     first = (ranking_filter.page - 1) * ranking_filter.size
     page = chosen[first : first + ranking_filter.size]
     return RankingPage(
         lines=_lines(session, page, first + 1),
         counts=counts,
         states=states,
+        orders=orders,
         total=len(chosen),
         levels=read_levels(session),
         largest_percent=largest,
@@ -321,15 +342,36 @@ def read_work_states(session: Session, until: datetime) -> dict[WorkState, int]:
     """How many valves stood where at ``until``, by the latest screening that each had then."""
     states = dict.fromkeys(WorkState, 0)
     for row in session.connection().execute(_joined(*_deciding(), until=until)).all():
-        verdict, _ = _decided(row)
-        if verdict is not None:
-            states[STATE_OF[verdict]] += 1
+        decision = _decided(row)
+        if decision is not None:
+            states[decision.state] += 1
     return states
+
+
+def read_places(session: Session) -> dict[str, int]:
+    """The place in the ranking, from 1, of each valve that was screened, by its latest screening.
+
+    A loop that another one moves has the place of one that is to be found out about: no alert is
+    raised on either.
+    """
+    screened = _joined(*_deciding()).where(ScreeningRow.id.is_not(None))
+    rows = session.connection().execute(screened).all()
+    ordered = sorted(rows, key=lambda row: _urgency(row, _decided(row)))
+    return {row.id: place for place, row in enumerate(ordered, start=1)}
+
+
+def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
+    """The valves of a run, the one to work on first at the front, at most ``limit``."""
+    of_run = select(*_deciding()).join(ScreeningRow, ScreeningRow.valve == ValveRow.id)
+    rows = session.connection().execute(of_run.where(ScreeningRow.run_id == run_id)).all()
+    ordered = sorted(rows, key=lambda row: _urgency(row, _decided(row)))
+    return list(dict.fromkeys(row.id for row in ordered))[:limit]
 
 
 def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
     """The valves whose latest screening has no verdict and says what OP and PV alone tell."""
-    statement = _joined(ValveRow.id, ScreeningRow.reason, ScreeningRow.without_position).where(
+    told = (ScreeningRow.reason, ScreeningRow.advice, ScreeningRow.without_position)
+    statement = _joined(ValveRow.id, *told).where(
         ScreeningRow.verdict == Verdict.UNDETERMINED.value
     )
     return [
@@ -337,6 +379,7 @@ def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
             valve=row.id,
             verdict=Verdict.UNDETERMINED,
             reason=row.reason,
+            advice=row.advice,
             without_position=without_position_of(row.without_position),
         )
         for row in session.execute(statement)
@@ -345,7 +388,7 @@ def read_without_verdict(session: Session) -> list[LoopWithoutVerdict]:
 
 
 def _lines(
-    session: Session, chosen: Sequence[tuple[str, int | None, float]], rank: int
+    session: Session, chosen: Sequence[tuple[str, int | None, WorkDecision | None]], rank: int
 ) -> tuple[RankingLine, ...]:
     """The lines of these valves and screenings, in this order, counted from ``rank``."""
     screenings = [number for _, number, _ in chosen if number is not None]
@@ -357,8 +400,8 @@ def _lines(
     }
     before = read_previous_of(session, screenings)
     return tuple(
-        _line(rows[valve], rank + k, severity, None if number is None else before.get(number))
-        for k, (valve, number, severity) in enumerate(chosen)
+        _line(rows[valve], rank + k, decision, None if number is None else before.get(number))
+        for k, (valve, number, decision) in enumerate(chosen)
     )
 
 
@@ -380,7 +423,9 @@ def read_valves_in(session: Session, part: PartOfPlant) -> list[str]:
     return list(session.scalars(query))
 
 
-def _line(row: Any, rank: int, severity: float, previous: PreviousFinding | None) -> RankingLine:
+def _line(
+    row: Any, rank: int, decision: WorkDecision | None, previous: PreviousFinding | None
+) -> RankingLine:
     stem = None if row.verdict is None else Verdict(row.verdict)
     defects = standing_defects(row)
     return RankingLine(
@@ -392,7 +437,8 @@ def _line(row: Any, rank: int, severity: float, previous: PreviousFinding | None
         verdict=None if stem is None else overall_verdict(stem, named=bool(defects)),
         stem_verdict=stem,
         at=row.at,
-        severity=severity,
+        severity=0.0 if decision is None else decision.severity,
+        priority=None if decision is None else priority_of(decision, str(row.criticality)),
         confidence=row.confidence,
         grade=row.grade or "",
         shape=row.shape,

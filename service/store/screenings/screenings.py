@@ -160,13 +160,6 @@ def read_made_by_sticking(
     return by_valve
 
 
-def read_worst(session: Session, run_id: int, limit: int) -> list[str]:
-    """The valves of a run's worst screenings, the worst first."""
-    rows = select(ScreeningRow.valve).where(ScreeningRow.run_id == run_id)
-    rows = rows.group_by(ScreeningRow.valve).order_by(func.max(ScreeningRow.severity).desc())
-    return list(session.scalars(rows.order_by(ScreeningRow.valve).limit(limit)))
-
-
 def latest_screening_id(
     valve: InstrumentedAttribute[str] = ValveRow.id,
     before: int = 0,

@@ -66,7 +66,7 @@ def valves(
     page: Annotated[int, Query(ge=1, le=10_000)] = 1,
     size: Annotated[int, Query(ge=1, le=MOST_PAGE)] = PAGE,
 ) -> shapes.RankingAnswer:
-    """The valves with their latest findings, worst first unless asked otherwise.
+    """The valves with their latest findings, the most urgent first unless asked otherwise.
 
     A site, area or unit that no valve is in is refused with the names there are.
     """
@@ -83,7 +83,7 @@ def valves(
         size=size,
     )
     costs = deps.site.costs()
-    ranked = deps.store.ranking(ranking_filter, money_of(costs))
+    ranked = deps.store.ranking(ranking_filter, money_of(costs), deps.standing_groups())
     if complaint := ranked.unknown(ranking_filter):
         raise HTTPException(422, complaint)
     lines = [valve_line(line, costs.get(line.valve)) for line in ranked.lines]
@@ -264,6 +264,7 @@ def valve_line(line: RankingLine, cost: CostOfSticking | None = None) -> shapes.
         stem_verdict=None if line.stem_verdict is None else line.stem_verdict.value,
         at=line.at,
         severity=line.severity,
+        priority=None if line.priority is None else line.priority.code,
         confidence=line.sure,
         stem_confidence=line.confidence,
         grade=line.grade,

@@ -50,6 +50,9 @@ class ValveLine(BaseModel):
     stem_verdict: str | None = Field(description="what S and J alone say; never defective")
     at: datetime | None = Field(description="end of the window that the finding speaks for")
     severity: float = Field(description="0 to 100")
+    priority: int | None = Field(
+        description="1 (most urgent) to 4, null for a valve without a work order"
+    )
     confidence: float | None = Field(description="in the verdict, 0 to 1; null where defective")
     stem_confidence: float | None = Field(description="in the stem's verdict, 0 to 1")
     grade: str = Field(description="data quality, A to D; empty where not screened")

@@ -65,7 +65,7 @@ def tags_of(site: Site, valve: str) -> Mapping[Role, Tag]:
     """The tags of a valve that are drawn; empty where the plant does not know it."""
     if site.plant is None or valve not in site.plant.valves:
         return {}
-    tags = site.plant.valves[valve].tags.given()
+    tags = site.plant.valves[valve].tags.by_role()
     return {role: tags[role] for role in DRAWN_ROLES if role in tags}
 
 

@@ -71,14 +71,14 @@ _counts = _CountsOfWeeks()
 @router.get("/overview")
 def overview(request: Request, deps: Deps) -> HTMLResponse:
     """The plant on one page."""
-    ranking = deps.store.ranking(RankingFilter(size=WORST))
+    groups = deps.standing_groups()
+    ranking = deps.store.ranking(RankingFilter(size=WORST), groups=groups)
     newest = deps.store.ranking(RankingFilter(sort="at", descending=True, size=1))
     runs = deps.store.queue.recent(RECENT_RUNS)
     schedules = deps.store.schedules.all()
     last = next((run for run in runs if not is_alive(run)), None)
     weeks = weeks_of(deps, 0 if last is None else last.id)
     trends = deps.store.trends([line.valve for line in ranking.lines], deps.site.limits)
-    groups = deps.standing_groups()
     steps = next_steps(deps.store.without_verdict(), groups)
     worst = [line for line in ranking.lines if line.state not in (None, WorkState.NO_WORK)]
     return deps.renderer.page(
@@ -86,7 +86,7 @@ def overview(request: Request, deps: Deps) -> HTMLResponse:
         "overview_page.html",
         here="overview",
         open_alerts=deps.open_alerts(),
-        work=WorkCounts.of_states(ranking.states),
+        work=WorkCounts.of_states(ranking.states, ranking.orders),
         not_screened=sum(ranking.counts.values()) - sum(ranking.states.values()),
         stale=_stale(deps, schedules, last, newest.lines[0].at if newest.lines else None),
         going=[run for run in runs if is_alive(run)],

@@ -20,6 +20,7 @@ from stemwatch.service.presenter.suspicion_words import (
     next_steps,
     suspected_sentence,
 )
+from stemwatch.service.presenter.urgency import CLASSES_IN_WORDS
 from stemwatch.service.presenter.work_decision import WorkCounts
 from stemwatch.service.report.change_since_last_run import change_since_last_run
 from stemwatch.service.store.screenings.ranking import (
@@ -56,10 +57,10 @@ router = APIRouter(include_in_schema=False)
 
 @router.get("/")
 def ranking(request: Request, deps: Deps) -> HTMLResponse:
-    """The valves, worst first unless the address says otherwise."""
+    """The valves, the most urgent first unless the address says otherwise."""
     ranking_filter = wanted_of(request.query_params)
     costs = deps.site.costs()
-    page = deps.store.ranking(ranking_filter, money_of(costs))
+    page = deps.store.ranking(ranking_filter, money_of(costs), deps.standing_groups())
     weeks = deps.store.trends([line.valve for line in page.lines], deps.site.limits)
     alerted = deps.store.alerts.open_by_valve(deps.now)
     to_test = loops_to_test(next_steps(deps.store.without_verdict()))
@@ -75,8 +76,9 @@ def ranking(request: Request, deps: Deps) -> HTMLResponse:
         suspected=suspected_sentence(to_test),
         suspected_note=SUSPECTED_NOTE,
         to_test=to_test,
+        priorities=CLASSES_IN_WORDS,
         unknown=page.unknown(ranking_filter),
-        work=WorkCounts.of_states(page.states),
+        work=WorkCounts.of_states(page.states, page.orders),
         trends=[
             change_since_last_run(line, line.verdict, line.previous, weeks.get(line.valve))
             if line.verdict

@@ -22,6 +22,7 @@ from stemwatch.service.presenter.finding import PresentedFinding, present
 from stemwatch.service.presenter.oscillation_words import loop_sentences
 from stemwatch.service.presenter.physics_words import open_question_sentence
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.presenter.urgency import Priority, priority_of
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.window_pictures import unpack_pictures
@@ -58,6 +59,12 @@ class ShownScreening:
     mismatch: MismatchView | None
     finding: PresentedFinding
     cost: CostOfSticking | None
+    criticality: str
+
+    @property
+    def priority(self) -> Priority | None:
+        """How urgent its work order is; ``None`` where it has none."""
+        return priority_of(self.finding.decision, self.criticality)
 
 
 @router.get("/valve")
@@ -67,7 +74,7 @@ def valve(request: Request, deps: Deps) -> HTMLResponse:
     store = deps.store
     stored = store.valve(name) or _from_plant(deps, name)
     groups = store.oscillations_of(name, deps.now)
-    shown_screening = _shown_screening(deps, name, groups)
+    shown_screening = _shown_screening(deps, name, groups, str(stored.criticality))
     points = store.s_and_j(name)
     marks = read_marks(store, name)
     raised = store.alerts.in_state("all", deps.now, valve=name)
@@ -171,7 +178,7 @@ def _from_plant(deps: Dependencies, name: str) -> StoredValve:
 
 
 def _shown_screening(
-    deps: Dependencies, name: str, groups: Sequence[OscillationGroup]
+    deps: Dependencies, name: str, groups: Sequence[OscillationGroup], criticality: str
 ) -> ShownScreening | None:
     store, limits = deps.store, deps.site.limits
     latest = store.screenings(name, 1)
@@ -196,6 +203,7 @@ def _shown_screening(
         finding=presented,
         cost=deps.site.cost_of(name, indicators),
         stored=stored,
+        criticality=criticality,
         weeks=weeks,
         trend=change_since_last_run(
             screening, presented.decision.verdict, store.previous_finding(screening), weeks

@@ -132,20 +132,22 @@ FITS = """[...document.querySelectorAll('.sheet')].every(sheet => {
 
 @pytest.mark.browser
 @pytest.mark.parametrize("make", ["mixed", "longest"])
-def test_the_page_prints_one_sheet_per_valve(browser, tmp_path, make):
+def test_the_page_prints_one_sheet_per_valve(windows, tmp_path, make):
     """Also where every text is far too long; nothing is asked of any network, nothing is logged."""
     screenings = mixed()
     created, background = context(screenings), BACKGROUND
     if make == "longest":
         screenings, created, background = longest()
     files = write_maintenance(screenings, created, tmp_path, background)
-    page = browser.new_context(offline=True).new_page()
     text: list[str] = []
-    page.on("console", lambda message: text.append(message.text))
-    page.on("request", lambda request: text.append(request.url))
-    page.set_viewport_size({"width": 695, "height": 1000})
+    page = windows.open(
+        files.html.as_uri(),
+        logged=text,
+        asked=text,
+        viewport={"width": 695, "height": 1000},
+        offline=True,
+    )
     page.emulate_media(media="print")
-    page.goto(files.html.as_uri())
     assert page.evaluate(FITS)
     printed = page.pdf(prefer_css_page_size=True)
     assert len(re.findall(rb"/Type\s*/Page\b(?!s)", printed)) == 1 + len(files.work_list.sheets)

@@ -67,7 +67,10 @@ def test_valves_with_work_have_a_page_in_the_order_of_priority(whole):
     """The others have a line, and none is lost."""
     work = [sheet.screening.valve for sheet in whole.sheets]
     assert {"FV-100", "FV-109", "PIC-7", "FIC-9", HOSTILE} == set(work)
-    codes = [(sheet.priority.code, -sheet.priority.score) for sheet in whole.sheets]
+    codes = [
+        (sheet.priority.code, not sheet.finding.decision.needs_work, -sheet.priority.score)
+        for sheet in whole.sheets
+    ]
     assert codes == sorted(codes)
     assert len(work) + len(whole.others) == len(mixed())
     assert whole.counts == (
@@ -172,7 +175,7 @@ def test_the_page_says_what_a_planner_asks(whole):
         "2.8 mm",
         "Seen since 2026-02-16 07:00 (run 39), in 3 screenings in a row",
         "packing renewed",
-        "criticality 3 of 3, severity 84 of 100",
+        "Severity 84 of 100, criticality 3 of 3",
         "not a work permit",
         "Published false alarms",
         "position frozen or stuck",

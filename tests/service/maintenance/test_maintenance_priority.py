@@ -17,31 +17,24 @@ from stemwatch.models.verdict import Verdict
 from stemwatch.service.maintenance.first_seen import first_seen, sentence, work_sentence
 from stemwatch.service.maintenance.valve_history import LOOK_BACK
 from stemwatch.service.maintenance.work_sheet import (
-    CLASSES,
-    DAYS,
     FALSE_EFFECT,
     FALSE_EFFECT_SCATTERED,
     FALSE_STICKY,
-    WEIGHT_OF_CRITICALITY,
-    WEIGHT_OF_TREND,
-    priority,
 )
 from stemwatch.service.presenter import work_decision as k
+from stemwatch.service.presenter.urgency import CLASSES, DAYS, WEIGHT_OF_CRITICALITY, priority
 from stemwatch.service.presenter.work_decision import OTHER_SEVERITY, SEVERITY_OF, decide
-from stemwatch.service.report.change_since_last_run import Change
 from stemwatch.service.store.screenings.records import Remark
 from tests.service.report.conftest import screening
 
 REPOSITORY = Path(__file__).parents[3]
 DAY = datetime(2026, 3, 1, 6, 0, tzinfo=UTC)
-SAME = Change(direction="same", words="no change")
-WORSE = Change(direction="worse", words="worse, S +1.20")
 BASE = screening("FV-1", samples=60)
 
 
-def code(severity=80.0, criticality="3", trend=SAME) -> int:
+def code(severity=80.0, criticality="3") -> int:
     """The class of a finding."""
-    return priority(severity, criticality, trend).code
+    return priority(severity, criticality).code
 
 
 def test_the_classes_are_those_that_are_published():
@@ -56,11 +49,10 @@ def test_the_classes_are_those_that_are_published():
     criticality=st.sampled_from(["1", "2", "3", "", "A"]),
 )
 def test_worse_is_never_less_urgent(severities, criticality):
-    """More severity, more criticality or a worse trend never moves a valve back."""
+    """More severity or more criticality never moves a valve back."""
     mild, grave = sorted(severities)
     assert code(grave, criticality) <= code(mild, criticality)
     assert code(mild, "3") <= code(mild, criticality) <= code(mild, "1")
-    assert code(mild, criticality, WORSE) <= code(mild, criticality)
 
 
 def test_a_stem_that_may_be_stuck_fast_stands_beside_the_worst_sticky_ones():
@@ -72,19 +64,17 @@ def test_a_stem_that_may_be_stuck_fast_stands_beside_the_worst_sticky_ones():
     assert [code(decided.severity, criticality=item) for item in "321"] == [1, 2, 3]
 
 
-def test_the_reason_names_all_three_factors_and_what_the_plant_left_out():
+def test_the_reason_names_both_factors_and_what_the_plant_left_out():
     """A planner can disagree with a factor, not with a number."""
-    reason = priority(80.0, "A", WORSE).reason
-    assert reason == (
-        "criticality 2 of 3 (plant says 'A'), severity 80 of 100, trend: worse, S +1.20"
-    )
-    assert "(none is given)" in priority(50.0, "", SAME).reason
+    reason = priority(80.0, "A").reason
+    assert reason == "severity 80 of 100, criticality 2 of 3 (plant says 'A')"
+    assert "(none is given)" in priority(50.0, "").reason
 
 
 def test_the_end_date_is_a_day_of_the_plant():
     """Shortly before midnight in UTC it is tomorrow in Berlin."""
     late = datetime(2026, 3, 1, 23, 30, tzinfo=UTC)
-    result = priority(90.0, "3", SAME)
+    result = priority(90.0, "3")
     assert result.due(late, ZoneInfo("Europe/Berlin")).isoformat() == "2026-03-09"
     assert result.due(late, UTC).isoformat() == "2026-03-08"
 
@@ -95,7 +85,7 @@ def test_the_documentation_has_these_numbers():
     for least, number in CLASSES:
         days = DAYS[number]
         assert re.search(rf"\| {number} \| {least:.2f} \| [^|]+ \| {days} \|", page), number
-    for weight in (*WEIGHT_OF_CRITICALITY.values(), *WEIGHT_OF_TREND.values()):
+    for weight in WEIGHT_OF_CRITICALITY.values():
         assert f"{weight:g}" in page
     for severity in (*SEVERITY_OF.values(), OTHER_SEVERITY):
         assert f"{severity:.0f}" in page
@@ -190,8 +180,8 @@ def test_work_is_set_against_the_finding():
 @given(severity=st.floats(0, 100), criticality=st.sampled_from(["1", "2", "3"]))
 def test_a_reader_comes_to_the_printed_class(severity: float, criticality: str) -> None:
     """The documented rule, applied to the numbers that are printed, gives the class beside them."""
-    result = priority(severity, criticality, WORSE)
-    printed = re.search(r"criticality (\d) of 3, severity (\d+) of 100", result.reason)
+    result = priority(severity, criticality)
+    printed = re.search(r"severity (\d+) of 100, criticality (\d) of 3", result.reason)
     assert printed is not None
-    by_hand = int(printed[2]) * WEIGHT_OF_CRITICALITY[printed[1]] * WEIGHT_OF_TREND["worse"]
+    by_hand = int(printed[1]) * WEIGHT_OF_CRITICALITY[printed[2]]
     assert result.code == next(code for least, code in CLASSES if by_hand >= 100 * least - 1e-6)

@@ -162,7 +162,9 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Outputs:
         report=page_text(files.html.read_text("utf-8")),
         maintenance=page_text(work_list_html(book).decode()),
         paper=bare(re.sub(r"\\([()\\])", r"\1", b" ".join(parts).decode("latin-1"))),
-        terminal=bare(str(views.summary([in_brief(one) for one in every]).caption)),
+        terminal=bare(
+            str(views.summary(rank_valves([in_brief(one) for one in every], made)).caption)
+        ),
         overview=page_text(overview),
         pages={valve: page_text(page) for valve, page in pages.items()},
         tables=tuple({str(row["valve"]): row for row in table} for table in (list(written), rows)),

@@ -43,7 +43,7 @@ def test_without_a_price_it_is_variance() -> None:
     """The share with its interval, and both standard deviations in PV's unit."""
     told = cost(None)
     assert told.sentence == (
-        "The sticking makes 80 % of the variance of SP - PV (70 to 85 %): with a valve that does "
+        "The sticking causes 80 % of the variance of SP - PV (70 to 85 %): with a valve that does "
         "not stick its standard deviation would be 0.90 instead of 2.0 t/h."
     )
     assert told.money.value is None

@@ -138,8 +138,7 @@ def test_the_count_of_valves_that_need_work_is_one_sentence(outputs: Outputs) ->
     assert bare(counts.rest) in outputs.report
     for text in (outputs.maintenance, outputs.pdf, outputs.read_me):
         assert bare(counts.sentence) in text
-    screenings = [valve.screening for valve in outputs.ranking]
-    assert bare(str(views.summary(screenings).title)) == bare(counts.sentence)
+    assert bare(str(views.summary(outputs.ranking).title)) == bare(counts.sentence)
 
 
 def test_an_effect_reads_the_same_on_page_paper_terminal_and_in_a_mail(outputs: Outputs) -> None:

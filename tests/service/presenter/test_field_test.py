@@ -35,13 +35,13 @@ def of(S: float, J: float, verdict: Verdict = Verdict.STICKY) -> Screening:
 @pytest.mark.parametrize(
     ("S", "J", "step", "expected", "moves"),
     [
-        (5.0, 2.5, 1.0, "5 (5 to 6)", "2.50 to 3.50 % of OP at once"),
-        (4.4, 4.4, 1.0, "5 (4 to 5)", "4.40 to 5.40 % of OP at once"),
-        (6.2, 0.0, 1.0, "7 (6 to 7)", "no more than a step, without a jump"),
-        (3.3, 5.0, 1.0, "4 (3 to 4)", "5.00 to 6.00 % of OP at once"),
-        (2.0, 2.0, 0.5, "4 (4 to 5)", "2.00 to 2.50 % of OP at once"),
-        (1.7, 0.3, 0.5, "4", "0.30 to 0.80 % of OP at once"),
-        (1.0, 0.0, 0.2, "5 (5 to 6)", "no more than a step, without a jump"),
+        (5.0, 2.5, 1.0, "5 (5 to 6)", "a jump of 2.5 to 3.5 % of OP"),
+        (4.4, 4.4, 1.0, "5 (4 to 5)", "a jump of 4.4 to 5.4 % of OP"),
+        (6.2, 0.0, 1.0, "7 (6 to 7)", "a move of no more than one step"),
+        (3.3, 5.0, 1.0, "4 (3 to 4)", "a jump of 5.0 to 6.0 % of OP"),
+        (2.0, 2.0, 0.5, "4 (4 to 5)", "a jump of 2.0 to 2.5 % of OP"),
+        (1.7, 0.3, 0.5, "4", "a jump of 0.3 to 0.8 % of OP"),
+        (1.0, 0.0, 0.2, "5 (5 to 6)", "a move of no more than one step"),
     ],
 )
 def test_steps_are_counted_from_the_valves_own_numbers(
@@ -49,8 +49,8 @@ def test_steps_are_counted_from_the_valves_own_numbers(
 ) -> None:
     """As many steps back as add up to S, by the interval of S; then J and what they are more."""
     sentence = field_test(of(S, J))
-    assert f"step OP by {step:g} % one way" in sentence
-    assert f"Expect about {expected} until it moves, by {moves}." in sentence
+    assert f"step OP by {step:g} % in one direction" in sentence
+    assert f"Expect about {expected} steps back until it moves, then {moves}." in sentence
     assert sentence in present(of(S, J), stands=None).next_step
 
 
@@ -64,7 +64,7 @@ def test_the_stick_slip_element_moves_at_the_step_that_is_told(S: float, J: floa
     step = float(match[1])
     counts, moved = steps_back(S, J, step)
     assert counts == int(match[2])
-    if "at once" in sentence:
+    if "a jump of" in sentence:
         assert J - 0.01 <= moved <= J + step + 0.01
     else:
         assert moved <= step + step / 2

@@ -5,10 +5,11 @@ from __future__ import annotations
 import csv
 import html
 import io
+import itertools
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import cache
@@ -45,6 +46,7 @@ from stemwatch.service.run.engine import in_brief
 from stemwatch.service.run.finish import hold_back
 from stemwatch.service.store.alerts.alerts import RaisedAlert, StoredAlert
 from stemwatch.service.store.screenings.feedback import Judgement
+from stemwatch.service.store.screenings.records import StoredValve
 from stemwatch.service.store.store import Store, open_store
 from stemwatch.service.web.site import Site
 from tests.service.maintenance.example_work_list import context, frozen, with_effects
@@ -125,7 +127,7 @@ def _made_once() -> tuple[Screening, ...]:
         replace(blind("PIC-5", NO_POSITION), without_position=suspected()),
         replace(blind("PIC-6", NO_POSITION), without_position=no_sign()),
         blind("PIC-7", IN_MM),
-        blind("PIC-8", SHORT),
+        replace(blind("PIC-8", SHORT), without_position=cannot_tell("OP is at its limit")),
         blind("PIC-9", SLOW),
     )
 
@@ -135,19 +137,46 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Store, in
     """The run in a store, with what stands among its valves decided."""
     folder = tmp_path_factory.mktemp("stored")
     with open_store(f"sqlite:///{folder / 'plant.db'}") as store:
-        run = store.begin_run(software_version="1")
-        for item in every_kind():
-            store.save(item.without_samples(), run)
-        hold_back(store, run)
-        store.finish_run(run)
-        yield store, run
+        yield store, save_run(store)
+
+
+def save_run(store: Store) -> int:
+    """The run of every kind into ``store``."""
+    facts = needed(every_kind()).valves
+    store.save_valves(
+        StoredValve(id=valve, criticality=int(facts[valve].criticality)) for valve in facts
+    )
+    run = store.begin_run(software_version="1")
+    for item in every_kind():
+        store.save(item.without_samples(), run)
+    hold_back(store, run)
+    store.finish_run(run)
+    return run
+
+
+def brief_ranking(screenings: Iterable[Screening]) -> Ranking:
+    """As the terminal has it."""
+    return rank_valves(brief := [in_brief(item) for item in screenings], needed(brief))
+
+
+def needed(screenings: Iterable[Screening]) -> ReportContext:
+    """The plant can least do without one valve, next to without another, by turns, so that the
+    order is neither that of severity nor that of tags."""
+    made = context(list(screenings))
+    levels = itertools.cycle("213")
+    return replace(
+        made,
+        valves={
+            valve: replace(facts, criticality=next(levels)) for valve, facts in made.valves.items()
+        },
+    )
 
 
 @pytest.fixture(scope="module")
 def ranking() -> Ranking:
     """As the report has it."""
     every = every_kind()
-    return rank_valves(every, context(every))
+    return rank_valves(every, needed(every))
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +189,7 @@ def verdicts(ranking: Ranking) -> dict[str, str]:
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the report."""
     every = every_kind()
-    write_report(every, context(every), folder := tmp_path_factory.mktemp("files"))
+    write_report(every, needed(every), folder := tmp_path_factory.mktemp("files"))
     return folder
 
 
@@ -359,7 +388,7 @@ def test_order_severity_S_and_J_are_the_same(
     lines = _lines(pages)
     rows = _rows(files / "valves.csv")
     cells = _workbook(files / "valves.xlsx")
-    table = views.summary([in_brief(item) for item in every_kind()])
+    table = views.summary(brief_ranking(every_kind()))
     for several in (objects, lines, rows, cells):
         assert [item["valve"] for item in several] == order
     assert list(table.columns[1].cells) == order
@@ -375,6 +404,8 @@ def test_order_severity_S_and_J_are_the_same(
         for severity in (row, cell):
             assert float(severity["severity (0 to 100)"]) == pytest.approx(valve.decision.severity)
         assert line["confidence"] == item["confidence"] == valve.decision.confidence
+        code = None if valve.priority is None else valve.priority.code
+        assert line["priority"] == item["priority"] == (cell["priority"] or None) == code
         for name, column in (("S", 3), ("J", 4)):
             value = item["stiction"][name]["value"]
             assert line[name]["value"] == value
@@ -560,7 +591,7 @@ def test_headline_and_counts_are_the_same(
         counts.not_judged,
         counts.no_work,
     ]
-    assert headline in str(views.summary([in_brief(item) for item in every_kind()]).title)
+    assert headline in str(views.summary(brief_ranking(every_kind())).title)
     assert headline in work_list.counts
     by_word = Counter(valve.verdict.value for valve in ranking)
     assert dict(store.run(run).counts) == dict(by_word)
@@ -604,7 +635,7 @@ def test_recordings_of_one_valve_are_told_apart_and_counted_as_one(tmp_path: Pat
     report = written.html.read_text("utf-8")
     table = report[report.index('id="ranking-table"') :]
     table = table[: table.index("</table>")]
-    terminal = list(views.summary([in_brief(item) for item in every]).columns[1].cells)
+    terminal = list(views.summary(brief_ranking(every)).columns[1].cells)
     for file in files:
         assert table.count(file) == 1
         assert [f"LIC-1\n{file}" in str(cell) for cell in terminal].count(True) == 1
@@ -651,15 +682,12 @@ def test_suspected_loops_and_those_without_a_sign_are_told_alike_everywhere(
         "Do a bump test.",
         "cannot tell B-DUMB  the record is short. Export longer.",
         "no sign of sticking A-NONE  a valve that sticks by 1.5 % of OP or more would have shown. "
-        "Nothing at the valve on these grounds.",
+        "Nothing to do at the valve on these grounds.",
     ]
-    twice = [*every, every[0]]  # a valve has one line where nothing has a verdict
-    assert [str(cell) for cell in views.summary(twice).columns[1].cells] == [
-        "C-FIRST",
-        "A-NONE\n2 recordings",
-        "B-DUMB",
-    ]
-    (valves, verdicts) = (views.summary(every).columns[n].cells for n in (1, 2))
+    twice = brief_ranking([*every, every[0]])  # a valve has one line where nothing has a verdict
+    lines = {str(cell) for cell in views.summary(twice).columns[1].cells}
+    assert lines == {"C-FIRST", "A-NONE\n2 recordings", "B-DUMB"}
+    (valves, verdicts) = (views.summary(brief_ranking(every)).columns[n].cells for n in (1, 2))
     marked = [v for v, word in zip(valves, verdicts, strict=True) if SUSPECTED_NOTE in str(word)]
     assert [str(valve) for valve in marked] == ["C-FIRST"]
     report = write_report(every, context(every), tmp_path).html.read_text("utf-8")

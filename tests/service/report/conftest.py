@@ -273,23 +273,15 @@ def mixed_plant() -> list[Screening]:
 
 
 @pytest.fixture
-def open_page(browser, mixed_plant, make_context, tmp_path):
+def open_page(windows, mixed_plant, make_context, tmp_path):
     """Opens the report; at the end no error was logged and nothing but the file was asked for."""
     path = write_report(mixed_plant, make_context(mixed_plant), tmp_path).html
-    errors, requests, contexts = [], [], []
+    errors: list[str] = []
+    requests: list[str] = []
 
     def open_it(**options):
-        context = browser.new_context(offline=True, **options)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: errors.append(message.text))
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.on("request", lambda request: requests.append(request.url))
-        page.goto(path.as_uri())
-        return page
+        return windows.open(path.as_uri(), logged=errors, asked=requests, offline=True, **options)
 
     yield open_it
-    for context in contexts:
-        context.close()
     assert errors == []
     assert {url for url in requests if not url.startswith("file://")} == set()

@@ -84,6 +84,32 @@ def test_a_gap_is_in_no_stroke() -> None:
     assert lines.y.max() <= 60.0
 
 
+def test_strokes_come_from_the_stretch_that_was_fitted() -> None:
+    """Of a day only the most telling hour is fitted; larger moves of another hour have no model to
+    be drawn beside.
+    """
+    op = np.full(4000, 80.0)
+    for at, to in ((1400, 65.0), (1600, 50.0), (1800, 35.0), (3000, 90.0), (3400, 10.0)):
+        op[at:] = to
+    mv = limited(op)
+    created = {Role.OP: Signal.good(op, "OP"), Role.MV: Signal.good(mv, "ZT")}
+    recording = Recording(valve="FV-1", signals=created, interval_s=1.0)
+    fitted = FreeRuns(naive=op[1000:2000], extended=mv[1000:2000], heldout_from=300)
+    mismatch: Mismatch = replace(
+        named(), runs=fitted.within(1000, op.size), effects=named().effects[:1]
+    )
+    strokes = [
+        picture
+        for picture in effect_pictures(recording, mismatch)
+        if picture.title.startswith("Stroke")
+    ]
+    assert len(strokes) == 3
+    for line in (line for stroke in strokes for line in stroke.plot.lines):
+        assert np.isfinite(line.y).all()
+        assert line.y.min() > 34.0
+        assert line.y.max() < 81.0
+
+
 @pytest.mark.parametrize(
     ("shift", "of_record", "name"),
     [

@@ -84,9 +84,12 @@ def test_periods_are_said_in_the_unit_that_fits() -> None:
 def test_a_loop_without_position_that_another_moves_makes_no_order(
     make_screening, moved, answer, has_order
 ) -> None:
-    """Nor one without any sign of sticking: the others ask for a position."""
+    """Nor one without any sign of sticking. What to do at the others, OP and PV say."""
     suspicion = WithoutPosition(
-        verdict=answer, reason="r", advice="a", apparent_S=Estimate.unknown("r")
+        verdict=answer,
+        reason="r",
+        advice="Do a bump test.",
+        apparent_S=Estimate.unknown("r"),
     )
     screening = replace(
         make_screening(valve="TIC-2", verdict=Verdict.UNDETERMINED),
@@ -100,9 +103,9 @@ def test_a_loop_without_position_that_another_moves_makes_no_order(
     assert ranked.counts.orders == int(has_order)
     assert ranked[0].finding.next_step == (
         "Look at FIC-104 first, where its oscillation likely begins. Retuning this loop would not "
-        "help. After that: Record the position."
+        "help. After that: Do a bump test."
         if moved
-        else "Record the position."
+        else "Do a bump test."
     )
     assert len(work_list_of([screening], context).to_work_on) == int(has_order)
 

@@ -77,7 +77,7 @@ def test_filters_hide_rows_and_sections(open_page):
 
 
 def test_the_report_is_filtered_and_counted_by_unit(
-    browser, make_screening, make_context, tmp_path
+    windows, make_screening, make_context, tmp_path
 ) -> None:
     """A choice of a unit leaves its rows and sections; *By unit* counts the work of each."""
     valves = [make_screening(f"FV-{n}", samples=50) for n in range(4)]
@@ -86,8 +86,7 @@ def test_the_report_is_filtered_and_counted_by_unit(
         for n, valve in enumerate(valves)
     }
     files = write_report(valves, make_context(valves, valves=facts), tmp_path)
-    page = browser.new_page()
-    page.goto(files.html.as_uri())
+    page = windows.open(files.html.as_uri())
     page.select_option("#unit", "200")
     shown = page.locator("#ranking-table tbody tr:visible .c-valve a").all_inner_texts()
     assert sorted(shown) == ["FV-1", "FV-3"]
@@ -98,7 +97,6 @@ def test_the_report_is_filtered_and_counted_by_unit(
         ["Crude", "100", "2", "0", "0", "0"],
         ["Crude", "200", "2", "0", "0", "0"],
     ]
-    page.close()
     contracts = json.loads(files.json.read_text("utf-8"))
     assert {one["valve"]: one["path"]["unit"] for one in contracts}["FV-3"] == "200"
     assert "unit" in files.csv.read_text("utf-8-sig").splitlines()[0].split(",")
@@ -106,14 +104,14 @@ def test_the_report_is_filtered_and_counted_by_unit(
 
 @pytest.mark.parametrize("width", [1280, 390])
 def test_histograms_are_bars_as_long_as_their_numbers(
-    browser, make_screening, make_context, tmp_path, width: int
+    windows, make_screening, make_context, tmp_path, width: int
 ) -> None:
     """In each column the longest bar fills its place and the others are in proportion; the tables
     are within the page, beside each other at a desk and below each other on a phone."""
     valve = make_screening("FV-1")
     valve = replace(valve, histograms=position_histograms(valve.recording))
-    page = browser.new_page(viewport={"width": width, "height": 900})
-    page.goto(write_report([valve], make_context([valve]), tmp_path).html.as_uri())
+    files = write_report([valve], make_context([valve]), tmp_path)
+    page = windows.open(files.html.as_uri(), viewport={"width": width, "height": 900})
     page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     classes, strokes = page.locator("table.histograms").all()
     classes.scroll_into_view_if_needed()
@@ -135,7 +133,6 @@ def test_histograms_are_bars_as_long_as_their_numbers(
     beside = strokes.bounding_box()["y"] < classes.bounding_box()["y"] + 50.0
     assert beside == (width == 1280)
     assert page.evaluate("document.documentElement.scrollWidth") <= width
-    page.close()
 
 
 def test_a_link_reaches_a_valve_that_a_filter_hides(open_page):
@@ -147,7 +144,7 @@ def test_a_link_reaches_a_valve_that_a_filter_hides(open_page):
     assert page.input_value("#find") == ""
 
 
-def test_odd_recordings_are_drawn_too(browser, make_screening, make_context, tmp_path):
+def test_odd_recordings_are_drawn_too(windows, make_screening, make_context, tmp_path):
     """No date, a flat OP, a gap for an MV and tags of 300 letters: drawn, and no wider a page."""
     screening = make_screening("V" * 300)
     undated = replace(screening, recording=replace(screening.recording, start=None))
@@ -160,16 +157,12 @@ def test_odd_recordings_are_drawn_too(browser, make_screening, make_context, tmp
     valves = [undated, still]
     facts = {valve.valve: ValveFacts(area="A" * 300, criticality="C" * 300) for valve in valves}
     path = write_report(valves, make_context(valves, valves=facts), tmp_path).html
-    page = browser.new_page(viewport={"width": 390, "height": 800})
-    errors = []
-    page.on("console", lambda message: errors.append(message.text))
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(path.as_uri())
+    errors: list[str] = []
+    page = windows.open(path.as_uri(), logged=errors, viewport={"width": 390, "height": 800})
     for plots in page.locator("[data-plots]").all():
         plots.scroll_into_view_if_needed()
         plots.locator(".plot-loop canvas").wait_for()
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    page.close()
     assert errors == []
 
 

@@ -211,14 +211,14 @@ def test_recordings_that_are_explained_together_are_held_to_one_level():
 
 @pytest.mark.browser
 @pytest.mark.parametrize("theme", ["light", "dark"])
-def test_the_remark_is_seen_on_a_phone(browser, written, theme):
+def test_the_remark_is_seen_on_a_phone(windows, written, theme):
     """It stands inside the screen, right under the finding that it holds back."""
-    page = browser.new_page(viewport={"width": 390, "height": 800}, color_scheme=theme)
-    page.goto(written.html.as_uri())
+    page = windows.open(
+        written.html.as_uri(), viewport={"width": 390, "height": 800}, color_scheme=theme
+    )
     remark = page.locator(".held-back")
     assert remark.count() == 1
     assert remark.is_visible()
     box = remark.bounding_box()
     assert box["x"] >= 0
     assert box["x"] + box["width"] <= 390
-    page.close()

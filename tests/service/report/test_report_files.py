@@ -15,7 +15,7 @@ import pytest
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.recording import Role, Signal
-from stemwatch.models.verdict import WORST_FIRST, Verdict
+from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import ReportNotWritten, ValveFacts, to_contract, write_report
 from stemwatch.service.report.csv_file import harmless
 
@@ -68,12 +68,12 @@ def test_csv_xlsx_and_json_say_the_same(written):
 
 
 def test_the_worst_valve_stands_first(written):
-    """Order is that of the verdicts, and by severity within each."""
+    """Those with a work order by their priority, the others behind them."""
     objects = json.loads(written.json.read_text("utf-8"))
-    order = list(WORST_FIRST)
-    keys = [(order.index(Verdict(object["verdict"])), -object["severity"]) for object in objects]
-    assert sorted(keys) == keys
-    assert keys[0][0] == 0
+    priorities = [item["priority"] or 5 for item in objects]
+    assert sorted(priorities) == priorities
+    assert objects[0]["verdict"] == Verdict.STICKY
+    assert objects[-1]["verdict"] == Verdict.HEALTHY
 
 
 def test_json_objects_follow_the_schema(written):
@@ -118,6 +118,7 @@ def test_the_contract_names_its_fields(make_screening):
         "path",
         "histograms",
         "trend",
+        "priority",
     }  # not in the first reports of this version
     assert set(SCHEMA["$defs"]["screening"]["required"]) | later == set(contract)
     assert contract["version"] == 2

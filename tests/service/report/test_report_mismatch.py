@@ -213,17 +213,17 @@ def explained_page(make_screening, make_context, tmp_path):
         pytest.param("explain", "light", marks=pytest.mark.long),
     ],
 )
-def test_the_section_is_drawn_in_a_browser(browser, written, explained_page, theme, which):
+def test_the_section_is_drawn_in_a_browser(windows, written, explained_page, theme, which):
     """Overlay and maps stand, on a phone too, without an error and no wider than the screen."""
     path = {"report": written.html, "explain": explained_page}[which]
-    context = browser.new_context(
-        viewport={"width": 390, "height": 800}, color_scheme=theme, offline=True
+    errors: list[str] = []
+    page = windows.open(
+        path.as_uri(),
+        logged=errors,
+        viewport={"width": 390, "height": 800},
+        color_scheme=theme,
+        offline=True,
     )
-    page = context.new_page()
-    errors = []
-    page.on("console", lambda message: errors.append(message.text))
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(path.as_uri())
     page.evaluate("document.querySelectorAll('details').forEach(one => { one.open = true; })")
     overlay = page.locator(".overlay").first
     # As a reader comes there: by the valve, which is laid out in full once it is on the screen.
@@ -234,15 +234,13 @@ def test_the_section_is_drawn_in_a_browser(browser, written, explained_page, the
     assert overlay.locator(".plot-travel .u-legend .u-series").count() == 5
     assert page.locator("svg.map").first.is_visible()
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
-    context.close()
     assert errors == []
 
 
 @pytest.mark.browser
-def test_the_explained_page_zooms_and_prints(browser, explained_page):
+def test_the_explained_page_zooms_and_prints(windows, explained_page):
     """The buttons change the view that is told, and printing draws every overlay."""
-    page = browser.new_page()
-    page.goto(explained_page.as_uri())
+    page = windows.open(explained_page.as_uri())
     overlay = page.locator(".overlay").first
     overlay.scroll_into_view_if_needed()
     overlay.locator(".plot-residual canvas").wait_for()
@@ -253,20 +251,16 @@ def test_the_explained_page_zooms_and_prints(browser, explained_page):
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
     plotted = page.locator("[data-plots]").count()
     assert page.locator("[data-plots] .plot-travel canvas").count() == plotted == 4
-    page.close()
 
 
 @pytest.mark.browser
-def test_without_scripts_the_findings_and_maps_are_there(browser, explained_page):
+def test_without_scripts_the_findings_and_maps_are_there(windows, explained_page):
     """Only the plots need scripts, and a sentence says so."""
-    context = browser.new_context(java_script_enabled=False)
-    page = context.new_page()
-    page.goto(explained_page.as_uri())
+    page = windows.open(explained_page.as_uri(), java_script_enabled=False)
     assert page.locator(".effect").first.is_visible()
     assert page.locator("svg.map").first.is_visible()
     assert page.locator("noscript p").is_visible()
     assert not page.locator(".overlay").first.is_visible()
-    context.close()
 
 
 def test_the_report_says_what_windows_of_weeks_confirm(explained_plant, make_context, tmp_path):

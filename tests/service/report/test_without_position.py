@@ -48,7 +48,7 @@ def no_sign() -> WithoutPosition:
     return WithoutPosition(
         verdict=Suspicion.NO_SIGN,
         reason="OP and PV show no sign of sticking.",
-        advice="Nothing at the valve on these grounds.",
+        advice="Nothing to do at the valve on these grounds.",
         score=0.1,
         apparent_S=Estimate.unknown("there is no sign of sticking", unit="%"),
         shows_from=1.5,
@@ -57,7 +57,11 @@ def no_sign() -> WithoutPosition:
 
 def without_mv(make_screening, valve: str, answer: WithoutPosition) -> Screening:
     """A valve without a verdict of which OP and PV say ``told``."""
-    return replace(make_screening(valve, Verdict.UNDETERMINED), without_position=answer)
+    return replace(
+        make_screening(valve, Verdict.UNDETERMINED),
+        reason="Cannot tell: there is no valve position in this recording.",
+        without_position=answer,
+    )
 
 
 def page_of(valves, make_context) -> str:
@@ -87,13 +91,14 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
     assert "None of 2 valves can be judged" in text
     # Before a ranking in which all lines are the same; behind one that says more.
     title = "Valves without a verdict: what OP and PV alone say"
-    assert text.index(title) < text.index("Ranking, worst first")
+    assert text.index(title) < text.index("Ranking, the most urgent first")
     beside = page_of([*valves, make_screening("FV-3")], make_context)
-    assert beside.index(title) > beside.index("Ranking, worst first")
+    assert beside.index(title) > beside.index("Ranking, the most urgent first")
     looks_so = "it looks as if the valve sticks by 2.5 % of OP."
     assert f"1 sticking suspected {looks_so} Do a bump test. FV-1" in text
     shows = "a valve that sticks by 1.5 % of OP or more would have shown."
-    assert f"1 no sign of sticking {shows} Nothing at the valve on these grounds. FV-2" in text
+    nothing = "Nothing to do at the valve on these grounds."
+    assert f"1 no sign of sticking {shows} {nothing} FV-2" in text
 
 
 def test_beside_a_position_it_is_a_cross_check(make_screening, make_context):
@@ -158,7 +163,7 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "suspected there: A, B. Of 233" in suspected_sentence(["A", "B"])
+    assert "a sticking valve: A, B. Of 233" in suspected_sentence(["A", "B"])
 
 
 def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening, make_context):
@@ -168,14 +173,12 @@ def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening,
     steps = rank_valves(valves, make_context(valves)).next_steps
     sentence = answers_sentence(steps)
     assert sentence.startswith(
-        "OP and PV alone were asked at 4 valves without a verdict: they let sticking be "
-        "suspected at 1, show no "
-        "sign of it at 2, and cannot tell at 1. 1 loop deserves a position transmitter"
+        "What OP and PV alone tell of 4 valves without a verdict: 1 suspected of sticking, "
+        "2 without any sign of it, 1 left open. 1 loop deserves a position transmitter"
     )
     assert answers_sentence([step for step in steps if step.loops == ("D",)]) == (
-        "OP and PV alone were asked at one valve without a verdict: they let sticking be "
-        "suspected at none, "
-        "show no sign of it at none, and cannot tell at 1."
+        "What OP and PV alone tell of one valve without a verdict: 0 suspected of sticking, "
+        "0 without any sign of it, 1 left open."
     )
     assert answers_sentence([]) == ""
     assert loops_without_sign(steps) == ("B", "C")
@@ -183,7 +186,7 @@ def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening,
     table = page[page.index('id="ranking-table"') :]
     rows = table[: table.index("</table>")].split("<tr ")
     assert sum(NO_SIGN_NOTE in row and "undetermined" in row for row in rows) == 2
-    assert "show no sign of it at 2" in page
+    assert "2 without any sign of it" in page
 
 
 def test_a_loop_that_another_moves_is_first_looked_for_there(make_screening, make_context):

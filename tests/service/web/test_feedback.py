@@ -140,5 +140,5 @@ def test_command_counts_and_exports_the_same_labels(filled: Store, tmp_path) -> 
     requested = ["feedback", "--db", str(filled.address), "--out", str(file)]
     result = CliRunner().invoke(app, requested, env={"COLUMNS": "250"})
     assert result.exit_code == 0, result.output
-    assert "1 findings were judged: 1 right, 0 wrong, 0 partly right." in result.output
+    assert "1 finding was judged: 1 right, 0 wrong, 0 partly right." in result.output
     assert file.read_text(encoding="utf-8") == labels_csv(filled.feedback())

@@ -41,21 +41,21 @@ def peopled(live: Site) -> Site:
 
 
 @pytest.fixture
-def opened(browser, peopled: Site) -> Iterator[Opened]:
+def opened(windows, peopled: Site) -> Iterator[Opened]:
     """A browser in which the admin is signed in; at the end nothing was logged."""
     with serving(peopled) as base:
-        at = Opened(browser, base, cookie_of(peopled))
+        at = Opened(windows, base, cookie_of(peopled))
         yield at
         at.close()
     assert at.errors == []
     assert at.foreign == []
 
 
-def test_somebody_signs_in_by_keyboard_and_out_again(browser, live: Site) -> None:
+def test_somebody_signs_in_by_keyboard_and_out_again(windows, live: Site) -> None:
     """The page that was wanted comes after the login; after signing out nothing is left."""
     make_user(live.store, "Ann", PASSWORD, UserRole.ENGINEER)
     with serving(live) as base:
-        at = Opened(browser, base)
+        at = Opened(windows, base)
         page = at.page(valve_path(STICKY))
         assert page.evaluate("document.activeElement.name") == "name"
         page.keyboard.type("Ann")
@@ -72,11 +72,11 @@ def test_somebody_signs_in_by_keyboard_and_out_again(browser, live: Site) -> Non
     assert [error for error in at.errors if "401" not in error] == []
 
 
-def test_the_first_admin_arrives_by_the_printed_link(browser, store) -> None:
+def test_the_first_admin_arrives_by_the_printed_link(windows, store) -> None:
     """Name, password twice, and the pages are there."""
     site = Site(store=store)
     with serving(site) as base:
-        at = Opened(browser, base)
+        at = Opened(windows, base)
         page = at.page(first_link(store, base).removeprefix(base))
         page.get_by_label("Your name").fill("Karl Berg")
         page.get_by_label("Password", exact=True).fill(PASSWORD)

@@ -126,18 +126,19 @@ def test_nobody_looks_without_signing_in(
 
 
 @pytest.mark.browser
-def test_a_finished_run_appears_without_a_reload(live: Site, browser) -> None:
+def test_a_finished_run_appears_without_a_reload(live: Site, windows) -> None:
     """The page of somebody who only looks shows the run that has just ended, and stays where it
     is; no rule of the content policy is broken."""
     with example_plant.serving(live) as base:
-        context = browser.new_context()
         (name, value) = next(iter(cookie_of(live).items()))
-        context.add_cookies([{"name": name, "value": value, "url": base}])
-        page = context.new_page()
         complaints: list[str] = []
-        page.on("console", lambda message: complaints.append(message.text))
+        page = windows.open(
+            f"{base}/overview",
+            cookies=[{"name": name, "value": value, "url": base}],
+            logged=complaints,
+        )
         with page.expect_response("**/api/v1/changes"):
-            page.goto(f"{base}/overview")
+            page.reload()
         page.evaluate("window.stayed = true")
         number = live.store.queue.put(RunToQueue(who="the night shift"), software_version="test")
         assert number is not None
@@ -145,7 +146,7 @@ def test_a_finished_run_appears_without_a_reload(live: Site, browser) -> None:
         page.get_by_text("the night shift").first.wait_for(timeout=60_000)
         assert page.evaluate("window.stayed")
         assert not [text for text in complaints if "Content Security Policy" in text]
-        context.close()
+        windows.close()
 
 
 def test_what_to_do_at_valves_without_a_verdict_is_that_of_the_report(

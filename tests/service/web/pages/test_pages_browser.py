@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from datetime import timedelta
 from itertools import pairwise
-from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -13,6 +12,7 @@ import pytest
 from stemwatch.service.store.accounts.records import UserRole
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.web.site import Site
+from tests.service.browser_windows import Windows
 from tests.service.open_alerts import open_alerts
 from tests.service.web.example_plant import HOSTILE, NOW, STICKY, plant_of, screening, serving
 from tests.service.web.signed_in import NAMES, cookie_of
@@ -26,49 +26,41 @@ DESK = {"width": 1280, "height": 1000}
 class Opened:
     """A browser at one site. It remembers what was logged and what was asked of other machines."""
 
-    def __init__(self, browser, base: str, cookies: dict[str, str] | None = None) -> None:
+    def __init__(self, windows: Windows, base: str, cookies: dict[str, str] | None = None) -> None:
         self.base = base
+        self.errors: list[str] = []
+        self._windows = windows
+        self._asked: list[str] = []
         self._cookies = [
             {"name": name, "value": value, "url": base} for name, value in (cookies or {}).items()
         ]
-        self.errors: list[str] = []
-        self.foreign: list[str] = []
-        self._browser = browser
-        self._contexts: list[Any] = []
 
     def page(self, path: str, **options):
-        """A page of the site, in a context of its own."""
-        context = self._browser.new_context(**{"viewport": DESK, **options})
-        context.add_cookies(self._cookies)
-        self._contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: self.errors.append(message.text))
-        page.on("pageerror", lambda error: self.errors.append(str(error)))
-        page.on("dialog", self._alarmed)
-        page.on("request", self._asked)
-        page.goto(self.base + path)
-        return page
+        """A page of the site, in a window of its own."""
+        return self._windows.open(
+            self.base + path,
+            cookies=self._cookies,
+            logged=self.errors,
+            asked=self._asked,
+            **{"viewport": DESK, **options},
+        )
 
-    def _alarmed(self, dialog) -> None:
-        self.errors.append(dialog.message)
-        dialog.dismiss()
-
-    def _asked(self, request) -> None:
-        if not request.url.startswith((self.base, "data:")):
-            self.foreign.append(request.url)
+    @property
+    def foreign(self) -> list[str]:
+        """What was asked of other machines."""
+        return [url for url in self._asked if not url.startswith((self.base, "data:"))]
 
     def close(self) -> None:
         """Close every window."""
-        for context in self._contexts:
-            context.close()
+        self._windows.close()
 
 
 @pytest.fixture
-def opened(browser, live) -> Iterator[Opened]:
+def opened(windows, live) -> Iterator[Opened]:
     """The small plant; at the end nothing was logged, which a breach of the policy would be, and
     nothing was asked of another machine."""
     with serving(live) as base:
-        at = Opened(browser, base, cookie_of(live))
+        at = Opened(windows, base, cookie_of(live))
         yield at
         at.close()
     assert at.errors == []
@@ -278,8 +270,9 @@ def test_without_javascript_everything_but_the_plots_is_there(opened):
 
 def test_the_keyboard_reaches_the_content_first(opened):
     """The first tab stop skips the head; headings form one outline on every page."""
+    page = opened.page("/")
     for path in ("/", valve_path(STICKY), "/alerts", "/runs", "/sources", "/settings"):
-        page = opened.page(path)
+        page.goto(opened.base + path)
         page.keyboard.press("Tab")
         assert page.evaluate("document.activeElement.textContent") == "Skip to the content"
         levels = page.locator("h1, h2, h3, h4").evaluate_all(
@@ -289,11 +282,11 @@ def test_the_keyboard_reaches_the_content_first(opened):
         assert all(after <= before + 1 for before, after in pairwise(levels))
 
 
-def test_an_empty_database_is_no_empty_page(browser, store, tmp_path):
+def test_an_empty_database_is_no_empty_page(windows, store, tmp_path):
     """The first start says what to do, and the page of a valve without data is whole."""
     site = Site(store=store, plant=plant_of(tmp_path, store), clock=lambda: NOW)
     with serving(site) as base:
-        at = Opened(browser, base, cookie_of(site))
+        at = Opened(windows, base, cookie_of(site))
         assert at.page("/").get_by_text("No valve is known yet").is_visible()
         page = at.page(valve_path(STICKY))
         page.locator(".view span").filter(has_text="stemwatch serve").wait_for()
@@ -327,7 +320,8 @@ def test_paper_has_no_buttons_nothing_cut_off_and_no_sheet_for_the_foot(opened, 
 
 
 def test_at_a_desk_the_head_is_one_line(opened, live):
-    """However long the names of plant and person, no button goes to a second line."""
+    """However long the names of plant and person, no button goes to a second line, and the plant's
+    is not cut."""
     page = opened.page("/overview", viewport={"width": 1280, "height": 800})
     page.evaluate(
         """() => {
@@ -339,6 +333,11 @@ def test_at_a_desk_the_head_is_one_line(opened, live):
         "all => all.map(one => one.getBoundingClientRect()).map(box => (box.top + box.bottom) / 2)"
     )
     assert max(lines) - min(lines) < 4
+    room = page.locator(".brand .plant").evaluate(
+        "one => [one.scrollWidth - one.clientWidth, one.scrollHeight - one.clientHeight]"
+    )
+    assert max(room) <= 0
+    assert page.locator(".brand .plant").evaluate("one => getComputedStyle(one).display") == "block"
     assert page.evaluate("document.documentElement.scrollWidth") <= 1280
 
 

@@ -116,18 +116,17 @@ def test_a_run_without_a_report_says_so(client, run):
 
 
 @pytest.mark.browser
-def test_the_report_works_in_its_sandbox(browser, live, reported):
+def test_the_report_works_in_its_sandbox(windows, live, reported):
     """Its plots are drawn and nothing is logged, although it has no origin."""
     with serving(live) as base:
-        context = browser.new_context()
         ((name, value),) = cookie_of(live).items()
-        context.add_cookies([{"name": name, "value": value, "url": base}])
-        page = context.new_page()
         errors: list[str] = []
-        page.on("console", lambda message: errors.append(message.text))
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(f"{base}/run/report?id={reported}")
+        page = windows.open(
+            f"{base}/run/report?id={reported}",
+            cookies=[{"name": name, "value": value, "url": base}],
+            logged=errors,
+        )
         page.locator("#ranking-table tbody tr").wait_for()
         page.locator(".plot-travel canvas").first.wait_for()
-        context.close()
+        windows.close()
     assert errors == []

@@ -24,7 +24,7 @@ PATH = f"/valve/test-plan?id={STICKY}&minutes=2"
 
 
 @pytest.fixture
-def opened(browser, filled: Store) -> Iterator[Opened]:
+def opened(windows, filled: Store) -> Iterator[Opened]:
     """The small plant, whose sticky valve leaves lag and dead time open."""
     run = filled.begin_run(software_version="1")
     mismatch = replace(
@@ -33,7 +33,7 @@ def opened(browser, filled: Store) -> Iterator[Opened]:
     filled.save(screening(STICKY, at=NOW + timedelta(hours=1), mismatch=mismatch), run)
     site = Site(store=filled, clock=lambda: NOW)
     with serving(site) as base:
-        site_opened = Opened(browser, base, cookie_of(site))
+        site_opened = Opened(windows, base, cookie_of(site))
         yield site_opened
         site_opened.close()
 

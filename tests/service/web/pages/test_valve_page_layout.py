@@ -141,25 +141,23 @@ def with_process(read: Callable[[str, Window], Recording | None]) -> Any:
 
 
 @pytest.fixture
-def opened(full: Site, browser):
+def opened(full: Site, windows):
     """Opens the valve's page in a window of this width."""
-    contexts = []
     with example_plant.serving(full) as base:
 
         def at(width: int):
-            context = browser.new_context(viewport={"width": width, "height": 850})
-            contexts.append(context)
             (name, value) = next(iter(cookie_of(full).items()))
-            context.add_cookies([{"name": name, "value": value, "url": base}])
-            page = context.new_page()
-            page.goto(f"{base}/valve?id={example_plant.STICKY}")
+            page = windows.open(
+                f"{base}/valve?id={example_plant.STICKY}",
+                cookies=[{"name": name, "value": value, "url": base}],
+                viewport={"width": width, "height": 850},
+            )
             for name in ("travel", "process", "loop", "S", "J"):
                 page.locator(f".plot-{name} canvas").first.wait_for()
             return page
 
         yield at
-        for context in contexts:
-            context.close()
+        windows.close()
 
 
 def height_of(page) -> int:

@@ -51,7 +51,7 @@ def test_the_page_lays_the_loops_before_and_after_work_over_each_other(live, cli
 
 
 @pytest.mark.browser
-def test_on_a_phone_the_pictures_unfold_when_asked(browser, live) -> None:
+def test_on_a_phone_the_pictures_unfold_when_asked(windows, live) -> None:
     """At a desk they are open, on a phone folded, without scripts open; nothing runs out of the
     window once they are."""
     result = with_effects(STICKY)
@@ -60,7 +60,7 @@ def test_on_a_phone_the_pictures_unfold_when_asked(browser, live) -> None:
     packed = pack_pictures(window_pictures(result))
     live.store.save(stored.without_samples(), run, packed_pictures=packed)
     with serving(live) as base:
-        opened = Opened(browser, base, cookie_of(live))
+        opened = Opened(windows, base, cookie_of(live))
         path = f"/valve?id={STICKY}"
         assert opened.page(path, viewport=DESK).locator(".small-plot").first.is_visible()
         bare = opened.page(path, viewport=PHONE, java_script_enabled=False)

@@ -1,0 +1,84 @@
+"""Whoever reads the report, the work orders, the pages on paper or a mail begins with one valve."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import re
+from collections.abc import Sequence
+
+from stemwatch.models.without_position.suspicion import Suspicion
+from stemwatch.service.alerts.digest import message_of
+from stemwatch.service.maintenance.maintenance_html import work_list_html
+from stemwatch.service.maintenance.pdf import work_list_pdf
+from stemwatch.service.maintenance.stored import report_of_store
+from stemwatch.service.maintenance.work_orders import orders_csv
+from stemwatch.service.presenter.suspicion_words import next_steps
+from stemwatch.service.report.ranking import rank_valves
+from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.store import open_store
+from tests.service.presenter.test_one_run_everywhere import every_kind, needed, save_run
+from tests.service.web import example_plant
+
+
+def test_maintenance_alerts_and_mail_have_the_order_of_the_ranking(tmp_path) -> None:
+    """Pages on paper and on screen, work orders, what a run shows first, the alerts and their
+    mail."""
+    order = [valve.screening.valve for valve in rank_valves(every_kind(), needed(every_kind()))]
+    with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
+        run = save_run(store)
+        book = report_of_store(store, tmp_path / "out", run=run, all_valves=True).work_list
+        assert [sheet.screening.valve for sheet in book.sheets] == order
+        parts = re.findall(rb"\((.*?)(?<!\\)\) Tj", work_list_pdf(book, compress=False))
+        paper = "".join(part.decode("latin-1") for part in parts)
+        screen = html.unescape(re.sub(r"<[^>]+>", " ", work_list_html(book).decode()))
+        assert tags_in(paper, order) == tags_in(screen, order) == order
+
+        rows = list(csv.DictReader(io.StringIO(orders_csv(book).decode("utf-8-sig"))))
+        ordered = [row["functional_location"] for row in rows]
+        assert ordered == [valve for valve in order if valve in ordered]
+        priorities = [int(row["priority"]) for row in rows]
+        assert priorities == sorted(priorities)
+        assert len(set(priorities)) > 2
+
+        assert store.worst_of_run(run, len(order)) == order
+        store.alerts.raise_all([an_alert(valve, run) for valve in sorted(order)])
+        alerted = store.alerts.in_state("open", example_plant.NOW)
+        assert [alert.valve for alert in alerted] == order
+        mail = message_of(store.deliveries.undelivered(), "plant", run)
+        assert tags_in(mail["text"], order) == order
+
+
+def test_the_list_of_next_steps_says_what_each_valve_is_told(tmp_path) -> None:
+    """What to do next where there is no verdict, from the report and from the store."""
+    ranking = rank_valves(every_kind(), needed(every_kind()))
+    answers = {valve.screening.valve: valve.finding for valve in ranking}
+    with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
+        save_run(store)
+        assert next_steps(store.without_verdict()) == ranking.next_steps
+    open_steps = [step for step in ranking.next_steps if step.verdict is not Suspicion.NO_SIGN]
+    assert {loop for step in open_steps for loop in step.loops} == {"PIC-5", "PIC-8"}
+    for step in open_steps:
+        for loop in step.loops:
+            assert step.step in answers[loop].next_step, loop
+
+
+def tags_in(text: str, tags: Sequence[str]) -> list[str]:
+    """The tags in the order in which ``text`` has them first."""
+    longest_first = sorted(tags, key=len, reverse=True)
+    return list(dict.fromkeys(re.findall("|".join(map(re.escape, longest_first)), text)))
+
+
+def an_alert(valve: str, run: int) -> RaisedAlert:
+    """That the valve sticks; not of the same severity everywhere."""
+    severity = AlertSeverity.HIGH if valve < "FIC-5" else AlertSeverity.LOW
+    return RaisedAlert(
+        cause=f"sticky {valve}",
+        kind=AlertKind.STICKY,
+        severity=severity,
+        text=f"{valve}: sticks.",
+        valve=valve,
+        run_id=run,
+        evidence={},
+    )
