@@ -12,6 +12,7 @@ from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
 from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.service.cli import views
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter.suspicion_words import (
     MOST_NAMED,
@@ -99,6 +100,20 @@ def test_a_suspicion_stands_in_the_page_with_its_rivals(make_screening, make_con
     shows = "a valve that sticks by 1.5 % of OP or more would have shown."
     nothing = "Nothing to do at the valve on these grounds."
     assert f"1 no sign of sticking {shows} {nothing} FV-2" in text
+
+
+def test_a_valve_has_one_line_in_the_terminal_where_none_has_a_verdict(
+    make_screening, make_context
+) -> None:
+    """Its other recordings would say the same; beside a verdict each recording has its line."""
+
+    def lines_of(valves: list[Screening]) -> list[str]:
+        table = views.summary(rank_valves(valves, make_context(valves)))
+        return sorted(str(cell).partition("\n")[0] for cell in table.columns[1].cells)
+
+    valves = [without_mv(make_screening, valve, no_sign()) for valve in ("A", "A", "B")]
+    assert lines_of(valves) == ["A", "B"]
+    assert lines_of([*valves, make_screening("C")]) == ["A", "A", "B", "C"]
 
 
 def test_beside_a_position_it_is_a_cross_check(make_screening, make_context):
