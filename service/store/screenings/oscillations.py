@@ -26,7 +26,7 @@ JUST_BEFORE = timedelta(days=1)  # within which an earlier window without a grou
 
 @dataclass(frozen=True, kw_only=True)
 class KeptOscillation:
-    """The newest window of an oscillation; ``over`` where later runs over at least half of its
+    """The newest window of an oscillation; ``over`` where a later run over more than half of its
     loops did not find it again. ``history`` has its windows of the days shown, the oldest first."""
 
     run_id: int
@@ -40,20 +40,23 @@ def write_oscillations(
     session: Session, run_id: int, groups: Sequence[OscillationGroup]
 ) -> list[OscillationGroup]:
     """Keep the groups of a run instead of those it had, and of the same window screened earlier;
-    the groups with since when and in how many windows each was found."""
+    the groups with since when and in how many windows each was found.
+
+    A run over a part of the plant finds a part of a group: the whole one of that window stays.
+    """
     session.execute(delete(OscillationRow).where(OscillationRow.run_id == run_id))
     numbers = []
     for group in groups:
-        earlier = _rows_before(session, group)
-        for row in [row for row in earlier if row.start == group.start]:
-            if is_same_oscillation(group, _group(row)):
+        window_and_earlier = _rows_until(session, group)
+        for row in [row for row in window_and_earlier if row.start == group.start]:
+            if is_same_oscillation(group, _group(row)) and _looked_for(session, row, run_id):
                 session.delete(row)
-                earlier.remove(row)
+        earlier = [row for row in window_and_earlier if row.start != group.start]
         linked = continued(group, [_group(row) for row in earlier])
         follows = None
         if linked.windows > 1:
             same_oscillation = [row for row in earlier if is_same_oscillation(group, _group(row))]
-            follows = max(same_oscillation, key=lambda row: str(row.start)).id
+            follows = max(same_oscillation, key=_start_and_size).id
         elif linked.since is None and _was_absent(session, run_id, linked):
             linked = replace(linked, since=linked.start)
         session.add(_row(run_id, follows, linked))
@@ -79,21 +82,17 @@ def read_oscillations(
     newest = [row for row in rows.values() if row.id not in followed]
     if loop is not None:
         newest = [row for row in newest if loop in row.members["loops"]]
-    last_run = _last_runs(
-        session, sorted({name for row in newest for name in row.members["loops"]})
-    )
-    kept_oscillations = []
-    for row in newest:
-        later = [last_run.get(name, 0) > row.run_id for name in row.members["loops"]]
-        kept_oscillations.append(
-            KeptOscillation(
-                run_id=row.run_id,
-                at=row.at,
-                group=_group(row, pictures),
-                over=sum(later) * 2 >= len(later),
-                history=_history(row, rows),
-            )
+    kept_oscillations = [
+        KeptOscillation(
+            run_id=row.run_id,
+            at=row.at,
+            group=_group(row, pictures),
+            over=_looked_for(session, row),
+            history=_history(row, rows),
         )
+        for row in newest
+        if not any(_is_part_of(row, other) for other in rows.values())
+    ]
     return sorted(kept_oscillations, key=lambda kept: (kept.over, -_moved(kept.group)))
 
 
@@ -107,7 +106,22 @@ def _moved(group: OscillationGroup) -> float:
     return sum(member.share for member in group.members)
 
 
-def _rows_before(session: Session, group: OscillationGroup) -> list[OscillationRow]:
+def _start_and_size(row: OscillationRow) -> tuple[str, int]:
+    return str(row.start), len(row.members["loops"])
+
+
+def _is_part_of(row: OscillationRow, other: OscillationRow) -> bool:
+    """Whether a run over more loops found ``row``, and more of its loops, in the same window."""
+    return (
+        row.start is not None
+        and row.start == other.start
+        and len(row.members["loops"]) < len(other.members["loops"])
+        and is_same_oscillation(_group(row), _group(other))
+    )
+
+
+def _rows_until(session: Session, group: OscillationGroup) -> list[OscillationRow]:
+    """Of the group's own window and of those before that it can continue."""
     if group.start is None:
         return []
     return list(
@@ -148,11 +162,20 @@ def _newest_result(session: Session) -> datetime | None:
     return max((end for end in ends if end is not None), default=None)
 
 
-def _last_runs(session: Session, loops: Sequence[str]) -> dict[str, int]:
-    """The latest run in which each loop was screened."""
+def _looked_for(session: Session, row: OscillationRow, run_id: int | None = None) -> bool:
+    """Whether more than half of the loops of ``row`` were screened in the run ``run_id``, or where
+    none is given in any one later run: that run would have found what is left of it."""
     table = ScreeningRow
-    rows = select(table.valve, func.max(table.run_id)).where(table.valve.in_(loops))
-    return {valve: run for valve, run in session.execute(rows.group_by(table.valve))}
+    loops = func.count(func.distinct(table.valve))
+    in_run = table.run_id > row.run_id if run_id is None else table.run_id == run_id
+    of_run = (
+        select(loops)
+        .where(table.valve.in_(row.members["loops"]), in_run)
+        .group_by(table.run_id)
+        .order_by(loops.desc())
+        .limit(1)
+    )
+    return 2 * (session.scalar(of_run) or 0) > len(row.members["loops"])
 
 
 def _history(

@@ -34,6 +34,10 @@ def group(start: datetime | None = START, loops: tuple[str, ...] = LOOPS) -> Osc
     )
 
 
+def without_pictures(found: OscillationGroup) -> OscillationGroup:
+    return replace(found, strength=(), periods_s=(), spectra=())
+
+
 def screened(
     store: Store, make_screening: MakeScreening, start: datetime, loops: tuple[str, ...] = LOOPS
 ) -> int:
@@ -88,6 +92,29 @@ def test_a_later_run_that_does_not_find_it_ends_it(
     screened(store, make_screening, START + 2 * DAY, LOOPS[1:])
     assert [oscillation.over for oscillation in store.oscillations(NOW)] == [True]
     assert store.oscillations_of("FIC-1", NOW) == []
+
+
+def test_runs_over_parts_of_a_plant_leave_a_group_as_it_is(
+    store: Store, make_screening: MakeScreening
+) -> None:
+    """A run over half of its loops, or over each of them alone, would not find it. Of the same
+    window the whole group is shown, and the run knows the part that it found."""
+    loops = (*LOOPS, "PIC-4")
+    whole = group(loops=loops)
+    first = screened(store, make_screening, START, loops)
+    store.keep_oscillations(first, [whole])
+    part = screened(store, make_screening, START, loops[:2])
+    store.keep_oscillations(part, [group(loops=loops[:2])])
+    assert store.oscillations_of_run(part) == [without_pictures(group(loops=loops[:2]))]
+    for loop in loops:
+        screened(store, make_screening, START + DAY, (loop,))
+    (kept,) = store.oscillations(NOW)
+    assert (kept.group, kept.over) == (whole, False)
+    store.keep_oscillations(
+        screened(store, make_screening, START + DAY, loops), [group(START + DAY, loops)]
+    )
+    (kept,) = store.oscillations(NOW)
+    assert (kept.group.windows, len(kept.group.members)) == (2, 4)
 
 
 def test_the_same_window_again_replaces_its_groups(
