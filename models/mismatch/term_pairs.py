@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 from stemwatch.models.mismatch.acceptance_limits import (
     LEAST_OF_A_PAIR,
     NEAR,
-    remaining_loss,
-    short_record_factor,
+    something_left,
     strength,
 )
 from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
@@ -27,11 +26,13 @@ from stemwatch.models.mismatch.crossfit import (
     POLISH,
     Fitted,
     better,
+    from_best,
     gain,
     refit,
     scored,
 )
 from stemwatch.models.mismatch.evaluator import Evaluator
+from stemwatch.models.mismatch.other_coordinates import best_together
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
@@ -48,10 +49,6 @@ from stemwatch.models.mismatch.term_selection import (
 
 BEGUN = 6  # terms that every other one is tried beside
 SEARCHED = 5  # pairs that are searched with care
-# What S and J leave (``remaining_loss``), from which a pair is looked for although no term is
-# named: in 104 recordings of the blind trial (seeds 5151 and 6161) such pairs were found from 3.5
-# on.
-LEAST_LEFT = 2.6
 
 
 @dataclass(frozen=True)
@@ -152,12 +149,7 @@ def _comes_near(named: Named) -> bool:
 
 def _noise_is_left(named: Named) -> bool:
     """True where nothing is named, and S and J alone leave hardly more than noise and scatter."""
-    evaluator = named.evaluator
-    left = (
-        remaining_loss(evaluator, named.fitted)
-        / short_record_factor(evaluator.measured_counts) ** 2
-    )
-    return not named.needed and left < LEAST_LEFT
+    return not named.needed and not something_left(named.evaluator, named.fitted)
 
 
 def best_pairs(named: Named, terms: Sequence[Term]) -> list[TermPair]:
@@ -209,6 +201,10 @@ def _searched(
 ) -> Search[TermPair]:
     """A pair searched with care, and each of its terms alone, begun from the pair as well."""
     fitted = yield from refit(evaluator, on_top.fitted, CAREFUL)
+    layout, parts = fitted.layout, (alone[below], alone[on_top.slug])
+    begun = yield from best_together(evaluator, layout, parts, CAREFUL.keep)
+    together = yield from from_best(evaluator, layout, begun, CAREFUL)
+    fitted = better(evaluator, fitted, together)
     (term,) = (term for term in fitted.layout.hypothesis.terms if term.slug == below)
     without_first, without_second = yield from run_together(
         _alone(evaluator, fitted, alone[slug]) for slug in (on_top.slug, below)

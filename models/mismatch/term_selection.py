@@ -9,14 +9,18 @@ it, three at most.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
-from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import convincing, not_little_left
-from stemwatch.models.mismatch.base_fit import BaseFit
+from stemwatch.models.mismatch.acceptance_limits import (
+    convincing,
+    not_little_left,
+    something_left,
+)
+from stemwatch.models.mismatch.base_fit import AGAIN, BaseFit, sticking_again
 from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
 from stemwatch.models.mismatch.breakaway_levels import (
     LEAST_T,
@@ -42,12 +46,11 @@ from stemwatch.models.mismatch.crossfit import (
     widened,
 )
 from stemwatch.models.mismatch.evaluator import (
-    DEAD_TIME,
-    CoordinateLayout,
     Evaluator,
     S_and_J,
     TermSet,
 )
+from stemwatch.models.mismatch.other_coordinates import best_together, carried_over
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -63,6 +66,9 @@ ATTEMPTS = 2  # looks at the terms of a stage, each on a base that was restarted
 LOOKED_AT_AGAIN = 7
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
 NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
+# Times the loss of the simpler hypothesis: from what is farther no descent has come back.
+WORTH_A_DESCENT = 2.0
+NONE_ALONE: Mapping[str, Fitted] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -134,22 +140,39 @@ class Named:
 
 
 def screened(
-    evaluator: Evaluator, simple: Fitted, terms: Iterable[Term], effort: FitEffort = LOOK
+    evaluator: Evaluator,
+    simple: Fitted,
+    terms: Iterable[Term],
+    effort: FitEffort = LOOK,
+    alone: Mapping[str, Fitted] = NONE_ALONE,
 ) -> Search[list[TermScore]]:
-    """Every term on top of ``simple``, best first."""
-    scores = yield from run_together(_looked_at(evaluator, simple, term, effort) for term in terms)
+    """Every term on top of ``simple``, best first; ``alone`` are fits of terms without what is in
+    ``simple``."""
+    scores = yield from run_together(
+        _looked_at(evaluator, simple, term, effort, alone.get(term.slug)) for term in terms
+    )
     return _ordered(scores)
 
 
 def _looked_at(
-    evaluator: Evaluator, simple: Fitted, term: Term, effort: FitEffort
+    evaluator: Evaluator, simple: Fitted, term: Term, effort: FitEffort, alone: Fitted | None
 ) -> Search[TermScore]:
-    """A first look at one term on top of ``simple``."""
+    """A first look at one term on top of ``simple``; it begins at ``simple`` and the term ``alone``
+    put together as well, where that is not far from ``simple``.
+    """
     rich = simple.layout.hypothesis.plus(term)
     losses_of_simple = own_losses(evaluator, simple)
     starts, layout = _starts(evaluator, simple, term, rich), evaluator.layout(rich)
     begun = yield from ranked(evaluator, layout, starts, effort.keep + CAREFUL.keep - 1)
     fitted = yield from from_best(evaluator, layout, begun, effort, losses_of_simple)
+    if alone is not None:
+        together = yield from best_together(evaluator, layout, (simple, alone), effort.keep)
+        if any(
+            best[0].loss < WORTH_A_DESCENT * least
+            for best, least in zip(together, losses_of_simple, strict=True)
+        ):
+            other = yield from from_best(evaluator, layout, together, effort, losses_of_simple)
+            fitted = better(evaluator, fitted, other)
     neutral_fit = yield from neutral(evaluator, simple, rich)
     fitted = better(evaluator, neutral_fit, fitted)
     further = tuple(
@@ -172,35 +195,21 @@ def _ordered(scores: Iterable[TermScore]) -> list[TermScore]:
 def neutral(evaluator: Evaluator, simple: Fitted, rich: TermSet) -> Search[Fitted]:
     """``simple`` written in the coordinates of ``rich``, its new terms neutral."""
     layout = evaluator.layout(rich)
-    fitted = yield from scored(layout, _carried_over(simple, layout))
+    fitted = yield from scored(layout, carried_over(simple, layout))
     return fitted
 
 
 def reduced(evaluator: Evaluator, rich: Fitted, simple: TermSet) -> Floats:
     """(2, size) the candidates of ``rich`` in the coordinates of ``simple``."""
-    return _carried_over(rich, evaluator.layout(simple))
-
-
-def _carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
-    """(2, size) the candidates of ``fitted`` in the coordinates of a ``layout`` with more terms,
-    which are neutral, or with fewer.
-
-    A dead time takes the place of the base's delay, and the other way round.
-    """
-    candidates = np.zeros((2, layout.size))
-    candidates[:, : base_coordinate.N_BASE] = fitted.candidates[:, : base_coordinate.N_BASE]
-    shared = layout.places.keys() & fitted.layout.places.keys()
-    for slug in shared:
-        candidates[:, layout.places[slug]] = fitted.values(slug)
-    if DEAD_TIME in layout.places.keys() - shared:
-        candidates[:, layout.places[DEAD_TIME]] = fitted.candidates[:, [base_coordinate.DELAY]]
-    elif DEAD_TIME in fitted.layout.places.keys() - shared:
-        candidates[:, [base_coordinate.DELAY]] = fitted.values(DEAD_TIME)
-    return layout.bounds.clip(candidates)
+    return carried_over(rich, evaluator.layout(simple))
 
 
 def refined(
-    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term], effort: FitEffort = LOOK
+    evaluator: Evaluator,
+    simple: Fitted,
+    terms: Sequence[Term],
+    effort: FitEffort = LOOK,
+    alone: Mapping[str, Fitted] = NONE_ALONE,
 ) -> Search[tuple[Fitted, list[TermScore]]]:
     """All ``terms`` on top of ``simple``, the best of them searched with care, and ``simple``
     restarted from each of these.
@@ -210,7 +219,7 @@ def refined(
     """
     to_look_at, scores = list(terms), list[TermScore]()
     for _ in range(ATTEMPTS):
-        first_looks = yield from screened(evaluator, simple, to_look_at, effort)
+        first_looks = yield from screened(evaluator, simple, to_look_at, effort, alone)
         first_looks += scores[LOOKED_AT_AGAIN:]
         promising = [score for score in first_looks[:REFINED] if score.advantage.mean >= PROMISING]
         careful = yield from run_together(_careful(evaluator, score) for score in promising)
@@ -255,11 +264,12 @@ def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
     material.
     """
     is_convincing = convincing(score.advantage, evaluator.measured_counts, score.slug, stage)
-    return (
-        is_convincing
-        and (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
-        and score.term.material(score.values, evaluator.summary)
-    )
+    return is_convincing and _of_some_size(evaluator, score)
+
+
+def _of_some_size(evaluator: Evaluator, score: TermScore) -> bool:
+    is_told = score.slug != PLAY or jump_is_visible(score.fitted, evaluator)
+    return is_told and score.term.material(score.values, evaluator.summary)
 
 
 def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
@@ -326,14 +336,17 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
     terms_left = list(terms)
     stages: list[SelectionStage] = []
     for number in range(MOST_TERMS):
-        stage = _stage(evaluator, simple, terms_left, number)
+        alone = fits_alone(stages[0].scores) if stages else NONE_ALONE
+        stage = _stage(evaluator, simple, terms_left, number, alone)
         stages.append(stage)
         simple = stage.before
         if not stage.accepted:
             break
         chosen = stage.accepted[0]
-        simple = conclude(evaluator, refit(evaluator, chosen.fitted, POLISH))
-        terms_left = [term for term in terms_left if term.slug != chosen.slug]
+        simple = conclude(evaluator, _settled(evaluator, chosen.fitted))
+        if number > 0:
+            simple, stages = _exchanged(evaluator, simple, stages)
+        terms_left = [term for term in terms if term.slug not in simple.slugs]
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
     has_play = any(term_needed.term.slug == PLAY for term_needed in needed)
     if has_play and not jump_is_visible(fitted, evaluator):
@@ -350,12 +363,90 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
     )
 
 
+def fits_alone(scores: Iterable[TermScore]) -> dict[str, Fitted]:
+    """The fits of the terms that gain something alone, by their slugs."""
+    return {score.slug: score.fitted for score in scores if score.advantage.mean >= PROMISING}
+
+
+def _settled(evaluator: Evaluator, fitted: Fitted) -> Search[Fitted]:
+    """A hypothesis with a new term, searched to its end.
+
+    Beside a term that has taken the largest part of what was left, a stem may show that it sticks
+    again at a speed, which no descent from one that slides finds.
+    """
+    polished = yield from refit(evaluator, fitted, POLISH)
+    if not something_left(evaluator, polished):
+        return polished
+    variants = sticking_again(polished.layout, polished.candidates)
+    settled = yield from refit(evaluator, polished, AGAIN, *variants)
+    return settled
+
+
+def _exchanged(
+    evaluator: Evaluator, simple: Fitted, stages: list[SelectionStage]
+) -> tuple[Fitted, list[SelectionStage]]:
+    """A hypothesis and its ``stages`` with an earlier term exchanged for another one that is
+    clearly better beside the later ones.
+
+    Of two effects the first look often finds a third that stands in for both.
+    """
+    for number, stage in enumerate(stages[:-1]):
+        gone = stage.accepted[0].slug
+        others = conclude(evaluator, _in_its_place(evaluator, simple, gone, stages[0].scores))
+        if not others or not _clearly_better(evaluator, simple, others[0].fitted):
+            continue
+        best, *rivals = others
+        as_good = (rival for rival in rivals if _as_good(evaluator, rival, best))
+        simple = conclude(evaluator, _settled(evaluator, best.fitted))
+        stages = list(stages)
+        stages[number] = replace(stage, accepted=(best, *as_good))
+    return simple, stages
+
+
+def _in_its_place(
+    evaluator: Evaluator, simple: Fitted, gone: str, scores: Sequence[TermScore]
+) -> Search[list[TermScore]]:
+    """The terms that gain most alone, by their ``scores``, in the place of the one that is
+    ``gone``; best first, each with its gain over ``simple``.
+    """
+    fewer = evaluator.layout(simple.layout.hypothesis.without(gone))
+    rest = yield from scored(fewer, reduced(evaluator, simple, fewer.hypothesis))
+    others = [score for score in scores if score.slug not in simple.slugs][:REFINED]
+    found = yield from run_together(
+        _beside(evaluator, simple, rest, score)
+        for score in others
+        if score.advantage.mean >= PROMISING
+    )
+    return _ordered(
+        score for score in found if score.term.material(score.values, evaluator.summary)
+    )
+
+
+def _beside(
+    evaluator: Evaluator, simple: Fitted, rest: Fitted, alone: TermScore
+) -> Search[TermScore]:
+    """The term of ``alone`` beside ``rest``, with its gain over ``simple``."""
+    layout = evaluator.layout(rest.layout.hypothesis.plus(alone.term))
+    begun = yield from best_together(evaluator, layout, (rest, alone.fitted), LOOK.keep)
+    fitted = yield from from_best(evaluator, layout, begun, LOOK, own_losses(evaluator, simple))
+    return TermScore(alone.term, fitted, gain(evaluator, simple, fitted))
+
+
+def _clearly_better(evaluator: Evaluator, old: Fitted, new: Fitted) -> bool:
+    more = gain(evaluator, old, new)
+    return more.mean >= NEARLY and more.t >= AS_GOOD
+
+
 def _stage(
-    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term], number: int
+    evaluator: Evaluator,
+    simple: Fitted,
+    terms: Sequence[Term],
+    number: int,
+    alone: Mapping[str, Fitted],
 ) -> SelectionStage:
     """Round ``number``, from 0: one more of ``terms`` on top of ``simple``."""
     effort = LOOK if number == 0 else GLANCE
-    before, scores = conclude(evaluator, refined(evaluator, simple, terms, effort))
+    before, scores = conclude(evaluator, refined(evaluator, simple, terms, effort, alone))
     explaining = accepted(evaluator, scores, number)
     look_for_two = not explaining and number == 0 and not_little_left(evaluator, before)
     if not look_for_two:
