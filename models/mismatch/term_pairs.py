@@ -26,13 +26,11 @@ from stemwatch.models.mismatch.crossfit import (
     POLISH,
     Fitted,
     better,
-    from_best,
     gain,
     refit,
     scored,
 )
 from stemwatch.models.mismatch.evaluator import Evaluator
-from stemwatch.models.mismatch.other_coordinates import best_together
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
     AS_GOOD,
@@ -201,10 +199,6 @@ def _searched(
 ) -> Search[TermPair]:
     """A pair searched with care, and each of its terms alone, begun from the pair as well."""
     fitted = yield from refit(evaluator, on_top.fitted, CAREFUL)
-    layout, parts = fitted.layout, (alone[below], alone[on_top.slug])
-    begun = yield from best_together(evaluator, layout, parts, CAREFUL.keep)
-    together = yield from from_best(evaluator, layout, begun, CAREFUL)
-    fitted = better(evaluator, fitted, together)
     (term,) = (term for term in fitted.layout.hypothesis.terms if term.slug == below)
     without_first, without_second = yield from run_together(
         _alone(evaluator, fitted, alone[slug]) for slug in (on_top.slug, below)

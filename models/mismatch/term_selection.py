@@ -9,9 +9,8 @@ it, three at most.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -66,9 +65,7 @@ ATTEMPTS = 2  # looks at the terms of a stage, each on a base that was restarted
 LOOKED_AT_AGAIN = 7
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
 NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
-# Times the loss of the simpler hypothesis: from what is farther no descent has come back.
-WORTH_A_DESCENT = 2.0
-NONE_ALONE: Mapping[str, Fitted] = MappingProxyType({})
+PUT_BESIDE = 5  # terms that are put beside a hypothesis as they were fitted alone
 
 
 @dataclass(frozen=True)
@@ -140,39 +137,22 @@ class Named:
 
 
 def screened(
-    evaluator: Evaluator,
-    simple: Fitted,
-    terms: Iterable[Term],
-    effort: FitEffort = LOOK,
-    alone: Mapping[str, Fitted] = NONE_ALONE,
+    evaluator: Evaluator, simple: Fitted, terms: Iterable[Term], effort: FitEffort = LOOK
 ) -> Search[list[TermScore]]:
-    """Every term on top of ``simple``, best first; ``alone`` are fits of terms without what is in
-    ``simple``."""
-    scores = yield from run_together(
-        _looked_at(evaluator, simple, term, effort, alone.get(term.slug)) for term in terms
-    )
+    """Every term on top of ``simple``, best first."""
+    scores = yield from run_together(_looked_at(evaluator, simple, term, effort) for term in terms)
     return _ordered(scores)
 
 
 def _looked_at(
-    evaluator: Evaluator, simple: Fitted, term: Term, effort: FitEffort, alone: Fitted | None
+    evaluator: Evaluator, simple: Fitted, term: Term, effort: FitEffort
 ) -> Search[TermScore]:
-    """A first look at one term on top of ``simple``; it begins at ``simple`` and the term ``alone``
-    put together as well, where that is not far from ``simple``.
-    """
+    """A first look at one term on top of ``simple``."""
     rich = simple.layout.hypothesis.plus(term)
     losses_of_simple = own_losses(evaluator, simple)
     starts, layout = _starts(evaluator, simple, term, rich), evaluator.layout(rich)
     begun = yield from ranked(evaluator, layout, starts, effort.keep + CAREFUL.keep - 1)
     fitted = yield from from_best(evaluator, layout, begun, effort, losses_of_simple)
-    if alone is not None:
-        together = yield from best_together(evaluator, layout, (simple, alone), effort.keep)
-        if any(
-            best[0].loss < WORTH_A_DESCENT * least
-            for best, least in zip(together, losses_of_simple, strict=True)
-        ):
-            other = yield from from_best(evaluator, layout, together, effort, losses_of_simple)
-            fitted = better(evaluator, fitted, other)
     neutral_fit = yield from neutral(evaluator, simple, rich)
     fitted = better(evaluator, neutral_fit, fitted)
     further = tuple(
@@ -205,11 +185,7 @@ def reduced(evaluator: Evaluator, rich: Fitted, simple: TermSet) -> Floats:
 
 
 def refined(
-    evaluator: Evaluator,
-    simple: Fitted,
-    terms: Sequence[Term],
-    effort: FitEffort = LOOK,
-    alone: Mapping[str, Fitted] = NONE_ALONE,
+    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term], effort: FitEffort = LOOK
 ) -> Search[tuple[Fitted, list[TermScore]]]:
     """All ``terms`` on top of ``simple``, the best of them searched with care, and ``simple``
     restarted from each of these.
@@ -219,7 +195,7 @@ def refined(
     """
     to_look_at, scores = list(terms), list[TermScore]()
     for _ in range(ATTEMPTS):
-        first_looks = yield from screened(evaluator, simple, to_look_at, effort, alone)
+        first_looks = yield from screened(evaluator, simple, to_look_at, effort)
         first_looks += scores[LOOKED_AT_AGAIN:]
         promising = [score for score in first_looks[:REFINED] if score.advantage.mean >= PROMISING]
         careful = yield from run_together(_careful(evaluator, score) for score in promising)
@@ -259,17 +235,17 @@ def _nested(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[Te
     return TermScore(score.term, fitted, gain(evaluator, simple, fitted))
 
 
-def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
+def passes(score: TermScore, evaluator: Evaluator, stage: int, beside: bool = False) -> bool:
     """True where the gain is larger than recordings with nothing hidden show, and the size is
-    material.
+    material; ``beside`` as of ``convincing``.
     """
-    is_convincing = convincing(score.advantage, evaluator.measured_counts, score.slug, stage)
-    return is_convincing and _of_some_size(evaluator, score)
-
-
-def _of_some_size(evaluator: Evaluator, score: TermScore) -> bool:
-    is_told = score.slug != PLAY or jump_is_visible(score.fitted, evaluator)
-    return is_told and score.term.material(score.values, evaluator.summary)
+    counts = evaluator.measured_counts
+    is_convincing = convincing(score.advantage, counts, score.slug, stage, beside)
+    return (
+        is_convincing
+        and (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
+        and score.term.material(score.values, evaluator.summary)
+    )
 
 
 def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
@@ -280,9 +256,11 @@ def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
     return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT))
 
 
-def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:
+def accepted(
+    evaluator: Evaluator, scores: list[TermScore], stage: int, beside: bool = False
+) -> list[TermScore]:
     """The terms that explain the recording: first the one to take, then those that are as good."""
-    passing = [score for score in scores if passes(score, evaluator, stage)]
+    passing = [score for score in scores if passes(score, evaluator, stage, beside)]
     if not passing:
         return []
     best = passing[0]
@@ -335,19 +313,22 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
     evaluator, simple = base.evaluator, base.fitted
     terms_left = list(terms)
     stages: list[SelectionStage] = []
-    for number in range(MOST_TERMS):
-        alone = fits_alone(stages[0].scores) if stages else NONE_ALONE
-        stage = _stage(evaluator, simple, terms_left, number, alone)
+    while len(stages) < MOST_TERMS:
+        stage = _stage(evaluator, simple, terms_left, stages)
         stages.append(stage)
         simple = stage.before
         if not stage.accepted:
             break
         chosen = stage.accepted[0]
-        simple = conclude(evaluator, _settled(evaluator, chosen.fitted))
-        if number > 0:
-            simple, stages = _exchanged(evaluator, simple, stages)
-        terms_left = [term for term in terms if term.slug not in simple.slugs]
+        simple = conclude(evaluator, refit(evaluator, chosen.fitted, POLISH))
+        terms_left = [term for term in terms_left if term.slug != chosen.slug]
+        if _is_weak_second(evaluator, stages):
+            break  # nothing is built on it
+    simple = conclude(evaluator, _sticking_again(evaluator, simple))
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
+    if len(needed) < 2 and _is_weak_second(evaluator, stages):
+        stages[-1] = replace(stages[-1], accepted=())
+        fitted, needed = pruned(evaluator, stages[-1].before, stages[:1])
     has_play = any(term_needed.term.slug == PLAY for term_needed in needed)
     if has_play and not jump_is_visible(fitted, evaluator):
         # A later term has taken away the jump that separated play from friction.
@@ -363,91 +344,44 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
     )
 
 
-def fits_alone(scores: Iterable[TermScore]) -> dict[str, Fitted]:
-    """The fits of the terms that gain something alone, by their slugs."""
-    return {score.slug: score.fitted for score in scores if score.advantage.mean >= PROMISING}
+def _is_weak_second(evaluator: Evaluator, stages: Sequence[SelectionStage]) -> bool:
+    """True where the last of ``stages`` brought a second term that is below the limits of one
+    beside any other."""
+    if not beside_another(stages[:-1]) or not stages[-1].accepted:
+        return False
+    return not passes(stages[-1].accepted[0], evaluator, len(stages) - 1)
 
 
-def _settled(evaluator: Evaluator, fitted: Fitted) -> Search[Fitted]:
-    """A hypothesis with a new term, searched to its end.
+def _sticking_again(evaluator: Evaluator, fitted: Fitted) -> Search[Fitted]:
+    """A hypothesis with terms, or the same of a stem that sticks again where that is clearly
+    better.
 
-    Beside a term that has taken the largest part of what was left, a stem may show that it sticks
-    again at a speed, which no descent from one that slides finds.
+    No descent from a stem that slides finds such a one, and the base did not show it where a term
+    has taken the largest part of what was left. It is looked for last, for what lacks a lag or a
+    delay looks like it.
     """
-    polished = yield from refit(evaluator, fitted, POLISH)
-    if not something_left(evaluator, polished):
-        return polished
-    variants = sticking_again(polished.layout, polished.candidates)
-    settled = yield from refit(evaluator, polished, AGAIN, *variants)
-    return settled
-
-
-def _exchanged(
-    evaluator: Evaluator, simple: Fitted, stages: list[SelectionStage]
-) -> tuple[Fitted, list[SelectionStage]]:
-    """A hypothesis and its ``stages`` with an earlier term exchanged for another one that is
-    clearly better beside the later ones.
-
-    Of two effects the first look often finds a third that stands in for both.
-    """
-    for number, stage in enumerate(stages[:-1]):
-        gone = stage.accepted[0].slug
-        others = conclude(evaluator, _in_its_place(evaluator, simple, gone, stages[0].scores))
-        if not others or not _clearly_better(evaluator, simple, others[0].fitted):
-            continue
-        best, *rivals = others
-        as_good = (rival for rival in rivals if _as_good(evaluator, rival, best))
-        simple = conclude(evaluator, _settled(evaluator, best.fitted))
-        stages = list(stages)
-        stages[number] = replace(stage, accepted=(best, *as_good))
-    return simple, stages
-
-
-def _in_its_place(
-    evaluator: Evaluator, simple: Fitted, gone: str, scores: Sequence[TermScore]
-) -> Search[list[TermScore]]:
-    """The terms that gain most alone, by their ``scores``, in the place of the one that is
-    ``gone``; best first, each with its gain over ``simple``.
-    """
-    fewer = evaluator.layout(simple.layout.hypothesis.without(gone))
-    rest = yield from scored(fewer, reduced(evaluator, simple, fewer.hypothesis))
-    others = [score for score in scores if score.slug not in simple.slugs][:REFINED]
-    found = yield from run_together(
-        _beside(evaluator, simple, rest, score)
-        for score in others
-        if score.advantage.mean >= PROMISING
-    )
-    return _ordered(
-        score for score in found if score.term.material(score.values, evaluator.summary)
-    )
-
-
-def _beside(
-    evaluator: Evaluator, simple: Fitted, rest: Fitted, alone: TermScore
-) -> Search[TermScore]:
-    """The term of ``alone`` beside ``rest``, with its gain over ``simple``."""
-    layout = evaluator.layout(rest.layout.hypothesis.plus(alone.term))
-    begun = yield from best_together(evaluator, layout, (rest, alone.fitted), LOOK.keep)
-    fitted = yield from from_best(evaluator, layout, begun, LOOK, own_losses(evaluator, simple))
-    return TermScore(alone.term, fitted, gain(evaluator, simple, fitted))
-
-
-def _clearly_better(evaluator: Evaluator, old: Fitted, new: Fitted) -> bool:
-    more = gain(evaluator, old, new)
-    return more.mean >= NEARLY and more.t >= AS_GOOD
+    if not fitted.slugs or not something_left(evaluator, fitted):
+        return fitted
+    variants = sticking_again(fitted.layout, fitted.candidates)
+    again = yield from refit(evaluator, fitted, AGAIN, *variants)
+    more = gain(evaluator, fitted, again)
+    return again if more.mean >= NEARLY and more.t >= AS_GOOD else fitted
 
 
 def _stage(
     evaluator: Evaluator,
     simple: Fitted,
     terms: Sequence[Term],
-    number: int,
-    alone: Mapping[str, Fitted],
+    stages: Sequence[SelectionStage],
 ) -> SelectionStage:
-    """Round ``number``, from 0: one more of ``terms`` on top of ``simple``."""
-    effort = LOOK if number == 0 else GLANCE
-    before, scores = conclude(evaluator, refined(evaluator, simple, terms, effort, alone))
-    explaining = accepted(evaluator, scores, number)
+    """The round after ``stages``: one more of ``terms`` on top of ``simple``."""
+    number = len(stages)
+    effort, beside = GLANCE if stages else LOOK, beside_another(stages)
+    before, scores = conclude(evaluator, refined(evaluator, simple, terms, effort))
+    explaining = accepted(evaluator, scores, number, beside)
+    if stages and not explaining:
+        scores = conclude(evaluator, _put_beside(evaluator, before, scores, stages[0].scores))
+        explaining = accepted(evaluator, scores, number, beside)
     look_for_two = not explaining and number == 0 and not_little_left(evaluator, before)
     if not look_for_two:
         return SelectionStage(before, tuple(scores), tuple(explaining))
@@ -455,6 +389,43 @@ def _stage(
     # tested at the end.
     best_guess = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
     return SelectionStage(before, tuple(scores), tuple(best_guess), promising=True)
+
+
+def beside_another(stages: Sequence[SelectionStage]) -> bool:
+    """True where ``stages`` are a single one whose term was accepted for its own sake."""
+    return len(stages) == 1 and not stages[0].promising
+
+
+def _put_beside(
+    evaluator: Evaluator,
+    simple: Fitted,
+    scores: Sequence[TermScore],
+    alone: Sequence[TermScore],
+) -> Search[list[TermScore]]:
+    """The ``scores`` of terms on top of ``simple``, the best of them searched again from where
+    ``simple`` and the fits of the terms ``alone`` are put together.
+
+    Searched on top of ``simple``, a term ends where that was, which has taken its part as well.
+    """
+    known = {score.slug: score for score in scores}
+    others = [score for score in alone if score.slug in known and score.advantage.mean >= PROMISING]
+    found = yield from run_together(
+        _beside(evaluator, simple, score) for score in others[:PUT_BESIDE]
+    )
+    better_ones = {
+        score.slug: score
+        for score in found
+        if score.advantage.mean > known[score.slug].advantage.mean
+    }
+    return _ordered((known | better_ones).values())
+
+
+def _beside(evaluator: Evaluator, simple: Fitted, alone: TermScore) -> Search[TermScore]:
+    """A term beside ``simple``, searched from where both are put together."""
+    layout = evaluator.layout(simple.layout.hypothesis.plus(alone.term))
+    begun = yield from best_together(evaluator, layout, (simple, alone.fitted), LOOK.keep)
+    fitted = yield from from_best(evaluator, layout, begun, LOOK, own_losses(evaluator, simple))
+    return TermScore(alone.term, fitted, gain(evaluator, simple, fitted))
 
 
 def named_by_breakaways(
@@ -508,11 +479,12 @@ def pruned(
     if len(stages) == 1:
         return _only_if_needed(evaluator, fitted, stages[0])
     needed: list[Needed] = []
-    for stage in stages:
+    for number, stage in enumerate(stages):
+        beside = number < 2 and beside_another(stages[:1])
         fewer = fitted.layout.hypothesis.without(stage.accepted[0].slug)
         without_term = _refitted_with(evaluator, fitted, fewer)
         advantage = gain(evaluator, without_term, fitted)
-        if _is_needed(evaluator, fitted, stage, advantage, 1):
+        if _is_needed(evaluator, fitted, stage, advantage, 1, beside):
             needed.append(Needed(stage, without_term, advantage))
         else:
             fitted = without_term
@@ -551,13 +523,14 @@ def _is_needed(
     stage: SelectionStage,
     advantage: Advantage,
     number: int = 0,
+    beside: bool = False,
 ) -> bool:
     """True where the hypothesis gains by the term of a stage beyond what chance reaches in round
-    ``number``; where that was only promising, and has passed no test of its size, its size must be
-    material as well.
+    ``number``, ``beside`` as of ``convincing``; where that was only promising, and has passed no
+    test of its size, its size must be material as well.
     """
     term = stage.accepted[0].term
-    if not convincing(advantage, evaluator.measured_counts, term.slug, number):
+    if not convincing(advantage, evaluator.measured_counts, term.slug, number, beside):
         return False
     values = fitted.values(term.slug).mean(axis=0)
     return not stage.promising or term.material(values, evaluator.summary)

@@ -1,5 +1,4 @@
-"""Two hypotheses put together as a start, and terms that were found first exchanged for better
-ones."""
+"""Two hypotheses put together as a start, and what a second term needs beside the first."""
 
 from __future__ import annotations
 
@@ -7,19 +6,22 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.acceptance_limits import BESIDE_ANOTHER, convincing, strength
 from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.batched_search import conclude
-from stemwatch.models.mismatch.crossfit import gain, scored
+from stemwatch.models.mismatch.crossfit import GLANCE, scored
 from stemwatch.models.mismatch.other_coordinates import SHARES, carried_over, put_together
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.term_selection import (
     SelectionStage,
-    _exchanged,
-    _settled,
+    _put_beside,
+    _sticking_again,
+    beside_another,
     screened,
 )
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.stickslip.fit import Advantage
 from tests.models.mismatch.fitted_chain import candidate, hypothesis, simulated_by_chain
 
 PAIR = {"dead_time": 3.0, "rate_limit": 1.5}
@@ -68,27 +70,39 @@ def test_a_delay_of_the_base_becomes_the_dead_time(of_two):
     np.testing.assert_allclose(rich[:, layout.places["dead_time"]], 0.4)
 
 
-def test_a_lag_that_stood_in_for_a_delay_is_exchanged_for_it(of_two):
-    """The lag was found first, the top speed on top of it; with the delay in its place unseen
-    blocks are predicted clearly better."""
-    evaluator, terms = of_two.evaluator, catalogue()
-    scores = conclude(
-        evaluator,
-        screened(evaluator, of_two.fitted, [terms["actuator_lag"], terms["dead_time"]]),
-    )
-    (lag,) = (score for score in scores if score.slug == "actuator_lag")
-    on_top = conclude(evaluator, screened(evaluator, lag.fitted, [terms["rate_limit"]]))
-    stages = [
-        SelectionStage(of_two.fitted, tuple(scores), (lag,)),
-        SelectionStage(lag.fitted, tuple(on_top), tuple(on_top)),
-    ]
-    wrong = on_top[0].fitted
-    right, exchanged = _exchanged(evaluator, wrong, stages)
-    assert set(right.slugs) == set(PAIR)
-    assert [stage.accepted[0].slug for stage in exchanged] == list(PAIR)
-    assert gain(evaluator, wrong, right).t > 1.5
-    again, same = _exchanged(evaluator, right, exchanged)
-    assert (again, same) == (right, exchanged)
+def test_a_lag_is_found_beside_a_delay_that_has_taken_its_part():
+    """On top of the delay as it was fitted alone, a lag gains less than where both are put
+    together; what is not found again keeps its score."""
+    base = based(simulated_by_chain(samples=1200, dead_time=3.0, actuator_lag=2.5))
+    evaluator, terms = base.evaluator, catalogue()
+    both = [terms["dead_time"], terms["actuator_lag"]]
+    alone = conclude(evaluator, screened(evaluator, base.fitted, both))
+    (late,) = (score.fitted for score in alone if score.slug == "dead_time")
+    more = [terms["actuator_lag"], terms["lost_motion"]]
+    on_top = conclude(evaluator, screened(evaluator, late, more, GLANCE))
+    beside = conclude(evaluator, _put_beside(evaluator, late, on_top, alone))
+    before, after = ({score.slug: score for score in scores} for scores in (on_top, beside))
+    assert after["lost_motion"] is before["lost_motion"]
+    lag, shorter = after["actuator_lag"], after["actuator_lag"].fitted.values("dead_time").mean()
+    assert lag.advantage.mean >= before["actuator_lag"].advantage.mean
+    assert lag.values[0] == pytest.approx(2.5, rel=0.2)
+    assert shorter == pytest.approx(3.0, rel=0.2)
+    assert shorter < 0.8 * late.values("dead_time").mean()
+
+
+def test_beside_a_term_that_was_accepted_a_second_needs_less(of_two):
+    """Not beside one that was taken as a guess, no third one, and neither play nor dwell."""
+    first = SelectionStage(of_two.fitted, (), ())
+    guess = SelectionStage(of_two.fitted, (), (), promising=True)
+    assert beside_another([first])
+    assert not any(map(beside_another, ([], [guess], [first, first])))
+    counts = np.full(40, 90.0)
+    at_limit = Advantage(0.095, 1.4)
+    of_lag = strength(at_limit, counts, "actuator_lag", 1)
+    assert BESIDE_ANOTHER < of_lag < 1.0
+    assert convincing(at_limit, counts, "actuator_lag", 1, beside=True)
+    assert not convincing(at_limit, counts, "actuator_lag", 1)
+    assert not convincing(at_limit, counts, "lost_motion", 1, beside=True)
 
 
 def test_beside_a_top_speed_a_stem_is_seen_to_stick_again():
@@ -97,5 +111,5 @@ def test_beside_a_top_speed_a_stem_is_seen_to_stick_again():
     recording = simulated_by_chain(samples=1200, base=sticking, rate_limit=1.5)
     evaluator = based(recording).evaluator
     sliding = at(evaluator, rate_limit=1.5)
-    settled = conclude(evaluator, _settled(evaluator, sliding))
-    assert settled.candidates[:, base_coordinate.RESTICK].mean() == pytest.approx(0.5, abs=0.3)
+    again = conclude(evaluator, _sticking_again(evaluator, sliding))
+    assert again.candidates[:, base_coordinate.RESTICK].mean() == pytest.approx(0.5, abs=0.3)
