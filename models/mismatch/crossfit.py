@@ -265,6 +265,18 @@ def ranked(
     return even, odd_blocks
 
 
+def best_of_folds(
+    evaluator: Evaluator, layout: CoordinateLayout, starts: Floats, keep: int
+) -> Search[BestOfFolds]:
+    """The ``keep`` best of ``starts`` (2, m, size), which were found on the even and on the odd
+    blocks, each for its own fold."""
+    even, odd_blocks = yield from run_together(
+        _cheapest(evaluator, layout, fold, of_fold, keep)
+        for fold, of_fold in zip(folds(evaluator), starts, strict=True)
+    )
+    return even, odd_blocks
+
+
 def own_losses(evaluator: Evaluator, fitted: Fitted) -> tuple[float, float]:
     """The mean loss of each fold by the fit to that fold."""
     even, odd_blocks = (

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 from stemwatch.models.mismatch.acceptance_limits import (
     LEAST_OF_A_PAIR,
     NEAR,
-    remaining_loss,
-    short_record_factor,
+    something_left,
     strength,
 )
 from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
@@ -48,10 +47,6 @@ from stemwatch.models.mismatch.term_selection import (
 
 BEGUN = 6  # terms that every other one is tried beside
 SEARCHED = 5  # pairs that are searched with care
-# What S and J leave (``remaining_loss``), from which a pair is looked for although no term is
-# named: in 104 recordings of the blind trial (seeds 5151 and 6161) such pairs were found from 3.5
-# on.
-LEAST_LEFT = 2.6
 
 
 @dataclass(frozen=True)
@@ -152,12 +147,7 @@ def _comes_near(named: Named) -> bool:
 
 def _noise_is_left(named: Named) -> bool:
     """True where nothing is named, and S and J alone leave hardly more than noise and scatter."""
-    evaluator = named.evaluator
-    left = (
-        remaining_loss(evaluator, named.fitted)
-        / short_record_factor(evaluator.measured_counts) ** 2
-    )
-    return not named.needed and left < LEAST_LEFT
+    return not named.needed and not something_left(named.evaluator, named.fitted)
 
 
 def best_pairs(named: Named, terms: Sequence[Term]) -> list[TermPair]:

@@ -14,9 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import convincing, not_little_left
-from stemwatch.models.mismatch.base_fit import BaseFit
+from stemwatch.models.mismatch.acceptance_limits import (
+    convincing,
+    not_little_left,
+    something_left,
+)
+from stemwatch.models.mismatch.base_fit import AGAIN, BaseFit, sticking_again
 from stemwatch.models.mismatch.batched_search import Search, conclude, run_together
 from stemwatch.models.mismatch.breakaway_levels import (
     LEAST_T,
@@ -42,12 +45,11 @@ from stemwatch.models.mismatch.crossfit import (
     widened,
 )
 from stemwatch.models.mismatch.evaluator import (
-    DEAD_TIME,
-    CoordinateLayout,
     Evaluator,
     S_and_J,
     TermSet,
 )
+from stemwatch.models.mismatch.other_coordinates import best_together, carried_over
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -63,6 +65,7 @@ ATTEMPTS = 2  # looks at the terms of a stage, each on a base that was restarted
 LOOKED_AT_AGAIN = 7
 MOVED = 0.03  # mean advantage of a restarted base over itself from which all is done again
 NEARLY = 0.03  # mean advantage that a richer term must have over a simpler one that it contains
+PUT_BESIDE = 5  # terms that are put beside a hypothesis as they were fitted alone
 
 
 @dataclass(frozen=True)
@@ -172,31 +175,13 @@ def _ordered(scores: Iterable[TermScore]) -> list[TermScore]:
 def neutral(evaluator: Evaluator, simple: Fitted, rich: TermSet) -> Search[Fitted]:
     """``simple`` written in the coordinates of ``rich``, its new terms neutral."""
     layout = evaluator.layout(rich)
-    fitted = yield from scored(layout, _carried_over(simple, layout))
+    fitted = yield from scored(layout, carried_over(simple, layout))
     return fitted
 
 
 def reduced(evaluator: Evaluator, rich: Fitted, simple: TermSet) -> Floats:
     """(2, size) the candidates of ``rich`` in the coordinates of ``simple``."""
-    return _carried_over(rich, evaluator.layout(simple))
-
-
-def _carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
-    """(2, size) the candidates of ``fitted`` in the coordinates of a ``layout`` with more terms,
-    which are neutral, or with fewer.
-
-    A dead time takes the place of the base's delay, and the other way round.
-    """
-    candidates = np.zeros((2, layout.size))
-    candidates[:, : base_coordinate.N_BASE] = fitted.candidates[:, : base_coordinate.N_BASE]
-    shared = layout.places.keys() & fitted.layout.places.keys()
-    for slug in shared:
-        candidates[:, layout.places[slug]] = fitted.values(slug)
-    if DEAD_TIME in layout.places.keys() - shared:
-        candidates[:, layout.places[DEAD_TIME]] = fitted.candidates[:, [base_coordinate.DELAY]]
-    elif DEAD_TIME in fitted.layout.places.keys() - shared:
-        candidates[:, [base_coordinate.DELAY]] = fitted.values(DEAD_TIME)
-    return layout.bounds.clip(candidates)
+    return carried_over(rich, evaluator.layout(simple))
 
 
 def refined(
@@ -250,11 +235,12 @@ def _nested(evaluator: Evaluator, simple: Fitted, score: TermScore) -> Search[Te
     return TermScore(score.term, fitted, gain(evaluator, simple, fitted))
 
 
-def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
+def passes(score: TermScore, evaluator: Evaluator, stage: int, beside: bool = False) -> bool:
     """True where the gain is larger than recordings with nothing hidden show, and the size is
-    material.
+    material; ``beside`` as of ``convincing``.
     """
-    is_convincing = convincing(score.advantage, evaluator.measured_counts, score.slug, stage)
+    counts = evaluator.measured_counts
+    is_convincing = convincing(score.advantage, counts, score.slug, stage, beside)
     return (
         is_convincing
         and (score.slug != PLAY or jump_is_visible(score.fitted, evaluator))
@@ -270,9 +256,11 @@ def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
     return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT))
 
 
-def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:
+def accepted(
+    evaluator: Evaluator, scores: list[TermScore], stage: int, beside: bool = False
+) -> list[TermScore]:
     """The terms that explain the recording: first the one to take, then those that are as good."""
-    passing = [score for score in scores if passes(score, evaluator, stage)]
+    passing = [score for score in scores if passes(score, evaluator, stage, beside)]
     if not passing:
         return []
     best = passing[0]
@@ -325,8 +313,8 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
     evaluator, simple = base.evaluator, base.fitted
     terms_left = list(terms)
     stages: list[SelectionStage] = []
-    for number in range(MOST_TERMS):
-        stage = _stage(evaluator, simple, terms_left, number)
+    while len(stages) < MOST_TERMS:
+        stage = _stage(evaluator, simple, terms_left, stages)
         stages.append(stage)
         simple = stage.before
         if not stage.accepted:
@@ -334,7 +322,13 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
         chosen = stage.accepted[0]
         simple = conclude(evaluator, refit(evaluator, chosen.fitted, POLISH))
         terms_left = [term for term in terms_left if term.slug != chosen.slug]
+        if _is_weak_second(evaluator, stages):
+            break  # nothing is built on it
+    simple = conclude(evaluator, _sticking_again(evaluator, simple))
     fitted, needed = pruned(evaluator, simple, [stage for stage in stages if stage.accepted])
+    if len(needed) < 2 and _is_weak_second(evaluator, stages):
+        stages[-1] = replace(stages[-1], accepted=())
+        fitted, needed = pruned(evaluator, stages[-1].before, stages[:1])
     has_play = any(term_needed.term.slug == PLAY for term_needed in needed)
     if has_play and not jump_is_visible(fitted, evaluator):
         # A later term has taken away the jump that separated play from friction.
@@ -350,13 +344,44 @@ def _named_from(base: BaseFit, terms: Sequence[Term]) -> Named:
     )
 
 
+def _is_weak_second(evaluator: Evaluator, stages: Sequence[SelectionStage]) -> bool:
+    """True where the last of ``stages`` brought a second term that is below the limits of one
+    beside any other."""
+    if not beside_another(stages[:-1]) or not stages[-1].accepted:
+        return False
+    return not passes(stages[-1].accepted[0], evaluator, len(stages) - 1)
+
+
+def _sticking_again(evaluator: Evaluator, fitted: Fitted) -> Search[Fitted]:
+    """A hypothesis with terms, or the same of a stem that sticks again where that is clearly
+    better.
+
+    No descent from a stem that slides finds such a one, and the base did not show it where a term
+    has taken the largest part of what was left. It is looked for last, for what lacks a lag or a
+    delay looks like it.
+    """
+    if not fitted.slugs or not something_left(evaluator, fitted):
+        return fitted
+    variants = sticking_again(fitted.layout, fitted.candidates)
+    again = yield from refit(evaluator, fitted, AGAIN, *variants)
+    more = gain(evaluator, fitted, again)
+    return again if more.mean >= NEARLY and more.t >= AS_GOOD else fitted
+
+
 def _stage(
-    evaluator: Evaluator, simple: Fitted, terms: Sequence[Term], number: int
+    evaluator: Evaluator,
+    simple: Fitted,
+    terms: Sequence[Term],
+    stages: Sequence[SelectionStage],
 ) -> SelectionStage:
-    """Round ``number``, from 0: one more of ``terms`` on top of ``simple``."""
-    effort = LOOK if number == 0 else GLANCE
+    """The round after ``stages``: one more of ``terms`` on top of ``simple``."""
+    number = len(stages)
+    effort, beside = GLANCE if stages else LOOK, beside_another(stages)
     before, scores = conclude(evaluator, refined(evaluator, simple, terms, effort))
-    explaining = accepted(evaluator, scores, number)
+    explaining = accepted(evaluator, scores, number, beside)
+    if stages and not explaining:
+        scores = conclude(evaluator, _put_beside(evaluator, before, scores, stages[0].scores))
+        explaining = accepted(evaluator, scores, number, beside)
     look_for_two = not explaining and number == 0 and not_little_left(evaluator, before)
     if not look_for_two:
         return SelectionStage(before, tuple(scores), tuple(explaining))
@@ -364,6 +389,43 @@ def _stage(
     # tested at the end.
     best_guess = [score for score in scores[:1] if score.advantage.mean >= PROMISING]
     return SelectionStage(before, tuple(scores), tuple(best_guess), promising=True)
+
+
+def beside_another(stages: Sequence[SelectionStage]) -> bool:
+    """True where ``stages`` are a single one whose term was accepted for its own sake."""
+    return len(stages) == 1 and not stages[0].promising
+
+
+def _put_beside(
+    evaluator: Evaluator,
+    simple: Fitted,
+    scores: Sequence[TermScore],
+    alone: Sequence[TermScore],
+) -> Search[list[TermScore]]:
+    """The ``scores`` of terms on top of ``simple``, the best of them searched again from where
+    ``simple`` and the fits of the terms ``alone`` are put together.
+
+    Searched on top of ``simple``, a term ends where that was, which has taken its part as well.
+    """
+    known = {score.slug: score for score in scores}
+    others = [score for score in alone if score.slug in known and score.advantage.mean >= PROMISING]
+    found = yield from run_together(
+        _beside(evaluator, simple, score) for score in others[:PUT_BESIDE]
+    )
+    better_ones = {
+        score.slug: score
+        for score in found
+        if score.advantage.mean > known[score.slug].advantage.mean
+    }
+    return _ordered((known | better_ones).values())
+
+
+def _beside(evaluator: Evaluator, simple: Fitted, alone: TermScore) -> Search[TermScore]:
+    """A term beside ``simple``, searched from where both are put together."""
+    layout = evaluator.layout(simple.layout.hypothesis.plus(alone.term))
+    begun = yield from best_together(evaluator, layout, (simple, alone.fitted), LOOK.keep)
+    fitted = yield from from_best(evaluator, layout, begun, LOOK, own_losses(evaluator, simple))
+    return TermScore(alone.term, fitted, gain(evaluator, simple, fitted))
 
 
 def named_by_breakaways(
@@ -417,11 +479,12 @@ def pruned(
     if len(stages) == 1:
         return _only_if_needed(evaluator, fitted, stages[0])
     needed: list[Needed] = []
-    for stage in stages:
+    for number, stage in enumerate(stages):
+        beside = number < 2 and beside_another(stages[:1])
         fewer = fitted.layout.hypothesis.without(stage.accepted[0].slug)
         without_term = _refitted_with(evaluator, fitted, fewer)
         advantage = gain(evaluator, without_term, fitted)
-        if _is_needed(evaluator, fitted, stage, advantage, 1):
+        if _is_needed(evaluator, fitted, stage, advantage, 1, beside):
             needed.append(Needed(stage, without_term, advantage))
         else:
             fitted = without_term
@@ -460,13 +523,14 @@ def _is_needed(
     stage: SelectionStage,
     advantage: Advantage,
     number: int = 0,
+    beside: bool = False,
 ) -> bool:
     """True where the hypothesis gains by the term of a stage beyond what chance reaches in round
-    ``number``; where that was only promising, and has passed no test of its size, its size must be
-    material as well.
+    ``number``, ``beside`` as of ``convincing``; where that was only promising, and has passed no
+    test of its size, its size must be material as well.
     """
     term = stage.accepted[0].term
-    if not convincing(advantage, evaluator.measured_counts, term.slug, number):
+    if not convincing(advantage, evaluator.measured_counts, term.slug, number, beside):
         return False
     values = fitted.values(term.slug).mean(axis=0)
     return not stage.promising or term.material(values, evaluator.summary)
