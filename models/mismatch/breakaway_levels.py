@@ -42,10 +42,10 @@ from stemwatch.models.stickslip.parameters import Bounds
 DWELL, PLAY = "dwell_dependent_breakaway", "lost_motion"
 FEWEST_EVENTS = 8
 FEWEST_EACH_WAY = 3  # breakaways after a turn, and on the same way, that tell play
-# Of 73 simulated valves with nothing hidden, 12 % scatter and bristles among them, dwell reaches
-# 2.9 and play 3.5, the next 2.6 and 1.6 (`draw_nulls`, seed 4096); of 18 with dwell nine reach
-# the limit, of 12 with play ten.
-LEAST_Z = {DWELL: 3.4, PLAY: 4.0}
+# Of 202 simulated valves with nothing hidden, 12 % scatter and bristles among them, dwell reaches
+# 2.9 and play 3.5, the next 2.7 and 3.0 (`draw_nulls`, seeds 4063, 4096 and 4098). A spring with
+# hysteresis reaches 4 to 7 of play.
+LEAST_Z = {DWELL: 3.0, PLAY: 4.0}
 # Least t of the trajectories with what the breakaways tell: dwell they need not show, and must not
 # contradict. Play they show (1.4 to 2.4 on seven valves, seed 4096); a spring with hysteresis, of
 # whose breakaways the same is seen, they do not (-0.2 on one).

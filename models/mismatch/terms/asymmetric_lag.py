@@ -72,12 +72,10 @@ class AsymmetricLag(CommandTerm):
         )
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """Four sizes, each way, with the other way at a third of it or at 0."""
-        slow = max(summary.interval_s, 1.0) * np.array([1.5, 3.0, 5.0, 8.0])
-        rising_and_falling = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.3)]
-        return np.concatenate(
-            [*rising_and_falling, *(pair[:, ::-1] for pair in rising_and_falling)]
-        )
+        """Six sizes, each way, with the other way at a quarter of it."""
+        slow = max(summary.interval_s, 1.0) * np.array([1.3, 2.0, 3.0, 4.2, 6.0, 9.0])
+        rising = np.stack([slow, 0.27 * slow], axis=1)
+        return np.concatenate([rising, rising[:, ::-1]])
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats

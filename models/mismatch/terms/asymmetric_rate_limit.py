@@ -99,14 +99,14 @@ class AsymmetricRateLimit(CommandTerm):
         )
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """Four limits, each way, with the other way free or four times as fast."""
+        """Eight limits, each way, with the other way five times as fast: a descent from twice the
+        limit does not find it.
+        """
         unit = max(summary.interval_s, 1.0)
         fastest = min(max(summary.swing / (2.0 * summary.interval_s), 1.0 / unit), 6.0)
-        slow = 1.0 / np.geomspace(0.4 / unit, fastest, 4)
-        rising_and_falling = [np.stack([slow, share * slow], axis=1) for share in (0.0, 0.25)]
-        return np.concatenate(
-            [*rising_and_falling, *(pair[:, ::-1] for pair in rising_and_falling)]
-        )
+        slow = 1.0 / np.geomspace(0.35 / unit, fastest, 8)
+        rising = np.stack([slow, 0.2 * slow], axis=1)
+        return np.concatenate([rising, rising[:, ::-1]])
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats

@@ -95,10 +95,10 @@ class RateLimit(CommandTerm):
         return (Coordinate(name="slowness_s_per_percent", low=0.0, high=high),)
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """Limits from 0.3 % in a second or sample to half the swing in one; none shows above."""
+        """Ten limits from 0.3 % in a second or sample to half the swing in one, all that shows."""
         unit = max(summary.interval_s, 1.0)
         fastest = min(max(summary.swing / (2.0 * summary.interval_s), 1.0 / unit), 8.0)
-        return 1.0 / np.geomspace(0.3 / unit, fastest, 6)[:, None]
+        return 1.0 / np.geomspace(0.3 / unit, fastest, 10)[:, None]
 
     def shape(
         self, command: Floats, marks: Marks, interval_s: float, values: Floats, out: Floats
