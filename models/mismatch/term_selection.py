@@ -54,7 +54,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 
 MOST_TERMS = 3
-LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3  # of S; of travel; a smaller jump is not visible
+LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3  # of S and play; of travel; less is not visible
 REFINED = 3  # candidates of a stage that are searched with care
 PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
 AS_GOOD = 1.5  # paired t below which two explanations cannot be separated
@@ -185,7 +185,8 @@ def _carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
     """(2, size) the candidates of ``fitted`` in the coordinates of a ``layout`` with more terms,
     which are neutral, or with fewer.
 
-    A dead time takes the place of the base's delay, and the other way round.
+    A dead time takes the place of the base's delay, and the other way round. Play that is left out
+    is a dead band of friction: S grows by it, and J stays.
     """
     candidates = np.zeros((2, layout.size))
     candidates[:, : base_coordinate.N_BASE] = fitted.candidates[:, : base_coordinate.N_BASE]
@@ -196,6 +197,11 @@ def _carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
         candidates[:, layout.places[DEAD_TIME]] = fitted.candidates[:, [base_coordinate.DELAY]]
     elif DEAD_TIME in fitted.layout.places.keys() - shared:
         candidates[:, [base_coordinate.DELAY]] = fitted.values(DEAD_TIME)
+    if PLAY in fitted.layout.places.keys() - shared:
+        S = candidates[:, base_coordinate.S_PERCENT]
+        with_play = S + fitted.values(PLAY)[:, 0]
+        candidates[:, base_coordinate.RATIO] *= S / np.maximum(with_play, 1e-9)
+        candidates[:, base_coordinate.S_PERCENT] = with_play
     return layout.bounds.clip(candidates)
 
 
@@ -263,11 +269,14 @@ def passes(score: TermScore, evaluator: Evaluator, stage: int) -> bool:
 
 
 def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
-    """False for a stem that does not jump: then play and friction make one dead band, and cannot be
+    """False for a stem that hardly jumps: then play and friction make one dead band, and cannot be
     separated.
     """
     S, J = S_and_J(fitted.candidates.mean(axis=0))
-    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT))
+    dead_band = S + float(fitted.values(PLAY).mean())
+    return bool(
+        J >= max(LEAST_JUMP_SHARE * dead_band, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT)
+    )
 
 
 def accepted(evaluator: Evaluator, scores: list[TermScore], stage: int) -> list[TermScore]:

@@ -133,6 +133,38 @@ def test_too_slow_sampling_gives_a_bound_and_a_sufficient_interval() -> None:
     assert "too slow" in archive.sentence(2.0)
 
 
+@pytest.mark.parametrize("period", [14, 22])
+def test_a_loop_that_hunts_faster_than_its_samples_has_a_bound_and_no_small_S(period: int) -> None:
+    """The samples show hardly any friction, but a stem as far from its command as it ever is."""
+    quick = on_own_clock(kept(cycling(period, hours=12.0), 60))
+    fitted = fit_stickslip(quick)
+    assert max(fitted.S, fitted.J) < 0.5 * S
+    _, archive = as_sampled(fitted, quick)
+    assert archive is not None
+    assert archive.too_slow
+    result = screened(quick)
+    assert result.S.value is None
+    assert "would do" in result.reason
+
+
+def test_averages_are_known_by_slips_that_the_command_did_not_drag() -> None:
+    """A dead band without a jump has values on its way too; then it may be either kind, and what
+    averages would lack is half added and wholly open."""
+    own = on_own_clock(kept(cycling(160), 10, mean=True))
+    sure = find_archive(own)
+    assert sure is not None
+    assert sure.kind is ArchiveKind.AVERAGES
+    assert not sure.kind_open
+    open_kind = replace(sure, kind_open=True, levels=None, per_turn=2.0)
+    fitted = Estimate(value=4.0, low=3.7, high=4.3, unit=PERCENT)
+    (wide, _), (narrow, _) = (
+        archive.restored(fitted, fitted, 1.0)
+        for archive in (open_kind, replace(open_kind, kind_open=False))
+    )
+    assert wide.low < narrow.low
+    assert wide.high > narrow.high
+
+
 def test_reports_by_exception_hide_what_is_smaller() -> None:
     """A stem that follows seems to stick by the deviation, and the sentence says so."""
     rng = np.random.default_rng(3)
@@ -229,6 +261,8 @@ def levels_of_slips(bounds: float) -> SlipLevels:
         level_error=0.1,
         kinetic=1.8,
         kinetic_error=0.1,
+        common=0.1,
+        apart=0.1,
         bounds=bounds,
         per_sample=bounds,
     )
