@@ -15,7 +15,8 @@ from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.fit import Advantage, fit_stickslip
 from stemwatch.models.stickslip.slip_levels import SlipLevels
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Verdict
@@ -133,18 +134,37 @@ def test_too_slow_sampling_gives_a_bound_and_a_sufficient_interval() -> None:
     assert "too slow" in archive.sentence(2.0)
 
 
-@pytest.mark.parametrize("period", [14, 22])
-def test_a_loop_that_hunts_faster_than_its_samples_has_a_bound_and_no_small_S(period: int) -> None:
-    """The samples show hardly any friction, but a stem as far from its command as it ever is."""
-    quick = on_own_clock(kept(cycling(period, hours=12.0), 60))
+def test_a_small_S_is_not_believed_where_the_stem_is_seen_far_from_its_command() -> None:
+    """A loop that hunts between its samples may leave a fit no friction to speak of: then S is a
+    bound. Where the stem stays near its command there is nothing to doubt."""
+    quick = on_own_clock(kept(cycling(22, hours=4.0), 60))
     fitted = fit_stickslip(quick)
-    assert max(fitted.S, fitted.J) < 0.5 * S
-    _, archive = as_sampled(fitted, quick)
+    almost_none = fitted.naive.copy()
+    almost_none[[coordinate.S_PERCENT, coordinate.RATIO]] = 0.5, 0.1
+    blind = replace(
+        fitted,
+        hypothesis="sticking",
+        candidate=almost_none,
+        of_sticking=Advantage(0.1, 1.0),
+        breakaways=None,
+    )
+    _, archive = as_sampled(blind, quick)
     assert archive is not None
     assert archive.too_slow
-    result = screened(quick)
-    assert result.S.value is None
-    assert "would do" in result.reason
+    S_bound, _ = archive.restored(
+        Estimate(value=0.5, low=0.3, high=0.7, unit=PERCENT),
+        Estimate(value=0.05, low=0.0, high=0.2, unit=PERCENT),
+        archive.missed_by(blind.evaluator.problem, blind.evaluator.simulate(almost_none)),
+    )
+    assert S_bound.value is None
+    assert S_bound.low == pytest.approx(0.3)
+    follows = replace(quick, signals={**quick.signals, Role.MV: near(quick.op.values)})
+    assert as_sampled(blind, follows)[1] is None
+
+
+def near(op: Floats) -> Signal:
+    """A position that follows ``op`` within its noise."""
+    return Signal.good(op + 0.05 * np.random.default_rng(2).standard_normal(op.size), "V.MV")
 
 
 def test_averages_are_known_by_slips_that_the_command_did_not_drag() -> None:
