@@ -95,12 +95,9 @@ def bootstrap(fit: StickSlipFit, *, peaks_kept: bool = True) -> StickSlipSample:
     S = draws[:, coordinate.S_PERCENT]
     J = S * draws[:, coordinate.RATIO]
     if fit.J < LEAST_J:
-        # No fit tells a jump so small from a stem that creeps with its command, and the jumps that
-        # are seen may be either.
         within_sample = _way_in_a_sample(fit) if peaks_kept else 0.0
         largest = max(LEAST_J if fit.unneeded is None else fit.unneeded.J, LEAST_J, within_sample)
-        untold = largest * np.random.default_rng(9).random(J.size)
-        raised = np.maximum(J, np.minimum(untold, S))
+        raised = with_untold_jumps(S, J, largest)
         if within_sample > LEAST_J:
             # The stem is dragged (S - J)/2 behind its command, which the recording does show; a
             # jump that is not seen is half of it in the level that was fitted.
@@ -109,6 +106,17 @@ def bootstrap(fit: StickSlipFit, *, peaks_kept: bool = True) -> StickSlipSample:
     step = _command_step(fit)
     error = max(MODEL_ERROR * 0.5 * (fit.S + fit.J), LEAST_ERROR_PERCENT)
     return StickSlipSample(S=_blur(S, step, error, rng), J=_blur(J, step, error, rng))
+
+
+def with_untold_jumps(S: Floats, J: Floats, largest: float = LEAST_J) -> Floats:
+    """Draws of J (m,) raised to anything up to the ``largest`` jump that is not told, percent, and
+    to no more than their ``S`` (m,).
+
+    No fit tells a small jump from a stem that creeps with its command, and the jumps that are seen
+    may be either.
+    """
+    untold = largest * np.random.default_rng(9).random(J.size)
+    return np.asarray(np.maximum(J, np.minimum(untold, S)))
 
 
 def _with_friction_alone(sample: StickSlipSample, fit: StickSlipFit) -> StickSlipSample:
