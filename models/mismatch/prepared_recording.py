@@ -15,6 +15,7 @@ from stemwatch.models.mismatch.base_fit import (
     fit_base,
 )
 from stemwatch.models.mismatch.between_samples import MAY_BE_REPORTS
+from stemwatch.models.mismatch.breakaway_levels import DWELL, LEAST_SIZE
 from stemwatch.models.mismatch.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
@@ -144,6 +145,11 @@ def prepare(
             (RESTICK, OVERSHOOT),
             f"the archive reports in steps of {measured.reported_by:.2g} %, as a stem would move "
             "that sticks again after each slip",
+        )
+    if measured.reported_by >= LEAST_SIZE[DWELL]:
+        refused[DWELL] = (
+            f"the archive reports OP in steps of {measured.reported_by:.2g} %, and the breakaway "
+            "is known no better than that"
         )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
