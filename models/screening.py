@@ -203,7 +203,8 @@ def _fit_part(assessed: _Fitted, limits: Limits) -> _Fitted:
         return prepared
     alone = fit_stickslip(command.commanded, command.unsure_degree, command.first_look)
     fit, archive = as_sampled(alone, command.commanded)
-    return replace(prepared, fit=fit, sample=bootstrap(fit), archive=archive)
+    sample = bootstrap(fit, peaks_kept=archive is None)
+    return replace(prepared, fit=fit, sample=sample, archive=archive)
 
 
 def _to_fit(

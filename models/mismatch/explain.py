@@ -89,6 +89,9 @@ from stemwatch.models.stickslip.find_stroke_curve import find_stroke_curve
 from stemwatch.models.stickslip.op_within_steps import op_within_steps
 from stemwatch.models.stickslip.stroke_curve import StrokeCurve, in_travel
 
+# Curved errors over travel, the same both ways: of a curve from OP to stroke that was found in a
+# recording they are one class with its own bends.
+BENDS = ("bowed_linkage", "flow_force")
 # Effects that delay the stem by an amount that grows with the speed of its command, as friction
 # does.
 LAGS = ("actuator_lag", "asymmetric_lag", "viscous_drag", "underdamped_positioner")
@@ -182,6 +185,10 @@ def _through_curve(
     percent of OP.
     """
     refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
+    if not curve.given:
+        refused |= dict.fromkeys(
+            BENDS, "a bend is part of the curve that was found from OP to stroke"
+        )
     degree, commanded = curve.unsure_degree, in_travel(recording, curve)
     mismatch = _explained(commanded, measured, ceiling, refused=refused, unsure_degree=degree)
     return replace(

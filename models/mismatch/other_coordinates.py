@@ -11,6 +11,7 @@ import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import Search
+from stemwatch.models.mismatch.breakaway_levels import PLAY
 from stemwatch.models.mismatch.crossfit import BestOfFolds, Fitted, best_of_folds
 from stemwatch.models.mismatch.evaluator import DEAD_TIME, CoordinateLayout, Evaluator
 from stemwatch.models.recording import Floats
@@ -23,7 +24,8 @@ def carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
     """(2, size) the candidates of ``fitted`` in the coordinates of a ``layout`` with more terms,
     which are neutral, or with fewer.
 
-    A dead time takes the place of the base's delay, and the other way round.
+    A dead time takes the place of the base's delay, and the other way round. Play that is left out
+    is a dead band of friction: S grows by it, and J stays.
     """
     candidates = np.zeros((2, layout.size))
     candidates[:, : base_coordinate.N_BASE] = fitted.candidates[:, : base_coordinate.N_BASE]
@@ -34,6 +36,11 @@ def carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
         candidates[:, layout.places[DEAD_TIME]] = fitted.candidates[:, [base_coordinate.DELAY]]
     elif DEAD_TIME in fitted.layout.places.keys() - shared:
         candidates[:, [base_coordinate.DELAY]] = fitted.values(DEAD_TIME)
+    if PLAY in fitted.layout.places.keys() - shared:
+        S = candidates[:, base_coordinate.S_PERCENT]
+        with_play = S + fitted.values(PLAY)[:, 0]
+        candidates[:, base_coordinate.RATIO] *= S / np.maximum(with_play, 1e-9)
+        candidates[:, base_coordinate.S_PERCENT] = with_play
     return layout.bounds.clip(candidates)
 
 

@@ -14,10 +14,13 @@ from stemwatch.models.mismatch.base_fit import (
     BaseFit,
     fit_base,
 )
+from stemwatch.models.mismatch.between_samples import MAY_BE_REPORTS
+from stemwatch.models.mismatch.breakaway_levels import DWELL, LEAST_SIZE
 from stemwatch.models.mismatch.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.identifiability import NO_POSITION, untestable_effects
+from stemwatch.models.mismatch.reading_errors import OVERSHOOT, RESTICK
 from stemwatch.models.mismatch.record_effects import MeasuredRecord
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
@@ -137,6 +140,17 @@ def prepare(
         measured.spacing_s,
         problem.unit_s,
     )
+    if summary.J < MAY_BE_REPORTS * measured.reported_by:
+        refused |= dict.fromkeys(
+            (RESTICK, OVERSHOOT),
+            f"the archive reports in steps of {measured.reported_by:.2g} %, as a stem would move "
+            "that sticks again after each slip",
+        )
+    if measured.reported_by >= LEAST_SIZE[DWELL]:
+        refused[DWELL] = (
+            f"the archive reports OP in steps of {measured.reported_by:.2g} %, and the breakaway "
+            "is known no better than that"
+        )
     if not own_reading:
         refused |= dict.fromkeys(READING, "zero and span are those of the flow's characteristic")
     balance = force_balance(problem) if own_reading else None

@@ -73,8 +73,9 @@ class MeasuredRecord:
     averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
     interpolated may lie from the one it dropped, percent, and 0 at all others. ``op_open`` is the
     standard deviation by which OP is not known, percent: ``step / sqrt(12)`` of its recorder's
-    steps, ``deviation / sqrt(3)`` of its held reports. ``restore``: S and J may be raised by what a
-    slow archive lost of OP's peaks; ``archive`` that one, where it is known.
+    steps, ``deviation / sqrt(3)`` of its held reports. ``reported_by``: the deviation of held
+    reports of MV or OP, percent, 0 where there are none. ``restore``: S and J may be raised by what
+    a slow archive lost of OP's peaks; ``archive`` that one, where it is known.
     """
 
     effects: tuple[RecordEffect, ...]
@@ -83,6 +84,7 @@ class MeasuredRecord:
     spacing_s: float
     slack: Floats
     op_open: float = 0.0
+    reported_by: float = 0.0
     restore: bool = True
     archive: Archive | None = None
 
@@ -123,6 +125,7 @@ def measured_record(recording: Recording) -> MeasuredRecord:
         spacing_s=spacing_s,
         slack=np.where(real & ~stored & ~frozen, door, 0.0),
         op_open=float(max(op_step / np.sqrt(12.0), op_deviation / np.sqrt(3.0))),
+        reported_by=max(deviation, op_deviation),
     )
 
 

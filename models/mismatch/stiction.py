@@ -23,8 +23,8 @@ from stemwatch.models.mismatch.force_balance import ForceBalance
 from stemwatch.models.mismatch.reading_errors import without_error
 from stemwatch.models.mismatch.uncertainty import estimate
 from stemwatch.models.recording import PERCENT, Floats
-from stemwatch.models.stickslip.breakaways import Breakaways, breakaways
-from stemwatch.models.stickslip.interval import REPLICATES
+from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, breakaways
+from stemwatch.models.stickslip.interval import REPLICATES, with_untold_jumps
 from stemwatch.models.stickslip.problem import FitProblem
 
 # Standard error: no stem is exactly the element, and a little lag looks like a little dead band.
@@ -65,6 +65,8 @@ def stiction(
     all_drawn = drawn_candidates()
     S_replicates = all_drawn[:, base_coordinate.S_PERCENT]
     J_replicates = S_replicates * all_drawn[:, base_coordinate.RATIO]
+    if J < LEAST_J:
+        J_replicates = with_untold_jumps(S_replicates, J_replicates)
     return Stiction(
         S=_positive(estimate(S_replicates, float(S), PERCENT, float(error))),
         J=_positive(estimate(J_replicates, float(J), PERCENT, float(error))),

@@ -56,7 +56,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 
 MOST_TERMS = 3
-LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3  # of S; of travel; a smaller jump is not visible
+LEAST_JUMP_SHARE, LEAST_JUMP_PERCENT = 0.15, 0.3  # of S and play; of travel; less is not visible
 REFINED = 3  # candidates of a stage that are searched with care
 PROMISING = 0.02  # mean advantage at the first look; less has never become a finding
 AS_GOOD = 1.5  # paired t below which two explanations cannot be separated
@@ -249,11 +249,14 @@ def passes(score: TermScore, evaluator: Evaluator, stage: int, beside: bool = Fa
 
 
 def jump_is_visible(fitted: Fitted, evaluator: Evaluator) -> bool:
-    """False for a stem that does not jump: then play and friction make one dead band, and cannot be
+    """False for a stem that hardly jumps: then play and friction make one dead band, and cannot be
     separated.
     """
     S, J = S_and_J(fitted.candidates.mean(axis=0))
-    return bool(J >= max(LEAST_JUMP_SHARE * S, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT))
+    dead_band = S + float(fitted.values(PLAY).mean())
+    return bool(
+        J >= max(LEAST_JUMP_SHARE * dead_band, 4.0 * evaluator.summary.sigma, LEAST_JUMP_PERCENT)
+    )
 
 
 def accepted(

@@ -71,9 +71,9 @@ def spread_of(estimate: Estimate) -> Floats:
     )
 
 
-def bootstrap(fit: StickSlipFit) -> StickSlipSample:
+def bootstrap(fit: StickSlipFit, *, peaks_kept: bool = True) -> StickSlipSample:
     """Draw S and J from the distribution that the breakaways, or else the recording's blocks of
-    time, give. Seeded.
+    time, give. Seeded. ``peaks_kept``: the archive lost nothing that is restored afterwards.
     """
     rng = np.random.default_rng(7)
     if fit.breakaways is not None:
@@ -95,14 +95,28 @@ def bootstrap(fit: StickSlipFit) -> StickSlipSample:
     S = draws[:, coordinate.S_PERCENT]
     J = S * draws[:, coordinate.RATIO]
     if fit.J < LEAST_J:
-        # No fit tells a jump so small from a stem that creeps with its command, and the jumps that
-        # are seen may be either.
-        largest = LEAST_J if fit.unneeded is None else max(fit.unneeded.J, LEAST_J)
-        untold = largest * np.random.default_rng(9).random(J.size)
-        J = np.maximum(J, np.minimum(untold, S))
+        within_sample = _way_in_a_sample(fit) if peaks_kept else 0.0
+        largest = max(LEAST_J if fit.unneeded is None else fit.unneeded.J, LEAST_J, within_sample)
+        raised = with_untold_jumps(S, J, largest)
+        if within_sample > LEAST_J:
+            # The stem is dragged (S - J)/2 behind its command, which the recording does show; a
+            # jump that is not seen is half of it in the level that was fitted.
+            S = S + 0.5 * (raised - J)
+        J = raised
     step = _command_step(fit)
     error = max(MODEL_ERROR * 0.5 * (fit.S + fit.J), LEAST_ERROR_PERCENT)
     return StickSlipSample(S=_blur(S, step, error, rng), J=_blur(J, step, error, rng))
+
+
+def with_untold_jumps(S: Floats, J: Floats, largest: float = LEAST_J) -> Floats:
+    """Draws of J (m,) raised to anything up to the ``largest`` jump that is not told, percent, and
+    to no more than their ``S`` (m,).
+
+    No fit tells a small jump from a stem that creeps with its command, and the jumps that are seen
+    may be either.
+    """
+    untold = largest * np.random.default_rng(9).random(J.size)
+    return np.asarray(np.maximum(J, np.minimum(untold, S)))
 
 
 def _with_friction_alone(sample: StickSlipSample, fit: StickSlipFit) -> StickSlipSample:
@@ -119,14 +133,16 @@ def _with_friction_alone(sample: StickSlipSample, fit: StickSlipFit) -> StickSli
 
 
 def _command_step(fit: StickSlipFit) -> float:
-    """Median step of OP between samples where it moves, shared among the reversals, percent."""
-    op = fit.evaluator.problem.op
-    moving = np.abs(np.diff(op))
+    """How far OP goes in a sample, shared among its reversals, percent."""
+    turns = reversals(fit.evaluator.problem.op, 0.1 * fit.evaluator.problem.swing).size
+    return float(_way_in_a_sample(fit) / np.sqrt(1.0 + turns / 10.0))
+
+
+def _way_in_a_sample(fit: StickSlipFit) -> float:
+    """Median step of OP between samples where it moves, percent."""
+    moving = np.abs(np.diff(fit.evaluator.problem.op))
     moving = moving[moving > 0]
-    if not moving.size:
-        return 0.0
-    turns = reversals(op, 0.1 * fit.evaluator.problem.swing).size
-    return float(np.median(moving) / np.sqrt(1.0 + turns / 10.0))
+    return float(np.median(moving)) if moving.size else 0.0
 
 
 def _blur(draws: Floats, step: float, model_error: float, rng: np.random.Generator) -> Floats:

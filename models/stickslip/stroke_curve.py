@@ -33,6 +33,10 @@ POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
 # Ranges are set to round numbers, in multiples of ROUND_PERCENT of OP, which lie within
 # NOT_TOLD_PERCENT of the estimate.
 ROUND_PERCENT, NOT_TOLD_PERCENT = 5.0, 1.0
+REVERSED = (
+    "The position falls as OP rises (air to close, or a reading that counts the other way), and is "
+    "read the other way round."
+)
 
 
 @dataclass(frozen=True)
@@ -128,9 +132,10 @@ class StrokeCurve:
         return 1 if self.bend_percent < STRAIGHT_PERCENT else BENT_DEGREE
 
     def sentence(self) -> str:
-        """The curve in words: ends, bend, who gave it, and the remark."""
+        """The curve in words: ends, bend, way, who gave it, and the remark."""
+        turned = REVERSED if self.slope < 0.0 else ""
         source = "The plant file gives this curve." if self.given else ""
-        return " ".join(filter(None, (self._shape(), source, self.remark)))
+        return " ".join(filter(None, (self._shape(), turned, source, self.remark)))
 
     def proposal(self) -> str:
         """The line of the plant file that gives this curve, or nothing where it is given already

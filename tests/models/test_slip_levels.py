@@ -61,10 +61,11 @@ def found(problem: FitProblem, gain: float = 1.0) -> SlipLevels:
 @pytest.mark.parametrize("samples", [5, 8, 15])
 @pytest.mark.parametrize("scatter", [0.0, 0.1])
 def test_levels_between_samples_are_found(samples: int, scatter: float) -> None:
-    """Peaks of OP lie between samples: both levels within two standard errors, which are small."""
+    """Peaks of OP lie between samples: S and J within two standard errors, which are small."""
     levels = found(problem_of(*ramps(samples, 100, samples, scatter=scatter)))
-    assert abs(levels.level - LEVEL) < 2.0 * levels.level_error
-    assert abs(levels.kinetic - KINETIC) < 2.0 * levels.kinetic_error
+    assert abs(levels.S - (LEVEL + KINETIC)) < 2.0 * levels.S_error
+    assert abs(levels.J - (LEVEL - KINETIC)) < 2.0 * levels.J_error
+    assert levels.S_error < 0.07 * (LEVEL + KINETIC)
     assert levels.level_error < 0.07 * LEVEL
     assert levels.S == pytest.approx(levels.level + levels.kinetic)
     assert levels.J == pytest.approx(levels.level - levels.kinetic)
@@ -84,6 +85,8 @@ def test_fewer_samples_give_wider_bounds_and_larger_errors() -> None:
     few, several = (found(problem_of(*ramps(samples, 100, 3))) for samples in (5, 20))
     assert few.bounds > 2.0 * several.bounds
     assert few.level_error > several.level_error
+    assert few.S_error > several.S_error
+    assert few.J_error > several.J_error
 
 
 def test_the_command_has_answered_when_it_turns_at_the_slip() -> None:
@@ -127,5 +130,7 @@ def test_slips_that_noise_hides_do_not_raise_J() -> None:
 @pytest.mark.parametrize(("J", "may"), [(0.3, True), (0.5, False)])
 def test_a_jump_as_small_as_creep_may_be_none(J: float, *, may: bool) -> None:
     """However slowly OP goes."""
-    levels = SlipLevels(20, 2.0 + J / 2, 0.1, 2.0 - J / 2, 0.1, bounds=0.1, per_sample=0.1)
+    levels = SlipLevels(
+        20, 2.0 + J / 2, 0.1, 2.0 - J / 2, 0.1, 0.01, 0.01, bounds=0.1, per_sample=0.1
+    )
     assert levels.may_slide is may

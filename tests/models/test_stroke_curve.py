@@ -222,6 +222,12 @@ def test_S_and_J_are_in_percent_of_op():
     assert result.S.high - result.S.low < 1.0
 
 
+def test_a_reversed_position_is_said_to_be_read_the_other_way_round():
+    """One that rises with OP has no such sentence."""
+    assert "read the other way round" in curve_of("counting the other way", *STICKING).sentence()
+    assert "the other way round" not in curve_of("equal percentage", *STICKING).sentence()
+
+
 def test_a_split_range_is_said_in_one_sentence():
     """The curve is told where the recording's decisions are, with what strokes the valve."""
     (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)

@@ -19,6 +19,9 @@ from stemwatch.models.recording import Floats
 
 # Jumps that differ by less than 1.5 to 1 lie within the scatter of a few dozen slips.
 MATERIAL = 0.2
+# Of travel, by which the breakaways of both ways differ: on a healthy valve an error of a tenth of
+# a percent in zero or curve is a ratio too.
+MATERIAL_PERCENT = 0.2
 MOST = 0.95
 
 
@@ -72,8 +75,11 @@ class AsymmetricSlip(OneNumberTerm):
         return either_sign(0.25, 0.55, 0.8)
 
     def material(self, values: Floats, summary: RecordingSummary) -> bool:
-        """The larger jump is at least one and a half times the smaller."""
-        return bool(abs(values[0]) >= MATERIAL)
+        """The larger jump is at least one and a half times the smaller, and the two ways differ by
+        a size that matters.
+        """
+        apart_percent = abs(values[0]) * (summary.S + summary.J)
+        return bool(abs(values[0]) >= MATERIAL and apart_percent >= MATERIAL_PERCENT)
 
     def parameters(self, values: Floats) -> Mapping[str, tuple[float, str]]:
         """Jump rising over jump falling."""

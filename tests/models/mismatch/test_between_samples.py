@@ -15,7 +15,8 @@ from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import PERCENT, Floats, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.stickslip.fit import fit_stickslip
+from stemwatch.models.stickslip import parameters as coordinate
+from stemwatch.models.stickslip.fit import Advantage, fit_stickslip
 from stemwatch.models.stickslip.slip_levels import SlipLevels
 from stemwatch.models.studies.simulator import draw_sticky, simulate_loop
 from stemwatch.models.verdict import Verdict
@@ -133,6 +134,57 @@ def test_too_slow_sampling_gives_a_bound_and_a_sufficient_interval() -> None:
     assert "too slow" in archive.sentence(2.0)
 
 
+def test_a_small_S_is_not_believed_where_the_stem_is_seen_far_from_its_command() -> None:
+    """A loop that hunts between its samples may leave a fit no friction to speak of: then S is a
+    bound. Where the stem stays near its command there is nothing to doubt."""
+    quick = on_own_clock(kept(cycling(22, hours=4.0), 60))
+    fitted = fit_stickslip(quick)
+    almost_none = fitted.naive.copy()
+    almost_none[[coordinate.S_PERCENT, coordinate.RATIO]] = 0.5, 0.1
+    blind = replace(
+        fitted,
+        hypothesis="sticking",
+        candidate=almost_none,
+        of_sticking=Advantage(0.1, 1.0),
+        breakaways=None,
+    )
+    _, archive = as_sampled(blind, quick)
+    assert archive is not None
+    assert archive.too_slow
+    S_bound, _ = archive.restored(
+        Estimate(value=0.5, low=0.3, high=0.7, unit=PERCENT),
+        Estimate(value=0.05, low=0.0, high=0.2, unit=PERCENT),
+        archive.missed_by(blind.evaluator.problem, blind.evaluator.simulate(almost_none)),
+    )
+    assert S_bound.value is None
+    assert S_bound.low == pytest.approx(0.3)
+    follows = replace(quick, signals={**quick.signals, Role.MV: near(quick.op.values)})
+    assert as_sampled(blind, follows)[1] is None
+
+
+def near(op: Floats) -> Signal:
+    """A position that follows ``op`` within its noise."""
+    return Signal.good(op + 0.05 * np.random.default_rng(2).standard_normal(op.size), "V.MV")
+
+
+def test_averages_are_known_by_slips_that_the_command_did_not_drag() -> None:
+    """A dead band without a jump has values on its way too; then it may be either kind, and what
+    averages would lack is half added and wholly open."""
+    own = on_own_clock(kept(cycling(160), 10, mean=True))
+    sure = find_archive(own)
+    assert sure is not None
+    assert sure.kind is ArchiveKind.AVERAGES
+    assert not sure.kind_open
+    open_kind = replace(sure, kind_open=True, levels=None, per_turn=2.0)
+    fitted = Estimate(value=4.0, low=3.7, high=4.3, unit=PERCENT)
+    (wide, _), (narrow, _) = (
+        archive.restored(fitted, fitted, 1.0)
+        for archive in (open_kind, replace(open_kind, kind_open=False))
+    )
+    assert wide.low < narrow.low
+    assert wide.high > narrow.high
+
+
 def test_reports_by_exception_hide_what_is_smaller() -> None:
     """A stem that follows seems to stick by the deviation, and the sentence says so."""
     rng = np.random.default_rng(3)
@@ -229,6 +281,8 @@ def levels_of_slips(bounds: float) -> SlipLevels:
         level_error=0.1,
         kinetic=1.8,
         kinetic_error=0.1,
+        common=0.1,
+        apart=0.1,
         bounds=bounds,
         per_sample=bounds,
     )

@@ -30,6 +30,7 @@ from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,
     hypothesis,
+    recorded,
     simulated_by_chain,
 )
 
@@ -93,6 +94,23 @@ def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
     seen = told(recording, DWELL, S=4.4, J=2.3)
     assert seen is not None
     assert not seen.convincing
+
+
+def test_rests_that_are_all_about_as_long_tell_no_dwell():
+    """In a quick steady cycle a rise with rest cannot be told from one with the command's speed."""
+    op = quick_cycle(120)
+    evaluator = evaluator_of(recorded(op, op))
+    layout = evaluator.layout(hypothesis())
+    stem = evaluator.simulate(layout, candidate(layout, 4.0, 1.2))
+    noise = 0.02 * np.random.default_rng(4).standard_normal(op.size)
+    assert told(recorded(op, stem + noise), DWELL) is None
+
+
+def quick_cycle(cycles):
+    """OP up and down by 7 to 8 %, each way in 14 s."""
+    sizes = np.random.default_rng(3).uniform(7.0, 8.0, cycles)
+    way = np.repeat((1.0, -1.0), 14)
+    return 50.0 + np.cumsum(np.concatenate([size / 14 * way for size in sizes])) - 3.75
 
 
 def test_few_breakaways_tell_nothing():

@@ -18,11 +18,12 @@ from stemwatch.models.mismatch.compression import (
 )
 from stemwatch.models.mismatch.evaluator import make_evaluator
 from stemwatch.models.mismatch.explain import explain, scores
-from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
+from stemwatch.models.mismatch.prepared_recording import prepare, problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.stickslip import kernel
 from stemwatch.models.stickslip.fit import CANONICAL
 from stemwatch.models.studies.simulator.historian import swinging_door
+from stemwatch.service.studies.robustness import WAYS
 from tests.models.mismatch.fitted_chain import candidate, hypothesis, rescaled, simulated_by_chain
 
 DEVIATION = 0.4  # percent
@@ -75,6 +76,17 @@ def test_only_interpolated_values_have_slack():
     mv[600:900] = mv[600]
     frozen = measured_record(rescaled(recording, mv))
     assert not (frozen.real | (frozen.slack > 0.0))[650:850].any()
+
+
+def test_what_reports_by_exception_make_themselves_is_not_looked_for():
+    """Steps of any stem that slides, and breakaways that are known to the deviation."""
+    plain = simulated_by_chain()
+    reported = WAYS["exception reporting of 1 %"].change(plain)
+    for recording, of_reports in ((plain, False), (reported, True)):
+        measured = measured_record(recording)
+        refused = prepare(recording, measured, None, problem_of(recording, measured)).refused
+        for slug in ("low_speed_restick", "slip_overshoot", "dwell_dependent_breakaway"):
+            assert ("reports" in refused.get(slug, "")) == of_reports
 
 
 def test_a_record_without_lines_has_no_slack():

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 
+from stemwatch.models.mismatch.explain import BENDS, explain
 from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.stickslip.find_stroke_curve import EARLIER_USED
@@ -62,3 +63,12 @@ def test_what_a_person_gave_or_an_earlier_window_found_is_kept():
     ):
         assert refined(stored, kept) is kept
     assert refined(stored, None) is None
+
+
+def test_bends_are_part_of_a_curve_that_was_found_and_not_of_one_that_was_given():
+    """Bow and flow force are one class with the bends of the former."""
+    stored, _ = bent()
+    for given in (False, True):
+        explanation = explain(stored, curve=replace(curve(0.0), given=given))
+        untestable = {item.slug for item in explanation.not_testable}
+        assert untestable.isdisjoint(BENDS) == given

@@ -174,6 +174,16 @@ def test_a_richer_hypothesis_contains_the_simpler_one(slug):
     np.testing.assert_array_equal(back, simple.candidates)
 
 
+def test_play_that_is_left_out_is_a_dead_band_of_friction():
+    """S grows by it and J stays, so that friction alone is searched again from there."""
+    evaluator = named().evaluator
+    rich = two(evaluator, hypothesis("lost_motion"))
+    layout = evaluator.layout(hypothesis("lost_motion"))
+    rich[:, layout.places["lost_motion"]] = 1.5
+    back = reduced(evaluator, conclude(evaluator, scored(layout, rich)), hypothesis())
+    assert base_coordinate.S_and_J(back[1]) == pytest.approx((3.5 + 1.5, 2.0))
+
+
 def two(evaluator, which, S=3.5):
     """Two candidates of a hypothesis without a delay within the sample."""
     layout = evaluator.layout(which)
