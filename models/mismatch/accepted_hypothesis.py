@@ -66,6 +66,9 @@ WORSE = 1.15  # rmse on unseen data over that of S and J alone, from which it re
 # force was recorded as its command is fitted by 62.
 LEAST_FIT_OF_NAMED = 65.0
 NEAR_NOISE = 2.0  # noise floors, rmse up to which a stem that hardly moves is followed
+# Share of a line's mean advantage from which a bend tells against it: beside a zero that was off it
+# gained 0.05 of that, where a force over place was read as a span 0.13 (development valves).
+LEAST_BEND = 0.1
 LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 BEND = "bend"  # a bent reading is not in the catalogue; its limits are those of a term
@@ -335,14 +338,20 @@ def _terms_that_stand(
             for effect in effects
             if effect.evidence.mean >= _least_mean(effect) or (much_nearer and _of_air(effect))
         )
-    has_line = any(effect.slug in STRAIGHT_LINE for effect in effects)
-    if has_line and (
-        _refuted(heldout)
-        or convincing(curvature(evaluator, fitted), evaluator.measured_counts, BEND)
-    ):
+    lines = [effect.evidence.mean for effect in effects if effect.slug in STRAIGHT_LINE]
+    if lines and (_refuted(heldout) or _is_bent(evaluator, fitted, max(lines))):
         effects = tuple(effect for effect in effects if effect.slug not in STRAIGHT_LINE)
         unexplained = unexplained or not effects
     return effects, unexplained
+
+
+def _is_bent(evaluator: Evaluator, fitted: Fitted, mean_of_line: float) -> bool:
+    """True where a straight line through the reading, which has this mean advantage, leaves a bend
+    that is a part of it: without the line, S would have to make up for all of it.
+    """
+    bend = curvature(evaluator, fitted)
+    is_seen = convincing(bend, evaluator.measured_counts, BEND)
+    return is_seen and bend.mean >= LEAST_BEND * mean_of_line
 
 
 def _much_nearer(heldout: HeldOutFit) -> bool:
