@@ -70,7 +70,7 @@ class AsymmetricRateLimit(CommandTerm):
                     "tube on the slow side."
                 ),
                 (
-                    "look: The actuator's action, air to open or to close, tells whether that side "
+                    "look: Air to open or air to close: that tells whether the slow side "
                     "vents or fills."
                 ),
                 "manual: Step OP by 5 % and by 20 % in the slow direction; read the supply gauge.",
