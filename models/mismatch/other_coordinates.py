@@ -24,8 +24,7 @@ def carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
     """(2, size) the candidates of ``fitted`` in the coordinates of a ``layout`` with more terms,
     which are neutral, or with fewer.
 
-    A dead time takes the place of the base's delay, and the other way round. Play that is left out
-    is a dead band of friction: S grows by it, and J stays.
+    A dead time takes the place of the base's delay, and the other way round.
     """
     candidates = np.zeros((2, layout.size))
     candidates[:, : base_coordinate.N_BASE] = fitted.candidates[:, : base_coordinate.N_BASE]
@@ -36,12 +35,24 @@ def carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
         candidates[:, layout.places[DEAD_TIME]] = fitted.candidates[:, [base_coordinate.DELAY]]
     elif DEAD_TIME in fitted.layout.places.keys() - shared:
         candidates[:, [base_coordinate.DELAY]] = fitted.values(DEAD_TIME)
-    if PLAY in fitted.layout.places.keys() - shared:
-        S = candidates[:, base_coordinate.S_PERCENT]
-        with_play = S + fitted.values(PLAY)[:, 0]
-        candidates[:, base_coordinate.RATIO] *= S / np.maximum(with_play, 1e-9)
-        candidates[:, base_coordinate.S_PERCENT] = with_play
     return layout.bounds.clip(candidates)
+
+
+def without(fitted: Fitted, layout: CoordinateLayout) -> list[Floats]:
+    """Candidates (2, size) of ``fitted`` in a ``layout`` with fewer terms, from which to search: as
+    they are, and where play is left out also with the play as a dead band of friction, by which S
+    grows while J stays. S alone may have another optimum at either.
+    """
+    plain = carried_over(fitted, layout)
+    if PLAY not in fitted.layout.places.keys() - layout.places.keys():
+        return [plain]
+    with_play = plain.copy()
+    S = plain[:, base_coordinate.S_PERCENT]
+    with_play[:, base_coordinate.S_PERCENT] = S + fitted.values(PLAY)[:, 0]
+    with_play[:, base_coordinate.RATIO] *= S / np.maximum(
+        with_play[:, base_coordinate.S_PERCENT], 1e-9
+    )
+    return [plain, layout.bounds.clip(with_play)]
 
 
 def best_together(

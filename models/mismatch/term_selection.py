@@ -49,7 +49,7 @@ from stemwatch.models.mismatch.evaluator import (
     S_and_J,
     TermSet,
 )
-from stemwatch.models.mismatch.other_coordinates import best_together, carried_over
+from stemwatch.models.mismatch.other_coordinates import best_together, carried_over, without
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -222,7 +222,7 @@ def _restarted(evaluator: Evaluator, simple: Fitted, scores: Sequence[TermScore]
     """``simple`` searched again from the results of richer hypotheses."""
     if not scores:
         return simple
-    restarts = [reduced(evaluator, score.fitted, simple.layout.hypothesis) for score in scores]
+    restarts = [start for score in scores for start in without(score.fitted, simple.layout)]
     fitted = yield from refit(evaluator, simple, CAREFUL, *restarts)
     fitted = yield from refit(evaluator, fitted, POLISH)
     return fitted
@@ -516,8 +516,10 @@ def _only_if_needed(
 
 def _refitted_with(evaluator: Evaluator, fitted: Fitted, terms: TermSet) -> Fitted:
     """``fitted`` with no more than some of its ``terms``, searched anew."""
-    start = conclude(evaluator, scored(evaluator.layout(terms), reduced(evaluator, fitted, terms)))
-    return conclude(evaluator, refit(evaluator, start, CAREFUL))
+    layout = evaluator.layout(terms)
+    first, *more = without(fitted, layout)
+    start = conclude(evaluator, scored(layout, first))
+    return conclude(evaluator, refit(evaluator, start, CAREFUL, *more))
 
 
 def _is_needed(

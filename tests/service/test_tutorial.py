@@ -32,4 +32,4 @@ def test_the_tutorial_does_what_it_says(
     assert {"FIC-104"} <= sticky
     (explained,) = json.loads((tmp_path / "tutorial/explained/explain.json").read_text("utf-8"))
     assert explained["valve"] == "FIC-115"
-    assert "when falling" in explained["sentence"]
+    assert "when closing" in explained["sentence"]

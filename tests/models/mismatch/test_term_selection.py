@@ -15,6 +15,7 @@ from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import TermSet
+from stemwatch.models.mismatch.other_coordinates import without
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.term import ActsOn
@@ -175,13 +176,15 @@ def test_a_richer_hypothesis_contains_the_simpler_one(slug):
 
 
 def test_play_that_is_left_out_is_a_dead_band_of_friction():
-    """S grows by it and J stays, so that friction alone is searched again from there."""
+    """S grows by it and J stays, so that friction alone is searched again from there as well."""
     evaluator = named().evaluator
     rich = two(evaluator, hypothesis("lost_motion"))
     layout = evaluator.layout(hypothesis("lost_motion"))
     rich[:, layout.places["lost_motion"]] = 1.5
-    back = reduced(evaluator, conclude(evaluator, scored(layout, rich)), hypothesis())
-    assert base_coordinate.S_and_J(back[1]) == pytest.approx((3.5 + 1.5, 2.0))
+    fitted = conclude(evaluator, scored(layout, rich))
+    as_it_is, as_friction = without(fitted, evaluator.layout(hypothesis()))
+    assert base_coordinate.S_and_J(as_it_is[1]) == pytest.approx((3.5, 2.0))
+    assert base_coordinate.S_and_J(as_friction[1]) == pytest.approx((3.5 + 1.5, 2.0))
 
 
 def two(evaluator, which, S=3.5):
