@@ -20,6 +20,9 @@ from stemwatch.models.studies.reproduction.network_step import LIMIT
 from stemwatch.models.verdict import Shape
 from stemwatch.service.studies.comparison.compare_models import NETWORKS
 
+# Compiling the kernels of a study that no plant runs takes longer than all else here.
+pytestmark = pytest.mark.long
+
 DOCS = Path(__file__).parents[4] / "docs"
 PAGE = re.sub(r"\s+", " ", (DOCS / "models.md").read_text("utf-8"))
 TRAIN_UNTIL = 700

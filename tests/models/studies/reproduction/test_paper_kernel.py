@@ -18,6 +18,9 @@ from stemwatch.models.studies.reproduction.layers import (
 from stemwatch.models.studies.reproduction.network_step import run_free
 from stemwatch.models.verdict import Shape
 
+# Compiling the kernels of a study that no plant runs takes longer than all else here.
+pytestmark = pytest.mark.long
+
 KINDS = [
     (table[shape], inputs)
     for shape in Shape
