@@ -164,11 +164,19 @@ def test_two_missing_tags_are_said_at_once(screened, one_valve: Path) -> None:
     assert "there is no tag 'NOPE.ZT'" in outcome.said
 
 
+def export_of(file: Path, heading: str, periods: tuple[int, ...]) -> Path:
+    """``file`` with five minutes of a sawtooth of each of ``periods``, in samples of 1 s."""
+    rows = [
+        ",".join([f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z", *(str(k % n) for n in periods)])
+        for k in range(300)
+    ]
+    file.write_text("\n".join([heading, *rows]), encoding="utf-8")
+    return file
+
+
 def test_a_file_without_a_recognised_op_says_what_to_do(screened, tmp_path: Path) -> None:
     """Numbers without a recognisable OP are no failure: status 0, and what to do is said."""
-    rows = [f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{k % 7},{k % 5}" for k in range(300)]
-    file = tmp_path / "tanks.csv"
-    file.write_text("\n".join(["Time,upper,lower", *rows]), encoding="utf-8")
+    file = export_of(tmp_path / "tanks.csv", "Time,upper,lower", (7, 5))
     outcome, valves = screened(file)
     assert outcome.status == 0
     assert verdicts(valves) == {"tanks": "undetermined"}
@@ -179,10 +187,7 @@ def test_a_file_without_a_recognised_op_says_what_to_do(screened, tmp_path: Path
 
 def test_a_file_of_one_tag_says_that_the_others_belong_into_it(screened, tmp_path: Path) -> None:
     """One file per tag: how the tags of a loop come into one file is said."""
-    rows = [f"2026-03-02T06:{k // 60:02}:{k % 60:02}Z,{k % 7}" for k in range(300)]
-    file = tmp_path / "FIC1.OP.csv"
-    file.write_text("\n".join(["Timestamp,Value", *rows]), encoding="utf-8")
-    outcome, _ = screened(file)
+    outcome, _ = screened(export_of(tmp_path / "FIC1.OP.csv", "Timestamp,Value", (7,)))
     assert outcome.status == 0
     assert "this file holds one tag only" in outcome.said
     assert "time, tag, value" in outcome.said

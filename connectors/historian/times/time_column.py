@@ -14,6 +14,7 @@ from stemwatch.connectors.connector import UnreadableSource
 from stemwatch.connectors.historian.options import ReadOptions
 from stemwatch.connectors.historian.reading_notes import ReadingNotes
 from stemwatch.connectors.historian.tables.raw_table import Index, RawTable
+from stemwatch.connectors.historian.times.clock_put_back import after_clock_change
 from stemwatch.connectors.historian.times.day_month_order import local_ns
 from stemwatch.connectors.historian.times.row_spacing import (
     Spread,
@@ -461,7 +462,7 @@ def _in_zone(
         return Instants(
             ns=utc, ok=aware, in_utc=True, zone=_offset_sentence(offset_min[aware], notes)
         )
-    return undated(_after_clock_change(ns, ok, table, notes), ok, notes)
+    return undated(after_clock_change(ns, ok, _groups(table), notes), ok, notes)
 
 
 def undated(ns: Ints, ok: Bools, notes: ReadingNotes) -> Instants:
@@ -503,44 +504,6 @@ def _offset_sentence(offset_min: Ints | NDArray[np.int32], notes: ReadingNotes) 
     sentence = f"Each time carries its offset from UTC ({', '.join(distinct)})."
     notes.decide(sentence)
     return sentence
-
-
-def _after_clock_change(ns: Ints, ok: Bools, table: RawTable, notes: ReadingNotes) -> Ints:
-    """``ns`` with what follows the end of summer time an hour later, so that the two passes of the
-    repeated hour do not fall on each other: for each tag where each has its own times."""
-    put_back, all_dated = False, bool(ok.all())
-    for group in _groups(table):
-        rows: slice | Index = slice(None)  # which costs a large file no memory
-        if group is not None:
-            rows = group if all_dated else group[ok[group]]
-        elif not all_dated:
-            rows = np.flatnonzero(ok)
-        local = ns[rows]
-        newest_first = bool(local.size) and local[0] > local[-1]
-        in_order = local[::-1] if newest_first else local
-        at = _clock_put_back(in_order)
-        if at is not None:
-            in_order[at:] += 3600 * _SECOND_NS
-            ns[rows] = local
-            put_back = True
-    if put_back:
-        notes.decide(
-            "The times step back by an hour once and go on evenly, as at the end of summer time: "
-            "the rows after it are taken as an hour later. Give the zone where that is wrong."
-        )
-    return ns
-
-
-def _clock_put_back(ns: Ints) -> int | None:
-    """The row before which the clock was put back by an hour; ``None`` where it was not once."""
-    steps = np.diff(ns)
-    backward = np.flatnonzero(steps < 0)
-    if backward.size != 1:
-        return None
-    at = int(backward[0])
-    step, median_step = int(steps[at]), float(np.median(np.abs(steps, out=steps)))
-    goes_on_evenly = abs(step + 3600e9 - median_step) <= median_step + 1e9
-    return at + 1 if goes_on_evenly else None
 
 
 def _with_milliseconds(instants: Instants, table: RawTable) -> Instants:
