@@ -177,7 +177,8 @@ class HeldOutFit:
     Errors in percent of span, fits ``100 (1 - rmse / std(MV))``; ``None`` where too few samples are
     left to compute one. ``gain_low`` and ``gain_high`` are the 95 % interval of ``fit_extended -
     fit_naive``, by a block bootstrap. ``slip_by_slip``: both models let go where the stem was seen
-    to, else they run freely.
+    to, else they run freely. ``alternate_blocks``: unseen are the blocks of time between those that
+    were fitted, each by the fit that did not see it; else it is the last part of the record.
     """
 
     rmse_naive: float | None = None
@@ -191,6 +192,7 @@ class HeldOutFit:
     gain_low: float | None = None
     gain_high: float | None = None
     slip_by_slip: bool = False
+    alternate_blocks: bool = False
 
     @property
     def improves(self) -> bool:
@@ -224,7 +226,8 @@ class Stiction:
 @dataclass(frozen=True, kw_only=True)
 class FreeRuns:
     """(n,) free runs of MV in percent: S and J alone, and with what was named. Where the fit is
-    ``HeldOutFit.slip_by_slip``, both let go where the stem was seen to.
+    ``HeldOutFit.slip_by_slip``, both let go where the stem was seen to; where it is of
+    ``alternate_blocks``, each sample is by the fit that did not see its block.
 
     ``heldout_from`` is the first sample that neither was fitted to. ``position`` (n,) is what they
     follow where MV is no position but a flow that was read as one, NaN where the flow tells

@@ -22,7 +22,7 @@ from stemwatch.models.mismatch.base_fit import (
     sticking_again,
 )
 from stemwatch.models.mismatch.batched_search import Search, conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, search, widened
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, folds, search, widened
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, S_and_J, TermSet
 from stemwatch.models.mismatch.findings import FreeRuns, HeldOutFit
 from stemwatch.models.mismatch.starting_points import beginnings
@@ -145,6 +145,35 @@ def slip_by_slip(
     unseen = _unseen(evaluator, runs.heldout_from)
     heldout = replace(_heldout(evaluator, runs, unseen, None), slip_by_slip=True)
     return replace(comparison, heldout=heldout, runs=runs)
+
+
+def on_alternate_blocks(
+    comparison: HeldOutComparison, fitted: Fitted, terms: Sequence[Term], first_part: FirstPart
+) -> HeldOutComparison:
+    """Both models fitted to every other block of time, and run freely over the blocks between.
+
+    The first part of a record cannot tell how a drift goes on, how fast friction will grow, or
+    where a stop is that the stem has not met yet: what fits it best goes wrong behind it. The
+    blocks between those that were fitted are as unseen, and nothing is foretold.
+
+    ``fitted`` is the final hypothesis on both folds, ``terms`` its terms in the order in which they
+    were found.
+    """
+    evaluator, naive_only = first_part.evaluator, first_part.naive_only
+    samples = evaluator.problem.op.size
+    naive, extended = np.empty(samples), np.empty(samples)
+    of_naive, both_folds = naive_layout(naive_only), folds(evaluator)
+    for candidate, fold, other in zip(
+        fitted.candidates, both_folds, reversed(both_folds), strict=True
+    ):
+        simple = conclude(naive_only, fit_naive(naive_only, fold))
+        free = _running_free(evaluator, fitted.layout, terms, fold, candidate, simple)
+        inside = other[np.maximum(evaluator.problem.block, 0)]
+        naive[inside] = naive_only.simulate(of_naive, simple)[inside]
+        extended[inside] = evaluator.simulate(fitted.layout, free)[inside]
+    runs = replace(comparison.runs, naive=naive, extended=extended, heldout_from=0)
+    heldout = _heldout(evaluator, runs, evaluator.measured, None)
+    return replace(comparison, heldout=replace(heldout, alternate_blocks=True), runs=runs)
 
 
 def _unseen(evaluator: Evaluator, begin: int) -> Bools:

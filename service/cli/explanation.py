@@ -150,7 +150,7 @@ def _caption(mismatch: Mismatch, *, shown_alone: bool) -> str:
             f"fit grows by {figure(heldout.gain_low, 2)} to {figure(heldout.gain_high, 2)} "
             "percentage points"
         )
-    if heldout.slip_by_slip:
+    if heldout.slip_by_slip or heldout.alternate_blocks:
         parts.append(how_both_ran(mismatch))
     bar_of_kind = {bar.kind: bar for bar in residual_bars(mismatch)}
     parts += [

@@ -189,7 +189,11 @@ def _stiction(stiction: Stiction) -> dict[str, Any]:
 def _heldout(heldout: HeldOutFit) -> dict[str, float | bool | None]:
     numbers = {name: finite(getattr(heldout, name)) for name in HELD_OUT}
     measured = numbers["rmse_naive"] is not None
-    return {**numbers, "slip_by_slip": heldout.slip_by_slip if measured else None}
+    return {
+        **numbers,
+        "slip_by_slip": heldout.slip_by_slip if measured else None,
+        "alternate_blocks": heldout.alternate_blocks if measured else None,
+    }
 
 
 def _hot(places: Sequence[HotPlace]) -> list[dict[str, Any]]:

@@ -179,6 +179,12 @@ def residual_bars(mismatch: Mismatch) -> list[ResidualBar]:
 
 def how_both_ran(mismatch: Mismatch) -> str:
     """How the two models ran whose errors are shown, a clause; the pictures have these runs too."""
+    if mismatch.heldout.alternate_blocks:
+        return (
+            "of free runs over every other block of time: both models, in the pictures too, were "
+            "fitted to the blocks between, as the first part cannot foretell what changes along "
+            "the recording, or acts in few places"
+        )
     if not mismatch.heldout.slip_by_slip:
         return "of free runs"
     return (

@@ -25,7 +25,12 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.studies.simulator import simulate_loop
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import (
+    draw_effect,
+    draw_hidden,
+    draw_nulls,
+    simulate_hidden,
+)
 from stemwatch.models.studies.simulator.valve_life import draw_lives
 from tests.models.mismatch.fitted_chain import command, recorded, rescaled, simulated_by_chain
 
@@ -100,7 +105,8 @@ def sound(result: Mismatch, samples: int) -> None:
         assert result.runs.naive.shape == result.runs.extended.shape == (samples,)
         assert np.isfinite(result.runs.naive).all()
         assert np.isfinite(result.runs.extended).all()
-        assert 0 < result.runs.heldout_from < samples
+        assert 0 <= result.runs.heldout_from < samples
+        assert (result.runs.heldout_from == 0) == result.heldout.alternate_blocks
 
 
 def as_json(result: Mismatch) -> str:
@@ -155,6 +161,27 @@ def test_where_free_runs_miss_breakaways_both_models_are_judged_slip_by_slip():
     assert answer.heldout.slip_by_slip
     assert answer.heldout.fit_extended > 65.0
     assert answer.heldout.gain_low > 0.0
+    assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
+
+
+def test_what_no_first_part_can_foretell_is_judged_on_alternate_blocks():
+    """How a drift that wanders goes on cannot be told from its beginning. Over the blocks between
+    those that were fitted it is, and S and J are restated with it."""
+    case, run = simulate_hidden(draw_hidden(253, 2108)[252])
+    answer = explain(run.recording)
+    sound(answer, len(run.recording))
+    assert ["sensor_drift"] == [effect.slug for effect in answer.effects]
+    assert answer.heldout.alternate_blocks
+    assert answer.heldout.fit_extended > 90.0 > answer.heldout.fit_naive
+    assert answer.heldout.gain_low > 0.0
+    assert off(answer.restated, case.loop.valve) < 0.2 * off(answer.naive, case.loop.valve)
+
+
+def test_a_stop_that_acts_in_few_blocks_explains_what_is_left():
+    """Where much is left, what removes most of it stands, however few blocks it acts in."""
+    case, run = simulate_hidden(draw_hidden(70, 2108)[69])
+    answer = explain(run.recording)
+    assert ["travel_stop"] == [effect.slug for effect in answer.effects]
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
 
 

@@ -10,9 +10,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.base_fit import fit_base
+from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.crossfit import CAREFUL, crossfit
 from stemwatch.models.mismatch.evaluator import make_evaluator
-from stemwatch.models.mismatch.held_out import compare_held_out
+from stemwatch.models.mismatch.held_out import FirstPart, compare_held_out, on_alternate_blocks
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.terms import catalogue
@@ -132,3 +135,44 @@ def test_where_the_unseen_part_stands_still_no_fit_is_claimed():
         heldout.fit_naive,
         heldout.fit_extended,
     }
+
+
+@cache
+def crossfitted():
+    """The dead time on both folds, its term, and what all hypotheses of the record share."""
+    evaluator, layout, terms = prepared("dead_time")
+    start = np.zeros((1, layout.size))
+    start[0, [base_coordinate.S_PERCENT, base_coordinate.RATIO]] = 4.0, 0.4
+    start[0, layout.places["dead_time"]] = 3.0
+    fitted = conclude(evaluator, crossfit(evaluator, layout, start, CAREFUL))
+    return evaluator, fitted, terms
+
+
+def on_blocks(evaluator):
+    """Both models on alternate blocks, over the position of ``evaluator``."""
+    _, fitted, terms = crossfitted()
+    return on_alternate_blocks(shown("dead_time"), fitted, terms, FirstPart(evaluator))
+
+
+def test_on_alternate_blocks_no_block_tells_its_own_run():
+    """Another position in the even blocks changes only the runs of the odd ones, which are fitted
+    to it; all samples are unseen, and the errors are of all of them."""
+    evaluator, _, _ = crossfitted()
+    mv, block = evaluator.problem.mv.copy(), evaluator.problem.block
+    even = (block >= 0) & (block % 2 == 0)
+    even[np.flatnonzero(evaluator.problem.start)] = False  # where a run takes its place from,
+    even &= np.append(even[1:], False)  # and where the runs of a next block take theirs from
+    mv[even] += 2.0
+    before, after = on_blocks(evaluator), on_blocks(with_position(evaluator, mv))
+    assert before.runs.heldout_from == 0
+    assert before.heldout.alternate_blocks
+    for was, now in (
+        (before.runs.naive, after.runs.naive),
+        (before.runs.extended, after.runs.extended),
+    ):
+        assert np.array_equal(was[even], now[even])
+        assert np.abs(was - now)[(block >= 0) & (block % 2 == 1)].max() > 0.5
+    rms = errors(evaluator, before.runs)[:2]
+    assert rms == pytest.approx((before.heldout.rmse_naive, before.heldout.rmse_extended))
+    assert before.heldout.rmse_extended < 0.5 * before.heldout.rmse_naive
+    assert before.heldout.gain_low > 0.0
