@@ -8,7 +8,7 @@ catalogue over some windows, through ``explain`` and ``models.evidence_over_wind
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -103,7 +103,7 @@ def _followed(job: WatchedValve) -> FollowedValve:
     for index, case in enumerate(windows_of(job.case, job.windows)):
         if index >= len(windows):
             window, could = _explained(case, index)
-            append_line(job.file, {**asdict(window), "could": could})
+            append_line(job.file, _kept(window, could))
             windows.append((window, could))
     valve = job.case.loop.valve
     return FollowedValve(
@@ -129,8 +129,15 @@ def _explained(case: HiddenCase, day: int) -> Said:
     return window, shown.excited and all(window.looked_for(slug) for slug in case.hidden)
 
 
+def _kept(window: WindowEvidence, could: bool) -> dict[str, Any]:
+    """As a line of JSON, in which no key is a pair."""
+    sizes = [[*place, asdict(size)] for place, size in window.sizes.items()]
+    return {**asdict(replace(window, sizes={})), "sizes": sizes, "could": could}
+
+
 def _read(kept: dict[str, Any]) -> Said:
     could = bool(kept.pop("could"))
+    kept["sizes"] = {(slug, name): Estimate(**size) for slug, name, size in kept["sizes"]}
     kept |= {name: Estimate(**kept[name]) for name in ("S", "J") if kept[name] is not None}
     kept |= {name: datetime.fromisoformat(kept[name]) for name in ("at", "start")}
     kept["named"] = tuple(tuple(members) for members in kept["named"])
