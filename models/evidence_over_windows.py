@@ -38,7 +38,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.acceptance_limits import HARDER, NULL_RATE
-from stemwatch.models.mismatch.findings import EffectScore, Mismatch, Stiction
+from stemwatch.models.mismatch.findings import Effect, EffectScore, Mismatch, Stiction
 from stemwatch.models.recording import PERCENT, Floats
 
 MEMORY = 8  # windows that count; AGREE of them must agree
@@ -106,18 +106,21 @@ class WindowEvidence:
         *,
         start: datetime | None = None,
         begins_anew: str = "",
+        effects: Sequence[Effect] | None = None,
     ) -> WindowEvidence:
-        """The evidence of a window that ended ``at``, from what was found in it."""
+        """The evidence of a window that ended ``at``, from what was found in it: of its defects, or
+        of the named ``effects`` that are given."""
+        followed = mismatch.defects if effects is None else effects
         return cls(
             at=at,
             start=start,
             named=tuple(
                 (effect.slug, *(slug for slug in effect.members if slug != effect.slug))
-                for effect in mismatch.defects
+                for effect in followed
             ),
             sizes={
                 (effect.slug, name): size
-                for effect in mismatch.defects
+                for effect in followed
                 for name, size in effect.parameters.items()
                 if size.value is not None
             },

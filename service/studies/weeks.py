@@ -77,19 +77,24 @@ def follow(
     on_progress: Callable[[int], None] = lambda _: None,
     effects: Sequence[str] = PHYSICS,
     keep: Path | None = None,
+    concealment: str | None = None,
 ) -> list[FollowedValve]:
     """``nulls`` valves with nothing hidden over ``days`` windows, and ``valves`` with each of
-    ``effects`` over ``windows``. ``on_progress`` hears how many valves are done. What windows say
-    is kept in the folder ``keep``, and is not explained again."""
+    ``effects`` over ``windows``, in ``concealment`` or in all of them in turn. ``on_progress``
+    hears how many valves are done. What windows say is kept in the folder ``keep``, and is not
+    explained again."""
 
     def watched(name: str, case: HiddenCase, count: int) -> WatchedValve:
         return WatchedValve(case, count, None if keep is None else keep / f"{seed}-{name}.jsonl")
 
-    jobs = [watched(f"null-{n}", case, days) for n, case in enumerate(draw_nulls(nulls, seed))]
+    jobs = [
+        watched(f"{case.concealment}-null-{n}", case, days)
+        for n, case in enumerate(draw_nulls(nulls, seed, concealment))
+    ]
     jobs += [
-        watched(f"{slug}-{n}", case, windows)
+        watched(f"{case.concealment}-{slug}-{n}", case, windows)
         for slug in effects
-        for n, case in enumerate(draw_effect(slug, valves, seed) if valves else ())
+        for n, case in enumerate(draw_effect(slug, valves, seed, concealment))
     ]
     return map_in_order(executor, _follow, [(job,) for job in jobs], on_progress)
 
@@ -125,7 +130,11 @@ def _explained(case: HiddenCase, day: int) -> Said:
 
     shown, run = simulate_hidden(case)
     at = _BEGIN + timedelta(days=day)
-    window = WindowEvidence.of(explain(run.recording), at, start=at - timedelta(hours=1))
+    mismatch = explain(run.recording)
+    # Names are what is counted, also of effects that are too small to need work.
+    window = WindowEvidence.of(
+        mismatch, at, start=at - timedelta(hours=1), effects=mismatch.effects
+    )
     return window, shown.excited and all(window.looked_for(slug) for slug in case.hidden)
 
 
@@ -159,11 +168,15 @@ class CountedOver:
     named: int
 
 
+def counted(followed: Sequence[FollowedValve]) -> list[FollowedValve]:
+    """The valves whose effect could have shown in two of their windows at least."""
+    return [valve for valve in followed if valve.hidden and valve.testable >= 2]
+
+
 def count_over(followed: Sequence[FollowedValve], windows: int) -> CountedOver:
-    """What stands after the first ``windows`` windows. A valve counts where its effect could have
-    shown in two of its windows at least."""
+    """What stands after the first ``windows`` windows."""
     nulls = [valve for valve in followed if not valve.hidden and len(valve.windows) >= windows]
-    others = [valve for valve in followed if valve.hidden and valve.testable >= 2]
+    others = counted(followed)
     false = sum(
         any(finding.confirmed is not None for finding in lasting_findings(valve.windows[:windows]))
         for valve in nulls
