@@ -216,8 +216,10 @@ def size_errors(followed: Sequence[FollowedValve]) -> list[SizeErrors]:
     single: list[tuple[Estimate | None, float]] = []
     pooled: list[tuple[Estimate | None, float]] = []
     for valve in followed:
-        pooled_sizes = pooled_stiction(valve.windows, lasting_findings(valve.windows))
-        if not valve.hidden or pooled_sizes is None:
+        findings = lasting_findings(valve.windows)
+        pooled_sizes = pooled_stiction(valve.windows, findings)
+        holds = any(finding.holds for finding in findings)
+        if not valve.hidden or not holds or pooled_sizes is None:
             continue
         pooled += [(pooled_sizes.S, valve.S), (pooled_sizes.J, valve.J)]
         single += [(window.S, valve.S) for window in valve.windows if window.named]
