@@ -59,10 +59,10 @@ OF_FRICTION = frozenset(
 )
 FRICTION_GONE = 0.5  # of S in the windows that name such an effect: with less it cannot be there
 FEWEST_WITHOUT = 3  # consecutive windows without it, before a confirmed effect is gone
-# The part of one window's error that all windows share, because no stem is exactly the element. With
-# it 66 of 66 pooled intervals of simulated valves on which an effect holds, 8 windows each, hold the
-# truth in routine records, and 106 of 118 in those of all kinds; with 0.7 66 and 100 (development
-# seeds 4065 and 4066).
+# The part of one window's error that all windows share, because no stem is exactly the element.
+# With it 66 of 66 pooled intervals of simulated valves on which an effect holds, 8 windows each,
+# hold the truth in routine records, and 106 of 118 in those of all kinds; with 0.7 66 and 100
+# (development seeds 4065 and 4066).
 SHARED = 0.9
 _NORMAL_95 = 1.959964
 
