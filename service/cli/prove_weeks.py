@@ -25,6 +25,9 @@ def prove_weeks(
     effect: Annotated[
         list[str] | None, typer.Option(help="Only this effect; may be given several times.")
     ] = None,
+    concealment: Annotated[
+        str | None, typer.Option(help="How every record is concealed; default: all ways in turn.")
+    ] = None,
     seed: o.Seed = 2042,
     workers: o.Workers = None,
     json_file: o.JsonFile = None,
@@ -42,7 +45,7 @@ def prove_weeks(
     """
     from rich.progress import Progress
 
-    from stemwatch.models.studies.simulator.hidden import PHYSICS
+    from stemwatch.models.studies.simulator.hidden import CONCEALMENTS, PHYSICS
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.weeks import follow
@@ -51,6 +54,11 @@ def prove_weeks(
         raise typer.BadParameter(
             f"no effect {', '.join(unknown)}; there are: {', '.join(PHYSICS)}",
             param_hint="--effect",
+        )
+    if concealment not in (None, *CONCEALMENTS):
+        raise typer.BadParameter(
+            f"no concealment {concealment}; there are: {', '.join(CONCEALMENTS)}",
+            param_hint="--concealment",
         )
     if seed in DEVELOPED_WITH:
         views.say(f"Seed {seed} was looked at while the rule was made: this is not blind.")
@@ -69,8 +77,10 @@ def prove_weeks(
             lambda windows_done: progress.update(bar, completed=windows_done),
             slugs,
             keep,
+            concealment,
         )
     _print(followed, days, windows)
+    _print_each(followed, windows)
     if json_file is not None:
         _write(followed, json_file)
     views.say_read_on("proof.md")
@@ -108,6 +118,28 @@ def _print(followed: list[FollowedValve], days: int, windows: int) -> None:
             "the effect",
             highlight=False,
         )
+
+
+def _print_each(followed: list[FollowedValve], windows: int) -> None:
+    """Found of all by effect and by concealment, after all windows."""
+    from rich.table import Table
+
+    from stemwatch.service.cli import views
+    from stemwatch.service.studies.weeks import count_over, counted
+
+    valves = counted(followed)
+    by_effect = [(valve.hidden[0], valve) for valve in valves]
+    by_concealment = [(valve.concealment, valve) for valve in valves]
+    for title, pairs in (("effect", by_effect), ("record", by_concealment)):
+        table = Table(title=f"After {windows} windows, by {title}", title_justify="left")
+        for name in (title, "found, by class", "right when confirmed"):
+            table.add_column(name, justify="left" if name == title else "right")
+        for key in sorted({key for key, _ in pairs}):
+            counts = count_over([valve for of, valve in pairs if of == key], windows)
+            table.add_row(
+                key, f"{counts.found} of {counts.valves}", f"{counts.right} of {counts.named}"
+            )
+        views.out.print(table)
 
 
 def _write(followed: list[FollowedValve], json_file: Path) -> None:

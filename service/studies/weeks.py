@@ -8,7 +8,7 @@ catalogue over some windows, through ``explain`` and ``models.evidence_over_wind
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -77,19 +77,24 @@ def follow(
     on_progress: Callable[[int], None] = lambda _: None,
     effects: Sequence[str] = PHYSICS,
     keep: Path | None = None,
+    concealment: str | None = None,
 ) -> list[FollowedValve]:
     """``nulls`` valves with nothing hidden over ``days`` windows, and ``valves`` with each of
-    ``effects`` over ``windows``. ``on_progress`` hears how many valves are done. What windows say
-    is kept in the folder ``keep``, and is not explained again."""
+    ``effects`` over ``windows``, in ``concealment`` or in all of them in turn. ``on_progress``
+    hears how many valves are done. What windows say is kept in the folder ``keep``, and is not
+    explained again."""
 
     def watched(name: str, case: HiddenCase, count: int) -> WatchedValve:
         return WatchedValve(case, count, None if keep is None else keep / f"{seed}-{name}.jsonl")
 
-    jobs = [watched(f"null-{n}", case, days) for n, case in enumerate(draw_nulls(nulls, seed))]
+    jobs = [
+        watched(f"{case.concealment}-null-{n}", case, days)
+        for n, case in enumerate(draw_nulls(nulls, seed, concealment))
+    ]
     jobs += [
-        watched(f"{slug}-{n}", case, windows)
+        watched(f"{case.concealment}-{slug}-{n}", case, windows)
         for slug in effects
-        for n, case in enumerate(draw_effect(slug, valves, seed) if valves else ())
+        for n, case in enumerate(draw_effect(slug, valves, seed, concealment))
     ]
     return map_in_order(executor, _follow, [(job,) for job in jobs], on_progress)
 
@@ -103,7 +108,7 @@ def _followed(job: WatchedValve) -> FollowedValve:
     for index, case in enumerate(windows_of(job.case, job.windows)):
         if index >= len(windows):
             window, could = _explained(case, index)
-            append_line(job.file, {**asdict(window), "could": could})
+            append_line(job.file, _kept(window, could))
             windows.append((window, could))
     valve = job.case.loop.valve
     return FollowedValve(
@@ -125,12 +130,23 @@ def _explained(case: HiddenCase, day: int) -> Said:
 
     shown, run = simulate_hidden(case)
     at = _BEGIN + timedelta(days=day)
-    window = WindowEvidence.of(explain(run.recording), at, start=at - timedelta(hours=1))
+    mismatch = explain(run.recording)
+    # Names are what is counted, also of effects that are too small to need work.
+    window = WindowEvidence.of(
+        mismatch, at, start=at - timedelta(hours=1), effects=mismatch.effects
+    )
     return window, shown.excited and all(window.looked_for(slug) for slug in case.hidden)
+
+
+def _kept(window: WindowEvidence, could: bool) -> dict[str, Any]:
+    """As a line of JSON, in which no key is a pair."""
+    sizes = [[*place, asdict(size)] for place, size in window.sizes.items()]
+    return {**asdict(replace(window, sizes={})), "sizes": sizes, "could": could}
 
 
 def _read(kept: dict[str, Any]) -> Said:
     could = bool(kept.pop("could"))
+    kept["sizes"] = {(slug, name): Estimate(**size) for slug, name, size in kept["sizes"]}
     kept |= {name: Estimate(**kept[name]) for name in ("S", "J") if kept[name] is not None}
     kept |= {name: datetime.fromisoformat(kept[name]) for name in ("at", "start")}
     kept["named"] = tuple(tuple(members) for members in kept["named"])
@@ -152,11 +168,15 @@ class CountedOver:
     named: int
 
 
+def counted(followed: Sequence[FollowedValve]) -> list[FollowedValve]:
+    """The valves whose effect could have shown in two of their windows at least."""
+    return [valve for valve in followed if valve.hidden and valve.testable >= 2]
+
+
 def count_over(followed: Sequence[FollowedValve], windows: int) -> CountedOver:
-    """What stands after the first ``windows`` windows. A valve counts where its effect could have
-    shown in two of its windows at least."""
+    """What stands after the first ``windows`` windows."""
     nulls = [valve for valve in followed if not valve.hidden and len(valve.windows) >= windows]
-    others = [valve for valve in followed if valve.hidden and valve.testable >= 2]
+    others = counted(followed)
     false = sum(
         any(finding.confirmed is not None for finding in lasting_findings(valve.windows[:windows]))
         for valve in nulls
@@ -196,8 +216,10 @@ def size_errors(followed: Sequence[FollowedValve]) -> list[SizeErrors]:
     single: list[tuple[Estimate | None, float]] = []
     pooled: list[tuple[Estimate | None, float]] = []
     for valve in followed:
-        pooled_sizes = pooled_stiction(valve.windows, lasting_findings(valve.windows))
-        if not valve.hidden or pooled_sizes is None:
+        findings = lasting_findings(valve.windows)
+        pooled_sizes = pooled_stiction(valve.windows, findings)
+        holds = any(finding.holds for finding in findings)
+        if not valve.hidden or not holds or pooled_sizes is None:
             continue
         pooled += [(pooled_sizes.S, valve.S), (pooled_sizes.J, valve.J)]
         single += [(window.S, valve.S) for window in valve.windows if window.named]

@@ -102,7 +102,9 @@ def test_a_study_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
     def say(case, day):
         explained.append(day)
         window = valve((), *["dead_time" if day == 1 else ""] * (day + 1)).windows[day]
-        return replace(window, p_value=0.01), day != 2
+        late = {("dead_time", "seconds"): Estimate(value=3.0, low=2.5, high=3.5, unit="s")}
+        sizes = late if window.named else {}
+        return replace(window, p_value=0.01, sizes=sizes), day != 2
 
     monkeypatch.setattr(weeks, "_explained", say)
     whole = follow(1, 4, 0, 4, 5151, InProcess(), keep=tmp_path)

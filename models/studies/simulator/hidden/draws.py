@@ -47,15 +47,23 @@ def draw_nulls(n: int, seed: int, concealment: str | None = None) -> list[Hidden
     ]
 
 
-def draw_effect(slug: str, n: int, seed: int, concealment: str = "routine") -> list[HiddenCase]:
-    """``n`` cases with the catalogue's effect ``slug``.
+def draw_effect(
+    slug: str, n: int, seed: int, concealment: str | None = "routine"
+) -> list[HiddenCase]:
+    """``n`` cases with the catalogue's effect ``slug``; ``concealment`` for all of them, or
+    (``None``) all in turn, each effect beginning with another one.
 
     Raises ``KeyError`` with the slugs there are.
     """
     effect_named(slug)
     key = zlib.crc32(slug.encode())
     return [
-        _case((slug,), concealment, str(index), np.random.default_rng([seed, index, 5, key]))
+        _case(
+            (slug,),
+            concealment or CONCEALMENTS[(key + index) % len(CONCEALMENTS)],
+            str(index),
+            np.random.default_rng([seed, index, 5, key]),
+        )
         for index in range(n)
     ]
 
