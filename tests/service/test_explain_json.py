@@ -7,15 +7,19 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib.resources import files
+from io import StringIO
 from pathlib import Path
 
 import jsonschema
 import pytest
+from rich.console import Console
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.findings import HeldOutFit, Mismatch
+from stemwatch.service.cli.explanation import explanation
 from stemwatch.service.explain.explain_json import to_json, to_object
 from stemwatch.service.explain.explain_recording import Explained
+from stemwatch.service.report.mismatch_view import how_both_ran
 from tests.service.example_mismatches import effect, named, of_every_kind
 
 SCHEMA = json.loads(
@@ -131,3 +135,25 @@ def properties(schema) -> Iterator[str]:
     if isinstance(schema, list):
         for inner in schema:
             yield from properties(inner)
+
+
+@pytest.mark.parametrize(
+    ("way", "words"),
+    [("slip_by_slip", "slip by slip"), ("alternate_blocks", "over every other block of time")],
+)
+def test_how_both_models_were_compared_is_told_alike(way, words):
+    """JSON and terminal say by which of the three comparisons the effects stand."""
+    freely = named()
+    otherwise = replace(freely, heldout=replace(freely.heldout, **{way: True}))
+    assert to_object(explained(otherwise))["heldout"][way] is True
+    assert to_object(explained(freely))["heldout"][way] is False
+    assert words in how_both_ran(otherwise)
+    assert words in in_terminal(otherwise)
+    assert words not in in_terminal(freely)
+
+
+def in_terminal(mismatch: Mismatch) -> str:
+    """What the terminal prints of it, in one long line each."""
+    console = Console(width=2000, record=True, file=StringIO())
+    console.print(explanation(explained(mismatch)))
+    return console.export_text()
