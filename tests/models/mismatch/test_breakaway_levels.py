@@ -34,8 +34,6 @@ from tests.models.mismatch.fitted_chain import (
     simulated_by_chain,
 )
 
-PLACE = 12  # of a valve whose packing is made of bristles
-
 
 def base_of(recording, S=4.0, J=1.2):
     """The evaluator of a recording, and S and J alone on both folds."""
@@ -85,13 +83,14 @@ def test_breakaways_at_one_level_tell_neither():
     assert not any(answer.convincing for answer in answers)
 
 
-def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
+@pytest.mark.parametrize(("place", "seed", "S", "J"), [(12, 5151, 4.4, 2.3), (38, 2109, 5.2, 2.5)])
+def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell(place, seed, S, J):
     """A slow force means a long rest, so that their breakaways rise with the rest as well."""
-    case = draw_nulls(PLACE + 1, 5151, "routine")[PLACE]
+    case = draw_nulls(place + 1, seed, "routine")[place]
     bristles = PackingDefects(presliding_percent=0.002)
     loop = replace(case.loop, valve=replace(case.loop.valve, packing=bristles))
     recording = simulate_loop(loop, case.seed).recording
-    seen = told(recording, DWELL, S=4.4, J=2.3)
+    seen = told(recording, DWELL, S=S, J=J)
     assert seen is not None
     assert not seen.convincing
 
