@@ -68,8 +68,8 @@ MOST_SIZE = {DWELL: 1.0, PLAY: 6.0}
 # raises the breakaway only, and so both; play is a part of S, or has been taken away from J.
 LESS = {DWELL: ((1.0, 1.0),), PLAY: ((0.0, -1.0), (0.5, -0.5), (1.0, 0.0))}
 SEEN_JUMP, ABOVE_NOISE = 0.4, 4.0  # shares of J, standard deviations: a slip that is seen as one
-# Of the command's speed in percent/s. ``d`` in shares of the level: where its search begins, and its
-# limit either way. A search that begins without any may end there although more of it explains
+# Of the command's speed in percent/s. ``d`` in shares of the level: where its search begins, and
+# its limit either way. A search that begins without any may end there although more of it explains
 # the breakaways better, which is then taken for dwell.
 RATE_POWER, RATE_STARTS, MOST_BY_RATE = 2.0 / 3.0, (0.0, 0.4), 3.0
 ODD = 0.04  # share of the breakaways that something else caused
