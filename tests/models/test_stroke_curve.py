@@ -14,6 +14,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.refined_curve import refined
+from stemwatch.models.prepared_command import prepare_command
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.stickslip.find_stroke_curve import (
@@ -176,6 +177,15 @@ def test_the_slips_tell_a_bend_where_free_runs_miss_too_many_of_them():
     assert curve.bend_percent > 4.0
     found, true = used_slopes(curve, lambda op: 100.0 * np.expm1(op / 100.0 * np.log(40.0)) / 39.0)
     assert found == pytest.approx(true, rel=0.08)
+
+
+def test_a_bent_curve_is_not_taken_for_a_late_clock():
+    """Read as a straight line this OP seemed 3.8 s late, and once that was taken away, behind the
+    curve, the stem 3.8 s: a dead time. An OP that is 5 s late behind a curve still is."""
+    stored = changed(with_bristles(8), op=lambda v: 10.0 * np.sqrt(v.clip(0.0)))
+    assert prepare_command(stored, None).late_s == 0.0
+    late = changed(stored, op=lambda v: np.concatenate((np.full(5, v[0]), v[:-5])))
+    assert prepare_command(late, None).late_s == pytest.approx(5.0, abs=0.5)
 
 
 @pytest.mark.long
