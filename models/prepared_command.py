@@ -55,7 +55,7 @@ def prepare_command(as_stored: Recording, known_curve: KnownCurve | None) -> Pre
     prepared = _prepared(as_stored, known_curve, late, look_as_stored)
     if prepared.curve is None or prepared.late_s == 0.0:
         return prepared
-    # A bent curve, read as a straight line, looks like an OP that is late.
+    # An OP that is not percent of travel, read as if it were, may look late.
     through_curve = late_evidence(in_travel(as_stored, prepared.curve))
     if through_curve.late_s(as_stored.interval_s) == prepared.late_s:
         return prepared
