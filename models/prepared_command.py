@@ -52,6 +52,23 @@ def prepare_command(as_stored: Recording, known_curve: KnownCurve | None) -> Pre
     """
     look_as_stored = FirstLook.of(as_stored)
     late = late_evidence(as_stored, look_as_stored)
+    prepared = _prepared(as_stored, known_curve, late, look_as_stored)
+    if prepared.curve is None or prepared.late_s == 0.0:
+        return prepared
+    # An OP that is not percent of travel, read as if it were, may look late.
+    through_curve = late_evidence(in_travel(as_stored, prepared.curve))
+    if through_curve.late_s(as_stored.interval_s) == prepared.late_s:
+        return prepared
+    return _prepared(as_stored, known_curve, through_curve, look_as_stored)
+
+
+def _prepared(
+    as_stored: Recording,
+    known_curve: KnownCurve | None,
+    late: LateEvidence,
+    look_as_stored: FirstLook | None,
+) -> PreparedCommand:
+    """The command where OP is as ``late`` as that."""
     late_s = late.late_s(as_stored.interval_s)
     on_time = brought_forward(as_stored, late_s)
     resolved = op_within_steps(on_time)

@@ -5,12 +5,19 @@ show together. But each rest of the stem is a trial of its breakaway level. With
 of the command from the resting stem, towards the motion that it would cause, the stem has held as
 long as
 
-    f < L (1 + s e) + b ln(1 + rest/t0) + p (same - 1/2) + d ln(speed of the command),
+    f < L (1 + s e) + b ln(1 + rest/t0) + p (same - 1/2) - min(d r^(2/3), J),
 
 with a level ``L`` for either direction, ``e`` normal, ``same`` 1 where it would go on the way that
-it came and 0 where it would turn. ``b`` is dwell. ``p`` is play: after a turn the reading lags by
-half of it the other way. ``d`` is a packing that gives before it lets go (bristles), which looks
-like dwell, because a slow force means a long rest.
+it came and 0 where it would turn, and the command's speed ``r``. ``b`` is dwell. ``p`` is play:
+after a turn the reading lags by half of it the other way.
+
+``d`` is a packing that gives before it lets go, and lets go the earlier the quicker it is loaded,
+which looks like dwell, because a slow force means a long rest. The power is that of the LuGre model
+(doi:10.1109/9.376053): below its level ``Fs`` a stem creeps at a speed ``v`` with
+``v (1 - F/g(v)) = r/s0``, where the bristles have the stiffness ``s0`` and
+``g(v) = Fs (1 - a v^2/vs^2)`` at low speed. With ``e = 1 - F/Fs`` the left side is at most
+``2/3 vs e sqrt(e/(3 a))``; where ``r/s0`` is more than that, nothing holds the stem. So it lets go
+``e ~ r^(2/3)`` below its level, and never below the kinetic one, which is ``J`` lower.
 
 What is maximised is the likelihood of holding until the sample before the breakaway and of letting
 go then, as of any duration that depends on what happened during it (Cox, 1972,
@@ -47,9 +54,9 @@ FEWEST_EACH_WAY = 3  # breakaways after a turn, and on the same way, that tell p
 # the rests of a loop that slips every 7 s spread by 0.9, those of ten with dwell by 1.1 to 2.6
 # (seed 4062).
 LEAST_SPREAD = 1.0
-# Of 202 simulated valves with nothing hidden, 12 % scatter and bristles among them, dwell reaches
-# 2.9 and play 3.5, the next 2.7 and 3.0 (`draw_nulls`, seeds 4063, 4096 and 4098). A spring with
-# hysteresis reaches 4 to 7 of play.
+# Of 195 simulated valves with nothing hidden, 12 % scatter and bristles among them, dwell reaches
+# 3.3 (with a size just below LEAST_SIZE) and 2.9, play 3.1 and 2.5 (`draw_nulls`, seeds 4063 to
+# 4065). A spring with hysteresis reaches 4 to 7 of play.
 LEAST_Z = {DWELL: 3.0, PLAY: 4.0}
 # Least t of the trajectories with what the breakaways tell: dwell they need not show, and must not
 # contradict. Play they show (1.4 to 2.4 on seven valves, seed 4096); a spring with hysteresis, of
@@ -61,11 +68,14 @@ MOST_SIZE = {DWELL: 1.0, PLAY: 6.0}
 # raises the breakaway only, and so both; play is a part of S, or has been taken away from J.
 LESS = {DWELL: ((1.0, 1.0),), PLAY: ((0.0, -1.0), (0.5, -0.5), (1.0, 0.0))}
 SEEN_JUMP, ABOVE_NOISE = 0.4, 4.0  # shares of J, standard deviations: a slip that is seen as one
-SLOWEST_PERCENT_PER_S = 0.01
+# Of the command's speed in percent/s. ``d`` in shares of the level: where its search begins, and
+# its limit either way. A search that begins without any may end there although more of it explains
+# the breakaways better, which is then taken for dwell.
+RATE_POWER, RATE_STARTS, MOST_BY_RATE = 2.0 / 3.0, (0.0, 0.4), 3.0
 ODD = 0.04  # share of the breakaways that something else caused
 ODD_WIDTH, ODD_LEAST = 0.4, 1e-3
 LONGEST_MEAN = 40  # samples over which a resting position is averaged
-_UP, _DOWN, _SCATTER, _BY_REST, _BY_WAY, _BY_SPEED = range(6)
+_UP, _DOWN, _SCATTER, _BY_REST, _BY_WAY, _BY_RATE, _MOST_BY_RATE = range(7)
 _SMALLEST = 1e-6
 STEP = 1e-4  # of differences for slopes
 
@@ -75,7 +85,7 @@ class _Rests(NamedTuple):
     ``side`` (m,); the motion before was to ``before`` (m,), 0 where none was.
 
     Over the samples (n,): ``distance`` of the command from the resting stem, percent; ``rest``
-    ln(1 + rest/t0); ``speed`` the logarithm of the command's speed.
+    ln(1 + rest/t0); ``rate`` the command's speed in percent/s to the power 2/3.
     """
 
     first: Samples
@@ -84,7 +94,7 @@ class _Rests(NamedTuple):
     before: Floats
     distance: Floats
     rest: Floats
-    speed: Floats
+    rate: Floats
 
 
 @dataclass(frozen=True)
@@ -92,13 +102,15 @@ class BreakawayEvidence:
     """An effect ``slug`` and its ``size`` (percent of span per e-fold of rest, or percent of
     travel) with its standard ``error`` and normal score ``z``, the lesser of that alone and that
     beside the other effect; ``usual`` is the mean of ``ln(1 + rest/t0)``, ``events`` the number of
-    breakaways."""
+    breakaways. ``rate_z`` is the score of letting go earlier the quicker it is loaded, beside the
+    effect."""
 
     slug: str
     size: float
     z: float
     usual: float
     events: int
+    rate_z: float
 
     @property
     def error(self) -> float:
@@ -128,12 +140,14 @@ def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEv
         return []
     S, ratio = middle[base_coordinate.S_PERCENT], middle[base_coordinate.RATIO]
     level = max(0.5 * float(S * (1.0 + ratio)), 0.3)
-    start = np.array([level, level, math.log(0.08), 0.0, 0.0, 0.0])
-    neither, start = _best(rests, level, start, ())
-    with_dwell, of_dwell = _best(rests, level, start, (_BY_REST,))
-    with_play, of_play = _best(rests, level, start, (_BY_WAY,))
-    better = of_dwell if with_dwell > with_play else of_play
-    with_both, of_both = _best(rests, level, better, (_BY_REST, _BY_WAY))
+    starts = _starts(rests, level, float(S * ratio))
+    found = [_best(rests, level, start, (_BY_RATE,)) for start in starts]
+    neither = max(value for value, _ in found)
+    starts = [start for _, start in found]
+    with_dwell, of_dwell = _best_of(rests, level, starts, (_BY_RATE, _BY_REST))
+    with_play, of_play = _best_of(rests, level, starts, (_BY_RATE, _BY_WAY))
+    both = (_BY_RATE, _BY_REST, _BY_WAY)
+    with_both, of_both = _best_of(rests, level, [of_dwell, of_play], both)
     rested = rests.rest[rests.last]
     usual, spread = float(np.mean(rested)), float(np.ptp(np.percentile(rested, (5.0, 95.0))))
     count = int(rests.side.size)
@@ -148,6 +162,7 @@ def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEv
             ),
             usual,
             count,
+            _rate_z(rests, level, alone, with_it, place),
         )
         for slug, place, with_it, without, alone in (
             (DWELL, _BY_REST, with_dwell, with_play, of_dwell),
@@ -157,6 +172,24 @@ def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEv
         or (slug == PLAY and min(goes_on, count - goes_on) >= FEWEST_EACH_WAY)
     ]
     return sorted(answers, key=lambda answer: -answer.z)
+
+
+def _rate_z(rests: _Rests, level: float, numbers: Floats, value: float, place: int) -> float:
+    """The score of what the rate does in the best ``numbers`` (7,), whose log likelihood is
+    ``value``, beside that at ``place``."""
+    without = numbers.copy()
+    without[_BY_RATE] = 0.0
+    return _z(value - _best(rests, level, without, (place,))[0], float(numbers[_BY_RATE]))
+
+
+def _starts(rests: _Rests, level: float, jump: float) -> list[Floats]:
+    """Numbers (7,) to begin with: breakaways of about the ``level``, whatever the rate does."""
+    usual = float(np.mean(rests.rate[rests.last]))
+    starts = []
+    for share in RATE_STARTS:
+        held = level + min(share * level * usual, jump)
+        starts.append(np.array([held, held, math.log(0.08), 0.0, 0.0, share * level, jump]))
+    return starts
 
 
 def _z(gained: float, size: float) -> float:
@@ -198,23 +231,30 @@ def _rests(evaluator: Evaluator, fitted: Fitted, candidate: Floats) -> _Rests:
             kept.append((first, int(at), way, before))
         before = way
     columns = np.array(kept, dtype=np.float64).reshape(-1, 4).T
-    logs = np.log(np.maximum(speed, SLOWEST_PERCENT_PER_S))
     begins, ends = columns[0].astype(np.int64), columns[1].astype(np.int64)
-    return _Rests(begins, ends, columns[2].copy(), columns[3].copy(), distance, rest, logs)
+    rate = speed**RATE_POWER
+    return _Rests(begins, ends, columns[2].copy(), columns[3].copy(), distance, rest, rate)
+
+
+def _best_of(
+    rests: _Rests, level: float, starts: Iterable[Floats], more: tuple[int, ...]
+) -> tuple[float, Floats]:
+    """The best of what ``_best`` finds from each of ``starts``."""
+    return max((_best(rests, level, start, more) for start in starts), key=lambda best: best[0])
 
 
 def _best(rests: _Rests, level: float, start: Floats, more: Iterable[int]) -> tuple[float, Floats]:
-    """The largest log likelihood and its numbers (6,), ``more`` of them free beside the levels, the
-    scatter and what the speed does."""
-    free = np.array([_UP, _DOWN, _SCATTER, _BY_SPEED, *more])
-    unit = np.array([level, level, 1.0, 1.0, 1.0, 1.0])[free]
+    """The largest log likelihood and its numbers (7,), ``more`` of them free beside the levels and
+    the scatter."""
+    free = np.array([_UP, _DOWN, _SCATTER, *more])
+    unit = np.array([level, level, 1.0, 1.0, 1.0, level])[free]
     reach = (
         (0.2 * level, 5.0 * level),
         (0.2 * level, 5.0 * level),
         (-4.0, -0.7),
         (-3.0, 3.0),
         (-8.0, 8.0),
-        (-1.5, 1.5),
+        (-MOST_BY_RATE * level, MOST_BY_RATE * level),
     )
     numbers = start.copy()
 
@@ -245,7 +285,7 @@ def _log_likelihood(
     before: Floats,
     distance: Floats,
     rest: Floats,
-    speed: Floats,
+    rate: Floats,
 ) -> float:
     """Of all rests: each level held up to two samples before the breakaway, and the one to its side
     gave way then; the sampling of OP does not tell it better."""
@@ -257,7 +297,8 @@ def _log_likelihood(
         for k in range(first[i], last[i] + 1):
             if k == last[i] - 1:
                 held_up, held_down = rose, fell
-            raised = numbers[_BY_REST] * rest[k] + numbers[_BY_SPEED] * speed[k]
+            sooner = min(numbers[_BY_RATE] * rate[k], numbers[_MOST_BY_RATE])
+            raised = numbers[_BY_REST] * rest[k] - sooner
             rose = max(rose, (distance[k] - raised - play) * up - 1.0)
             fell = max(fell, (play - distance[k] - raised) * down - 1.0)
             if k == first[i]:
@@ -290,14 +331,14 @@ def _with_slope(
     before: Floats,
     distance: Floats,
     rest: Floats,
-    speed: Floats,
+    rate: Floats,
 ) -> tuple[float, Floats]:
     """The log likelihood, and its slopes along the ``free`` numbers by differences."""
-    value = _log_likelihood(numbers, first, last, side, before, distance, rest, speed)
+    value = _log_likelihood(numbers, first, last, side, before, distance, rest, rate)
     slope, moved = np.empty(free.size), numbers.copy()
     for i in range(free.size):
         moved[free[i]] += STEP
-        beside = _log_likelihood(moved, first, last, side, before, distance, rest, speed)
+        beside = _log_likelihood(moved, first, last, side, before, distance, rest, rate)
         slope[i] = (beside - value) / STEP
         moved[free[i]] = numbers[free[i]]
     return value, slope

@@ -11,7 +11,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.acceptance_limits import strength
-from stemwatch.models.mismatch.breakaway_levels import LEAST_Z, BreakawayEvidence
+from stemwatch.models.mismatch.breakaway_levels import DWELL, LEAST_Z, BreakawayEvidence
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import (
     Effect,
@@ -150,6 +150,12 @@ def by_events(
         f"The {seen.events} breakaways together tell it ({seen.z:.1f} standard errors); in the "
         "residual it is small, for each of them scatters as well."
     )
+    if seen.slug == DWELL and seen.rate_z >= LEAST_Z[DWELL]:
+        note += (
+            " They also come earlier the quicker OP moves, as those of a packing that gives before "
+            "it lets go; part of the rise may be that. Holds of different lengths before the same "
+            "ramp tell which."
+        )
     evidence = replace(
         found_effect.evidence, events_z=seen.z, strength=seen.z / LEAST_Z[seen.slug], note=note
     )

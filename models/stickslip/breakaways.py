@@ -165,6 +165,12 @@ class Breakaways:
         return abs(self.level - level) <= FARTHEST * level
 
     @property
+    def agreement(self) -> float:
+        """How well the breakaways agree at the delay that suits them best: the log-likelihood of
+        one of them, halved as in ``_weight``."""
+        return max((one.weight + 0.5 * one.unusual**2) / one.count for one in self.tried)
+
+    @property
     def _of_any_delay(self) -> Floats:
         """(n,) weights of the delays by the agreement of the breakaways alone."""
         level_weights = np.array([levels.weight + 0.5 * levels.unusual**2 for levels in self.tried])

@@ -28,7 +28,9 @@ NEARLY_LINEAR_PERCENT = 1.5  # of travel, off the chord
 LEAST_TRAVEL_PERCENT = 0.5  # less is no curve
 USED = (0.5, 99.5)  # percentiles between which OP counts as used
 STRAIGHT_PERCENT = 0.01  # of travel, off the chord: a curve that was fitted as a straight line
-BENT_DEGREE = 3  # of the polynomial that describes the error of a bent curve
+# Degree of the polynomial that describes the error of a bent curve: that of the richest correction
+# which a curve is found with.
+BENT_DEGREE = 5
 POINTS_OFF_PERCENT = 0.5  # of travel, by which points on a line are left out
 # Ranges are set to round numbers, in multiples of ROUND_PERCENT of OP, which lie within
 # NOT_TOLD_PERCENT of the estimate.

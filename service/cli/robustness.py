@@ -67,7 +67,8 @@ def robustness(
     with views.progress("recordings", 2 * valves * len(storages)) as advance:
         executor = choose_executor(workers)
         answers = run_robustness(valves, seed, storages, executor, advance, keep)
-    _print(list(rows(answers)), markdown=markdown)
+    _print(table := list(rows(answers)), markdown=markdown)
+    _print_coverage(table)
     views.write_answers(answers, json_file)
     views.say_read_on("robustness.md")
 
@@ -91,6 +92,23 @@ def _print(rows: Sequence[Row], *, markdown: bool) -> None:
         "of S; named in error are valves of which an effect was named though nothing was hidden.",
         highlight=False,
     )
+
+
+def _print_coverage(rows: Sequence[Row]) -> None:
+    """The intervals of all ways together, and in how many ways too few or too many hold."""
+    from stemwatch.service.studies.robustness import HOLD, NOMINAL_SHARE, coverage
+
+    numbers = [row.with_numbers for row in rows]
+    for name, held in (("S", [row.S_held for row in rows]), ("J", [row.J_held for row in rows])):
+        all_ways = coverage(held, numbers)
+        if all_ways.of:
+            typer.echo(
+                f"{all_ways.held} of {all_ways.of} intervals of {name} hold "
+                f"({all_ways.held / all_ways.of:.1%}); in {all_ways.outside} of {all_ways.ways} "
+                f"ways fewer than {HOLD[0]:.0%} or more than {HOLD[1]:.0%}, beyond chance (where "
+                f"each holds with {NOMINAL_SHARE:.0%}, chance puts the bare share outside in "
+                f"{all_ways.by_chance:.1f})."
+            )
 
 
 def _cells(row: Row) -> tuple[str, ...]:

@@ -8,12 +8,14 @@ that is named is named in error.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import binom
 
 from stemwatch.models.recording import Floats, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
@@ -25,6 +27,7 @@ from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.executors import Executor, map_in_order
 from stemwatch.service.studies.partial_results import append_line, stored_lines
+from stemwatch.service.studies.trial import wilson
 
 Change = Callable[[Recording], Recording]
 
@@ -33,6 +36,8 @@ HEALTHY_S = (0.1, 0.5)
 RANGEABILITY = 40.0
 LONG_HOURS = 8
 FINE_S, SLIP_SAMPLES = 0.1, 5
+# Shares of intervals that are to hold in each way; the middle of it, from which chance is counted.
+HOLD, NOMINAL_SHARE = (0.88, 0.98), 0.93
 
 
 def _changed(
@@ -408,6 +413,44 @@ def _row(storage: str, answers: Sequence[StudyAnswer]) -> Row:
         at_least_held=sum((answer.S_at_least or 0.0) <= answer.true_S for answer in bounds),
         named=sum(bool(answer.named) for answer in answers),
     )
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Intervals of S or of J in all ways together: ``held`` of ``of``.
+
+    ``outside`` are those of ``ways`` with numbers in which, beyond chance, fewer or more hold than
+    ``HOLD``: the 95 % interval of the way's share (Wilson) lies outside of it. ``by_chance`` is in
+    how many ways of so many valves the bare share would, if each interval held with
+    ``NOMINAL_SHARE``.
+    """
+
+    held: int
+    of: int
+    ways: int
+    outside: int
+    by_chance: float
+
+
+def coverage(held: Sequence[int], of: Sequence[int]) -> Coverage:
+    """Of the intervals that hold in each way, of how many."""
+    counted = [(hits, total) for hits, total in zip(held, of, strict=True) if total]
+    spans = [wilson(hits, total) for hits, total in counted]
+    low, high = HOLD
+    return Coverage(
+        held=sum(hits for hits, _ in counted),
+        of=sum(total for _, total in counted),
+        ways=len(counted),
+        outside=sum(top < low or bottom > high for bottom, top in spans),
+        by_chance=sum(_outside_by_chance(total) for _, total in counted),
+    )
+
+
+def _outside_by_chance(valves: int) -> float:
+    """How likely a share outside ``HOLD`` is, of so many independent intervals."""
+    low, high = (share * valves for share in HOLD)
+    inside = np.arange(math.ceil(low - 1e-9), math.floor(high + 1e-9) + 1)
+    return float(1.0 - binom.pmf(inside, valves, NOMINAL_SHARE).sum())
 
 
 def _median(values: Sequence[float]) -> float:

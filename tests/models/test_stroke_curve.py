@@ -14,6 +14,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.mismatch.refined_curve import refined
+from stemwatch.models.prepared_command import prepare_command
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.stickslip.find_stroke_curve import (
@@ -31,7 +32,9 @@ from stemwatch.models.stickslip.stroke_curve import (
     points_of,
 )
 from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.defects import PackingDefects
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
+from stemwatch.models.studies.simulator.hidden import draw_nulls
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.studies.robustness import draw_valves, recorded
@@ -149,6 +152,49 @@ def test_half_of_op_is_found_about_the_middle_of_its_range():
     assert slope_of_means(half) is None
     assert curve_suspected(half)
     assert not curve_suspected(plain_op)
+
+
+def with_bristles(place: int) -> Recording:
+    """An hour of a sticking valve of the plant whose packing gives before it lets go."""
+    case = draw_nulls(place + 1, 2109, "routine")[place]
+    packing = PackingDefects(presliding_percent=0.002)
+    loop = replace(case.loop, valve=replace(case.loop.valve, packing=packing))
+    return simulate_loop(loop, case.seed).recording
+
+
+def used_slopes(curve: StrokeCurve, travel_of) -> tuple[float, float]:
+    """The slope over the part of OP that was used: that of the curve and the true one."""
+    begin, _, end, _ = curve.ends
+    low, high = travel_of(np.array([begin, end])).tolist()
+    return curve.slope, (high - low) / (end - begin)
+
+
+def test_the_slips_tell_a_bend_where_free_runs_miss_too_many_of_them():
+    """Through a straight line, which the free runs leave possible, S of this valve was 8.7 % and
+    its slope a fifth too steep; read through the bend its breakaways agree much better."""
+    curve = find_stroke_curve(changed(with_bristles(18), op=equal_percentage))
+    assert curve is not None
+    assert curve.bend_percent > 4.0
+    found, true = used_slopes(curve, lambda op: 100.0 * np.expm1(op / 100.0 * np.log(40.0)) / 39.0)
+    assert found == pytest.approx(true, rel=0.08)
+
+
+def test_a_bent_curve_is_not_taken_for_a_late_clock():
+    """Read as a straight line this OP seemed 3.8 s late, and once that was taken away, behind the
+    curve, the stem 3.8 s: a dead time. An OP that is 5 s late behind a curve still is."""
+    stored = changed(with_bristles(8), op=lambda v: 10.0 * np.sqrt(v.clip(0.0)))
+    assert prepare_command(stored, None).late_s == 0.0
+    late = changed(stored, op=lambda v: np.concatenate((np.full(5, v[0]), v[:-5])))
+    assert prepare_command(late, None).late_s == pytest.approx(5.0, abs=0.5)
+
+
+@pytest.mark.long
+def test_a_correction_does_not_bend_the_curve_away_where_the_stem_hardly_moves():
+    """OP was seldom below 50 % here. There the last correction had turned the curve upwards."""
+    curve = find_stroke_curve(changed(with_bristles(41), op=lambda v: 10.0 * np.sqrt(v.clip(0.0))))
+    assert curve is not None
+    found, true = used_slopes(curve, lambda op: op**2 / 100.0)
+    assert found == pytest.approx(true, rel=0.08)
 
 
 @pytest.mark.long

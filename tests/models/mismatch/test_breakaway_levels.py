@@ -15,10 +15,12 @@ from stemwatch.models.mismatch.breakaway_levels import (
     DWELL,
     LEAST_Z,
     PLAY,
+    BreakawayEvidence,
     breakaway_evidence,
     refit_with_size,
 )
 from stemwatch.models.mismatch.crossfit import scored
+from stemwatch.models.mismatch.describe_effect import Directions, by_events
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.term_selection import neutral
@@ -33,8 +35,6 @@ from tests.models.mismatch.fitted_chain import (
     recorded,
     simulated_by_chain,
 )
-
-PLACE = 12  # of a valve whose packing is made of bristles
 
 
 def base_of(recording, S=4.0, J=1.2):
@@ -66,6 +66,7 @@ def test_the_rise_of_the_breakaways_is_seen(rise):
     assert seen is not None
     assert seen.convincing
     assert 0.5 * rise < seen.size < 1.5 * rise
+    assert seen.rate_z < LEAST_Z[DWELL]
     assert play is None or not play.convincing
 
 
@@ -85,13 +86,14 @@ def test_breakaways_at_one_level_tell_neither():
     assert not any(answer.convincing for answer in answers)
 
 
-def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell():
+@pytest.mark.parametrize(("place", "seed", "S", "J"), [(12, 5151, 4.4, 2.3), (38, 2109, 5.2, 2.5)])
+def test_bristles_that_let_go_early_under_a_quick_force_are_no_dwell(place, seed, S, J):
     """A slow force means a long rest, so that their breakaways rise with the rest as well."""
-    case = draw_nulls(PLACE + 1, 5151, "routine")[PLACE]
+    case = draw_nulls(place + 1, seed, "routine")[place]
     bristles = PackingDefects(presliding_percent=0.002)
     loop = replace(case.loop, valve=replace(case.loop.valve, packing=bristles))
     recording = simulate_loop(loop, case.seed).recording
-    seen = told(recording, DWELL, S=4.4, J=2.3)
+    seen = told(recording, DWELL, S=S, J=J)
     assert seen is not None
     assert not seen.convincing
 
@@ -137,7 +139,8 @@ def test_the_refit_holds_the_size_and_gives_back_s_and_j(slug, size, S, J):
 
 @pytest.mark.parametrize("place", [2, pytest.param(3, marks=pytest.mark.long)])
 def test_hidden_dwell_is_named_with_its_events(place):
-    """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer."""
+    """On a valve of the plant: named, with the evidence of the breakaways, S and J nearer. Where
+    they also show what a quick force does, the evidence says that it may be part of it."""
     recording, S, J, rise = simulated(place)
     explanation = explain(recording)
     (item,) = explanation.effects
@@ -146,6 +149,10 @@ def test_hidden_dwell_is_named_with_its_events(place):
     assert "breakaways together" in item.evidence.note
     assert item.parameters["b"].low <= item.parameters["b"].value <= item.parameters["b"].high
     assert item.parameters["b"].value == pytest.approx(rise, rel=0.6)
+    for rate_z, said in ((4.0, True), (1.0, False)):
+        seen = BreakawayEvidence(DWELL, size=rise, z=5.0, usual=1.5, events=40, rate_z=rate_z)
+        note = by_events(item, seen, catalogue()[DWELL], Directions()).evidence.note
+        assert said is ("earlier the quicker OP moves" in note)
     restated = abs(explanation.restated.S.value - S) + abs(explanation.restated.J.value - J)
     assert restated < 0.12 * (S + J)
 

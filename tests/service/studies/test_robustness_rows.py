@@ -14,6 +14,7 @@ from stemwatch.service.studies import robustness
 from stemwatch.service.studies.robustness import (
     StudiedValve,
     StudyAnswer,
+    coverage,
     draw_valves,
     recorded,
     rows,
@@ -57,6 +58,16 @@ def test_a_bound_of_S_holds_where_S_is_not_below_it() -> None:
     (row,) = rows([answer(4.0), answer(5.5), answer(None, (4.8, 4.0, 5.5))])
     assert (row.S_at_least, row.at_least_held) == (2, 1)
     assert (row.with_numbers, row.S_held) == (1, 1)
+
+
+def test_rows_of_few_valves_leave_the_band_by_chance() -> None:
+    """33 and 40 of 40 are no evidence of another share than 88 to 98 %, 30 of 40 are; a way without
+    numbers counts as none. With 93 % each, a fifth of such ways hold in 35 or fewer or in all 40.
+    """
+    all_ways = coverage([33, 40, 30, 0], [40, 40, 40, 0])
+    assert (all_ways.held, all_ways.of, all_ways.ways, all_ways.outside) == (103, 120, 3, 1)
+    assert all_ways.by_chance == pytest.approx(3 * 0.2002, abs=1e-3)
+    assert coverage([400], [400]).outside == 1
 
 
 def test_where_no_valve_has_an_S_the_table_says_so(stemwatch, monkeypatch) -> None:
@@ -103,3 +114,4 @@ def test_the_table_of_the_page_is_printed(stemwatch, monkeypatch) -> None:
     text = stemwatch("robustness", "--valves", 1, "--seed", 8484, "--markdown").said
     assert "| the same recording ... | healthy: called sticky, undetermined |" in text
     assert f"| {WAY} | 0, 0 of 1 | 0 of 1 | 0.20 %, 1 of 1, 1.5 % | none |" in text
+    assert "1 of 1 intervals of S hold (100.0%); in 0 of 1 ways" in text
