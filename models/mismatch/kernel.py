@@ -39,6 +39,7 @@ from stemwatch.models.mismatch.lanes import (
     move,
     never_raises,
     next_forces,
+    note_force,
     reading,
     settle_losses,
     slide,
@@ -375,6 +376,8 @@ def _slide_varied(
             rested = 0.0 if s[row.GOING + at] != 0.0 else s[row.RESTED + at]
             s[row.BREAKAWAY + at], s[row.RESTED + at] = breakaway[lane, int(rested)], rested + 1.0
         _wander(s, waving, wander, k)
+        if k == end - 1:
+            note_force(s, forces, lanes, o)
         for i in range(lanes):
             x, going, product = s[row.X + i], s[row.GOING + i], s[row.PRODUCT + i]
             grown = 1.0 + s[row.GROWTH + i] * k
@@ -443,14 +446,6 @@ def _end_of_alike(
             end = last
         last += 1
     return end
-
-
-@never_raises
-def _before_onset(end: int, up: NDArray[np.int64], down: NDArray[np.int64]) -> int:
-    """``end``, or one sample less where a breakaway is seen there: what the sample before it leaves
-    behind is asked for then.
-    """
-    return end - 1 if end < up.size and (up[end] == end or down[end] == end) else end
 
 
 @never_raises
@@ -580,12 +575,11 @@ def follow(
         _note(s, m, before)
         started_at, charged_more = k, _I(0)
         if slides and not (up or down):
-            stop = _before_onset(end, next_up, next_down)
             if varies:
                 k = _slide_varied(s, laid_out, all_lanes, near_onset, (mv, slack), charged,
-                    (k, stop), current, losses, tables_of, tables, (numbers, dt))  # fmt: skip
+                    (k, end), current, losses, tables_of, tables, (numbers, dt))  # fmt: skip
             else:
-                k = slide(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop,
+                k = slide(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, end,
                     current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them

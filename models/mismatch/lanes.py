@@ -198,10 +198,23 @@ def begin_sliding(s: Floats, lanes: np.uint64, near_onset: tuple[float, float]) 
 
 
 @never_raises
+def note_force(s: Floats, forces: Floats, lanes: np.uint64, o: np.uint64) -> None:
+    """Before the last sample of ``slide``: the force on the place of each stem, of which
+    ``end_sliding`` takes what the motion leaves. Rounded as in ``move``.
+    """
+    for i in range(lanes):
+        x = s[row.X + i]
+        s[row.FORCE_AFTER + i] = forces[o + i] - x - s[row.FORCE + i] + x
+
+
+@never_raises
 def end_sliding(s: Floats, lanes: np.uint64) -> None:
-    """After ``slide``: side, motion and reading place as ``move`` keeps them."""
+    """After ``slide``: side, motion, reading place and the force that is left as ``move`` keeps
+    them.
+    """
     for i in range(lanes):
         going = s[row.GOING + i]
+        s[row.FORCE_AFTER + i] -= s[row.X + i]
         s[row.SIDE + i] = going if going != 0.0 else s[row.SIDE + i]
         s[row.MOVING + i], s[row.Z + i] = abs(going), s[row.X + i]
 
@@ -221,8 +234,8 @@ def slide(
     losses: Floats,
 ) -> int:
     """``move`` of stems that are ``alike``, with levels and readings that do not change, and
-    without what only a breakaway that is seen asks for (``LET_GO_AT`` and ``FORCE_AFTER``).
-    Products that are full are added to ``block`` on the way. Returns ``end``.
+    without what only a breakaway that is seen asks for (``LET_GO_AT``, and ``FORCE_AFTER`` but for
+    the last sample). Products that are full are added to ``block`` on the way. Returns ``end``.
 
     The same to the last bit: what is left out would multiply by 1 or add 0.
     """
@@ -230,6 +243,8 @@ def slide(
     for k in range(begin, end):
         o, full = np.uint64(k % AHEAD) * lanes, 0
         measured, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
+        if k == end - 1:
+            note_force(s, forces, lanes, o)
         for i in range(lanes):
             x, going, product = s[row.X + i], s[row.GOING + i], s[row.PRODUCT + i]
             rises_from, falls_from = s[row.RISES_FROM + i], s[row.FALLS_FROM + i]
