@@ -74,11 +74,25 @@ def element(op: Floats, S: float, J: float, x: Floats) -> None:
         x[k] = stem
 
 
+@njit(cache=True, error_model="numpy")
+def _stem_means(op: Floats, levels: Floats, block_length: int) -> Floats:
+    """(c, n // block_length) ``block_means`` of the stems of S and J, ``levels`` (c, 2)."""
+    count, stem = op.size // block_length, np.empty(op.size)
+    means = np.empty((levels.shape[0], count))
+    for candidate in range(levels.shape[0]):
+        element(op, levels[candidate, 0], levels[candidate, 1], stem)
+        for block in range(count):
+            total = 0.0
+            for k in range(block * block_length, (block + 1) * block_length):
+                total += stem[k]
+            means[candidate, block] = total / block_length
+    return means
+
+
 def block_means(values: Floats, block_length: int) -> Floats:
-    """(..., n // block_length) means over blocks of ``block_length`` samples of the last axis."""
-    count = values.shape[-1] // block_length
-    parts = values[..., : count * block_length].reshape(*values.shape[:-1], count, block_length)
-    return np.asarray(parts.mean(axis=-1))
+    """(n // block_length,) means over blocks of ``block_length`` samples."""
+    count = values.size // block_length
+    return np.asarray(values[: count * block_length].reshape(count, block_length).mean(axis=-1))
 
 
 def past_values(values: Floats, first: int, delay: int) -> Floats:
@@ -192,13 +206,9 @@ def held_out(
     scale_u, scale_y = max(float(np.std(op)), 1e-9), max(float(np.std(pv)), 1e-9)
     command = (op - float(np.mean(op))) / scale_u
     candidates = [(S, S * ratio) for S in sizes for ratio in ratios]
-    stems = np.empty((len(candidates), op.size))
-    for stem, (S, J) in zip(stems, candidates, strict=True):
-        element(command, S / scale_u, J / scale_u, stem)
     y = block_means((pv - np.mean(pv)) / scale_y, block_length)
-    linear, sticking, both_losses = _losses(
-        block_means(command, block_length), y, block_means(stems, block_length), delays
-    )
+    stems = _stem_means(command, np.array(candidates) / scale_u, block_length)
+    linear, sticking, both_losses = _losses(block_means(command, block_length), y, stems, delays)
     base = linear[int(np.argmin(linear.sum(axis=1)))]
     sums, sums_both = sticking.sum(axis=2), both_losses.sum(axis=2)
     delay, best = np.unravel_index(int(np.argmin(sums)), sums.shape)
