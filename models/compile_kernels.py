@@ -31,14 +31,14 @@ def compile_kernels(parts: Sequence[Kernels]) -> list[Kernels]:
     from stemwatch.models.mismatch.explain import explain
     from stemwatch.models.screening import Case, Options, screen
     from stemwatch.models.studies.simulator import demo_plant, simulate_loop
-    from stemwatch.models.without_position.hammerstein import element
+    from stemwatch.models.without_position.features import evidence
 
     for part in parts:
         if part is Kernels.FITS:
             screen([Case(recording=short_recording())], Options(mismatch=False))
             # writable, as in actual use: numba compiles read-only arrays separately
             op = short_recording().op.values.copy()
-            element(op, 4.0, 2.0, np.empty_like(op))  # of loops with PV
+            evidence(op, np.cumsum(op - op.mean()))  # of loops with PV
             _run_a_loop(op)
             _compare_units_and_rests()
         elif part is Kernels.MISMATCH:

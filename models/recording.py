@@ -6,12 +6,13 @@ value) and ``quality`` (why). Nothing is interpolated; a gap in the source is a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
 from enum import IntEnum, StrEnum
-from functools import cached_property
+from functools import cached_property, wraps
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ Bools = NDArray[np.bool_]
 QualityCodes = NDArray[np.uint8]
 
 PERCENT = "%"
+
+T = TypeVar("T")
 
 
 class Role(StrEnum):
@@ -258,6 +261,21 @@ class Recording:
         if start is not None:
             start += timedelta(seconds=first * self.interval_s * self.unit_s)
         return replace(self, signals=signals, start=start)
+
+
+def kept(function: Callable[[Recording], T]) -> Callable[[Recording], T]:
+    """``function`` of a recording, computed once for each; a recording does not change."""
+    name = f"{function.__module__}.{function.__qualname__}"
+
+    @wraps(function)
+    def once(recording: Recording) -> T:
+        known = vars(recording)
+        if name not in known:
+            known[name] = function(recording)
+        answer: T = known[name]
+        return answer
+
+    return once
 
 
 def _rounded(seconds: float) -> str:

@@ -11,13 +11,16 @@ from stemwatch.models.excitation import swing, travel
 from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.forensics import noise_sigma, quantum
 from stemwatch.models.quantiles import percentiles
-from stemwatch.models.recording import Floats, Recording, Role
+from stemwatch.models.recording import Floats, Recording, Role, kept
 from stemwatch.models.runs_of_samples import equal_runs
 
 LONGEST_DELAY_S = 120.0
 COPIED_SHARE = 0.99  # of the samples
 DELAYS = (0, 1, 2)  # samples by which a copy of OP may have been recorded late
 LONGEST_COPY_DELAY = 600  # samples
+# Samples that are looked at before all are, and the share of them that even a late copy repeats: a
+# stem's reading repeats next to none.
+FIRST_LOOK, MAYBE_COPIED = 1000, 0.8
 LEAST_COPIED = 50  # samples needed to separate a copy from coincidence
 # A stem's reading has noise, two hundredths of a percent and more; a computed one has none.
 WITHOUT_NOISE = 1e-4  # of the range
@@ -34,6 +37,7 @@ SETTLED_S = 30.0  # of the own clock, after which a stem has followed a constant
 AT_ITS_END, AFTER_THE_END = 6, 3  # samples of a rest of OP at its end, and those left out first
 
 
+@kept
 def _pairs(recording: Recording) -> tuple[Floats, Floats]:
     """OP and MV where both are usable; empty where one of them does not move."""
     assert recording.mv is not None
@@ -68,17 +72,23 @@ def copied_from(recording: Recording) -> Role | None:
     """
     mv = recording.mv
     assert mv is not None
+    usable = np.zeros(0, dtype=bool)
     for role in (Role.OP, Role.PV, Role.SP):
         source = recording.get(role)
         if source is None:
             continue
-        usable = mv.usable & source.usable
-        source_values, copy = source.values[usable], mv.values[usable]
+        both = mv.usable & source.usable
+        if not np.array_equal(both, usable):
+            usable, copy = both, mv.values[both]
+            tolerance = _tolerance(copy) if copy.size else 0.0
+        source_values = source.values[usable]
         if source_values.size < LEAST_COPIED or not (
             _is_reading(source_values) and _is_reading(copy)
         ):
             continue
-        if _same_line(source_values, copy) or (role is Role.OP and _filtered(source_values, copy)):
+        if _same_line(source_values, copy, tolerance) or (
+            role is Role.OP and _filtered(source_values, copy, tolerance)
+        ):
             return role
     return None
 
@@ -218,9 +228,9 @@ def _tolerance(copy: Floats) -> float:
     return max(0.51 * quantum(copy), 1e-6 * swing(copy))
 
 
-def _same_line(source: Floats, copy: Floats) -> bool:
+def _same_line(source: Floats, copy: Floats, tolerance: float) -> bool:
     """Whether ``copy`` is ``source`` times a number plus a number, at once or some samples late."""
-    delays, tolerance = {*DELAYS, _agreed_delay(source, copy)}, _tolerance(copy)
+    delays = {*DELAYS, _agreed_delay(source, copy)}
     return any(
         _on_a_line(source[: source.size - late], copy[late:], tolerance)
         for late in delays
@@ -235,15 +245,24 @@ def _agreed_delay(source: Floats, copy: Floats) -> int:
 
 def _on_a_line(source: Floats, copy: Floats, tolerance: float) -> bool:
     """Whether all but a few samples lie on one line, within the rounding ``tolerance``."""
+    few = slice(None, None, max(source.size // FIRST_LOOK, 1))
+    return (
+        _share_on_a_line(source[few], copy[few], tolerance) > MAYBE_COPIED
+        and _share_on_a_line(source, copy, tolerance) > COPIED_SHARE
+    )
+
+
+def _share_on_a_line(source: Floats, copy: Floats, tolerance: float) -> float:
+    """Share of the samples on the line through most of them, within ``tolerance``."""
     near_x, near_y = source, copy
     for _ in range(2):
         if near_x.size < LEAST_COPIED or np.ptp(near_x) == 0.0:
-            return False
+            return 0.0
         gain, zero = _line_through(near_x, near_y)
         deviation = np.abs(copy - gain * source - zero)
         on_line = deviation <= max(percentiles(deviation, (90.0,))[0], tolerance)
         near_x, near_y = source[on_line], copy[on_line]
-    return bool(gain != 0.0 and np.mean(deviation <= tolerance) > COPIED_SHARE)
+    return float(np.mean(deviation <= tolerance)) if gain != 0.0 else 0.0
 
 
 def _line_through(x: Floats, y: Floats) -> tuple[float, float]:
@@ -254,9 +273,9 @@ def _line_through(x: Floats, y: Floats) -> tuple[float, float]:
     return gain, middle_y - gain * middle_x
 
 
-def _filtered(source: Floats, copy: Floats) -> bool:
+def _filtered(source: Floats, copy: Floats, tolerance: float) -> bool:
     """Whether ``copy`` is ``source`` through a lag of the first order and nothing else."""
-    if not _without_noise(source, copy):
+    if not _without_noise(source, copy, tolerance):
         return False
     if quantum(copy) == 0.0:
         return True
@@ -271,7 +290,7 @@ def _filtered(source: Floats, copy: Floats) -> bool:
     )
     settled = copy.size // 10
     lagged = first_order_lag(source, float(best_lag.x))
-    return _on_a_line(lagged[settled:], copy[settled:], _tolerance(copy))
+    return _on_a_line(lagged[settled:], copy[settled:], tolerance)
 
 
 def _off_a_line(source: Floats, copy: Floats, lag: float) -> float:
@@ -282,14 +301,21 @@ def _off_a_line(source: Floats, copy: Floats, lag: float) -> float:
     return float(residual @ residual)
 
 
-def _without_noise(source: Floats, copy: Floats) -> bool:
+def _without_noise(source: Floats, copy: Floats, tolerance: float) -> bool:
     """Whether each sample follows from the one before and the command, by one rule."""
-    size = copy.size - 1
-    columns = np.column_stack((copy[:-1], source[1:], source[:-1], np.ones(size)))
-    weights = np.linalg.lstsq(columns, copy[1:], rcond=None)[0]
-    deviation = np.abs(copy[1:] - columns @ weights)
-    tolerance = max(2.0 * _tolerance(copy), WITHOUT_NOISE * swing(copy))
-    return bool(np.mean(deviation <= tolerance) > COPIED_SHARE)
+    columns = np.stack((copy[:-1], source[1:], source[:-1], np.ones(copy.size - 1)))
+    tolerance = max(2.0 * tolerance, WITHOUT_NOISE * swing(copy))
+    few = slice(None, None, max(copy.size // FIRST_LOOK, 1))
+    return (
+        _share_by_a_rule(columns[:, few], copy[1:][few], tolerance) > MAYBE_COPIED
+        and _share_by_a_rule(columns, copy[1:], tolerance) > COPIED_SHARE
+    )
+
+
+def _share_by_a_rule(columns: Floats, values: Floats, tolerance: float) -> float:
+    """Share of ``values`` (n,) that a sum of ``columns`` (4, n) gives, within ``tolerance``."""
+    weights = np.linalg.lstsq(columns.T, values, rcond=None)[0]
+    return float(np.mean(np.abs(values - weights @ columns) <= tolerance))
 
 
 def correlation(recording: Recording) -> float:

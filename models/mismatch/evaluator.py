@@ -204,6 +204,11 @@ class RunRequest:
         self.losses[part] = runs.losses
 
 
+def _reads(requests: list[RunRequest]) -> bool:
+    """Whether one of the requests is given the runs sample by sample."""
+    return any(request.reads for request in requests)
+
+
 # Candidates (m, size) of a layout that run side by side with those of others.
 Piece = tuple[CoordinateLayout, Floats]
 
@@ -278,28 +283,35 @@ class Evaluator:
 
     def answer(self, requests: Iterable[RunRequest]) -> None:
         """Run the requests, candidates of one kind side by side, whichever search made them."""
-        requests_of_layout = defaultdict(list)
+        alike_requests: dict[tuple[tuple[str, ...], bytes], list[RunRequest]] = {}
         for request in requests:
             request.losses = np.empty((request.candidates.shape[0], self.problem.n_blocks))
-            requests_of_layout[request.layout.kind].append(request)
-        for group in requests_of_layout.values():
+            key = request.layout.hypothesis.slugs, request.candidates.tobytes()
+            alike_requests.setdefault(key, []).append(request)
+        of_kind = defaultdict(list)
+        for same in alike_requests.values():
+            of_kind[same[0].layout.kind].append(same)
+        for group in of_kind.values():
             # Requests that need the runs themselves come first, so that few batches are kept sample
             # by sample.
-            group.sort(key=lambda request: not request.reads)
-            for batch in batches([request.candidates.shape[0] for request in group]):
+            group.sort(key=lambda same: not _reads(same))
+            for batch in batches([same[0].candidates.shape[0] for same in group]):
                 self._serve([(group[i], part) for i, part in batch])
 
-    def _serve(self, parts: list[tuple[RunRequest, slice]]) -> None:
-        """Run up to LANES candidates, and hand each request its part of the results."""
+    def _serve(self, parts: list[tuple[list[RunRequest], slice]]) -> None:
+        """Run up to LANES candidates, and hand each request its part of the results; those of one
+        list want the same runs, as both folds do that begin at one start.
+        """
         ends = list(accumulate(part.stop - part.start for _, part in parts))
         runs = self._buffers(ends[-1])
-        if not any(request.reads for request, _ in parts):
+        if not any(_reads(same) for same, _ in parts):
             runs = RunResults(_NOTHING, _NOTHING, runs.losses)
-        pieces = [(request.layout, request.candidates[part]) for request, part in parts]
+        pieces = [(same[0].layout, same[0].candidates[part]) for same, part in parts]
         self._follow(pieces, self.marks, self.window, runs)
-        for (request, part), (begin, end) in zip(parts, pairwise([0, *ends]), strict=True):
+        for (same, part), (begin, end) in zip(parts, pairwise([0, *ends]), strict=True):
             early_late, losses = runs.early_late[begin:end], runs.losses[begin:end]
-            request.take(part, RunResults(runs.simulated, early_late, losses, begin))
+            for request in same:
+                request.take(part, RunResults(runs.simulated, early_late, losses, begin))
 
     def loss(self, layout: CoordinateLayout, blocks: Bools) -> Loss:
         """The mean robust loss over some blocks as a function of candidates."""

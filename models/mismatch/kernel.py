@@ -21,7 +21,6 @@ from __future__ import annotations
 from typing import NamedTuple, cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from stemwatch.models.mismatch import lane_rows as row
@@ -40,6 +39,7 @@ from stemwatch.models.mismatch.lanes import (
     move,
     never_raises,
     next_forces,
+    note_force,
     reading,
     settle_losses,
     slide,
@@ -92,7 +92,7 @@ _I = cast("type[int]", np.int64)
 _PARTS = 4  # of a sample, in which a stem with inertia is moved
 
 
-@njit(cache=True)
+@never_raises
 def _table_value(tables: Floats, lane: int, x: float) -> float:
     """The table of ``lane`` at place ``x``, linear between its entries and constant beyond."""
     table_place = (x - stem_number.PLACE_LOW) * (
@@ -105,7 +105,7 @@ def _table_value(tables: Floats, lane: int, x: float) -> float:
     return value
 
 
-@njit(cache=True)
+@never_raises
 def _table_slope(tables: Floats, lane: int, x: float) -> float:
     """The rise of the table of ``lane`` over a percent of travel at place ``x``."""
     table_place = (x - stem_number.PLACE_LOW) * (
@@ -116,7 +116,7 @@ def _table_slope(tables: Floats, lane: int, x: float) -> float:
     return rise * ((stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW))
 
 
-@njit(cache=True)
+@never_raises
 def _share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
     """The share of the gap that a stem covers in a sample, and the gap below which it sticks; with
     a negative one only a turn stops it.
@@ -134,7 +134,7 @@ def _share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
     return share, max(speed * dt / share, _ROUNDING)
 
 
-@njit(cache=True)
+@never_raises
 def _set_levels(s: Floats, lanes: np.uint64, k: int) -> None:
     """Set the breakaway and sliding levels of every lane at sample ``k``, percent."""
     for i in range(lanes):
@@ -148,7 +148,7 @@ def _set_levels(s: Floats, lanes: np.uint64, k: int) -> None:
         s[row.FD_UP + i], s[row.FD_DOWN + i] = level - up, level - down
 
 
-@njit(cache=True)
+@never_raises
 def _begin(
     s: Floats, numbers: Floats, lanes: int, force: Floats, rows: NDArray[np.int64], dt: float
 ) -> None:
@@ -177,7 +177,7 @@ def _begin(
     _set_levels(s, np.uint64(lanes), _I(0))
 
 
-@njit(cache=True)
+@never_raises
 def used(numbers: Floats) -> tuple[bool, bool, bool]:
     """Whether levels of some stem vary along the record, whether readings wander, and whether some
     stem has inertia."""
@@ -193,7 +193,7 @@ def used(numbers: Floats) -> tuple[bool, bool, bool]:
     return varied, timed, heavy
 
 
-@njit(cache=True)
+@never_raises
 def _move_heavy(
     s: Floats, numbers: Floats, forces: Floats, near_onset: tuple[float, float], dt: float
 ) -> None:
@@ -233,7 +233,7 @@ def _move_heavy(
         forces[i] = stopped + s[row.FORCE + i]
 
 
-@njit(cache=True)
+@never_raises
 def _after_heavy(s: Floats, numbers: Floats) -> None:
     """Restore the state of the lanes that ``_move_heavy`` moved: whether they are still moving, the
     force at their breakaway, and the present force.
@@ -246,7 +246,7 @@ def _after_heavy(s: Floats, numbers: Floats) -> None:
             s[row.FORCE_AFTER + i] = s[row.HEAVY_FORCE_AFTER + i]
 
 
-@njit(cache=True)
+@never_raises
 def _share_near_onset(onset: int, k: int, n: int, window: float, patience: int) -> float:
     """The share of ``fs`` beyond which a stem lets go that was next seen to do so at ``onset``."""
     if window <= 0.0 or onset >= n:
@@ -256,7 +256,7 @@ def _share_near_onset(onset: int, k: int, n: int, window: float, patience: int) 
     return 1.0 + window if onset - k <= patience else 1.0
 
 
-@njit(cache=True)
+@never_raises
 def _near_onsets(
     up: int, down: int, k: int, n: int, window: float, patience: int
 ) -> tuple[float, float]:
@@ -265,7 +265,7 @@ def _near_onsets(
     return near_up, _share_near_onset(down, k, n, window, patience)
 
 
-@njit(cache=True)
+@never_raises
 def _early_late(s: Floats, i: np.uint64, before: float, up: bool, down: bool) -> float:
     """How far the force was from ``fs`` where lane ``i`` let go as it was seen to, percent, else 0.
 
@@ -281,7 +281,7 @@ def _early_late(s: Floats, i: np.uint64, before: float, up: bool, down: bool) ->
     return distance
 
 
-@njit(cache=True)
+@never_raises
 def _lanes_with(numbers: Floats, number: int) -> NDArray[np.int64]:
     """The lanes whose stem has a number that is not 0."""
     found = np.empty(numbers.shape[0], np.int64)
@@ -293,7 +293,7 @@ def _lanes_with(numbers: Floats, number: int) -> NDArray[np.int64]:
     return found[:many]
 
 
-@njit(cache=True)
+@never_raises
 def _tabled(
     numbers: Floats,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -305,7 +305,7 @@ def _tabled(
     )
 
 
-@njit(cache=True)
+@never_raises
 def _look_up(
     s: Floats,
     numbers: Floats,
@@ -326,7 +326,7 @@ def _look_up(
             s[row.SHARE + i], s[row.LEAST_GAP + i] = _share_and_least(dt, numbers[lane], slope)
 
 
-@njit(cache=True)
+@never_raises
 def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
     """Look up what the rest before adds to the breakaway of some lanes."""
     for lane in resting:
@@ -337,7 +337,7 @@ def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
         s[row.RESTED + i] = rested + 1.0
 
 
-@njit(cache=True)
+@never_raises
 def _wander(s: Floats, waving: NDArray[np.int64], wander: Floats, k: int) -> None:
     """Look up how far the readings of some lanes wander at sample ``k``."""
     for lane in waving:
@@ -376,6 +376,8 @@ def _slide_varied(
             rested = 0.0 if s[row.GOING + at] != 0.0 else s[row.RESTED + at]
             s[row.BREAKAWAY + at], s[row.RESTED + at] = breakaway[lane, int(rested)], rested + 1.0
         _wander(s, waving, wander, k)
+        if k == end - 1:
+            note_force(s, forces, lanes, o)
         for i in range(lanes):
             x, going, product = s[row.X + i], s[row.GOING + i], s[row.PRODUCT + i]
             grown = 1.0 + s[row.GROWTH + i] * k
@@ -403,7 +405,7 @@ def _slide_varied(
     return end
 
 
-@njit(cache=True)
+@never_raises
 def _start(
     s: Floats, lanes: int, t: float, seen: tuple[float, float, float], laid_force: Floats
 ) -> int:
@@ -444,14 +446,6 @@ def _end_of_alike(
             end = last
         last += 1
     return end
-
-
-@never_raises
-def _before_onset(end: int, up: NDArray[np.int64], down: NDArray[np.int64]) -> int:
-    """``end``, or one sample less where a breakaway is seen there: what the sample before it leaves
-    behind is asked for then.
-    """
-    return end - 1 if end < up.size and (up[end] == end or down[end] == end) else end
 
 
 @never_raises
@@ -516,7 +510,7 @@ def _charge_onsets(
             losses[lane, b] += event * np.log(1.0 + e * e) / scale
 
 
-@njit(cache=True)
+@never_raises
 def _note(s: Floats, m: int, before: Floats) -> None:
     """Copy the force after the last sample, of ``m`` lanes, into ``before``; one by one, since
     copying a slice would compile numba's error about shapes too.
@@ -525,7 +519,7 @@ def _note(s: Floats, m: int, before: Floats) -> None:
         before[lane] = s[row.FORCE_AFTER + np.uint64(lane)]
 
 
-@njit(cache=True)
+@never_raises
 def follow(
     force: Floats,
     rows: NDArray[np.int64],
@@ -581,12 +575,11 @@ def follow(
         _note(s, m, before)
         started_at, charged_more = k, _I(0)
         if slides and not (up or down):
-            stop = _before_onset(end, next_up, next_down)
             if varies:
                 k = _slide_varied(s, laid_out, all_lanes, near_onset, (mv, slack), charged,
-                    (k, stop), current, losses, tables_of, tables, (numbers, dt))  # fmt: skip
+                    (k, end), current, losses, tables_of, tables, (numbers, dt))  # fmt: skip
             else:
-                k = slide(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, stop,
+                k = slide(s, laid_out, all_lanes, near_onset, mv, slack, charged, k, end,
                     current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them

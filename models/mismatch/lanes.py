@@ -19,17 +19,17 @@ FULL = 1e200  # a product of losses this large is replaced by its logarithm
 AHEAD = 64  # samples of the forces that are transposed to lanes at once
 WIDTH = 8  # lanes of a vector; a remainder of lanes would run without vectors
 # Without Python's check for a division by zero: a function that may raise counts array references
-# at each call.
+# at each call, which takes as long as its work. Divisors here are never zero.
 never_raises = njit(cache=True, error_model="numpy")
 
 
-@njit(cache=True)
+@never_raises
 def reading(z: float, gain: float, offset: float, drift: float, wander: float, t: float) -> float:
     """The reading of the place ``z``, percent of MV, ``t`` samples from the record's middle."""
     return gain * (z - 50.0) + (offset + drift * t + wander)
 
 
-@njit(cache=True)
+@never_raises
 def loss_factor(residual: float, slack: float, scale: float) -> float:
     """The factor 1 + (r/delta)^2 of a ``residual`` in percent; ``scale`` is 1/delta^2."""
     r = abs(residual) - slack
@@ -53,7 +53,7 @@ def settle_losses(
             s[row.PRODUCT + i] = 1.0
 
 
-@njit(cache=True)
+@never_raises
 def _lay_out(
     force: Floats, rows: NDArray[np.int64], begin: int, lanes: int, target: Floats
 ) -> None:
@@ -73,7 +73,7 @@ def _lay_out(
             place += np.uint64(lanes)
 
 
-@njit(cache=True)
+@never_raises
 def keep_readings(laid_out: Floats, end: int, lanes: int, out: Floats) -> None:
     """Copy the readings before ``end`` from lanes into ``out`` (n, m)."""
     begin = max(end - 1, 0) // AHEAD * AHEAD
@@ -93,7 +93,7 @@ def next_forces(
         _lay_out(force, rows, k, lanes, laid_out)
 
 
-@njit(cache=True)
+@never_raises
 def move(
     s: Floats,
     forces: Floats,
@@ -160,7 +160,7 @@ def move(
     return k, full
 
 
-@njit(cache=True)
+@never_raises
 def alike(numbers: Floats) -> bool:
     """Whether no stem has inertia, creeps, meets a stop, has play, or jumps differently in its two
     directions: ``slide`` and ``_slide_varied`` then do what ``move`` does, with less work.
@@ -178,7 +178,7 @@ def alike(numbers: Floats) -> bool:
     return True
 
 
-@njit(cache=True)
+@never_raises
 def drifts(numbers: Floats) -> bool:
     """Whether the reading of some stem drifts."""
     any_drifts = False
@@ -187,7 +187,7 @@ def drifts(numbers: Floats) -> bool:
     return any_drifts
 
 
-@njit(cache=True)
+@never_raises
 def begin_sliding(s: Floats, lanes: np.uint64, near_onset: tuple[float, float]) -> None:
     """Before ``slide``: the side of the motion, 0 at rest, and the forces that break away."""
     near_up, near_down = near_onset
@@ -197,11 +197,24 @@ def begin_sliding(s: Floats, lanes: np.uint64, near_onset: tuple[float, float]) 
         s[row.FALLS_FROM + i] = -near_down * s[row.FS_DOWN + i]
 
 
-@njit(cache=True)
+@never_raises
+def note_force(s: Floats, forces: Floats, lanes: np.uint64, o: np.uint64) -> None:
+    """Before the last sample of ``slide``: the force on the place of each stem, of which
+    ``end_sliding`` takes what the motion leaves. Rounded as in ``move``.
+    """
+    for i in range(lanes):
+        x = s[row.X + i]
+        s[row.FORCE_AFTER + i] = forces[o + i] - x - s[row.FORCE + i] + x
+
+
+@never_raises
 def end_sliding(s: Floats, lanes: np.uint64) -> None:
-    """After ``slide``: side, motion and reading place as ``move`` keeps them."""
+    """After ``slide``: side, motion, reading place and the force that is left as ``move`` keeps
+    them.
+    """
     for i in range(lanes):
         going = s[row.GOING + i]
+        s[row.FORCE_AFTER + i] -= s[row.X + i]
         s[row.SIDE + i] = going if going != 0.0 else s[row.SIDE + i]
         s[row.MOVING + i], s[row.Z + i] = abs(going), s[row.X + i]
 
@@ -221,8 +234,8 @@ def slide(
     losses: Floats,
 ) -> int:
     """``move`` of stems that are ``alike``, with levels and readings that do not change, and
-    without what only a breakaway that is seen asks for (``LET_GO_AT`` and ``FORCE_AFTER``).
-    Products that are full are added to ``block`` on the way. Returns ``end``.
+    without what only a breakaway that is seen asks for (``LET_GO_AT``, and ``FORCE_AFTER`` but for
+    the last sample). Products that are full are added to ``block`` on the way. Returns ``end``.
 
     The same to the last bit: what is left out would multiply by 1 or add 0.
     """
@@ -230,6 +243,8 @@ def slide(
     for k in range(begin, end):
         o, full = np.uint64(k % AHEAD) * lanes, 0
         measured, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
+        if k == end - 1:
+            note_force(s, forces, lanes, o)
         for i in range(lanes):
             x, going, product = s[row.X + i], s[row.GOING + i], s[row.PRODUCT + i]
             rises_from, falls_from = s[row.RISES_FROM + i], s[row.FALLS_FROM + i]

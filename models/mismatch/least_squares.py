@@ -18,6 +18,7 @@ from numba import njit
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import Search
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, RunRequest, RunResults
+from stemwatch.models.positive_definite import solve
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.onsets import Samples
 from stemwatch.models.stickslip.search import SearchResult
@@ -192,23 +193,6 @@ class _Slopes(RunRequest):
             self._rows = np.empty((0, 0))
 
 
-@njit(cache=True, error_model="numpy")
-def _solve(a: Floats, b: Floats) -> None:
-    """The solution of ``a x = b``, ``a`` (k, k) and ``b`` (k,), in the place of ``b``; ``a`` is
-    written over. By elimination without pivots, which a positive definite matrix does not need."""
-    k = b.size
-    for i in range(k):
-        for j in range(i + 1, k):
-            share = a[j, i] / a[i, i]
-            for at in range(i + 1, k):
-                a[j, at] -= share * a[i, at]
-            b[j] -= share * b[i]
-    for i in range(k - 1, -1, -1):
-        for at in range(i + 1, k):
-            b[i] -= a[i, at] * b[at]
-        b[i] /= a[i, i]
-
-
 @njit(cache=True)
 def _trials(
     candidate: Floats,
@@ -235,7 +219,7 @@ def _trials(
             for j in range(k):
                 a[i, j] = normal[i, j]
             a[i, i] += damping[way] * normal[i, i] + floor
-        _solve(a, step)
+        solve(a, step)
         for i in range(candidate.size):
             trials[way, i] = candidate[i]
         for i in range(k):

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.forensics import noise_sigma
-from stemwatch.models.recording import Bools, Floats, Recording
+from stemwatch.models.recording import Bools, Floats, Recording, kept
 from stemwatch.models.signal_pairing import correlation
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, seen_breakaways
@@ -151,6 +151,7 @@ def slope_of_means(
     return float(np.cov(op, position)[0, 1] / op.var(ddof=1))
 
 
+@kept
 def _off_the_stops(recording: Recording) -> Bools:
     """(n,) True where both are usable and the stem is not at a stop, where OP moves without it."""
     assert recording.mv is not None

@@ -20,7 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
+from stemwatch.models.positive_definite import solve
 from stemwatch.models.recording import Floats
 
 FOLDS = 6
@@ -29,7 +31,8 @@ RATIOS = np.array([0.0, 0.3, 0.6, 0.9, 1.0])  # J over S
 DELAYS = 5
 # Columns of the products: past x, past y, past u, 1, t, and y itself.
 _WIDE = 3 * PAST + 3
-_LINEAR, _STICKING, _BOTH = [3, 4, 5, 6, 7, 8, 9, 10], [0, 1, 2, 3, 4, 5, 9, 10], slice(0, 11)
+_LINEAR, _BOTH = np.arange(PAST, _WIDE - 1), np.arange(_WIDE - 1)
+_STICKING = np.array([0, 1, 2, 3, 4, 5, 9, 10])
 _RIDGE, _NOTHING = 1e-9, 1e-12
 
 
@@ -71,37 +74,109 @@ def element(op: Floats, S: float, J: float, x: Floats) -> None:
         x[k] = stem
 
 
+@njit(cache=True, error_model="numpy")
+def _stem_means(op: Floats, levels: Floats, block_length: int) -> Floats:
+    """(c, n // block_length) ``block_means`` of the stems of S and J, ``levels`` (c, 2)."""
+    count, stem = op.size // block_length, np.empty(op.size)
+    means = np.empty((levels.shape[0], count))
+    for candidate in range(levels.shape[0]):
+        element(op, levels[candidate, 0], levels[candidate, 1], stem)
+        for block in range(count):
+            total = 0.0
+            for k in range(block * block_length, (block + 1) * block_length):
+                total += stem[k]
+            means[candidate, block] = total / block_length
+    return means
+
+
 def block_means(values: Floats, block_length: int) -> Floats:
-    """(..., n // block_length) means over blocks of ``block_length`` samples of the last axis."""
-    count = values.shape[-1] // block_length
-    parts = values[..., : count * block_length].reshape(*values.shape[:-1], count, block_length)
-    return np.asarray(parts.mean(axis=-1))
+    """(n // block_length,) means over blocks of ``block_length`` samples."""
+    count = values.size // block_length
+    return np.asarray(values[: count * block_length].reshape(count, block_length).mean(axis=-1))
 
 
 def past_values(values: Floats, first: int, delay: int) -> Floats:
-    """(..., PAST, n) the values 1 to 3 blocks before ``delay`` blocks ago, from ``first`` on."""
-    n = values.shape[-1] - first
+    """(PAST, n) the values 1 to 3 blocks before ``delay`` blocks ago, from ``first`` on."""
+    n = values.size - first
     starts = [first - 1 - delay - past for past in range(PAST)]
-    return np.stack([values[..., start : start + n] for start in starts], axis=-2)
+    return np.stack([values[start : start + n] for start in starts])
 
 
-def _fold_losses(gram: Floats, columns: slice | list[int]) -> Floats:
-    """(..., FOLDS) squared error on each fold of a fit to the others.
-
-    ``gram`` (..., FOLDS, w, w) are the products of all columns within each fold, y last. A small
-    ridge keeps redundant columns solvable.
+def _fixed_columns(u: Floats, y: Floats, delays: int) -> Floats:
+    """(delays, w, n) what the models hold beside the element, for each delay: past y, past u, 1, t,
+    and y itself.
     """
-    others = gram.sum(axis=-3, keepdims=True) - gram
-    a = others[..., columns, :][..., columns]
-    size = a.shape[-1]
-    ridge = np.eye(size) * (_RIDGE * np.einsum("...ii->...i", a) + _NOTHING)[..., None, :]
-    b = others[..., columns, -1]
-    weights = np.linalg.solve(a + ridge, b[..., None])
-    own_gram = gram[..., columns, :][..., columns]
-    cross = gram[..., columns, -1][..., None]
-    error = gram[..., -1, -1] - 2.0 * np.sum(weights * cross, axis=(-2, -1))
-    error = error + np.sum(weights * (own_gram @ weights), axis=(-2, -1))
-    return np.asarray(np.maximum(error, _NOTHING))
+    first = PAST + delays
+    n = y.size - first
+    own_past, time = past_values(y, first, 0), [np.ones(n), np.linspace(-1.0, 1.0, n), y[first:]]
+    return np.stack([[*own_past, *past_values(u, first, d), *time] for d in range(delays)])
+
+
+@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def _product(a: Floats, b: Floats) -> float:
+    """The product of two columns (n,), summed in the order that suits the processor."""
+    total = 0.0
+    for k in range(a.size):
+        total += a[k] * b[k]
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _fold_losses(gram: Floats, columns: NDArray[np.int64], losses: Floats) -> None:
+    """Into ``losses`` (FOLDS,) the squared error on each fold of a fit to the others.
+
+    ``gram`` (FOLDS, w, w) are the products of all columns within each fold, y last. A small ridge
+    keeps redundant columns solvable.
+    """
+    size, last = columns.size, gram.shape[1] - 1
+    total, a, weights = gram.sum(axis=0), np.empty((size, size)), np.empty(size)
+    for fold in range(losses.size):
+        own = gram[fold]
+        for i in range(size):
+            row = columns[i]
+            for j in range(size):
+                a[i, j] = total[row, columns[j]] - own[row, columns[j]]
+            a[i, i] += _RIDGE * a[i, i] + _NOTHING
+            weights[i] = total[row, last] - own[row, last]
+        solve(a, weights)
+        error = own[last, last]
+        for i in range(size):
+            row, fitted = columns[i], 0.0
+            for j in range(size):
+                fitted += own[row, columns[j]] * weights[j]
+            error += weights[i] * (fitted - 2.0 * own[row, last])
+        losses[fold] = max(error, _NOTHING)
+
+
+@njit(cache=True, error_model="numpy")
+def _fill_losses(
+    stems: Floats, fixed: Floats, linear: Floats, sticking: Floats, both: Floats
+) -> None:
+    """The losses of ``_losses`` into the last three; ``fixed`` as of ``_fixed_columns``."""
+    delays, wide, n = fixed.shape
+    first, gram = PAST + delays, np.empty((FOLDS, _WIDE, _WIDE))
+    for delay in range(delays):
+        for candidate in range(stems.shape[0]):
+            for fold in range(FOLDS):
+                begin, end, own = fold * n // FOLDS, (fold + 1) * n // FOLDS, gram[fold]
+                for i in range(wide if candidate == 0 else 0):
+                    for j in range(i + 1):
+                        product = _product(fixed[delay, i, begin:end], fixed[delay, j, begin:end])
+                        own[PAST + i, PAST + j] = own[PAST + j, PAST + i] = product
+                for i in range(PAST):
+                    at = first - 1 - delay - i
+                    moved = stems[candidate, at + begin : at + end]
+                    for j in range(wide):
+                        product = _product(moved, fixed[delay, j, begin:end])
+                        own[i, PAST + j] = own[PAST + j, i] = product
+                    for j in range(i + 1):
+                        at = first - 1 - delay - j
+                        product = _product(moved, stems[candidate, at + begin : at + end])
+                        own[i, j] = own[j, i] = product
+            if candidate == 0:
+                _fold_losses(gram, _LINEAR, linear[delay])
+            _fold_losses(gram, _STICKING, sticking[delay, candidate])
+            _fold_losses(gram, _BOTH, both[delay, candidate])
 
 
 def _losses(u: Floats, y: Floats, stems: Floats, delays: int) -> tuple[Floats, Floats, Floats]:
@@ -109,26 +184,10 @@ def _losses(u: Floats, y: Floats, stems: Floats, delays: int) -> tuple[Floats, F
 
     ``u``, ``y`` (m,) and ``stems`` (c, m) are block means.
     """
-    first = PAST + delays
-    n = y.size - first
-    edges = np.arange(1, FOLDS) * n // FOLDS
-    time = np.stack([np.ones(n), np.linspace(-1.0, 1.0, n), y[first:]])
-    losses: tuple[list[Floats], list[Floats], list[Floats]] = ([], [], [])
-    for delay in range(delays):
-        fixed = np.concatenate([past_values(y, first, 0), past_values(u, first, delay), time])
-        moved = past_values(stems, first, delay)
-        gram = np.empty((stems.shape[0], FOLDS, _WIDE, _WIDE))
-        parts = zip(np.split(fixed, edges, axis=1), np.split(moved, edges, axis=2), strict=True)
-        for fold, (inputs, stem) in enumerate(parts):
-            gram[:, fold, PAST:, PAST:] = inputs @ inputs.T
-            gram[:, fold, :PAST, PAST:] = stem @ inputs.T
-            gram[:, fold, PAST:, :PAST] = np.swapaxes(gram[:, fold, :PAST, PAST:], 1, 2)
-            gram[:, fold, :PAST, :PAST] = stem @ np.swapaxes(stem, 1, 2)
-        losses[0].append(_fold_losses(gram[0], _LINEAR))
-        losses[1].append(_fold_losses(gram, _STICKING))
-        losses[2].append(_fold_losses(gram, _BOTH))
-    linear, sticking, both_losses = (np.array(part) for part in losses)
-    return linear, sticking, both_losses
+    shape = delays, stems.shape[0], FOLDS
+    linear, sticking, both = np.empty((delays, FOLDS)), np.empty(shape), np.empty(shape)
+    _fill_losses(stems, _fixed_columns(u, y, delays), linear, sticking, both)
+    return linear, sticking, both
 
 
 def held_out(
@@ -147,13 +206,9 @@ def held_out(
     scale_u, scale_y = max(float(np.std(op)), 1e-9), max(float(np.std(pv)), 1e-9)
     command = (op - float(np.mean(op))) / scale_u
     candidates = [(S, S * ratio) for S in sizes for ratio in ratios]
-    stems = np.empty((len(candidates), op.size))
-    for stem, (S, J) in zip(stems, candidates, strict=True):
-        element(command, S / scale_u, J / scale_u, stem)
     y = block_means((pv - np.mean(pv)) / scale_y, block_length)
-    linear, sticking, both_losses = _losses(
-        block_means(command, block_length), y, block_means(stems, block_length), delays
-    )
+    stems = _stem_means(command, np.array(candidates) / scale_u, block_length)
+    linear, sticking, both_losses = _losses(block_means(command, block_length), y, stems, delays)
     base = linear[int(np.argmin(linear.sum(axis=1)))]
     sums, sums_both = sticking.sum(axis=2), both_losses.sum(axis=2)
     delay, best = np.unravel_index(int(np.argmin(sums)), sums.shape)

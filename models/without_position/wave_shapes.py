@@ -6,9 +6,8 @@ None of them decides: a trained network weighs them (``models.without_position.n
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
+from numba import njit
 
 from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats
@@ -40,25 +39,28 @@ def banded(values: Floats, period: float) -> Floats:
     return np.asarray(filtered / max(float(np.std(filtered)), 1e-9))
 
 
+@njit(cache=True, error_model="numpy")
 def triangle_beside_sine(wave: Floats, period: float) -> float:
     """How much better triangles fit the half cycles than sines do, a log ratio."""
-    sign = np.signbit(wave)
-    crossings = np.flatnonzero(sign[1:] != sign[:-1]) + 1
     sine = triangle = 1e-9
-    for start, stop in pairwise(crossings):
-        count = stop - start
-        if count < 4 or count > 2.0 * period:
+    start = 0
+    for stop in range(1, wave.size):
+        if np.signbit(wave[stop]) == np.signbit(wave[stop - 1]):
             continue
-        part = np.abs(wave[start:stop])
-        time = (np.arange(count) + 0.5) / count
-        peak = min(max(float(time[int(np.argmax(part))]), 0.15), 0.85)
-        sine += _misfit(part, np.sin(np.pi * time))
-        triangle += _misfit(part, np.minimum(time / peak, (1.0 - time) / (1.0 - peak)))
+        count = stop - start
+        if start > 0 and 4 <= count <= 2.0 * period:
+            part = np.abs(wave[start:stop])
+            time = (np.arange(count) + 0.5) / count
+            peak = min(max(time[np.argmax(part)], 0.15), 0.85)
+            sine += _misfit(part, np.sin(np.pi * time))
+            triangle += _misfit(part, np.minimum(time / peak, (1.0 - time) / (1.0 - peak)))
+        start = stop
     return float(np.log(sine / triangle))
 
 
+@njit(cache=True, error_model="numpy")
 def _misfit(part: Floats, shape: Floats) -> float:
-    height = float(part @ shape) / float(shape @ shape)
+    height = np.sum(part * shape) / np.sum(shape * shape)
     return float(np.sum((part - height * shape) ** 2))
 
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from stemwatch.models.recording import Quality, Recording, Role, Signal
+from stemwatch.models.recording import Quality, Recording, Role, Signal, kept
 
 START = datetime(2026, 3, 1, 12, 0, tzinfo=UTC)
 
@@ -136,3 +136,19 @@ def test_survives_a_trip_to_another_process():
     assert not back.op.values.flags.writeable or back.op.values is not recording.op.values
     with pytest.raises(TypeError):
         back.signals[Role.PV] = recording.op
+
+
+def test_what_is_kept_of_a_recording_belongs_to_it_alone():
+    """It is computed once; a part, and a copy that has travelled, compute their own."""
+    asked = []
+
+    @kept
+    def last_value(recording):
+        asked.append(len(recording))
+        return float(recording.op.values[-1])
+
+    whole = recorded()
+    assert [99.0, 99.0] == [last_value(whole), last_value(whole)]
+    assert last_value(whole.part(0, 10)) == 9.0
+    assert last_value(pickle.loads(pickle.dumps(whole))) == 99.0
+    assert asked == [100, 10, 100]
