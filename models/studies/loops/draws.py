@@ -199,7 +199,9 @@ def _disturbances(
         load += coloured_noise * now_and_then(time.size, 30.0 * period, rng)
     if "saturated" in stories:
         load += wave(time, period, rng) * float(rng.uniform(2.0, 6.0))
-    for wave_story in stories & {"wave", "neighbour"}:
+    for wave_story in ("wave", "neighbour"):  # in this order: one seed, one loop
+        if wave_story not in stories:
+            continue
         amplitude = float(np.exp(rng.uniform(np.log(0.5), np.log(5.0))))
         shape = (
             wave(time, period, rng) if wave_story == "wave" else _neighbour(time.size, period, rng)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
@@ -268,6 +271,26 @@ def test_what_cannot_be_seen_teaches_nothing() -> None:
     sound = draw_loop(77, 1)
     assert teaches(sound, 20.0 * sound.stem_S)
     assert not teaches(sound, sound.stem_S)
+
+
+def test_one_seed_draws_one_loop_in_every_process() -> None:
+    """Also where a wave and a neighbour act at once: Python orders a set of words by a key that
+    each process draws."""
+    code = (
+        "from stemwatch.models.studies.loops.draws import draw_loop; loop = draw_loop(11, 585); "
+        "print(loop.op.sum(), loop.pv.sum())"
+    )
+    drawn = [
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": key},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for key in ("0", "2")
+    ]
+    assert drawn[0] == drawn[1] != ""
 
 
 def test_load_on_all_scales_has_a_spectrum_of_one_over_the_frequency() -> None:
