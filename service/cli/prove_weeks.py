@@ -39,9 +39,10 @@ def prove_weeks(
     """Count what windows of weeks confirm on simulated valves, rightly and wrongly.
 
     Valves with nothing hidden over daily windows, and valves with each effect of the catalogue over
-    some windows. The defaults are a quick look; --nulls 100 --days 30 --valves 4 --windows 8 is a
-    study and takes hours: with --keep it may be stopped, and goes on when it is called again, with
-    fewer valves or more. A folder belongs to one version of the program.
+    some windows. The defaults are a quick look; --nulls 100 --days 30 --valves 4 --windows 8 is the
+    study of docs/proof.md and takes half an hour on two cores: with --keep it may be stopped, and
+    goes on when it is called again, with fewer valves or more. A folder belongs to one version of
+    the program.
     """
     from rich.progress import Progress
 
