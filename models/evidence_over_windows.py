@@ -150,7 +150,7 @@ class LastingFinding:
     """One effect over the windows of a valve.
 
     ``named`` of ``of`` windows, the last ``MEMORY`` that could have shown it, name it. ``mean`` and
-    ``t`` are the combined gain by it in the other windows; ``None`` where there are too few.
+    ``t`` are the combined gain by it in those that name nothing; ``None`` where these are too few.
     ``confirmed`` is when it was last confirmed anew, ``None`` where it never was. ``p_value`` is
     the probability that as many windows name it as strongly on a valve with nothing hidden.
     """
@@ -300,7 +300,8 @@ def _chance(slug: str, windows: Sequence[WindowEvidence]) -> float:
 
 
 def _confirms(slug: str, recent: Sequence[WindowEvidence], names: Sequence[bool]) -> bool:
-    """Whether enough windows agree, or one fewer and the others gain by the effect together."""
+    """Whether enough windows agree, or one fewer and those that name nothing gain by the effect
+    together."""
     agree = AGREE + (slug in HARDER)
     if sum(names) >= agree:
         return True

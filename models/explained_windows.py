@@ -1,7 +1,7 @@
 """A long recording explained as several windows: each is a search of its own, and they must agree.
 
     recording -> at most MOST windows in which OP moves most -> each explained alone
-              -> what two of them agree on, or one names and the others gain by -> S, J pooled
+              -> what two of them agree on, or one names and the silent ones gain by -> S, J pooled
 
 One search over eight hours costs as much as eight over one hour each, and a poor optimum spoils one
 window, not the record. A record of so many samples that it has fewer than ``FEWEST`` windows is

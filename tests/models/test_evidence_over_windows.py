@@ -78,6 +78,12 @@ def test_the_combined_gain_of_other_windows_confirms_an_effect():
     assert states([window(0, SLUG), *nothing]) == {SLUG: FindingState.FIRST_SEEN}
 
 
+def test_gains_of_windows_that_name_another_effect_do_not_confirm():
+    """Whatever does a part of that one's work gains there too."""
+    elsewhere = [window(day, "viscous_drag", mean=0.05, t=1.5) for day in range(1, 5)]
+    assert states([window(0, SLUG), *elsewhere])[SLUG] is FindingState.FIRST_SEEN
+
+
 def test_an_effect_that_no_window_names_is_never_a_finding():
     """Gains that no window could name alone may be a bias that all of them share."""
     assert lasting_findings([window(day, mean=0.1, t=3.0) for day in range(30)]) == ()
