@@ -24,6 +24,7 @@ from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, searc
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
     by_events,
+    by_likelihood,
     directions,
     effect,
     with_what_tells,
@@ -39,6 +40,7 @@ from stemwatch.models.mismatch.held_out import (
     on_alternate_blocks,
     slip_by_slip,
 )
+from stemwatch.models.mismatch.named_by_likelihood import named_by_likelihood
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -56,7 +58,13 @@ from stemwatch.models.mismatch.reading_errors import (
 from stemwatch.models.mismatch.spring_hysteresis import IMITATED, follows_turns
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
-from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name_terms
+from stemwatch.models.mismatch.term_selection import (
+    MOST_TERMS,
+    Named,
+    Needed,
+    lacking,
+    name_terms,
+)
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.recording import Floats, Recording
@@ -132,7 +140,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     terms = admissible(case.refused)
     named = named_effects(case, terms)
     pinned: set[str] = set()
-    dropped_because, spring = "", False
+    dropped_because, spring, asked_likelihood = "", False, False
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -156,6 +164,12 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         elif DRIVE in hypothesis.layout.places:
             return hypothesis
         dropped = proposed - stand
+        if not dropped and len(named.needed) < MOST_TERMS and not asked_likelihood:
+            asked_likelihood = True
+            more = named_by_likelihood(named, of_the_valve(terms))
+            if more is not named:
+                named = more
+                continue
         if not dropped:
             return replace(
                 hypothesis,
@@ -446,6 +460,8 @@ def _needed_effect(
         (needed.without.layout, needed.without.candidates.mean(axis=0)),
         in_directions,
     )
+    if needed.likelihood is not None:
+        return by_likelihood(of_trajectories, needed.likelihood)
     if needed.events is None:
         return of_trajectories
     return by_events(of_trajectories, needed.events, needed.term, in_directions)
@@ -453,7 +469,8 @@ def _needed_effect(
 
 def _matters(effect: Effect) -> bool:
     """True where it removes a good share of the residual; events that tell it are few samples."""
-    return effect.evidence.share >= LEAST_SHARE or effect.evidence.events_z > 0.0
+    evidence = effect.evidence
+    return evidence.share >= LEAST_SHARE or evidence.events_z > 0.0 or evidence.likelihood_gain > 0.0
 
 
 def _share(evaluator: Evaluator, before: Fitted, after: Fitted) -> float:

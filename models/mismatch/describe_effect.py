@@ -19,6 +19,7 @@ from stemwatch.models.mismatch.findings import (
     Finding,
     ResidualMap,
 )
+from stemwatch.models.mismatch.likelihood import LikelihoodEvidence
 from stemwatch.models.mismatch.locate import locate
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.terms import catalogue
@@ -167,6 +168,22 @@ def by_events(
     parameters = {**found_effect.parameters, "b": replace(fitted, low=max(low, 0.0), high=high)}
     sentence = term.sentence(parameters, found_directions.rising, found_directions.falling)
     return replace(found_effect, sentence=sentence, evidence=evidence, parameters=parameters)
+
+
+def by_likelihood(found_effect: Effect, seen: LikelihoodEvidence) -> Effect:
+    """``found_effect`` with the evidence of the whole record's likelihood."""
+    note = (
+        "The whole record tells it, all moments considered at which the stem may have let go: with "
+        f"it the record is e^{seen.gain:.0f} times as likely ({seen.t:.1f} standard errors); in the "
+        "residual it is small, for breakaways scatter as well."
+    )
+    if len(found_effect.members) > 1:
+        others = ", ".join(slug.replace("_", " ") for slug in found_effect.members[1:])
+        note += f" This recording cannot tell it from {others}."
+    evidence = replace(
+        found_effect.evidence, likelihood_gain=seen.gain, strength=seen.strength, note=note
+    )
+    return replace(found_effect, evidence=evidence)
 
 
 def with_what_tells(found_effect: Effect, tells: str) -> Effect:

@@ -23,7 +23,7 @@ from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.kernel import Record, Scoring, follow, used
 from stemwatch.models.mismatch.lane_rows import LANES
 from stemwatch.models.mismatch.lanes import WIDTH, alike
-from stemwatch.models.mismatch.stem import Stem, Stems
+from stemwatch.models.mismatch.stem import Stem, Stems, Tables
 from stemwatch.models.mismatch.term import ActsOn, RecordingSummary, Term
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.kernel import RESYNC, Marks
@@ -387,6 +387,18 @@ class Evaluator:
             runs.simulated,
             runs.early_late,
         )
+
+    def laid_out(
+        self, layout: CoordinateLayout, candidate: Floats
+    ) -> tuple[Floats, Floats, Tables]:
+        """The force (n,) on the stem of a candidate (size,), its numbers (18,) and its tables.
+        Buffers: what runs next writes over them.
+        """
+        of_force = candidate[None, layout.of_force]
+        row = self._forces.of([(layout.shaping, of_force)])[0]
+        self._fill([(layout, candidate[None])])
+        numbers, tables = self._stems.first(1)
+        return self._forces.rows[row], numbers[0], tables
 
     def _fill(self, pieces: Sequence[Piece]) -> None:
         """Write the stems of the candidates, in their order, into ``_stems``."""

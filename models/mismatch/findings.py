@@ -42,6 +42,7 @@ class EffectEvidence:
     t: float
     share: float
     strength: float = 1.0  # how far beyond the limits, 1 at the limits
+    likelihood_gain: float = 0.0  # of the whole record, that showed it; 0 where the residual did
     events_z: float = 0.0  # normal score of the breakaways that showed it; 0 where the residual did
     note: str = ""
 

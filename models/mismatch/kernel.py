@@ -93,7 +93,7 @@ _PARTS = 4  # of a sample, in which a stem with inertia is moved
 
 
 @never_raises
-def _table_value(tables: Floats, lane: int, x: float) -> float:
+def table_value(tables: Floats, lane: int, x: float) -> float:
     """The table of ``lane`` at place ``x``, linear between its entries and constant beyond."""
     table_place = (x - stem_number.PLACE_LOW) * (
         (stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW)
@@ -106,7 +106,7 @@ def _table_value(tables: Floats, lane: int, x: float) -> float:
 
 
 @never_raises
-def _table_slope(tables: Floats, lane: int, x: float) -> float:
+def table_slope(tables: Floats, lane: int, x: float) -> float:
     """The rise of the table of ``lane`` over a percent of travel at place ``x``."""
     table_place = (x - stem_number.PLACE_LOW) * (
         (stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW)
@@ -117,7 +117,7 @@ def _table_slope(tables: Floats, lane: int, x: float) -> float:
 
 
 @never_raises
-def _share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
+def share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
     """The share of the gap that a stem covers in a sample, and the gap below which it sticks; with
     a negative one only a turn stops it.
 
@@ -163,7 +163,7 @@ def _begin(
         s[row.FORCE_AFTER + i] = s[row.FORCE + i] = s[row.WANDER + i] = 0.0
         s[row.FRICTION + i] = s[row.BREAKAWAY + i] = 0.0
         s[row.LOOKED_UP_AT + i] = np.nan
-        s[row.SHARE + i], s[row.LEAST_GAP + i] = _share_and_least(dt, q, 0.0)
+        s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, q, 0.0)
         s[row.CREEP + i] = q[stem_number.CREEP] * dt
         s[row.STOP_LOW + i], s[row.STOP_HIGH + i] = (
             q[stem_number.STOP_LOW],
@@ -320,10 +320,10 @@ def _look_up(
         x = s[row.X + i]
         if x != s[row.LOOKED_UP_AT + i]:
             s[row.LOOKED_UP_AT + i] = x
-            s[row.FRICTION + i] = _table_value(friction, lane, x)
-            s[row.FORCE + i] = _table_value(force, lane, x)
-            slope = _table_slope(force, lane, x)
-            s[row.SHARE + i], s[row.LEAST_GAP + i] = _share_and_least(dt, numbers[lane], slope)
+            s[row.FRICTION + i] = table_value(friction, lane, x)
+            s[row.FORCE + i] = table_value(force, lane, x)
+            slope = table_slope(force, lane, x)
+            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, numbers[lane], slope)
 
 
 @never_raises
@@ -475,7 +475,7 @@ def _wander_and_rest(
         level = abs(s[row.HALF_S + i] + s[row.HALF_J + i])
         band = level * (1.0 + abs(s[row.GROWTH + i]) * k) + half
         if q[stem_number.BY_PLACE] != 0.0:
-            band += abs(_table_value(friction, lane, z)) + abs(_table_value(force, lane, z))
+            band += abs(table_value(friction, lane, z)) + abs(table_value(force, lane, z))
         z = min(max(z, laid_out[lane] - band), laid_out[lane] + band)
         # At a RESYNC it rests within the play of its reading.
         s[row.X + i] = z if start else min(max(s[row.X + i], z - half), z + half)

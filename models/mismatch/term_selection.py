@@ -49,6 +49,7 @@ from stemwatch.models.mismatch.evaluator import (
     S_and_J,
     TermSet,
 )
+from stemwatch.models.mismatch.likelihood import LikelihoodEvidence
 from stemwatch.models.mismatch.other_coordinates import best_together, carried_over, without
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
@@ -113,6 +114,7 @@ class Needed:
     advantage: Advantage
     events: BreakawayEvidence | None = None  # that showed it, where the trajectories did not
     of_pair: bool = False  # was found together with another, without which it gains little
+    likelihood: LikelihoodEvidence | None = None  # that showed it, where trajectories did not
 
     @property
     def term(self) -> Term:

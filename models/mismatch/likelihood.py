@@ -1,0 +1,242 @@
+"""The most likely parameters of a hypothesis, where the breakaways scatter (``breakaway_filter``).
+
+Beside its own coordinates a hypothesis has two of the record: the logarithms of the scale of the
+readings' noise and of the scatter of the levels. A climb follows the slopes of the logarithm of the
+likelihood. How curved that is, the slopes of the single blocks of time tell, as Berndt, Hall, Hall
+and Hausman propose (1974, Annals of Economic and Social Measurement 3, 653): no second derivatives
+are needed. What it misses, where a stem that sticks a sample sooner makes a small step in it, steps
+along the single coordinates find.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from stemwatch.models.forensics import coarse_step
+from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch.breakaway_filter import log_likelihood
+from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.kernel import Record
+from stemwatch.models.recording import Bools, Floats
+from stemwatch.models.stickslip.onsets import Samples
+
+COURSES = 12  # with 16 the likelihood is the same to a tenth
+OF_RECORD = 2  # coordinates of the record, the last of a point
+# Of the level. A wider scatter than that of real stems would take the place of what is missing.
+FIRST_SCATTER, SCATTERS = 0.05, (0.01, 0.15)
+SIGMAS = (0.02, 7.0)  # of the noise that is estimated from the readings
+OF_A_STEP = 0.1  # of a coarse step, from which the noise of its readings is looked for
+SLOPE_STEP = 0.004  # of the range of a coordinate, over which slopes are taken
+BEGUN_FROM = 3  # starts that are climbed from
+ROUNDS, ALONE_ROUNDS = 8, 3  # of a climb, and of steps along single coordinates
+TRIES = 4  # shorter steps of a round
+WORTH_ANOTHER = 0.3  # gain of a round
+SHORTER, LONGER = 0.4, 1.6  # steps along a coordinate, after a loss and after a gain
+
+# Least gain of the logarithm of the likelihood by which a term is named, least t of its blocks, and
+# least product of the two.
+LEAST_GAIN, LEAST_T, LEAST_PRODUCT = 30.0, 1.3, 120.0
+
+
+@dataclass(frozen=True)
+class LikelihoodEvidence:
+    """What the likelihood gains by a term: the logarithm of the ratio, and its t over the blocks;
+    ``strength`` is how far these are beyond their limits, 1 at the limits."""
+
+    gain: float
+    t: float
+    strength: float
+
+
+@dataclass(frozen=True)
+class Likeliest:
+    """The most likely ``point`` (size + 2,) of a layout that was found, and the logarithm of the
+    likelihood of each scored block there."""
+
+    layout: CoordinateLayout
+    point: Floats
+    by_block: Floats
+
+    @property
+    def total(self) -> float:
+        """The logarithm of the likelihood of the record."""
+        return float(self.by_block.sum())
+
+    @property
+    def candidate(self) -> Floats:
+        """(size,) the coordinates of the hypothesis."""
+        return self.point[:-OF_RECORD]
+
+    @property
+    def of_record(self) -> Floats:
+        """(2,) the logarithms of the noise, percent, and of the scatter."""
+        return self.point[-OF_RECORD:]
+
+
+@dataclass(frozen=True)
+class RecordLikelihood:
+    """The likelihood of the record of an ``evaluator`` by its hypotheses; ``courses`` of the stem
+    are kept at most."""
+
+    evaluator: Evaluator
+    courses: int = COURSES
+
+    @cached_property
+    def _step(self) -> float:
+        """The step of coarse readings, percent; 0 where they are fine, or drawn by an archive."""
+        evaluator = self.evaluator
+        if evaluator.slack.any():
+            return 0.0
+        return coarse_step(evaluator.problem.mv[evaluator.measured])
+
+    @cached_property
+    def _filled(self) -> Bools:
+        return np.asarray(self.evaluator.counts > 0)
+
+    @cached_property
+    def _record(self) -> Record:
+        problem, none = self.evaluator.problem, np.empty(0, dtype=np.int64)
+        return Record(problem.mv, problem.start, none, none, problem.interval_s, 0.0)
+
+    @cached_property
+    def _by_block(self) -> Floats:
+        return np.empty(self.evaluator.problem.n_blocks)
+
+    @cached_property
+    def first_of_record(self) -> Floats:
+        """(2,) noise and scatter to begin with, as logarithms."""
+        sigma = self.evaluator.problem.sigma
+        if self._step > 0.0:
+            sigma = min(sigma, max(OF_A_STEP * self._step, SIGMAS[0] * sigma))
+        return np.log([sigma, FIRST_SCATTER])
+
+    def limits(self, layout: CoordinateLayout) -> tuple[Floats, Floats]:
+        """The least and the largest point (size + 2,)."""
+        sigma = self.evaluator.problem.sigma
+        # Values that were drawn between stored ones are as near as the archive draws them.
+        least = 1.0 if self.evaluator.slack.any() else SIGMAS[0]
+        low = np.log([least * sigma, SCATTERS[0]])
+        high = np.log([SIGMAS[1] * sigma, SCATTERS[1]])
+        return np.append(layout.bounds.low, low), np.append(layout.bounds.high, high)
+
+    def of_blocks(self, layout: CoordinateLayout, point: Floats) -> Floats:
+        """(filled blocks,) the logarithm of the likelihood of each block that is scored."""
+        evaluator = self.evaluator
+        force, numbers, tables = evaluator.laid_out(layout, point[:-OF_RECORD])
+        sigma, scatter = np.exp(point[-OF_RECORD:])
+        log_likelihood(
+            force,
+            numbers,
+            tables,
+            self._record,
+            evaluator.problem.block,
+            evaluator.slack,
+            self._step,
+            float(sigma),
+            float(scatter),
+            self.courses,
+            self._by_block,
+        )
+        return self._by_block[self._filled]
+
+    def at(self, layout: CoordinateLayout, point: Floats) -> Likeliest:
+        """A point, within its limits, and its likelihood."""
+        point = np.clip(point, *self.limits(layout))
+        return Likeliest(layout, point, self.of_blocks(layout, point))
+
+    def ranked(self, layout: CoordinateLayout, points: Iterable[Floats]) -> list[Likeliest]:
+        """Points (size + 2,), the most likely first."""
+        return sorted((self.at(layout, point) for point in points), key=lambda at: -at.total)
+
+    def maximised(self, layout: CoordinateLayout, points: Iterable[Floats]) -> Likeliest:
+        """The most likely point that is found from the best of ``points`` (size + 2,)."""
+        begun = self.ranked(layout, points)[:BEGUN_FROM]
+        climbed = max((self.climbed(one) for one in begun), key=lambda at: at.total)
+        return self._along_each(climbed)
+
+    def _steps(self, layout: CoordinateLayout, point: Floats) -> Floats:
+        """(size + 2,) steps over which slopes are taken, with their signs: into the range."""
+        bounds = layout.bounds
+        steps = np.append(SLOPE_STEP * (bounds.high - bounds.low), (0.1, 0.15))
+        steps[base_coordinate.S_PERCENT] = 0.01 * max(point[base_coordinate.S_PERCENT], 0.3)
+        for place, size in (
+            (base_coordinate.RATIO, 0.02),
+            (base_coordinate.ZERO, 0.02),
+            (base_coordinate.GAIN, 0.002),
+            (base_coordinate.RESTICK, max(0.02, 0.15 * point[base_coordinate.RESTICK])),
+        ):
+            steps[place] = min(size, steps[place]) if steps[place] == 0.0 else size
+        low, high = self.limits(layout)
+        steps = np.where(high > low, np.minimum(steps, high - low), 0.0)
+        return np.where(point + steps <= high, steps, -steps)
+
+    def climbed(self, begun: Likeliest, rounds: int = ROUNDS) -> Likeliest:
+        """The point that is reached by following the slopes from one that was ``begun``."""
+        layout, best, damping = begun.layout, begun, 1e-2
+        for _ in range(rounds):
+            steps = self._steps(layout, best.point)
+            free = np.flatnonzero(steps)
+            slopes = np.empty((best.by_block.size, free.size))
+            for column, place in enumerate(free):
+                beside = best.point.copy()
+                beside[place] += steps[place]
+                slopes[:, column] = self.of_blocks(layout, beside) - best.by_block
+            before = best.total
+            best, damping = self._stepped(best, free, steps[free], slopes, damping)
+            if best.total - before < WORTH_ANOTHER:
+                break
+        return best
+
+    def _stepped(
+        self, best: Likeliest, free: Samples, steps: Floats, slopes: Floats, damping: float
+    ) -> tuple[Likeliest, float]:
+        """The best of some steps along the slopes (blocks, free) of each block, over ``steps``; and
+        the damping with which to go on.
+        """
+        curved, total = slopes.T @ slopes, slopes.sum(axis=0)
+        own = np.diag(np.maximum(np.diag(curved), 1e-6))
+        for _ in range(TRIES):
+            way = np.zeros(best.point.size)
+            way[free] = np.linalg.solve(curved + (damping + 1e-9) * own, total) * steps
+            there = self.at(best.layout, best.point + way)
+            if there.total > best.total:
+                further = self.at(best.layout, best.point + 2.0 * way)
+                return max(there, further, key=lambda at: at.total), max(0.3 * damping, 1e-3)
+            damping *= 8.0
+        return best, damping
+
+    def _along_each(self, best: Likeliest) -> Likeliest:
+        """The best that steps along the single coordinates find."""
+        layout = best.layout
+        steps = 2.0 * np.abs(self._steps(layout, best.point))
+        for _ in range(ALONE_ROUNDS):
+            before = best
+            for place in np.flatnonzero(steps):
+                best, steps[place] = self._along(best, int(place), float(steps[place]))
+            again = self.at(layout, 2.0 * best.point - before.point)
+            best = again if again.total > best.total else best
+            if best.total - before.total < WORTH_ANOTHER:
+                break
+        return best
+
+    def _along(self, best: Likeliest, place: int, step: float) -> tuple[Likeliest, float]:
+        """The best on one coordinate, and the step with which to go on."""
+        for sign in (1.0, -1.0):
+            there = self._moved(best, place, sign * step)
+            if there.total <= best.total:
+                continue
+            while there.total > best.total:
+                best, step = there, LONGER * step
+                there = self._moved(best, place, sign * step)
+            return best, step
+        return best, SHORTER * step
+
+    def _moved(self, best: Likeliest, place: int, step: float) -> Likeliest:
+        """The point that is a ``step`` further on one coordinate."""
+        point = best.point.copy()
+        point[place] += step
+        return self.at(best.layout, point)
