@@ -20,6 +20,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
 )
 from stemwatch.models.mismatch.air_or_drag import or_air
 from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.bend_or_slope import BOW
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -46,6 +47,7 @@ from stemwatch.models.mismatch.prepared_recording import (
 )
 from stemwatch.models.mismatch.reading_errors import (
     COORDINATES,
+    FLOW,
     OVERSHOOT,
     RESTICK,
     ReadingError,
@@ -58,6 +60,7 @@ from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
 from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name_terms
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.terms.flow_force import OWN_BOW
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.recording import Floats, Recording
 
@@ -239,10 +242,22 @@ def _whole_record(
 
 def _large_enough(candidates: Sequence[Effect], named: Named) -> tuple[Effect, ...]:
     """The effects that remove a material share; of two that were found together, both are needed to
-    remove it.
+    remove it. A bow that a flow force may have as a part of its shape is no effect of its own.
     """
     of_pairs = {needed.term.slug for needed in named.needed if needed.of_pair}
-    return tuple(effect for effect in candidates if _matters(effect) or effect.slug in of_pairs)
+    return tuple(
+        effect
+        for effect in candidates
+        if (_matters(effect) or effect.slug in of_pairs) and not _bends_with_force(effect, named)
+    )
+
+
+def _bends_with_force(effect: Effect, named: Named) -> bool:
+    """True for a bow that a flow force beside it may have as a part of its shape."""
+    if effect.slug != BOW or FLOW not in named.fitted.layout.places:
+        return False
+    height = float(named.fitted.values(BOW)[:, 0].mean())
+    return abs(height) <= OWN_BOW * abs(float(named.fitted.values(FLOW)[:, 0].mean()))
 
 
 def _as_it_is_judged(

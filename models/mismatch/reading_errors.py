@@ -22,6 +22,7 @@ from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, sco
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import AS_GOOD
+from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
@@ -33,7 +34,7 @@ COORDINATES = {
     "low_speed_restick": (base_coordinate.RESTICK, 0.12),
 }
 RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
-DRIFT = "sensor_drift"
+DRIFT, FLOW = "sensor_drift", "flow_force"
 LEAST_ZERO = 0.4  # percent, all through a drift
 
 
@@ -83,12 +84,23 @@ def findings(
         if slug == SPAN and BOW in fitted.layout.places:
             continue  # how much of the slope belongs to the bow cannot be told
         reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest)
+        if reading_error is not None and slug == SPAN and _leans_with_force(fitted):
+            continue
         if reading_error is not None:
             at_every_speed = _at_every_speed(evaluator, fitted, reading_error, terms)
             offs.append(_or_bent(evaluator, fitted, at_every_speed, terms))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
+
+
+def _leans_with_force(fitted: Fitted) -> bool:
+    """True where a flow force may have the slope of the reading as a part of its shape."""
+    if FLOW not in fitted.layout.places:
+        return False
+    U = float(fitted.values(FLOW)[:, 0].mean())
+    over_stroke = 100.0 * float(fitted.candidates[:, base_coordinate.GAIN].mean())
+    return abs(over_stroke) <= OWN_SLOPE * abs(U)
 
 
 def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:

@@ -185,6 +185,15 @@ def test_a_stop_that_acts_in_few_blocks_explains_what_is_left():
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
 
 
+def test_a_bow_that_a_flow_force_may_have_is_no_bowed_linkage():
+    """The force of this plug is largest at 54 % of travel, so that its shape is a little bent."""
+    case, run = simulate_hidden(draw_effect("flow_force", 12, 4071, "rich")[11])
+    answer = explain(run.recording)
+    sound(answer, len(run.recording))
+    assert ["flow_force"] == [effect.slug for effect in answer.effects]
+    assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
+
+
 def test_what_is_too_small_on_the_whole_record_is_not_named():
     """A positioner that overshoots by a hundredth of each move was large enough where it was found;
     fitted to all of the record it is how good ones are made."""

@@ -92,6 +92,15 @@ def test_a_span_error_explains_its_offset_at_mid_travel():
     assert ["span_error"] == slugs_of(result)
 
 
+@pytest.mark.parametrize(("gain", "named"), [(0.02, []), (0.05, ["span_error"])])
+def test_a_slope_that_a_flow_force_may_have_is_a_part_of_its_shape(gain, named):
+    """It is no finding beside the force, and stays in the fit; a larger one is a span error."""
+    result = found_in(((base_coordinate.GAIN, gain),), ("flow_force",), ((5.0,),))
+    assert named == slugs_of(result)
+    fitted_gain = result[2].candidates[:, base_coordinate.GAIN].mean()
+    assert fitted_gain == pytest.approx(gain, abs=0.01)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_drift_that_began_or_ended_at_zero_is_no_zero_shift(side):
     """Zero plus and minus half the drift: at the one end or the other the reading was right."""
