@@ -55,6 +55,7 @@ from stemwatch.models.mismatch.reading_errors import (
     values_of,
     without_error,
 )
+from stemwatch.models.mismatch.shaken_stem import Shaking, find_shaking
 from stemwatch.models.mismatch.spring_hysteresis import IMITATED, follows_turns
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
@@ -93,6 +94,7 @@ class AcceptedHypothesis:
     an effect the finding is that something unknown is hidden. ``dropped_because`` says, where it is
     not empty, that another effect was dropped because it made the prediction of unseen samples
     worse; ``spring`` that one was dropped because a spring with hysteresis stands behind it.
+    ``shaking`` is the swing in time with which the stem lets go, if something outside shakes it.
     """
 
     evaluator: Evaluator
@@ -106,6 +108,7 @@ class AcceptedHypothesis:
     named: Named
     dropped_because: str = ""
     spring: bool = False
+    shaking: Shaking | None = None
 
 
 def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
@@ -314,6 +317,18 @@ def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     return replace(hypothesis, effects=(), dropped_because=reason)
 
 
+def unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
+    """The hypothesis; with nothing named, and as one that leaves something out, where something
+    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again.
+    """
+    if any(effect.slug not in STICKS_AGAIN for effect in hypothesis.effects):
+        return hypothesis
+    shaking = find_shaking(hypothesis.evaluator, hypothesis.fitted)
+    if shaking is None:
+        return hypothesis
+    return replace(hypothesis, effects=(), unexplained=True, shaking=shaking)
+
+
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
     """Whether unseen samples are predicted no worse than by S and J alone, in a free run; slip by
     slip, better beyond chance.
@@ -356,9 +371,10 @@ def _terms_that_stand(
     Where much is left, an effect must explain a good part of it; a straight line through the
     reading must do so nearly alone, predict the rest of the record, and leave no bend.
     """
-    # An archive that drew lines, or a flow, leaves no noise to compare with.
+    # A flow leaves no noise to compare with. That of an archive that drew lines is smaller than it
+    # is taken for, so that what is left must be systematic, but may be more than is seen.
+    unexplained = case.own_reading and not_little_left(evaluator, fitted)
     noise_known = case.own_reading and not is_compressed(case.measured)
-    unexplained = noise_known and not_little_left(evaluator, fitted)
     if noise_known and much_left(evaluator, fitted):
         much_nearer = _much_nearer(heldout)
         effects = tuple(
