@@ -33,6 +33,9 @@ COORDINATES = {
     "zero_shift": (base_coordinate.ZERO, 0.0),
     "low_speed_restick": (base_coordinate.RESTICK, 0.12),
 }
+# %/s, from which a stem that sticks again is compared with one that does at every speed: where it
+# does, the speed up to which it was fitted says little.
+LEAST_RESTICK = 0.15
 RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
 DRIFT, FLOW = "sensor_drift", "flow_force"
 LEAST_ZERO = 0.4  # percent, all through a drift
@@ -88,10 +91,16 @@ def findings(
             continue
         if reading_error is not None:
             at_every_speed = _at_every_speed(evaluator, fitted, reading_error, terms)
-            offs.append(_or_bent(evaluator, fitted, at_every_speed, terms))
+            if _is_material(evaluator, fitted, at_every_speed.term):
+                offs.append(_or_bent(evaluator, fitted, at_every_speed, terms))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
+
+
+def _is_material(evaluator: Evaluator, fitted: Fitted, term: Term) -> bool:
+    """True where the error is as large as its term asks for."""
+    return term.material(values_of(term.slug, fitted.candidates.mean(axis=0)), evaluator.summary)
 
 
 def _leans_with_force(fitted: Fitted) -> bool:
@@ -158,8 +167,9 @@ def _or_bent(
 def _dropped(
     evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, largest: float
 ) -> ReadingError | None:
-    value = fitted.candidates.mean(axis=0)[[coordinate]]
-    if not term.material(value, evaluator.summary):
+    value = fitted.candidates.mean(axis=0)[coordinate]
+    may_be_overshoot = term.slug == RESTICK and value >= LEAST_RESTICK
+    if not (may_be_overshoot or _is_material(evaluator, fitted, term)):
         return None
     neutral_fit = without_error(evaluator, fitted, coordinate, largest)
     advantage = gain(evaluator, neutral_fit, fitted)

@@ -73,6 +73,11 @@ def test_a_stem_that_sticks_at_every_speed_is_not_said_to_stick_at_low_speed():
     assert off.advantage.mean > 0.1
 
 
+def test_a_stem_that_sticks_again_on_the_slowest_ramps_only_has_no_finding():
+    """Every packing does so; scatter of the breakaways looks like it too."""
+    assert [] == slugs_of(found_in(base=((base_coordinate.RESTICK, 0.2),)))
+
+
 def test_a_correct_reading_has_no_finding_and_a_gain_of_one():
     """Where gain and zero are right nothing is found, and the gain is 1 from there on."""
     off, fitted, after = found_in()
