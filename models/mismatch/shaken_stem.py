@@ -27,6 +27,7 @@ from stemwatch.models.mismatch.base_fit import naive_evaluator
 from stemwatch.models.mismatch.crossfit import Fitted
 from stemwatch.models.mismatch.evaluator import RATIO, S_PERCENT, Evaluator
 from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.onsets import Samples
 
 SLOWEST, QUICKEST = 0.02, 0.45  # cycles a sample
 STEP = 0.4  # of one over the length of the record, by which neighbouring frequencies differ
@@ -39,7 +40,7 @@ RESTED, LEAST_OF_RESTED = 1.5, 8.0  # swings from the breakaway before; power of
 MOST_OF_MODEL = 1.0 / 6.0  # of the share of all power that the recorded stem has
 MOST_OF_OP = 0.2  # of the breakaway level: amplitude of a swing in OP that times no breakaways
 MOVES, RESTS = 1e-6, 2  # percent in a sample; samples
-AT_ONCE = 512  # frequencies
+TINY = 1e-12  # a sum of squares that is none
 
 
 @dataclass(frozen=True)
@@ -54,30 +55,27 @@ class Shaking:
 def find_shaking(evaluator: Evaluator, fitted: Fitted) -> Shaking | None:
     """The swing in time with which the recorded stem lets go and the model of ``fitted`` does not;
     ``None`` where there is none, or with too few breakaways."""
-    op = evaluator.problem.op
-    at = evaluator.onsets.at.astype(np.float64)
-    side = evaluator.onsets.side.astype(np.float64)
+    at, side = evaluator.onsets.at, evaluator.onsets.side.astype(np.float64)
     if at.size < FEWEST:
         return None
-    frequencies = np.arange(SLOWEST, QUICKEST, STEP / op.size)
-    powers = power(at, side, frequencies)
+    frequencies, powers = spectrum(at, side, evaluator.problem.op.size)
     best = int(np.argmax(powers))
-    if powers[best] < LEAST_POWER:
+    frequency, highest = float(frequencies[best]), float(powers[best])
+    if highest < LEAST_POWER:
         return None
-    frequency = frequencies[best : best + 1]
-    rested = np.diff(at, prepend=-np.inf) * frequency > RESTED
-    if power(at[rested], side[rested], frequency)[0] < LEAST_OF_RESTED:
+    rested = np.diff(at, prepend=-at[-1]) * frequency > RESTED
+    if power(at[rested], side[rested], frequency) < LEAST_OF_RESTED:
         return None
-    if _oscillates(evaluator, fitted, float(frequency[0]), float(powers[best]) / at.size):
+    if _oscillates(evaluator, fitted, frequency, highest / at.size):
         return None
-    return Shaking(period=1.0 / float(frequency[0]), power=float(powers[best]))
+    return Shaking(period=1.0 / frequency, power=highest)
 
 
 def _oscillates(evaluator: Evaluator, fitted: Fitted, frequency: float, share: float) -> bool:
     """Whether the loop itself swings at ``frequency``, so that the model of ``fitted`` or OP do;
     ``share`` of all the power there could be is that of the recorded stem."""
     at, side = _of_the_model(evaluator, fitted)
-    own_share = power(at, side, np.array([frequency]))[0] / max(at.size, 1)
+    own_share = power(at, side, frequency) / max(at.size, 1)
     if own_share > MOST_OF_MODEL * share:
         return True
     S, ratio = fitted.candidates.mean(axis=0)[[S_PERCENT, RATIO]]
@@ -85,18 +83,24 @@ def _oscillates(evaluator: Evaluator, fitted: Fitted, frequency: float, share: f
     return _amplitude(evaluator.problem.op, frequency) > MOST_OF_OP * level
 
 
-def power(at: Floats, side: Floats, frequencies: Floats) -> Floats:
-    """(m,) the power of events ``at`` (k,), samples, to ``side`` (k,) at ``frequencies`` (m,),
-    cycles a sample; 0 where all are to one side."""
-    weight = side - side.mean() if side.size else side
-    square = float(weight @ weight)
-    if square <= 0.0:
-        return np.zeros(frequencies.size)
-    sums = [
-        np.exp(2j * np.pi * frequencies[k : k + AT_ONCE, None] * at) @ weight
-        for k in range(0, frequencies.size, AT_ONCE)
-    ]
-    return np.asarray(np.abs(np.concatenate(sums)) ** 2 / square)
+def spectrum(at: Samples, side: Floats, samples: int) -> tuple[Floats, Floats]:
+    """(m,) frequencies, cycles a sample, and (m,) the power at each of events ``at`` (k,) to
+    ``side`` (k,) in a record of so many ``samples``; 0 where all are to one side."""
+    weight = side - side.mean()
+    train = np.bincount(at, weight, minlength=samples)
+    length = int(samples / STEP)
+    first, last = int(SLOWEST * length), int(QUICKEST * length)
+    sums = np.fft.rfft(train, length)[first:last]
+    return np.arange(first, last) / length, np.abs(sums) ** 2 / max(float(weight @ weight), TINY)
+
+
+def power(at: Samples, side: Floats, frequency: float) -> float:
+    """The same at one ``frequency``; 0 without events."""
+    if not at.size:
+        return 0.0
+    weight = side - side.mean()
+    turned = weight @ np.exp(2j * np.pi * frequency * at)
+    return float(abs(turned) ** 2 / max(float(weight @ weight), TINY))
 
 
 def _amplitude(op: Floats, frequency: float) -> float:
@@ -106,7 +110,7 @@ def _amplitude(op: Floats, frequency: float) -> float:
     return float(2.0 * abs((window * (op - op.mean())) @ turn) / window.sum())
 
 
-def _of_the_model(evaluator: Evaluator, fitted: Fitted) -> tuple[Floats, Floats]:
+def _of_the_model(evaluator: Evaluator, fitted: Fitted) -> tuple[Samples, Floats]:
     """(k,) the samples at which the free run of ``fitted`` lets go, and (k,) to which side."""
     run, _ = naive_evaluator(evaluator).assimilated(fitted.layout, fitted.candidates.mean(axis=0))
     step = np.diff(run, prepend=run[0])
@@ -115,4 +119,4 @@ def _of_the_model(evaluator: Evaluator, fitted: Fitted) -> tuple[Floats, Floats]
     for back in range(1, RESTS + 1):
         begins &= ~moves[RESTS - back : moves.size - back]
     at = np.flatnonzero(begins) + RESTS
-    return at.astype(np.float64), np.sign(step[at])
+    return at, np.sign(step[at])

@@ -7,14 +7,12 @@ import pytest
 
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.mismatch.shaken_stem import LEAST_POWER, power
+from stemwatch.models.mismatch.shaken_stem import LEAST_POWER, power, spectrum
 from stemwatch.models.studies.simulator.hidden import (
     draw_nulls,
     draw_unknown,
     simulate_hidden,
 )
-
-FREQUENCIES = np.arange(0.02, 0.45, 1e-4)
 
 
 def explained(case):
@@ -23,27 +21,30 @@ def explained(case):
 
 
 def test_breakaways_in_time_have_their_power_at_that_frequency():
-    """Rising at one phase and falling half a swing later, with a tenth of it to either side."""
+    """Rising at one phase and falling half a swing later, each within a sample or two."""
     rng = np.random.default_rng(1)
     side = rng.choice([-1.0, 1.0], 80)
-    turns = np.sort(rng.integers(0, 700, 80))
-    at = 5.0 * (turns + 0.25 * side + rng.uniform(-0.1, 0.1, 80))
-    powers = power(at, side, FREQUENCIES)
-    assert FREQUENCIES[powers.argmax()] == pytest.approx(0.2, abs=2e-4)
-    assert powers.max() > 0.8 * 80
+    turns = np.sort(rng.choice(350, 80, replace=False))
+    at = np.rint(10.0 * turns + 5.0 * (side > 0.0) + rng.uniform(-1.5, 1.5, 80)).astype(np.int64)
+    frequencies, powers = spectrum(at + 5, side, 3600)
+    best = powers.argmax()
+    assert frequencies[best] == pytest.approx(0.1, abs=2e-4)
+    assert powers[best] > 0.6 * 80
+    assert powers[best] == pytest.approx(power(at + 5, side, frequencies[best]))
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_breakaways_at_any_time_stay_below_the_limit(seed):
     """The largest power of so many frequencies is one of chance."""
     rng = np.random.default_rng(seed)
-    at, side = rng.uniform(0.0, 3600.0, 100), rng.choice([-1.0, 1.0], 100)
-    assert power(at, side, FREQUENCIES).max() < LEAST_POWER
+    at, side = np.sort(rng.integers(0, 3600, 100)), rng.choice([-1.0, 1.0], 100)
+    assert spectrum(at, side, 3600)[1].max() < LEAST_POWER
 
 
 def test_breakaways_to_one_side_tell_nothing():
     """Readings that are taken every few seconds time both sides alike."""
-    assert not power(np.arange(0.0, 200.0, 5.0), np.ones(40), FREQUENCIES).any()
+    assert not spectrum(np.arange(0, 200, 5), np.ones(40), 200)[1].any()
+    assert power(np.arange(0), np.ones(0), 0.2) == 0.0
 
 
 @pytest.mark.parametrize(
