@@ -20,6 +20,7 @@ from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.bend_or_slope import BOW, SPAN, bent_instead
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.sag_or_zero import SAG, ZERO, sags_instead
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import AS_GOOD
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
@@ -92,7 +93,8 @@ def findings(
         if reading_error is not None:
             at_every_speed = _at_every_speed(evaluator, fitted, reading_error, terms)
             if _is_material(evaluator, fitted, at_every_speed.term):
-                offs.append(_or_bent(evaluator, fitted, at_every_speed, terms))
+                bent = _or_bent(evaluator, fitted, at_every_speed, terms)
+                offs.append(_or_sagging(evaluator, fitted, bent, terms))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
@@ -162,6 +164,16 @@ def _or_bent(
         return found
     tells = bent_instead(evaluator, fitted, bow)
     return found if tells is None else replace(found, beside=(BOW,), tells=tells)
+
+
+def _or_sagging(
+    evaluator: Evaluator, fitted: Fitted, found: ReadingError, terms: dict[str, Term]
+) -> ReadingError:
+    """``found``, and a supply sag beside a zero error that the record cannot tell from it."""
+    sag = terms.get(SAG)
+    if found.term.slug != ZERO or sag is None or not sags_instead(evaluator, fitted, sag):
+        return found
+    return replace(found, beside=(SAG,))
 
 
 def _dropped(
