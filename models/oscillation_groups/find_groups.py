@@ -64,6 +64,11 @@ class FoundGroup:
     def period_s(self) -> float:
         return 1.0 / self.frequency
 
+    @property
+    def weaker_of_two(self) -> float:
+        """The share of the weaker loop of two; infinite where there are more."""
+        return min(self.shares) if len(self.members) == 2 else np.inf
+
 
 def find_groups(
     spectra: LoopSpectra,
@@ -86,7 +91,7 @@ def find_groups(
     while open_ and len(groups) < _MOST_GROUPS:
         first = open_.pop(0)
         group = candidate(first, spectra, pv, remaining, seen, limits, sticking)
-        if group is None or group.statistics @ np.array(limits.weights) < limits.evidence:
+        if group is None or not more_than_chance(group, limits):
             continue
         members = set(group.members)
         open_ = [
@@ -98,6 +103,15 @@ def find_groups(
         if not any(_is_harmonic(group, other) for other in groups):
             groups.append(group)
     return sorted(groups, key=lambda group: -sum(group.shares))
+
+
+def more_than_chance(group: FoundGroup, limits: GroupLimits) -> bool:
+    """Whether a candidate is a group: the evidence reaches its limit, and two loops alone share
+    clearly more than the least of a member.
+    """
+    if group.weaker_of_two < limits.pair_share:
+        return False
+    return bool(group.statistics @ np.array(limits.weights) >= limits.evidence)
 
 
 def _near(a: float, b: float, relative: float) -> bool:
@@ -197,15 +211,21 @@ def _beyond_noise(along: Floats, power: Floats, shape: tuple[int, ...]) -> Float
 
 def _statistics(shares: Floats, regularity: float, sticking: Sequence[float | None]) -> Floats:
     """(4,) the evidence for a group, in the order of the weights. The number of members is not
-    among it, because a load common to all loops is not an oscillation.
+    among it, because a load common to all loops is not an oscillation. The odds of a loop count by
+    its share: a valve that sticks moves its own loop most, and at another period it is no evidence
+    for this group.
     """
-    known = [odds for odds in sticking if odds is not None]
+    by_share = [
+        odds + float(np.log(share))
+        for share, odds in zip(shares, sticking, strict=True)
+        if odds is not None
+    ]
     return np.array(
         [
             1.0,
             np.log(shares.max()),
             np.log(max(regularity, _LEAST_REGULARITY)),
-            max(known, default=0.0),
+            max(by_share, default=float(np.log(shares.max()))),
         ]
     )
 

@@ -116,6 +116,9 @@ def test_no_source_among_them_is_an_answer() -> None:
     assert outside.source == ""
     assert "none of them is the source (70 %)" in said.headline(outside)
     assert "none of them is the source" in said.loop_sentence(outside, "FIC-104", UTC)
+    assert "with 2 other loops (80 %" in said.loop_sentence(outside, "FIC-104", UTC)
+    of_two = replace(outside, members=outside.members[:2])
+    assert "with TIC-2 (80 %" in said.loop_sentence(of_two, "FIC-104", UTC)
 
 
 def test_pictures_escape_names_and_hold_many_loops() -> None:
