@@ -137,7 +137,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     """
     terms = admissible(case.refused)
     named = named_effects(case, terms)
-    pinned: set[str] = set()
+    pinned: tuple[str, ...] = ()
     dropped_because, spring = "", False
     first_part = FirstPart(named.evaluator)
     while True:
@@ -169,7 +169,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
                 dropped_because=dropped_because,
                 spring=spring,
             )
-        pinned |= dropped & set(STRAIGHT_LINE)
+        # In one order: a fit without one of them is begun from the fit without the other.
+        pinned = tuple(s for s in STRAIGHT_LINE if s in dropped or s in pinned)
         terms = {slug: term for slug, term in terms.items() if slug not in dropped}
         named = lacking(named, dropped)
 
@@ -192,7 +193,7 @@ def _whole_record(
     case: PreparedRecording,
     named: Named,
     terms: dict[str, Term],
-    pinned: set[str],
+    pinned: Sequence[str],
     first_part: FirstPart,
 ) -> tuple[AcceptedHypothesis, set[str]]:
     """The hypothesis ``named`` on the whole record, and the slugs of all that it holds: terms that
