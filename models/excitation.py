@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.kept_of_array import kept_of_array
 from stemwatch.models.quantiles import percentiles
 from stemwatch.models.recording import Floats
 from stemwatch.models.runs_of_samples import runs_of
@@ -89,6 +90,7 @@ def jumps_from_rest(mv: Floats, op: Floats, sigma: float) -> Jumps:
     return Jumps(begins=begins[jump], sizes=np.asarray((mv[ends] - mv[begins])[jump]))
 
 
+@kept_of_array
 def swing(values: Floats) -> float:
     """Range from the 1st to the 99th percentile, ignoring NaN; 0 where nothing is finite."""
     finite = values[np.isfinite(values)]

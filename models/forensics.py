@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from stemwatch.models.kept_of_array import kept_of_array
 from stemwatch.models.quantiles import median, percentiles
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.runs_of_samples import equal_runs
@@ -30,6 +31,7 @@ def _zero(values: Floats) -> float:
     return _RELATIVE_ZERO * max(float(np.max(np.abs(finite))), 1e-12) if finite.size else 0.0
 
 
+@kept_of_array
 def noise_sigma(values: Floats) -> float:
     """Standard deviation of white measurement noise, in the signal's own unit.
 
@@ -72,6 +74,7 @@ def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
     return min(sigma_of_all, 1.15 * float(np.percentile(parts, 100.0 * share)))
 
 
+@kept_of_array
 def quantum(values: Floats) -> float:
     """The recorder's resolution: the step of which (nearly) all differences are multiples, or 0.
 

@@ -349,7 +349,7 @@ def _run(
     stroke = before * np.minimum(np.arange(SAMPLES) / (0.4 * SAMPLES), 1.0) * 15.0
     travel = np.concatenate((centre - before * 15.0 + stroke, np.full(SAMPLES, centre + up * size)))
     runs = RivalRuns(question, models, travel, question.interval)
-    answers = np.array([runs.predicted(model) for model in models])
+    answers = runs.predicted_each(models)
     final_answers = answers[:, SAMPLES - 1 : SAMPLES]
     moved = up * (answers[:, SAMPLES:] - final_answers)
     final = moved[:, -1]

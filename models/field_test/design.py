@@ -178,7 +178,7 @@ class _ScoredProgramme:
 def _scored(site: _TestSite, programme: Programme) -> _ScoredProgramme | None:
     """The programme with its gains; ``None`` where it upsets PV more than is allowed."""
     runs = site.runs(programme)
-    predicted = np.array([runs.predicted(model) for model in site.models])
+    predicted = runs.predicted_each(site.models)
     upset, allowed = site.upset(predicted), allowed_upset(site.question, site.limits)
     if upset is not None and allowed is not None and upset > allowed:
         return None

@@ -8,7 +8,7 @@ breakaways are assimilated and charged for their distance from the level (see
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -192,8 +192,13 @@ class RivalRuns:
 
     def predicted(self, model: RivalModel) -> Floats:
         """(n,) MV in percent predicted by ``model`` with its own parameters."""
-        layout = self.layout(self.free, model)
-        return self.free.simulate(layout, 0.5 * (layout.bounds.low + layout.bounds.high))
+        return np.asarray(self.predicted_each([model])[0])
+
+    def predicted_each(self, models: Sequence[RivalModel]) -> Floats:
+        """(m, n) what each of ``models`` predicts."""
+        layouts = [self.layout(self.free, model) for model in models]
+        middles = [0.5 * (layout.bounds.low + layout.bounds.high) for layout in layouts]
+        return self.free.simulate_each(list(zip(layouts, middles, strict=True)))
 
     def draw_response(self, model: RivalModel, rng: np.random.Generator) -> Floats:
         """(n,) a response drawn from ``model``: parameters within their uncertainty, scattering

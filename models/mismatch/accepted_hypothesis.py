@@ -20,6 +20,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
 )
 from stemwatch.models.mismatch.air_or_drag import or_air
 from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.bend_or_slope import BOW
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, curvature, search
 from stemwatch.models.mismatch.describe_effect import (
     Directions,
@@ -48,6 +49,7 @@ from stemwatch.models.mismatch.prepared_recording import (
 )
 from stemwatch.models.mismatch.reading_errors import (
     COORDINATES,
+    FLOW,
     OVERSHOOT,
     RESTICK,
     ReadingError,
@@ -55,17 +57,13 @@ from stemwatch.models.mismatch.reading_errors import (
     values_of,
     without_error,
 )
+from stemwatch.models.mismatch.shaken_stem import Shaking, find_shaking
 from stemwatch.models.mismatch.spring_hysteresis import IMITATED, follows_turns
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
-from stemwatch.models.mismatch.term_selection import (
-    MOST_TERMS,
-    Named,
-    Needed,
-    lacking,
-    name_terms,
-)
+from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name_terms
 from stemwatch.models.mismatch.terms import catalogue
+from stemwatch.models.mismatch.terms.flow_force import OWN_BOW
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.recording import Floats, Recording
 
@@ -98,6 +96,7 @@ class AcceptedHypothesis:
     an effect the finding is that something unknown is hidden. ``dropped_because`` says, where it is
     not empty, that another effect was dropped because it made the prediction of unseen samples
     worse; ``spring`` that one was dropped because a spring with hysteresis stands behind it.
+    ``shaking`` is the swing in time with which the stem lets go, if something outside shakes it.
     """
 
     evaluator: Evaluator
@@ -111,6 +110,7 @@ class AcceptedHypothesis:
     named: Named
     dropped_because: str = ""
     spring: bool = False
+    shaking: Shaking | None = None
 
 
 def named_effects(case: PreparedRecording, terms: Mapping[str, Term]) -> Named:
@@ -139,7 +139,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     """
     terms = admissible(case.refused)
     named = named_effects(case, terms)
-    pinned: set[str] = set()
+    pinned: tuple[str, ...] = ()
     dropped_because, spring, asked_likelihood = "", False, False
     first_part = FirstPart(named.evaluator)
     while True:
@@ -164,7 +164,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         elif DRIVE in hypothesis.layout.places:
             return hypothesis
         dropped = proposed - stand
-        if not dropped and len(named.needed) < MOST_TERMS and not asked_likelihood:
+        if not dropped and not spring and not asked_likelihood:
             asked_likelihood = True
             more = named_by_likelihood(named, of_the_valve(terms))
             if more is not named:
@@ -177,7 +177,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
                 dropped_because=dropped_because,
                 spring=spring,
             )
-        pinned |= dropped & set(STRAIGHT_LINE)
+        # In one order: a fit without one of them is begun from the fit without the other.
+        pinned = tuple(s for s in STRAIGHT_LINE if s in dropped or s in pinned)
         terms = {slug: term for slug, term in terms.items() if slug not in dropped}
         named = lacking(named, dropped)
 
@@ -200,7 +201,7 @@ def _whole_record(
     case: PreparedRecording,
     named: Named,
     terms: dict[str, Term],
-    pinned: set[str],
+    pinned: Sequence[str],
     first_part: FirstPart,
 ) -> tuple[AcceptedHypothesis, set[str]]:
     """The hypothesis ``named`` on the whole record, and the slugs of all that it holds: terms that
@@ -253,10 +254,22 @@ def _whole_record(
 
 def _large_enough(candidates: Sequence[Effect], named: Named) -> tuple[Effect, ...]:
     """The effects that remove a material share; of two that were found together, both are needed to
-    remove it.
+    remove it. A bow that a flow force may have as a part of its shape is no effect of its own.
     """
     of_pairs = {needed.term.slug for needed in named.needed if needed.of_pair}
-    return tuple(effect for effect in candidates if _matters(effect) or effect.slug in of_pairs)
+    return tuple(
+        effect
+        for effect in candidates
+        if (_matters(effect) or effect.slug in of_pairs) and not _bends_with_force(effect, named)
+    )
+
+
+def _bends_with_force(effect: Effect, named: Named) -> bool:
+    """True for a bow that a flow force beside it may have as a part of its shape."""
+    if effect.slug != BOW or FLOW not in named.fitted.layout.places:
+        return False
+    height = float(named.fitted.values(BOW)[:, 0].mean())
+    return abs(height) <= OWN_BOW * abs(float(named.fitted.values(FLOW)[:, 0].mean()))
 
 
 def _as_it_is_judged(
@@ -313,6 +326,18 @@ def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     return replace(hypothesis, effects=(), dropped_because=reason)
 
 
+def unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
+    """The hypothesis; with nothing named, and as one that leaves something out, where something
+    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again.
+    """
+    if any(effect.slug not in STICKS_AGAIN for effect in hypothesis.effects):
+        return hypothesis
+    shaking = find_shaking(hypothesis.evaluator, hypothesis.fitted)
+    if shaking is None:
+        return hypothesis
+    return replace(hypothesis, effects=(), unexplained=True, shaking=shaking)
+
+
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
     """Whether unseen samples are predicted no worse than by S and J alone, in a free run; slip by
     slip, better beyond chance.
@@ -355,9 +380,10 @@ def _terms_that_stand(
     Where much is left, an effect must explain a good part of it; a straight line through the
     reading must do so nearly alone, predict the rest of the record, and leave no bend.
     """
-    # An archive that drew lines, or a flow, leaves no noise to compare with.
+    # A flow leaves no noise to compare with. That of an archive that drew lines is smaller than it
+    # is taken for, so that what is left must be systematic, but may be more than is seen.
+    unexplained = case.own_reading and not_little_left(evaluator, fitted)
     noise_known = case.own_reading and not is_compressed(case.measured)
-    unexplained = noise_known and not_little_left(evaluator, fitted)
     if noise_known and much_left(evaluator, fitted):
         much_nearer = _much_nearer(heldout)
         effects = tuple(

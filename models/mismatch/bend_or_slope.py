@@ -32,22 +32,26 @@ def bent_instead(evaluator: Evaluator, straight: Fitted, bow: Term) -> str | Non
     """A sentence on what would tell a bow from the span error of ``straight``; ``None`` where the
     record tells. The bow is fitted with the reading's gain held at 1.
     """
-    hypothesis = straight.layout.hypothesis.plus(bow)
-    layout = evaluator.layout(hypothesis)
-    low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
-    low[base_coordinate.GAIN] = high[base_coordinate.GAIN] = 0.0
-    layout = replace(layout, bounds=Bounds(low, high))
-    middle, grid = straight.candidates.mean(axis=0), bow.starts(evaluator.summary)
-    starts = np.zeros((grid.shape[0], layout.size))
-    starts[:, : base_coordinate.N_BASE] = middle[: base_coordinate.N_BASE]
-    for slug, coordinate_slice in straight.layout.places.items():
-        starts[:, layout.places[slug]] = middle[coordinate_slice]
-    starts[:, layout.places[BOW]] = grid
-    bent = conclude(evaluator, crossfit(evaluator, layout, layout.bounds.clip(starts), CAREFUL))
+    bent = fitted_instead(evaluator, straight, base_coordinate.GAIN, bow)
     nearer = gain(evaluator, bent, straight)
     if nearer.t >= AS_GOOD:
         return None
     return _wider_movement(evaluator, abs(float(bent.values(BOW).mean())))
+
+
+def fitted_instead(evaluator: Evaluator, fitted: Fitted, coordinate: int, term: Term) -> Fitted:
+    """``fitted`` with a ``term`` in the place of one base coordinate, which is held at neutral."""
+    layout = evaluator.layout(fitted.layout.hypothesis.plus(term))
+    low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
+    low[coordinate] = high[coordinate] = 0.0
+    layout = replace(layout, bounds=Bounds(low, high))
+    middle, grid = fitted.candidates.mean(axis=0), term.starts(evaluator.summary)
+    starts = np.zeros((grid.shape[0], layout.size))
+    starts[:, : base_coordinate.N_BASE] = middle[: base_coordinate.N_BASE]
+    for slug, coordinate_slice in fitted.layout.places.items():
+        starts[:, layout.places[slug]] = middle[coordinate_slice]
+    starts[:, layout.places[term.slug]] = grid
+    return conclude(evaluator, crossfit(evaluator, layout, layout.bounds.clip(starts), CAREFUL))
 
 
 def departure(low: float, high: float) -> float:

@@ -268,6 +268,16 @@ class Evaluator:
         self._follow([(layout, candidate[None])], self.problem.start, 0.0, runs)
         return np.array(runs.simulated[:, 0])
 
+    def simulate_each(self, candidates: Sequence[tuple[CoordinateLayout, Floats]]) -> Floats:
+        """(m, n) what ``simulate`` gives of each, run side by side."""
+        traces = np.empty((len(candidates), self.problem.op.size))
+        for first in range(0, len(candidates), LANES):
+            pieces = [(layout, one[None]) for layout, one in candidates[first : first + LANES]]
+            runs = self._buffers(len(pieces))
+            self._follow(pieces, self.problem.start, 0.0, runs)
+            traces[first : first + len(pieces)] = runs.simulated.T
+        return traces
+
     def assimilated(self, layout: CoordinateLayout, candidate: Floats) -> tuple[Floats, Floats]:
         """(n,) MV with the breakaways where they were seen, and how far from ``fs`` each of these
         ``onsets`` (e,) came, percent; 0 where the run did not let go with it."""

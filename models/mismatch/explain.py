@@ -17,6 +17,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
     chance,
+    noise_share,
     remaining_loss,
     short_record_factor,
     strength,
@@ -28,6 +29,7 @@ from stemwatch.models.mismatch.accepted_hypothesis import (
     accepted_hypothesis,
     if_followed,
     of_the_valve,
+    unless_shaken,
 )
 from stemwatch.models.mismatch.base_fit import (
     fit_naive,
@@ -80,7 +82,7 @@ from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
 from stemwatch.models.mismatch.uneven_readings import UnevenReadings, find_uneven_readings
 from stemwatch.models.mismatch.vibration import find_vibration, vibration_effect, without_vibration
-from stemwatch.models.own_clock import on_own_clock
+from stemwatch.models.own_clock import duration, on_own_clock
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Floats, Recording
 from stemwatch.models.stickslip.breakaways import LATE
@@ -232,7 +234,7 @@ def _through_flow(recording: Recording) -> Mismatch:
 
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
     """What the accepted hypothesis says of a recording, beside S and J alone."""
-    hypothesis = if_followed(accepted_hypothesis(case))
+    hypothesis = unless_shaken(if_followed(accepted_hypothesis(case)))
     evaluator, comparison = hypothesis.evaluator, hypothesis.comparison
     naive_only = naive_evaluator(evaluator)
     naive = conclude(
@@ -251,7 +253,8 @@ def _mismatch_of(case: PreparedRecording) -> Mismatch:
     tried_effects, combined_gain = what_was_tried(hypothesis.named, effects, too_small)
     mismatch = Mismatch(
         finding=finding,
-        sentence=sentence_of(
+        sentence=_what_shakes(hypothesis)
+        + sentence_of(
             finding, effects, case.refused, before, unsure, missed_breakaways(comparison)
         ),
         naive=friction_alone,
@@ -292,7 +295,7 @@ def _why_unsure(
     """Why it cannot be said that nothing is left out, a clause; empty where it can, or where
     effects were accepted.
     """
-    if hypothesis.effects:
+    if hypothesis.effects or hypothesis.shaking is not None:
         return ""
     return hypothesis.dropped_because or doubt(
         hypothesis.evaluator,
@@ -301,6 +304,19 @@ def _why_unsure(
         hypothesis.comparison,
         both_stictions,
         naive,
+    )
+
+
+def _what_shakes(hypothesis: AcceptedHypothesis) -> str:
+    """A sentence, with a blank after it, on the swing that shakes the stem; empty where none
+    does."""
+    shaking, problem = hypothesis.shaking, hypothesis.evaluator.problem
+    if shaking is None:
+        return ""
+    period = duration(shaking.period * problem.interval_s, problem.unit_s, ".3g")
+    return (
+        f"The stem lets go in time with a swing of {period} that OP does not have: something "
+        "outside shakes it, as a pump, a pulsating flow or unsteady supply air does. "
     )
 
 
@@ -452,12 +468,14 @@ class NullScores:
     ``terms``: mean, t and strength of the advantage of every admissible term over the base alone;
     ``pair``: the strength of the weaker of two beside the other, of the pair in which it is
     largest, 0 where no pair was worth a look. ``left``: what S and J leave in the worst tenth of
-    the blocks, in noise variances, over the square of what a short record allows.
+    the blocks, in noise variances, over the square of what a short record allows; ``noise`` is a
+    share of the breakaway level.
     """
 
     terms: dict[str, tuple[float, float, float]]
     pair: float
     left: float = 0.0
+    noise: float = 0.0
 
 
 def scores(recording: Recording) -> NullScores:
@@ -484,4 +502,5 @@ def scores(recording: Recording) -> NullScores:
         },
         pair=strongest_pair(named, terms),
         left=remaining_loss(evaluator, named.base) / short_record_factor(counts) ** 2,
+        noise=noise_share(evaluator, named.base),
     )

@@ -78,14 +78,10 @@ def locate(
         WHOLE, ("all the time",), np.zeros(op.size, dtype=np.int64), ("All the time",)
     )
     (overall,) = cells_of(whole_facet, block_sums(whole_facet, residual, block, scored))
-    cells = tuple(
-        cell
-        for facet in facets
-        for cell in cells_of(facet, block_sums(facet, residual, block, scored))
-    )
-    hot = _hot_places(overall, facets, residual, block, scored, sigma)
+    cells = [cells_of(facet, block_sums(facet, residual, block, scored)) for facet in facets]
+    hot = _hot_places(overall, facets, cells, residual, block, scored, sigma)
     return ResidualMap(
-        cells=cells,
+        cells=tuple(cell for of_facet in cells for cell in of_facet),
         hot=hot,
         travel_edges=tuple(float(edge) for edge in edges),
         columns=PHASES,
@@ -96,12 +92,14 @@ def locate(
 def _hot_places(
     overall: Cell,
     facets: tuple[Facet, ...],
+    cells: list[tuple[Cell, ...]],
     residual: Floats,
     block: NDArray[np.int64],
     scored: Bools,
     sigma: float,
 ) -> tuple[HotPlace, ...]:
-    """The hot cells, strongest first, without those that repeat what stronger ones say.
+    """The hot ones of the ``cells`` of each facet, strongest first, without those that repeat what
+    stronger ones say.
 
     A constant offset would make every cell hot, so it is said once and subtracted first.
     """
@@ -109,10 +107,11 @@ def _hot_places(
     if _biased(overall, sigma):
         places.append(_hot_place(overall, "All the time"))
         residual = np.where(scored, residual - overall.mean, residual)
+        cells = [cells_of(facet, block_sums(facet, residual, block, scored)) for facet in facets]
     candidates = [
         (facet, cell)
-        for facet in facets
-        for cell in cells_of(facet, block_sums(facet, residual, block, scored))
+        for facet, of_facet in zip(facets, cells, strict=True)
+        for cell in of_facet
         if _hot(cell, sigma)
     ]
     candidates.sort(key=lambda candidate: -_strength(candidate[1]))

@@ -36,6 +36,7 @@ from stemwatch.models.mismatch.reading_errors import OVERSHOOT, RESTICK
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
+    MOST_TERMS,
     Named,
     Needed,
     SelectionStage,
@@ -93,8 +94,9 @@ def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
 def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     """``named`` with one more of ``terms``, if the likelihood shows it; else as it was."""
     evaluator, simple = named.evaluator, named.fitted
-    if any(needed.term.slug in STICKS_AGAIN for needed in named.needed):
-        # The misfit of many short slips is taken up by any term.
+    sticks_again = any(needed.term.slug in STICKS_AGAIN for needed in named.needed)
+    if sticks_again or len(named.needed) >= MOST_TERMS:
+        # Of a stem that sticks again after short slips, any term takes up what is misfitted.
         return named
     terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
     likelihood = RecordLikelihood(evaluator)

@@ -1,8 +1,8 @@
 """Whether it can be said that S and J explain a recording, where nothing is named.
 
 Two conditions: S and J fitted alone and those fitted with the reading's zero and gain must agree,
-or the latter must fit the free runs as well; and a model must follow the part of the recording that
-was not fitted.
+or the latter must fit the free runs as well, or the free run of the former must leave hardly more
+than noise; and a model must follow the part of the recording that was not fitted.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.acceptance_limits import remaining_loss
+from stemwatch.models.mismatch.acceptance_limits import remaining_loss, worst_blocks
 from stemwatch.models.mismatch.base_fit import naive_evaluator, naive_layout
 from stemwatch.models.mismatch.crossfit import Fitted
 from stemwatch.models.mismatch.evaluator import Evaluator
@@ -51,7 +51,7 @@ def doubt(
     agree = _agree(friction_alone.S, refitted.S, open_percent) and _agree(
         friction_alone.J, refitted.J, open_percent
     )
-    if not agree and not _as_good_by_free_runs(evaluator, fitted, best, naive):
+    if not agree and not _runs_decide(evaluator, fitted, best, naive):
         return (
             "Two fits to this recording, one by S and J alone and one with the reading's zero and "
             "gain beside them, contradict each other"
@@ -88,17 +88,20 @@ def _agree(first: Estimate, other: Estimate, open_percent: float) -> bool:
     return gap <= 0.0 or abs(first.value - other.value) <= ALIKE_PERCENT + open_percent
 
 
-def _as_good_by_free_runs(
-    evaluator: Evaluator, fitted: Fitted, best: Floats, naive: Floats
-) -> bool:
-    """Whether the refit leaves hardly more than noise and fits free runs as well as S and J alone,
-    which were fitted by them. The two then differ only because a run that misses a slip determines
-    S and J less well.
+def _runs_decide(evaluator: Evaluator, fitted: Fitted, best: Floats, naive: Floats) -> bool:
+    """Whether free runs say that S and J leave nothing out although two fits contradict each other.
+
+    Either the free run of S and J alone leaves hardly more than noise: then the refit, which needs
+    to see single slips, is misled by noise that hides them. Or the refit leaves hardly more than
+    noise and fits free runs as well as S and J alone, which were fitted by them: then a run that
+    misses a slip determines S and J less well.
     """
-    if remaining_loss(evaluator, fitted) > HARDLY_LEFT:
-        return False
     free = naive_evaluator(evaluator)
     simple = naive[None, : base_coordinate.N_BASE]
     naive_losses = free.block_losses(naive_layout(free), simple)[0]
+    if worst_blocks(free, naive_losses) <= HARDLY_LEFT:
+        return True
+    if remaining_loss(evaluator, fitted) > HARDLY_LEFT:
+        return False
     refitted = free.block_losses(fitted.layout, np.asarray(best)[None])[0]
     return bool(advantage(refitted, naive_losses, free.counts, free.delta).t < AS_GOOD)

@@ -20,8 +20,10 @@ from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.bend_or_slope import BOW, SPAN, bent_instead
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
+from stemwatch.models.mismatch.sag_or_zero import SAG, ZERO, sags_instead
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import AS_GOOD
+from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage
 from stemwatch.models.stickslip.parameters import Bounds
@@ -32,8 +34,11 @@ COORDINATES = {
     "zero_shift": (base_coordinate.ZERO, 0.0),
     "low_speed_restick": (base_coordinate.RESTICK, 0.12),
 }
+# %/s, from which a stem that sticks again is compared with one that does at every speed: where it
+# does, the speed up to which it was fitted says little.
+LEAST_RESTICK = 0.15
 RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
-DRIFT = "sensor_drift"
+DRIFT, FLOW = "sensor_drift", "flow_force"
 LEAST_ZERO = 0.4  # percent, all through a drift
 
 
@@ -83,12 +88,30 @@ def findings(
         if slug == SPAN and BOW in fitted.layout.places:
             continue  # how much of the slope belongs to the bow cannot be told
         reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest)
+        if reading_error is not None and slug == SPAN and _leans_with_force(fitted):
+            continue
         if reading_error is not None:
             at_every_speed = _at_every_speed(evaluator, fitted, reading_error, terms)
-            offs.append(_or_bent(evaluator, fitted, at_every_speed, terms))
+            if _is_material(evaluator, fitted, at_every_speed.term):
+                bent = _or_bent(evaluator, fitted, at_every_speed, terms)
+                offs.append(_or_sagging(evaluator, fitted, bent, terms))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
+
+
+def _is_material(evaluator: Evaluator, fitted: Fitted, term: Term) -> bool:
+    """True where the error is as large as its term asks for."""
+    return term.material(values_of(term.slug, fitted.candidates.mean(axis=0)), evaluator.summary)
+
+
+def _leans_with_force(fitted: Fitted) -> bool:
+    """True where a flow force may have the slope of the reading as a part of its shape."""
+    if FLOW not in fitted.layout.places:
+        return False
+    U = float(fitted.values(FLOW)[:, 0].mean())
+    over_stroke = 100.0 * float(fitted.candidates[:, base_coordinate.GAIN].mean())
+    return abs(over_stroke) <= OWN_SLOPE * abs(U)
 
 
 def _explained(fitted: Fitted, offs: list[ReadingError]) -> bool:
@@ -143,11 +166,22 @@ def _or_bent(
     return found if tells is None else replace(found, beside=(BOW,), tells=tells)
 
 
+def _or_sagging(
+    evaluator: Evaluator, fitted: Fitted, found: ReadingError, terms: dict[str, Term]
+) -> ReadingError:
+    """``found``, and a supply sag beside a zero error that the record cannot tell from it."""
+    sag = terms.get(SAG)
+    if found.term.slug != ZERO or sag is None or not sags_instead(evaluator, fitted, sag):
+        return found
+    return replace(found, beside=(SAG,))
+
+
 def _dropped(
     evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, largest: float
 ) -> ReadingError | None:
-    value = fitted.candidates.mean(axis=0)[[coordinate]]
-    if not term.material(value, evaluator.summary):
+    value = fitted.candidates.mean(axis=0)[coordinate]
+    may_be_overshoot = term.slug == RESTICK and value >= LEAST_RESTICK
+    if not (may_be_overshoot or _is_material(evaluator, fitted, term)):
         return None
     neutral_fit = without_error(evaluator, fitted, coordinate, largest)
     advantage = gain(evaluator, neutral_fit, fitted)

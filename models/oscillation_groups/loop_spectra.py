@@ -21,6 +21,7 @@ _MOST_PEAKS = 3  # oscillations of one loop
 _CLIP = 6.0  # robust standard deviations; a spike is no oscillation
 _CROSSINGS = 11  # zero crossings of the autocorrelation from which regularity is computed
 _LEAST_SHARE = 0.05
+_BLOCK = 64  # loops
 _SHORTEST = 128  # samples of a record that shows a period
 
 
@@ -60,16 +61,31 @@ class LoopSpectra:
         return np.asarray(np.fft.ifft(full_spectrum, axis=-1) * np.sqrt(self.size))
 
 
-def loop_spectra(values: Floats, interval_s: float) -> LoopSpectra:
+def loop_spectra(values: Floats | NDArray[np.float32], interval_s: float) -> LoopSpectra:
     """The spectra of ``values`` (m, n), samples of m loops on one even clock; NaN where there is
     none. A loop that does not move has the spectrum 0.
 
     The squares of a spectrum add up to 1 over the frequencies of at least ``FEWEST_CYCLES`` in the
     record.
     """
-    filled = _without_spikes(_without_holes(np.array(values, dtype=np.float64)))
-    n = filled.shape[1]
-    time = np.linspace(-1.0, 1.0, n)
+    m, n = values.shape
+    spectra = np.empty((m, n // 2 + 1), dtype=np.complex128)
+    for rows in blocks_of(m):
+        spectra[rows] = _unit_spectra(np.array(values[rows], dtype=np.float64))
+    frequencies = np.arange(n // 2 + 1) / (n * interval_s)
+    return LoopSpectra(spectra=spectra, frequencies=frequencies, size=n, interval_s=interval_s)
+
+
+def blocks_of(loops: int) -> list[slice]:
+    """Consecutive loops that are worked on together: all at once would take several times the
+    memory of the result."""
+    return [slice(first, first + _BLOCK) for first in range(0, loops, _BLOCK)]
+
+
+def _unit_spectra(values: Floats) -> Complexes:
+    """(m, f) of (m, n), of unit length each."""
+    filled = _without_spikes(_without_holes(values))
+    time = np.linspace(-1.0, 1.0, filled.shape[1])
     filled -= filled.mean(axis=1, keepdims=True)
     filled -= (filled @ time)[:, None] / float(time @ time) * time
     spectra = np.fft.rfft(filled, axis=1)
@@ -78,8 +94,7 @@ def loop_spectra(values: Floats, interval_s: float) -> LoopSpectra:
     hardly_moves = power <= 1e-9 * np.abs(values_scale(filled))[:, None]
     spectra /= np.where(hardly_moves, 1.0, power)
     spectra[hardly_moves[:, 0]] = 0.0
-    frequencies = np.arange(n // 2 + 1) / (n * interval_s)
-    return LoopSpectra(spectra=spectra, frequencies=frequencies, size=n, interval_s=interval_s)
+    return np.asarray(spectra)
 
 
 def values_scale(values: Floats) -> Floats:
@@ -103,25 +118,25 @@ def _without_spikes(values: Floats) -> Floats:
 
 def oscillations(spectra: LoopSpectra) -> list[LoopOscillation]:
     """The oscillations of each loop, up to three, whether or not they are regular."""
-    power = np.abs(spectra.spectra) ** 2
     lowest = FEWEST_CYCLES * 1.2 / (spectra.size * spectra.interval_s)
     highest = 1.0 / (FEWEST_SAMPLES * spectra.interval_s)
     if spectra.size < _SHORTEST or highest <= lowest:
         return []
     grid = np.exp(np.arange(np.log(lowest), np.log(highest), _GRID))
-    total = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
     low = np.searchsorted(spectra.frequencies, grid * (1.0 - _HALF_WIDTH))
     high = np.searchsorted(spectra.frequencies, grid * (1.0 + _HALF_WIDTH))
     high = np.maximum(high, low + 1)
-    share = total[:, high] - total[:, low]
-    peaks = [
-        LoopOscillation(int(i), float(grid[k]), float(share[i, k]), 0.0) for i, k in _peaks(share)
-    ]
-    regular = _regularity(spectra, power, peaks)
-    return [
-        LoopOscillation(peak.loop, peak.frequency, peak.share, float(r))
-        for peak, r in zip(peaks, regular, strict=True)
-    ]
+    found = []
+    for rows in blocks_of(spectra.spectra.shape[0]):
+        power = np.abs(spectra.spectra[rows]) ** 2
+        total = np.cumsum(np.pad(power, ((0, 0), (1, 0))), axis=1)
+        share = total[:, high] - total[:, low]
+        for i, k in _peaks(share):
+            frequency = float(grid[k])
+            regularity = _regularity(spectra, power[i], frequency)
+            loop = rows.start + i
+            found.append(LoopOscillation(loop, frequency, float(share[i, k]), regularity))
+    return found
 
 
 def _peaks(share: Floats) -> list[tuple[int, int]]:
@@ -145,19 +160,17 @@ def _is_top(share: Floats, frequency: int) -> bool:
     return bool(share[frequency] >= neighbours.max())
 
 
-def _regularity(spectra: LoopSpectra, power: Floats, peaks: list[LoopOscillation]) -> Floats:
+def _regularity(spectra: LoopSpectra, power: Floats, frequency: float) -> float:
     """T / (3 s) of the periods between zero crossings of the autocorrelation of what lies within
-    half an octave (Thornhill, Huang and Zhang 2003)."""
-    out = np.zeros(len(peaks))
-    for index, peak in enumerate(peaks):
-        band = spectra.within(peak.frequency / np.sqrt(2.0), peak.frequency * np.sqrt(2.0))
-        period = 1.0 / (peak.frequency * spectra.interval_s)
-        # The autocorrelation is needed over few periods only, at any resolution.
-        lags = np.arange(0.0, (_CROSSINGS + 3) * period / 2.0, period / 24.0)
-        bins = np.arange(band.start, min(band.stop, power.shape[1]))
-        phase = 2.0 * np.pi / spectra.size * np.outer(lags, bins)
-        out[index] = _from_crossings(np.cos(phase) @ power[peak.loop, bins])
-    return out
+    half an octave (Thornhill, Huang and Zhang 2003), of one loop's ``power`` (f,).
+    """
+    band = spectra.within(frequency / np.sqrt(2.0), frequency * np.sqrt(2.0))
+    period = 1.0 / (frequency * spectra.interval_s)
+    # The autocorrelation is needed over few periods only, at any resolution.
+    lags = np.arange(0.0, (_CROSSINGS + 3) * period / 2.0, period / 24.0)
+    bins = np.arange(band.start, min(band.stop, power.size))
+    phase = 2.0 * np.pi / spectra.size * np.outer(lags, bins)
+    return _from_crossings(np.cos(phase) @ power[bins])
 
 
 def _from_crossings(acf: Floats) -> float:

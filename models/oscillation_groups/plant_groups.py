@@ -199,22 +199,27 @@ def _groups_of(
     interval_s = max(recorded_loop.interval_s for recorded_loop in loops)
     starts = [recorded_loop.start for recorded_loop in loops if recorded_loop.start is not None]
     start = max(starts) if starts else None
-    rows: dict[str, list[Floats]] = {"op": [], "pv": [], "sp": []}
+    rows: dict[str, list[Small]] = {"op": [], "pv": [], "sp": []}
     for recorded_loop in loops:
         for name in rows:
-            values = getattr(recorded_loop, name).astype(np.float64)
-            values = values if values.size else np.full(recorded_loop.pv.size, np.nan)
+            values = getattr(recorded_loop, name)
+            values = values if values.size else np.full(recorded_loop.pv.size, np.nan, np.float32)
             rows[name].append(_on_clock(values, recorded_loop, start, interval_s))
     size = min(row.size for row in rows["pv"])
     if size < FEWEST:
         return []
-    op, pv, sp = (np.array([row[:size] for row in rows[name]]) for name in ("op", "pv", "sp"))
-    error = np.where(np.isfinite(sp), sp - pv, -pv)
-    spectra, outputs = loop_spectra(error, interval_s), loop_spectra(op, interval_s)
+    # One signal after the other: of a thousand loops each takes tens of MB, its spectra twice that.
+    outputs = loop_spectra(np.array([row[:size] for row in rows.pop("op")]), interval_s)
+    pv = np.array([row[:size] for row in rows.pop("pv")])
+    measured = loop_spectra(pv, interval_s)
+    sp = np.array([row[:size] for row in rows.pop("sp")], dtype=np.float64)
+    sp[~np.isfinite(sp)] = 0.0
+    spectra = loop_spectra(sp - pv, interval_s)
+    del rows, pv, sp
     suspicion = {i: log_odds(loop.score) for i, loop in enumerate(loops) if loop.score is not None}
     acts_on = _by_number(loops, feeds)
     groups = []
-    for group in find_groups(spectra, loop_spectra(pv, interval_s), LIMITS, suspicion):
+    for group in find_groups(spectra, measured, LIMITS, suspicion):
         evidence = member_evidence(
             spectra,
             outputs,
@@ -232,9 +237,7 @@ def _as_number(sticks: bool | None) -> float | None:
     return None if sticks is None else float(sticks)
 
 
-def _on_clock(
-    values: Floats, loop: ThinnedLoop, start: datetime | None, interval_s: float
-) -> Floats:
+def _on_clock(values: Small, loop: ThinnedLoop, start: datetime | None, interval_s: float) -> Small:
     """The values on the common clock: the last one before each instant."""
     offset = 0.0 if start is None or loop.start is None else (start - loop.start).total_seconds()
     count = int((values.size * loop.interval_s - offset) // interval_s)

@@ -79,7 +79,8 @@ def calibrate_mismatch(
             "terms": [asdict(row) for row in rows],
             "scores": scores,
             "valves": [
-                [v.concealment, v.friction, v.strongest, v.pair, v.named, v.left] for v in valves
+                [v.concealment, v.friction, v.strongest, v.pair, v.named, v.left, v.noise]
+                for v in valves
             ],
         }
         json_file.write_text(by_lines(rounded(limits)), encoding="utf-8")

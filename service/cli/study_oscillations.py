@@ -41,7 +41,7 @@ def study_oscillations(
             help="With --fit: so many further plants of each seed, of which the quiet ones give "
             "the limit.",
         ),
-    ] = 80,
+    ] = 120,
     workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:

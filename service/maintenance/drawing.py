@@ -8,7 +8,9 @@ copy of a copy is readable.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -185,7 +187,9 @@ class Panel:
         finite = np.isfinite(x) & np.isfinite(y)
         return [
             DrawnLine(
-                tuple(self.at(float(a), float(b)) for a, b in zip(x[i:j], y[i:j], strict=True)),
+                _corners(
+                    [self.at(a, b) for a, b in zip(x[i:j].tolist(), y[i:j].tolist(), strict=True)]
+                ),
                 width=width,
                 dash=dash,
                 grey=grey,
@@ -212,6 +216,23 @@ class Panel:
         )
         marks.append(DrawnText((self.left - 22.0, self.top - 4.0), y_title, TICK_SIZE))
         return marks
+
+
+def _corners(points: Sequence[Point]) -> tuple[Point, ...]:
+    """The polyline through ``points`` (2 or more) without those in the middle of a level or upright
+    stretch: a valve that rests, or a command that holds, is two of them."""
+    kept = [points[0]]
+    for point, after in pairwise(points[1:]):
+        before = kept[-1]
+        is_level = before[1] == point[1] == after[1] and _between(before[0], point[0], after[0])
+        is_upright = before[0] == point[0] == after[0] and _between(before[1], point[1], after[1])
+        if not (is_level or is_upright):
+            kept.append(point)
+    return (*kept, points[-1])
+
+
+def _between(first: float, middle: float, last: float) -> bool:
+    return first <= middle <= last or last <= middle <= first
 
 
 def span(*traces: Floats) -> tuple[float, float]:

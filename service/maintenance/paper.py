@@ -48,6 +48,9 @@ def fonts() -> dict[str, Any]:
     rl_config.useA85 = 0  # the ASCII form would be larger and take longer
     folder = files("stemwatch.service.maintenance").joinpath("fonts")
     faces = {name: TTFont(name, str(folder.joinpath(f"{name}.ttf"))) for name in (REGULAR, BOLD)}
+    for font in faces.values():
+        # Reportlab adds up the letters of every word anew, and the words of the pages are the same.
+        font.stringWidth = lru_cache(maxsize=100_000)(font.stringWidth)
     for font in (*faces.values(), UnicodeCIDFont(HAN), UnicodeCIDFont(HANGUL)):
         pdfmetrics.registerFont(font)
     return faces

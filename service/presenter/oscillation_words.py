@@ -83,8 +83,8 @@ def loop_sentence(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
     since = begin_clause(group, zone)
     when = f" {since}" if since else ""
     sentence = f"{words.share(member.share)} of its PV's variance, period {period(group)}"
+    others = [member.loop for member in group.members if member.loop != loop]
     if group.source == loop:
-        others = [member.loop for member in group.members if member.loop != loop]
         named = ", ".join(others[:NAMED])
         and_more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
         evidence = f": {', '.join(member.evidence)}" if member.evidence else ""
@@ -93,9 +93,10 @@ def loop_sentence(group: OscillationGroup, loop: str, zone: tzinfo) -> str:
             f"likeliest source ({probability(member.probability)}){evidence}."
         )
     if not group.source:
+        with_whom = others[0] if len(others) == 1 else f"{len(others)} other loops"
         return (
-            f"Oscillates{when} with {len(group.members) - 1} other loops ({sentence}); most likely "
-            "none of them is the source. Retuning this one alone would not help."
+            f"Oscillates{when} with {with_whom} ({sentence}); most likely none of them is the "
+            "source. Retuning this one alone would not help."
         )
     return (
         f"Oscillates{when} with {group.source} ({sentence}), where it more likely begins. Look "

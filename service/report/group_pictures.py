@@ -14,6 +14,8 @@ from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.service.presenter.oscillation_words import period_in_words
 from stemwatch.service.presenter.wording import duration, instant, printable, share
 
+SHADES = 20
+FAINTEST = 0.02  # of a row's largest power: what is fainter is not drawn
 MOST_ROWS = 20  # loops of a heat map
 LEFT, CELL, ROW, TOP, BOTTOM = 150, 9, 18, 18, 36
 RIGHT = 40  # room for half of the last label
@@ -45,12 +47,7 @@ def spectra_map(group: OscillationGroup) -> Markup:
         loop = printable(group.members[row].loop)
         short = loop if len(loop) <= LONGEST_NAME else loop[: LONGEST_NAME - 1] + "…"
         parts.append(f'<text x="{LEFT - 6}" y="{y + 13}" text-anchor="end">{escape(short)}</text>')
-        parts += [
-            f'<rect class="heat" x="{LEFT + CELL * k}" y="{y}" width="{CELL}" '
-            f'height="{ROW - 2}" fill-opacity="{power:.2f}"/>'
-            for k, power in enumerate(group.spectra[row])
-            if power >= 0.02
-        ]
+        parts += _cells(group.spectra[row], y)
     for k in (0, bands // 3, 2 * bands // 3, bands - 1):
         period_text = escape(period_in_words(group.periods_s[k]))
         parts.append(
@@ -62,6 +59,20 @@ def spectra_map(group: OscillationGroup) -> Markup:
         "period</text>"
     )
     return Markup("".join([*parts, "</svg>"]))
+
+
+def _cells(powers: Sequence[float], y: int) -> list[str]:
+    """The cells of one row, those of one shade together."""
+    shades: dict[str, str] = {}
+    for k, power in enumerate(powers):
+        if power >= FAINTEST:
+            cell = f"M{LEFT + CELL * k} {y}h{CELL}v{ROW - 2}h-{CELL}z"
+            shade = f"{round(SHADES * power) / SHADES or FAINTEST:g}"
+            shades[shade] = shades.get(shade, "") + cell
+    return [
+        f'<path class="heat" d="{cells}" fill-opacity="{shade}"/>'
+        for shade, cells in shades.items()
+    ]
 
 
 def _middle(band: int) -> int:

@@ -19,7 +19,6 @@ from jinja2 import BytecodeCache, Environment, FunctionLoader, StrictUndefined
 from jinja2.bccache import Bucket
 from markupsafe import Markup
 
-from stemwatch.models.verdict import Verdict
 from stemwatch.service.presenter import oscillation_words
 from stemwatch.service.presenter import physics_words as mismatch_words
 from stemwatch.service.presenter import wording as words
@@ -62,14 +61,11 @@ from stemwatch.service.report.ranking import (
 )
 from stemwatch.service.report.report_context import ReportContext
 
-# Valves with these verdicts are plotted, and the next ones up to 60, but never more than 150: the
-# plots of one are 60 to 90 KB, with pictures of what was named up to 150, and the page must open on
-# a phone.
-ALWAYS_WITH_PLOTS = (Verdict.STICKY, Verdict.DEFECTIVE, Verdict.WATCH)
-ALWAYS_PLOTTED = 60
-MOST_PLOTTED = 150
-# A section without plots is 20 to 30 KB; of thousands of valves the rest is a row of the table.
-MOST_SECTIONS = 500
+# Of a plant of a thousand valves the page has to open on a laptop, over the plant's network: below
+# 10 MB. A section in full, with plots and numbers, is some 120 KB; one in words 6 KB; what comes
+# after is a row of the table, 1.6 KB.
+MOST_PLOTTED = 40
+MOST_SECTIONS = 400
 NOTHING_DRAWN = ValvePlots(chart=None, overlay=None)
 
 STYLES = (
@@ -93,12 +89,14 @@ SCRIPTS = ("scripts/ranking.js", *PLOT_SCRIPTS)
 
 @dataclass(frozen=True, kw_only=True)
 class PlottedValve:
-    """A ranked valve with what its plots draw; ``why_not`` says why there are none."""
+    """A ranked valve with what its plots draw; ``why_not`` says why there are none. ``in_full``:
+    with the numbers behind the finding."""
 
     valve: RankedValve
     chart: Chart | None
     why_not: str
     mismatch: MismatchView | None = None
+    in_full: bool = True
 
 
 def write_html(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
@@ -121,9 +119,9 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
         counts=counts,
         work=work_counts(ranked),
         ranked=ranked,
-        valves=_plotted(ranked, counts),
+        valves=_plotted(ranked),
         discovered=discoveries.sentence,
-        told=section_limit(counts),
+        told=MOST_SECTIONS,
         priorities=CLASSES_IN_WORDS,
         suspected=answers_sentence(next_steps),
         note_of=dict.fromkeys(loops_to_test(next_steps), SUSPECTED_NOTE)
@@ -140,38 +138,29 @@ def _pieces(ranked: Sequence[RankedValve], context: ReportContext) -> Iterator[s
     )
 
 
-def section_limit(counts: dict[Verdict, int]) -> int:
-    """How many valves, from the worst, have a section of their own; the others have their row."""
-    return max(plot_limit(counts), MOST_SECTIONS)
+def _plotted(ranked: Sequence[RankedValve]) -> Iterator[PlottedValve]:
+    return (_plot(valve) for valve in islice(ranked, MOST_SECTIONS))
 
 
-def plot_limit(counts: dict[Verdict, int]) -> int:
-    """How many valves, from the worst, get plots."""
-    valves_with_plots = sum(counts[verdict] for verdict in ALWAYS_WITH_PLOTS)
-    return min(max(valves_with_plots, ALWAYS_PLOTTED), MOST_PLOTTED)
-
-
-def _plotted(ranked: Sequence[RankedValve], counts: dict[Verdict, int]) -> Iterator[PlottedValve]:
-    limit, limit_text = plot_limit(counts), section_limit(counts)
-    return (_plot(valve, limit) for valve in islice(ranked, limit_text))
-
-
-def _plot(valve: RankedValve, limit: int) -> PlottedValve:
-    plotted = valve.rank <= limit
-    evidence = (valve.evidence or plots_of(valve.screening)) if plotted else NOTHING_DRAWN
-    if not plotted:
+def _plot(valve: RankedValve) -> PlottedValve:
+    in_full = valve.rank <= MOST_PLOTTED
+    evidence = (valve.evidence or plots_of(valve.screening)) if in_full else NOTHING_DRAWN
+    if not in_full:
         reason = (
-            f"Plots are kept for the first {limit} valves of the ranking so that the page stays "
-            "small; run a report of this valve alone to see its plots."
+            f"Plots are kept for the first {MOST_PLOTTED} valves of the ranking, and so are the "
+            "numbers behind them, so that the page stays small: valves.xlsx and valves.json have "
+            "the numbers of every valve, and a report of this valve alone shows its plots."
         )
     else:
         no_samples = "There is nothing to plot: no samples could be read."
         reason = no_samples if evidence.chart is None else ""
-    mismatch = _view(valve, evidence, valve.finding.held_back)
-    return PlottedValve(valve=valve, chart=evidence.chart, why_not=reason, mismatch=mismatch)
+    mismatch = _view(valve, evidence, in_words=not in_full)
+    return PlottedValve(
+        valve=valve, chart=evidence.chart, why_not=reason, mismatch=mismatch, in_full=in_full
+    )
 
 
-def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchView | None:
+def _view(valve: RankedValve, evidence: ValvePlots, *, in_words: bool) -> MismatchView | None:
     mismatch, tag = valve.screening.mismatch, valve.screening.valve
     if mismatch is None:
         return None
@@ -180,10 +169,11 @@ def _view(valve: RankedValve, evidence: ValvePlots, held_back: str) -> MismatchV
         None,
         valve.anchor,
         tag,
-        held_back,
+        valve.finding.held_back,
         overlay=evidence.overlay,
         counts=(valve.screening.S, valve.screening.J),
         pictures=evidence.pictures.effects,
+        in_words=in_words,
     )
 
 

@@ -37,7 +37,8 @@ class MismatchView:
 
     ``S`` and ``J`` are those of the valve, the only ones that count on a page; ``alternatives`` are
     other estimates, each with the reason why it is not used. ``held_back`` is why its effects do
-    not stand among all valves of the run; empty where they do.
+    not stand among all valves of the run; empty where they do. ``in_words``: without pictures and
+    numbers.
     """
 
     mismatch: Mismatch
@@ -53,11 +54,13 @@ class MismatchView:
     J: Estimate
     alternatives: tuple[Alternative, ...] = ()
     held_back: str = ""
+    in_words: bool = False
 
     @property
     def brief(self) -> bool:
-        """Whether one sentence is enough: nothing was left out, or nothing could be tested."""
-        return self.mismatch.finding in (Finding.NONE, Finding.NOT_TESTABLE)
+        """Whether words are enough: nothing was left out, nothing could be tested, or there is no
+        room for more."""
+        return self.in_words or self.mismatch.finding in (Finding.NONE, Finding.NOT_TESTABLE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +92,8 @@ def mismatch_view(
     counts: tuple[Estimate, Estimate] | None = None,
     pictures: tuple[Picture, ...] = (),
     by_window: EvidenceOfWeeks | None = None,
+    *,
+    in_words: bool = False,
 ) -> MismatchView:
     """The view of ``mismatch``; without ``recording`` with the ``overlay`` and the ``pictures``
     given, if any.
@@ -97,21 +102,36 @@ def mismatch_view(
     used. ``by_window`` is set where the recording was explained as several windows.
     """
     S, J = counts or (mismatch.restated.S, mismatch.restated.J)
-    top = largest(mismatch.before, mismatch.after)
+    maps = _NO_MAPS if in_words else _both_maps(mismatch, tag)
     return MismatchView(
         mismatch=mismatch,
         anchor=anchor,
         tag=tag,
-        before=heat_map(mismatch.before, top, f"Residual of S and J alone, {tag}"),
-        after=heat_map(mismatch.after, top, f"Residual of the extended model, {tag}"),
-        top=top,
-        facets=tuple(facet_bars(mismatch)),
+        before=maps[0],
+        after=maps[1],
+        top=maps[2],
+        facets=() if in_words else tuple(facet_bars(mismatch)),
         overlay=overlay_of(recording, mismatch.runs) or overlay,
         pictures=effect_pictures(recording, mismatch) or pictures,
         S=S,
         J=J,
         alternatives=alternatives_of(mismatch, S, J, by_window),
         held_back=held_back,
+        in_words=in_words,
+    )
+
+
+_Maps = tuple[Markup | None, Markup | None, float]
+_NO_MAPS: _Maps = (None, None, 0.0)
+
+
+def _both_maps(mismatch: Mismatch, tag: str) -> _Maps:
+    """Of the residual before and after, and the end of their common scale."""
+    top = largest(mismatch.before, mismatch.after)
+    return (
+        heat_map(mismatch.before, top, f"Residual of S and J alone, {tag}"),
+        heat_map(mismatch.after, top, f"Residual of the extended model, {tag}"),
+        top,
     )
 
 

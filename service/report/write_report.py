@@ -90,8 +90,8 @@ def _all_put(writers: Mapping[Path, Callable[[BinaryIO], None]]) -> None:
 
 
 def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: BinaryIO) -> None:
-    """The contract objects, worst valve first, as UTF-8 JSON without NaN; one at a time."""
-    between = "[\n "
+    """The contract objects, worst valve first, as UTF-8 JSON without NaN: a valve on each line."""
+    between = "[\n"
     for valve in ranked:
         contract = to_contract(
             valve.screening,
@@ -106,9 +106,10 @@ def write_json(ranked: Sequence[RankedValve], context: ReportContext, file: Bina
             weeks=valve.facts.weeks,
             finding=valve.finding,
         )
-        text = json.dumps(contract, allow_nan=False, ensure_ascii=False, indent=1)
-        file.write((between + text.replace("\n", "\n ")).encode())
-        between = ",\n "
+        # Only without an indent is the text made by compiled code: a third of the time.
+        text = json.dumps(contract, allow_nan=False, ensure_ascii=False)
+        file.write((between + text).encode())
+        between = ",\n"
     file.write(b"\n]" if len(ranked) else b"[]")
 
 

@@ -139,7 +139,8 @@ def execute(
     set.
     """
     tasks = with_stored_context(tasks, run.store)
-    results = ResultSpill(MOST_PLOTTED, partial(_criticality_of, run.plant))
+    # Twice as many as the page draws: the order is provisional until the run is over.
+    results = ResultSpill(2 * MOST_PLOTTED, partial(_criticality_of, run.plant))
     saving = Saving(
         run.store,
         run.number,

@@ -20,8 +20,11 @@ from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, W
 from stemwatch.models.mismatch.terms._common import ReadingTerm, about_value
 from stemwatch.models.recording import Floats
 
-# Every stem sticks again on ramps slower than its packing's Stribeck speed, up to 0.1 %/s or so.
-MATERIAL_PERCENT_PER_S = 0.15
+# Every stem sticks again on ramps slower than its packing's Stribeck speed, up to 0.1 %/s or so,
+# and scatter of the breakaways makes that seem more. Of 13 windows and recordings of development on
+# which it was named in error none has more than 0.23; of 31 on which it was hidden and named none
+# less than 0.36 (seeds 2062, 2114, 4060, 4062, 4063, 4064 and 4066).
+MATERIAL_PERCENT_PER_S = 0.3
 
 
 class LowSpeedRestick(ReadingTerm):

@@ -43,8 +43,9 @@ _OF_NONE_KNOWN = 5  # places of "none" that need no connections
 
 @dataclass(frozen=True, kw_only=True)
 class PlantEvidence:
-    """The evidence from one plant. ``candidates`` (c, 4) are the statistics of each candidate;
-    ``alike`` (c,) its Jaccard index with the most similar true group; ``groups`` the evidence of
+    """The evidence from one plant. ``candidates`` (c, 4) are the statistics of each candidate that
+    is no faint pair (``GroupLimits.pair_share``); ``alike`` (c,) its Jaccard index with the most
+    similar true group; ``groups`` the evidence of
     the candidate most similar to each true group, and the true source (-1: outside).
     """
 
@@ -66,7 +67,7 @@ def plant_evidence(plant: RunPlant) -> PlantEvidence:
     best: dict[int, tuple[float, MemberEvidence]] = {}
     for peak in seen:
         group = candidate(peak, errors, pv, errors.spectra, seen, LIMITS, suspicion)
-        if group is None:
+        if group is None or group.weaker_of_two < LIMITS.pair_share:
             continue
         members = set(group.members)
         index = {row: len(members & of) / len(members | of) for row, of in true.items()}

@@ -18,6 +18,7 @@ from stemwatch.service.report.svg_text import svg_text
 
 WIDTH, HEIGHT = 360, 250
 LEFT, RIGHT, TOP, BOTTOM = 52, 10, 10, 38
+FARTHEST = 1e5  # pixels
 TICKS = 5
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
@@ -176,16 +177,29 @@ def _equal(
 
 def _line(line: PlottedLine, x: Floats, y: Floats) -> Markup:
     finite = np.isfinite(x) & np.isfinite(y)
+    begins = np.diff(np.flatnonzero(finite), prepend=-2) > 1
+    path = "".join(
+        f"{'m' if line.dots or begun else ''}{_tenths(a)}{_tenths(b)}{'h0' if line.dots else ''}"
+        for a, b, begun in zip(_moves(x[finite]), _moves(y[finite]), begins, strict=True)
+    )
     if line.dots:
-        path = "".join(f"M{a:.1f} {b:.1f}h0" for a, b in zip(x[finite], y[finite], strict=True))
         return Markup('<path class="p {}" d="{}"/>').format(line.kind, path)
-    path, pen = "", "M"
-    for a, b, is_finite in zip(x, y, finite, strict=True):
-        if is_finite:
-            path += f"{pen}{a:.1f} {b:.1f}"
-        pen = "L" if is_finite else "M"
     dashed = " dashed" if line.dashed else ""
     return Markup('<path class="l {}{}" d="{}"/>').format(line.kind, dashed, path)
+
+
+def _moves(places: Floats) -> list[int]:
+    """Tenths of a pixel from each place to the next, the first from 0: half the letters of absolute
+    places. What is far beyond the picture ends there."""
+    tenths = np.rint(10.0 * np.clip(places, -FARTHEST, FARTHEST)).astype(np.int64)
+    moves: list[int] = np.diff(np.concatenate([[0], tenths])).tolist()
+    return moves
+
+
+def _tenths(number: int) -> str:
+    """A tenth of ``number``, as short as a path may have it, with the sign or blank before it."""
+    text = f"{number / 10:g}".replace("0.", ".", 1) if abs(number) < 10 else f"{number / 10:.10g}"
+    return text if number < 0 else f" {text}"
 
 
 def _rule(x1: float, y1: float, x2: float, y2: float) -> Markup:

@@ -1,6 +1,6 @@
 """Traces, panels and charts as compact plain types, the parts of every chart of a valve.
 
-A trace is sent as short whole numbers, which keeps a page with a hundred valves small.
+A trace is sent as short whole numbers in letters, which keeps a page with a hundred valves small.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.recording import Floats, Recording, Role, Signal
+from stemwatch.models.recording import Bools, Floats, Recording, Role, Signal
 from stemwatch.service.presenter.wording import figure, printable
 from stemwatch.service.report.charts.thinning import (
     ThinningGrid,
@@ -24,36 +24,80 @@ from stemwatch.service.report.charts.typical_stretch import TypicalStretch, typi
 
 # Four digits of what a trace spans: 1/10 pixel of the tallest plot, and half the file size.
 DIGITS_OF_RANGE = 4
+GAP = "~"
+_ALPHABET = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
+_LETTERS = np.frombuffer(_ALPHABET.encode(), dtype=np.uint8).astype(np.int64)
 
 
 def packed(values: Floats) -> dict[str, Any]:
-    """``values`` rounded to visible resolution, as integer differences from sample to sample, which
-    halves the file's size.
+    """``values`` rounded to visible resolution, as whole differences from sample to sample in
+    ``step_text``.
 
-    A value is the sum of ``steps`` up to it, divided by ``per``; null is a gap and adds nothing.
+    A value is the sum of ``steps`` up to it, divided by ``per``; a gap adds nothing.
     """
     finite = np.isfinite(values)
     places = _places(values[finite])
     integers = np.round(values[finite] * 10.0**places).astype(np.int64)
-    steps: list[int | None] = [None] * values.size
-    for index, step in zip(np.flatnonzero(finite).tolist(), _steps(integers), strict=True):
-        steps[index] = step
-    return {"per": 10**places, "steps": steps}
+    return {"per": 10**places, "steps": step_text(integers, finite)}
 
 
 def unpacked(trace: dict[str, Any]) -> Floats:
-    """(n,) what ``packed`` kept; NaN at gaps."""
-    steps = np.array([np.nan if step is None else step for step in trace["steps"]], np.float64)
-    return np.asarray(np.where(np.isnan(steps), np.nan, np.nancumsum(steps) / trace["per"]))
+    """(n,) what ``packed`` kept; NaN at gaps. Pictures that were stored by earlier versions hold
+    the steps as a list, ``None`` at gaps.
+    """
+    told = trace["steps"]
+    steps = _steps_of(told) if isinstance(told, str) else told
+    numbers = np.array([np.nan if step is None else step for step in steps], np.float64)
+    return np.asarray(np.where(np.isnan(numbers), np.nan, np.nancumsum(numbers) / trace["per"]))
 
 
 def packed_indices(indices: NDArray[np.intp]) -> dict[str, Any]:
     """Sample numbers, exact, in the form of ``packed``."""
-    return {"per": 1, "steps": _steps(indices.astype(np.int64))}
+    known = np.ones(indices.size, dtype=np.bool_)
+    return {"per": 1, "steps": step_text(indices.astype(np.int64), known)}
 
 
-def _steps(integers: NDArray[np.int64]) -> list[int]:
-    steps: list[int] = np.diff(integers, prepend=0).tolist()
+def step_text(numbers: NDArray[np.int64], known: Bools) -> str:
+    """The differences of whole numbers as base64 VLQ, as source maps write them: five bits a
+    letter, the lowest first, 32 added where more follow; a negative difference d is written as
+    -2 d - 1 and another as 2 d. That takes half the room of the same numbers in JSON.
+
+    ``known`` (n,) is true where there is one of the k ``numbers`` (k,). A run of gaps is ``GAP``
+    and its length, as if that were a difference.
+    """
+    steps = numbers - np.concatenate([[0], numbers[:-1]])
+    edges = np.flatnonzero(np.diff(~known, prepend=False, append=False))
+    first, runs = edges[::2], np.diff(edges)[::2]
+    places = np.concatenate([np.flatnonzero(known), first])
+    order = np.argsort(places, kind="stable")
+    left = np.concatenate([np.where(steps < 0, -2 * steps - 1, 2 * steps), 2 * runs])[order]
+    is_gap = (np.arange(left.size) >= steps.size)[order]
+    columns = [np.where(is_gap, ord(GAP), 0)]
+    more = np.ones(left.size, dtype=np.bool_)
+    while more.any():
+        low, left, present = left & 31, left >> 5, more
+        more = present & (left > 0)
+        columns.append(np.where(present, _LETTERS[np.where(more, low + 32, low)], 0))
+    letters = np.stack(columns, axis=1).ravel()
+    return letters[letters > 0].astype(np.uint8).tobytes().decode("ascii")
+
+
+def _steps_of(text: str) -> list[int | None]:
+    """What ``step_text`` was given, ``None`` at gaps."""
+    steps: list[int | None] = []
+    gap, number, shift = False, 0, 0
+    for letter in text:
+        if letter == GAP:
+            gap = True
+            continue
+        digit = _ALPHABET.index(letter)
+        number += (digit & 31) << shift
+        shift += 5
+        if digit >= 32:
+            continue
+        step = -(number + 1) // 2 if number % 2 else number // 2
+        steps += [None] * step if gap else [step]
+        gap, number, shift = False, 0, 0
     return steps
 
 

@@ -2,9 +2,26 @@
 var stemwatchData = (function () {
   "use strict";
 
+  var LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/", GAP = "~";
+
+  // Steps in base64 VLQ, a run of gaps as `GAP` and its length: step_text in charts/traces.py says how.
   function unpack(packed) {
-    var sum = 0;
-    return packed.steps.map(function (step) { return step === null ? null : (sum += step) / packed.per; });
+    var values = [], sum = 0, gap = false, number = 0, place = 1;
+    for (var k = 0; k < packed.steps.length; k++) {
+      var letter = packed.steps[k];
+      if (letter === GAP) { gap = true; continue; }
+      var digit = LETTERS.indexOf(letter);
+      number += (digit % 32) * place;
+      place *= 32;
+      if (digit >= 32) continue;
+      var step = number % 2 ? -(number + 1) / 2 : number / 2;
+      if (!gap) values.push((sum += step) / packed.per);
+      else while (step-- > 0) values.push(null);
+      gap = false;
+      number = 0;
+      place = 1;
+    }
+    return values;
   }
 
   // What of `at` lies before, and what after, the times from `from` to `to`.

@@ -59,7 +59,8 @@
     rows.forEach(function (row) {
       var keep = wanted(row);
       row.hidden = !keep;
-      document.getElementById(row.dataset.anchor).hidden = !keep;
+      var section = document.getElementById(row.dataset.anchor);
+      if (section) section.hidden = !keep; // of a large plant the last valves have a row alone
       shown += keep ? 1 : 0;
     });
     var counted = document.getElementById("shown");

@@ -17,6 +17,8 @@ import numpy as np
 from stemwatch.models.mismatch.acceptance_limits import (
     LEAST_OF_A_PAIR,
     MUCH_LEFT,
+    NOISY,
+    NOT_LITTLE_IN_NOISE,
     NOT_LITTLE_LEFT,
 )
 from stemwatch.models.mismatch.explain import explain, scores
@@ -38,7 +40,7 @@ class NullValve:
 
     ``strongest`` is that of any term over its limits, ``pair`` that of the weaker of the best pair;
     ``named`` the strength of what is named in the end, 0 where nothing is; ``left`` is what S and J
-    leave (``NullScores``).
+    leave, ``noise`` the share of the breakaway level that the noise is (``NullScores``).
     """
 
     concealment: str
@@ -49,6 +51,7 @@ class NullValve:
     pair: float
     named: float = 0.0
     left: float = 0.0
+    noise: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +95,12 @@ def derived_limits(valves: Sequence[NullValve]) -> list[DerivedLimit]:
             "of what S and J leave",
             NOT_LITTLE_LEFT,
             [valve.left for valve in valves],
+        ),
+        (
+            "not little left in noise",
+            f"of what S and J leave behind noise of {100.0 * NOISY:.0f} % of the level",
+            NOT_LITTLE_IN_NOISE,
+            [valve.left for valve in valves if valve.noise >= NOISY] or [0.0],
         ),
         ("much left", "of what S and J leave", MUCH_LEFT, [valve.left for valve in valves]),
     )
@@ -256,4 +265,5 @@ def _null(case: HiddenCase) -> NullValve:
         pair=null_scores.pair,
         named=max((effect.evidence.strength for effect in effects), default=0.0),
         left=null_scores.left,
+        noise=null_scores.noise,
     )

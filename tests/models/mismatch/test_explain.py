@@ -185,6 +185,33 @@ def test_a_stop_that_acts_in_few_blocks_explains_what_is_left():
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
 
 
+@pytest.mark.parametrize("place", [13, pytest.param(26, marks=pytest.mark.long)])
+def test_noise_that_hides_slips_makes_no_unknown_of_a_plain_valve(place):
+    """Fitted slip by slip, S is a fifth to a quarter too small in such noise, and contradicts that
+    of free runs; but the free run leaves no more than the noise."""
+    case, run = simulate_hidden(draw_hidden(27, 2114)[place])
+    assert case.hidden == ()
+    assert explain(run.recording).finding is Finding.NONE
+
+
+@pytest.mark.parametrize("place", [48, pytest.param(255, marks=pytest.mark.long)])
+def test_pushes_by_hand_are_unknown_behind_noise_and_behind_an_archive(place):
+    """In noise less is left where nothing is hidden; behind an archive that drew lines, hardly
+    anything."""
+    case, run = simulate_hidden(draw_hidden(256, 2114)[place])
+    assert case.hidden == ("handwheel",)
+    assert explain(run.recording).finding is Finding.UNKNOWN
+
+
+def test_a_bow_that_a_flow_force_may_have_is_no_bowed_linkage():
+    """The force of this plug is largest at 54 % of travel, so that its shape is a little bent."""
+    case, run = simulate_hidden(draw_effect("flow_force", 12, 4071, "rich")[11])
+    answer = explain(run.recording)
+    sound(answer, len(run.recording))
+    assert ["flow_force"] == [effect.slug for effect in answer.effects]
+    assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
+
+
 def test_what_is_too_small_on_the_whole_record_is_not_named():
     """A positioner that overshoots by a hundredth of each move was large enough where it was found;
     fitted to all of the record it is how good ones are made."""

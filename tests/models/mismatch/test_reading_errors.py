@@ -73,6 +73,11 @@ def test_a_stem_that_sticks_at_every_speed_is_not_said_to_stick_at_low_speed():
     assert off.advantage.mean > 0.1
 
 
+def test_a_stem_that_sticks_again_on_the_slowest_ramps_only_has_no_finding():
+    """Every packing does so; scatter of the breakaways looks like it too."""
+    assert [] == slugs_of(found_in(base=((base_coordinate.RESTICK, 0.2),)))
+
+
 def test_a_correct_reading_has_no_finding_and_a_gain_of_one():
     """Where gain and zero are right nothing is found, and the gain is 1 from there on."""
     off, fitted, after = found_in()
@@ -90,6 +95,15 @@ def test_a_span_error_explains_its_offset_at_mid_travel():
     """A span that turns about 0 % is off at mid-travel too; that is no second finding."""
     result = found_in(base=((base_coordinate.GAIN, 0.06), (base_coordinate.ZERO, 3.0)))
     assert ["span_error"] == slugs_of(result)
+
+
+@pytest.mark.parametrize(("gain", "named"), [(0.02, []), (0.05, ["span_error"])])
+def test_a_slope_that_a_flow_force_may_have_is_a_part_of_its_shape(gain, named):
+    """It is no finding beside the force, and stays in the fit; a larger one is a span error."""
+    result = found_in(((base_coordinate.GAIN, gain),), ("flow_force",), ((5.0,),))
+    assert named == slugs_of(result)
+    fitted_gain = result[2].candidates[:, base_coordinate.GAIN].mean()
+    assert fitted_gain == pytest.approx(gain, abs=0.01)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

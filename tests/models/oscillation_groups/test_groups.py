@@ -135,6 +135,30 @@ def test_squares_of_a_spectrum_add_up_to_one() -> None:
     assert (np.abs(spectra.spectra) ** 2).sum(axis=1) == pytest.approx(np.ones(3))
 
 
+def test_the_weaker_of_two_loops_needs_more_than_a_member_of_a_larger_group() -> None:
+    """A share near a tenth is known to a third, and the second loop alone would decide."""
+    values = noises(5)
+    values[0] += 5.0 * wave(400.0)
+    values[1] += 1.08 * wave(400.0)
+    assert found(values) == []
+    values[2] += 5.0 * wave(400.0)
+    (group,) = found(values)
+    assert group.members == (0, 1, 2)
+    assert LIMITS.share < group.shares[1] < LIMITS.pair_share
+
+
+def test_odds_of_sticking_count_by_the_share_of_their_loop() -> None:
+    """A valve that sticks but hardly moves with the others is little evidence for their group."""
+    values = noises(4)
+    for loop, size in {0: 6.0, 1: 4.0, 2: 1.5}.items():
+        values[loop] += size * wave(400.0)
+    spectra = loop_spectra(values, INTERVAL_S)
+    for odds in ({0: -1.0, 2: 2.0}, {0: 1.0, 2: 2.0}, {}):
+        (group,) = find_groups(spectra, spectra, LIMITS, odds)
+        by_share = [odds[i] + np.log(group.shares[i]) for i in odds] or [np.log(group.shares[0])]
+        assert group.statistics[3] == pytest.approx(max(by_share), abs=0.02)
+
+
 def test_a_member_is_a_loop_of_whose_pv_the_wave_makes_enough() -> None:
     """A set point that moves hides no wave from the search, but a wave that makes little of PV's
     variance makes no member."""

@@ -126,10 +126,20 @@ def test_why_there_is_no_picture_is_said():
 def test_a_hole_is_a_hole():
     """No line is drawn across samples that are missing."""
     panel = Panel(left=0, top=0, width=100, height=50, x0=0, x1=9, y0=0, y1=1)
-    y = np.ones(10)
+    y = np.arange(10) % 2.0
     y[4:6] = np.nan
     lines = panel.lines(np.arange(10.0), y, 1.0)
     assert [len(line.points) for line in lines] == [4, 4]
+
+
+def test_a_rest_is_drawn_by_its_ends():
+    """Of a level or upright stretch the two ends are kept, and every point where it turns back."""
+    panel = Panel(left=0, top=0, width=100, height=100, x0=0, x1=10, y0=0, y1=10)
+    x = np.array([0.0, 1.0, 2.0, 3.0, 3.0, 3.0, 4.0, 6.0, 5.0, 7.0])
+    y = np.array([1.0, 1.0, 1.0, 1.0, 2.0, 4.0, 4.0, 4.0, 4.0, 9.0])
+    (line,) = panel.lines(x, y, 1.0)
+    kept = [(0.0, 90.0), (30.0, 90.0), (30.0, 60.0), (60.0, 60.0), (50.0, 60.0), (70.0, 10.0)]
+    assert line.points == tuple(kept)
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))

@@ -116,13 +116,16 @@ def test_no_source_among_them_is_an_answer() -> None:
     assert outside.source == ""
     assert "none of them is the source (70 %)" in said.headline(outside)
     assert "none of them is the source" in said.loop_sentence(outside, "FIC-104", UTC)
+    assert "with 2 other loops (80 %" in said.loop_sentence(outside, "FIC-104", UTC)
+    of_two = replace(outside, members=outside.members[:2])
+    assert "with TIC-2 (80 %" in said.loop_sentence(of_two, "FIC-104", UTC)
 
 
 def test_pictures_escape_names_and_hold_many_loops() -> None:
     """A tag's spelling cannot change the page; a hundred loops have the first rows."""
     drawn = spectra_map(GROUP)
     assert "&lt;b&gt;LIC" in drawn
-    assert drawn.count("<rect") == 7
+    assert drawn.count("v16h-9z") == 7  # cells
     changed = replace(GROUP, members=GROUP.members * 40, spectra=GROUP.spectra * 40)
     assert spectra_map(changed).count('text-anchor="end"') == MOST_ROWS
     bars = strength_bars(GROUP, UTC)

@@ -11,7 +11,7 @@ import pytest
 
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.recording import Role, Signal
-from stemwatch.service.report import ValveFacts, write_report
+from stemwatch.service.report import ValveFacts, html_page, write_report
 
 pytestmark = pytest.mark.browser
 
@@ -100,6 +100,22 @@ def test_the_report_is_filtered_and_counted_by_unit(
     contracts = json.loads(files.json.read_text("utf-8"))
     assert {one["valve"]: one["path"]["unit"] for one in contracts}["FV-3"] == "200"
     assert "unit" in files.csv.read_text("utf-8-sig").splitlines()[0].split(",")
+
+
+def test_a_filter_counts_valves_that_have_a_row_alone(
+    windows, make_screening, make_context, tmp_path, monkeypatch
+) -> None:
+    """Of a large plant the last valves have no section; they are filtered all the same."""
+    monkeypatch.setattr(html_page, "MOST_SECTIONS", 3)
+    valves = [make_screening(f"FV-{n}", samples=50) for n in range(6)]
+    files = write_report(valves, make_context(valves), tmp_path)
+    page = windows.open(files.html.as_uri())
+    assert page.locator("article.valve").count() == 3
+    rows = page.locator("#ranking-table tbody tr:visible")
+    for tag in ("FV-0", "FV-5"):
+        page.fill("#find", tag)
+        assert rows.count() == 1
+        assert page.locator("#shown").inner_text() == "1 of 6 valves"
 
 
 @pytest.mark.parametrize("width", [1280, 390])

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+
+from stemwatch.service.report.charts.traces import packed, unpacked
 
 pytestmark = pytest.mark.browser
 
@@ -124,3 +127,25 @@ def test_paper_shows_the_stretch_of_every_valve(open_page):
     assert len(text) > 5
     assert {item.split(":")[0] for item in text} == {"A typical stretch"}
     page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+
+
+def test_the_script_reads_what_was_packed(opened_plots):
+    """Letters become the same numbers in the page as in Python, with the gaps where they were."""
+    values = np.array([61.25, np.nan, np.nan, -1e6, 1e6, 1e6, np.nan])
+    read = opened_plots.evaluate(
+        """(box, packed) => {
+            const holder = document.createElement("script");
+            Object.assign(holder, {type: "application/json", id: "packed"});
+            holder.textContent = JSON.stringify({
+                start: 0, first: 0, step: 1, interval: 1, duration: 7, detail: null, loop: null,
+                panels: [{series: [{role: "op", values: packed}]}],
+            });
+            box.append(holder);
+            const values = stemwatchData.read("packed").panels[0].series[0].values;
+            holder.remove();
+            return values;
+        }""",
+        packed(values),
+    )
+    expected = unpacked(packed(values))
+    np.testing.assert_array_equal(np.array(read, dtype=np.float64), expected)

@@ -13,13 +13,13 @@ import pytest
 
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report import ReportContext
+from stemwatch.service.report.charts.traces import unpacked
 from stemwatch.service.report.charts.valve_charts import chart_of
 from stemwatch.service.report.html_page import (
-    ALWAYS_PLOTTED,
     MOST_PLOTTED,
+    MOST_SECTIONS,
     environment,
     html_bytes,
-    plot_limit,
 )
 from stemwatch.service.report.ranking import rank_valves
 
@@ -127,23 +127,20 @@ def test_without_scripts_a_sentence_says_what_is_missing(page):
 
 @pytest.mark.parametrize("count", [100, pytest.param(500, marks=pytest.mark.long)])
 def test_five_hundred_valves_stay_a_page_that_opens(make_screening, make_context, count):
-    """Plots are bounded, every valve keeps its row and section, and the page says the bound."""
+    """Plots and numbers are bounded, every valve keeps its row, its section in words and what to
+    do; the page says the bound and where the rest is."""
     model = make_screening("FV", Verdict.HEALTHY, S=0.2, J=0.0, samples=6000)
     valves = [replace(model, valve=f"FV-{k:03}") for k in range(count)]
     text = render(valves, make_context(valves))
-    assert text.count('<script type="application/json"') == ALWAYS_PLOTTED
-    assert text.count('<article class="valve') == count
+    assert text.count('<script type="application/json"') == MOST_PLOTTED
+    assert text.count('<article class="valve') == min(count, MOST_SECTIONS)
     assert text.count('<tr role="row" data-anchor=') == count
-    assert f"Plots are kept for the first {ALWAYS_PLOTTED} valves of the ranking" in text
-    assert len(text.encode()) < 12e6
-
-
-def test_all_sticky_and_watch_valves_are_plotted_up_to_the_cap():
-    """60 plots at least, all that need eyes beyond that, 150 at most."""
-    healthy = dict.fromkeys(Verdict, 0) | {Verdict.HEALTHY: 400}
-    assert plot_limit(healthy) == ALWAYS_PLOTTED
-    assert plot_limit(healthy | {Verdict.STICKY: 50, Verdict.WATCH: 40}) == 90
-    assert plot_limit(healthy | {Verdict.STICKY: 300}) == MOST_PLOTTED
+    assert f"Plots are kept for the first {MOST_PLOTTED} valves of the ranking" in text
+    assert text.count('<details class="engineer"') == MOST_PLOTTED
+    assert text.count("valves.json have the numbers of every valve") == (
+        min(count, MOST_SECTIONS) - MOST_PLOTTED
+    )
+    assert len(text.encode()) < 7e6
 
 
 def test_embedded_data_cannot_leave_its_script(make_screening, make_context):
@@ -167,14 +164,6 @@ def test_a_valve_without_mv_is_drawn_with_what_there_is(mixed_plant):
     assert [trace["role"] for trace in chart["loop"]["traces"]] == ["recorded"]
 
 
-def unpacked(packed: dict) -> np.ndarray:
-    """The values that the page's script makes of a packed trace."""
-    array = np.array([step is not None for step in packed["steps"]])
-    values = np.full(array.size, np.nan)
-    values[array] = np.cumsum([step for step in packed["steps"] if step is not None])
-    return values / packed["per"]
-
-
 def test_the_chart_draws_residual_and_held_out_part(make_screening):
     """Residuals are MV less the simulated stem; the held-out part begins where fitting ended."""
     valve = make_screening("FV-1", samples=1000)
@@ -182,7 +171,7 @@ def test_the_chart_draws_residual_and_held_out_part(make_screening):
     assert chart is not None
     residual = chart["panels"][2]["series"][0]["values"]
     expected = valve.recording.mv.values - valve.traces.stiction
-    assert residual["steps"][340] is None
+    assert np.isnan(unpacked(residual)[340])
     np.testing.assert_allclose(unpacked(residual), expected, atol=5e-4)
     assert chart["heldout"] == 700.0
     assert chart["thinned"] == 1

@@ -110,7 +110,7 @@ def test_a_thousand_valves_are_a_page_that_opens(make_screening, make_context, t
     assert text.count('<article class="valve') == MOST_SECTIONS
     assert text.count('<article class="valve with-plots"') == MOST_PLOTTED
     assert f"The first {MOST_SECTIONS} valves have a section of their own" in text
-    assert len(text) < 30e6
+    assert len(text) < 9e6
     assert len(json.loads(files.json.read_text("utf-8"))) == 1000
     assert len(files.csv.read_text("utf-8-sig").splitlines()) == 1001
 

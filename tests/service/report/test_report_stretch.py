@@ -14,6 +14,7 @@ from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening_result import DataQuality, Screening, Traces
 from stemwatch.models.verdict import Verdict
 from stemwatch.service.report.charts.thinning import POINTS
+from stemwatch.service.report.charts.traces import unpacked
 from stemwatch.service.report.charts.typical_stretch import typical_stretch
 from stemwatch.service.report.charts.valve_charts import chart_of
 
@@ -143,11 +144,6 @@ def test_a_stretch_always_lies_in_its_record(op, heldout):
     stretch = typical_stretch(valve)
     if stretch is not None:
         assert 0 <= stretch.first < stretch.last <= values.size
-
-
-def unpacked(packed: dict) -> np.ndarray:
-    """The values that the page's script makes of a packed trace without gaps."""
-    return np.cumsum(packed["steps"]) / packed["per"]
 
 
 def test_every_sample_of_the_stretch_is_in_the_page():

@@ -44,7 +44,7 @@ def test_what_is_packed_comes_back_as_it_was_drawn() -> None:
             other.plot.x_label,
         )
         assert [note.text for note in item.plot.notes] == [note.text for note in other.plot.notes]
-        assert re.sub(r"[\d.-]+", "", str(item.svg)) == re.sub(r"[\d.-]+", "", str(other.svg))
+        assert re.sub(r"[\d. -]+", "", str(item.svg)) == re.sub(r"[\d. -]+", "", str(other.svg))
         for line, repeated in zip(item.plot.lines, other.plot.lines, strict=True):
             span = np.nanmax(line.y) - np.nanmin(line.y) if np.isfinite(line.y).any() else 1.0
             np.testing.assert_allclose(repeated.y, line.y, atol=1e-3 * max(span, 1e-9))

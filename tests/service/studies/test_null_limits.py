@@ -43,6 +43,7 @@ def test_the_limits_in_use_let_through_no_more_nulls_than_the_rule(kept) -> None
         "strength in the first round": 1.0,
         "weaker of a pair": acceptance_limits.LEAST_OF_A_PAIR,
         "not little left": acceptance_limits.NOT_LITTLE_LEFT,
+        "not little left in noise": acceptance_limits.NOT_LITTLE_IN_NOISE,
         "much left": acceptance_limits.MUCH_LEFT,
     }
     for row in kept["derived"]:
@@ -61,8 +62,9 @@ def test_the_file_derives_its_limits_from_its_own_valves(kept) -> None:
             pair=pair,
             named=named,
             left=left,
+            noise=noise,
         )
-        for concealment, friction, strongest, pair, named, left in kept["valves"]
+        for concealment, friction, strongest, pair, named, left, noise in kept["valves"]
     ]
     derived = {row.name: row for row in derived_limits(valves)}
     for row in kept["derived"]:

@@ -1,0 +1,28 @@
+"""A supply that sags is not told as a zero error, and a zero error stays one."""
+
+from __future__ import annotations
+
+import pytest
+
+from stemwatch.models.mismatch.explain import explain
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden, simulate_hidden
+
+
+def members(case):
+    """The class of each effect that is named, its slug first."""
+    return [effect.members for effect in explain(simulate_hidden(case)[1].recording).effects]
+
+
+@pytest.mark.parametrize("place", [10, pytest.param(361, marks=pytest.mark.long)])
+def test_a_sag_in_a_short_record_is_given_beside_the_zero_error(place):
+    """In a quarter of an hour the zero is the easier one to find, and the sag does as well."""
+    case = draw_hidden(place + 1, 2114)[place]
+    assert case.hidden == ("supply_sag",)
+    assert members(case) == [("zero_shift", "supply_sag")]
+
+
+@pytest.mark.parametrize("index", [3, pytest.param(9, marks=pytest.mark.long)])
+def test_a_zero_error_is_told_from_a_sag(index):
+    """In noise and in a routine hour: the sag that comes nearest predicts unseen blocks worse."""
+    case = draw_effect("zero_shift", index + 1, 4076, None)[index]
+    assert members(case) == [("zero_shift",)]
