@@ -496,7 +496,9 @@ def _needed_effect(
 def _matters(effect: Effect) -> bool:
     """True where it removes a good share of the residual; events that tell it are few samples."""
     evidence = effect.evidence
-    return evidence.share >= LEAST_SHARE or evidence.events_z > 0.0 or evidence.likelihood_gain > 0.0
+    return (
+        evidence.share >= LEAST_SHARE or evidence.events_z > 0.0 or evidence.likelihood_gain > 0.0
+    )
 
 
 def _share(evaluator: Evaluator, before: Fitted, after: Fitted) -> float:

@@ -36,7 +36,11 @@ _ALIKE_PLACE, _ALIKE_FORCE = 0.3, 0.25  # of sigma and of the scatter: courses t
 _SOONEST = 8.0  # scatters below its level, up to which a stem lets go
 _NEVER_ASKED = -9.0  # share of its level before a rest has begun
 _LEAST_LEVEL = 1e-3  # percent
-_TINY, _SMALL, _LARGE = 1e-300, 1e-200, 1e200  # products beyond these are replaced by their logarithms
+_TINY, _SMALL, _LARGE = (
+    1e-300,
+    1e-200,
+    1e200,
+)  # products beyond these are replaced by their logarithms
 _START = 1
 # Rows of a course: place, place that is read, side of the last motion, 1 while it moves, samples
 # that it has rested, the largest shares of its levels that were asked for, its probability.
@@ -55,7 +59,8 @@ _VARYING = (
 def above(z: float) -> float:
     """The probability that Student's variable of four degrees of freedom is above ``z``."""
     b = 1.0 / (1.0 + 0.25 * z * z)
-    return 0.5 - 0.375 * z * np.sqrt(b) * (1.0 - z * z * b / 12.0)
+    tail: float = 0.5 - 0.375 * z * np.sqrt(b) * (1.0 - z * z * b / 12.0)
+    return tail
 
 
 @never_raises
@@ -66,7 +71,8 @@ def _density(residual: float, step: float, per_sigma: float) -> float:
         return above(near * per_sigma) - above(far * per_sigma) + _SMALL
     u = residual * per_sigma
     b = 1.0 / (1.0 + 0.25 * u * u)
-    return 0.375 * b * b * np.sqrt(b) * per_sigma
+    density: float = 0.375 * b * b * np.sqrt(b) * per_sigma
+    return density
 
 
 @never_raises
@@ -243,10 +249,10 @@ def _weigh(
 @never_raises
 def _is_steady(numbers: Floats) -> bool:
     """Whether neither levels nor readings vary with place, rest or time."""
+    varying = 0.0
     for number in _VARYING:
-        if numbers[number] != 0.0:
-            return False
-    return True
+        varying += abs(numbers[number])
+    return varying == 0.0
 
 
 @never_raises
@@ -263,6 +269,24 @@ def _same(kept: Floats, c: int, other: Floats, j: int, place: float, share: floa
 
 
 @never_raises
+def _heaviest(courses: Floats, m: int, least: float) -> int:
+    """The most probable of ``m`` courses, or -1 where none is above ``least``."""
+    best = -1
+    for j in range(m):
+        if courses[_WEIGHT, j] > least:
+            best, least = j, courses[_WEIGHT, j]
+    return best
+
+
+@never_raises
+def _put(kept: Floats, c: int, new: Floats, j: int, weight: float) -> None:
+    """Copy course ``j`` to place ``c`` of those that are kept, with another weight."""
+    for row in range(_WEIGHT):
+        kept[row, c] = new[row, j]
+    kept[_WEIGHT, c] = weight
+
+
+@never_raises
 def _keep(
     new: Floats, m: int, kept: Floats, place: float, share: float, most: int
 ) -> tuple[int, float]:
@@ -270,24 +294,14 @@ def _keep(
     are, and the probability of the sample that they leave together.
     """
     if m == 1:
-        weight = new[_WEIGHT, 0]
-        for row in range(_ROWS):
-            kept[row, 0] = new[row, 0]
-        kept[_WEIGHT, 0] = 1.0
-        return 1, weight
-    least = 0.0
-    for j in range(m):
-        least = max(least, _LEAST_SHARE * new[_WEIGHT, j])
+        _put(kept, 0, new, 0, 1.0)
+        return 1, new[_WEIGHT, 0]
+    best = _heaviest(new, m, 0.0)
+    least = _LEAST_SHARE * new[_WEIGHT, best] if best >= 0 else 0.0
     count, total = 0, 0.0
-    for _ in range(m):
-        best, weight = -1, least
-        for j in range(m):
-            if new[_WEIGHT, j] > weight:
-                best, weight = j, new[_WEIGHT, j]
-        if best < 0:
-            break
+    while best >= 0:
+        weight, c = new[_WEIGHT, best], 0
         new[_WEIGHT, best] = 0.0
-        c = 0
         while c < count and not _same(kept, c, new, best, place, share):
             c += 1
         if c == most:
@@ -295,11 +309,10 @@ def _keep(
         if c < count:
             kept[_WEIGHT, c] += weight
         else:
-            for row in range(_ROWS):
-                kept[row, c] = new[row, best]
-            kept[_WEIGHT, c] = weight
+            _put(kept, c, new, best, weight)
             count += 1
         total += weight
+        best = _heaviest(new, m, least)
     for c in range(count):
         kept[_WEIGHT, c] /= total
     return count, total

@@ -173,9 +173,10 @@ def by_events(
 def by_likelihood(found_effect: Effect, seen: LikelihoodEvidence) -> Effect:
     """``found_effect`` with the evidence of the whole record's likelihood."""
     note = (
-        "The whole record tells it, all moments considered at which the stem may have let go: with "
-        f"it the record is e^{seen.gain:.0f} times as likely ({seen.t:.1f} standard errors); in the "
-        "residual it is small, for breakaways scatter as well."
+        "The record as a whole tells it: over all moments at which the stem may have let go, it is "
+        f"10^{seen.gain / np.log(10.0):.0f} times as likely with this effect as without it "
+        f"({seen.t:.1f} standard errors over the blocks of time). In the residual it is small, for "
+        "breakaways scatter as well."
     )
     if len(found_effect.members) > 1:
         others = ", ".join(slug.replace("_", " ") for slug in found_effect.members[1:])

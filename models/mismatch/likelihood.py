@@ -76,6 +76,11 @@ class Likeliest:
         """(2,) the logarithms of the noise, percent, and of the scatter."""
         return self.point[-OF_RECORD:]
 
+    @property
+    def scatter(self) -> float:
+        """The scatter of the breakaway levels, a share of them."""
+        return float(np.exp(self.point[-1]))
+
 
 @dataclass(frozen=True)
 class RecordLikelihood:
