@@ -55,6 +55,7 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.held_out import HeldOutComparison
+from stemwatch.models.mismatch.named_by_likelihood import strongest_by_likelihood
 from stemwatch.models.mismatch.nothing_left_out import doubt, missed_breakaways
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
@@ -76,7 +77,7 @@ from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import holding_no_jump, of_balance, of_candidate, stiction
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import strongest_pair
-from stemwatch.models.mismatch.term_selection import TermScore, name_terms
+from stemwatch.models.mismatch.term_selection import TermScore, lacking, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.mismatch.tried_effects import scores_of, what_was_tried
 from stemwatch.models.mismatch.uncertainty import draws
@@ -469,13 +470,15 @@ class NullScores:
     ``pair``: the strength of the weaker of two beside the other, of the pair in which it is
     largest, 0 where no pair was worth a look. ``left``: what S and J leave in the worst tenth of
     the blocks, in noise variances, over the square of what a short record allows; ``noise`` is a
-    share of the breakaway level.
+    share of the breakaway level. ``likelihood``: the strength of the strongest term by the
+    likelihood of the whole record.
     """
 
     terms: dict[str, tuple[float, float, float]]
     pair: float
     left: float = 0.0
     noise: float = 0.0
+    likelihood: float = 0.0
 
 
 def scores(recording: Recording) -> NullScores:
@@ -503,4 +506,5 @@ def scores(recording: Recording) -> NullScores:
         pair=strongest_pair(named, terms),
         left=remaining_loss(evaluator, named.base) / short_record_factor(counts) ** 2,
         noise=noise_share(evaluator, named.base),
+        likelihood=strongest_by_likelihood(lacking(named, catalogue()), terms),
     )

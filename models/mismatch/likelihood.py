@@ -181,20 +181,38 @@ class RecordLikelihood:
 
     def climbed(self, begun: Likeliest, rounds: int = ROUNDS) -> Likeliest:
         """The point that is reached by following the slopes from one that was ``begun``."""
-        layout, best, damping = begun.layout, begun, 1e-2
+        best, damping = begun, 1e-2
         for _ in range(rounds):
-            steps = self._steps(layout, best.point)
-            free = np.flatnonzero(steps)
-            slopes = np.empty((best.by_block.size, free.size))
-            for column, place in enumerate(free):
-                beside = best.point.copy()
-                beside[place] += steps[place]
-                slopes[:, column] = self.of_blocks(layout, beside) - best.by_block
+            free, steps, slopes = self._slopes(best)
             before = best.total
-            best, damping = self._stepped(best, free, steps[free], slopes, damping)
+            best, damping = self._stepped(best, free, steps, slopes, damping)
             if best.total - before < WORTH_ANOTHER:
                 break
         return best
+
+    def _slopes(self, at: Likeliest) -> tuple[Samples, Floats, Floats]:
+        """The coordinates that are free, the steps along them, and by how much the logarithm of the
+        likelihood of each block grows over these (blocks, free).
+        """
+        steps = self._steps(at.layout, at.point)
+        free = np.flatnonzero(steps)
+        slopes = np.empty((at.by_block.size, free.size))
+        for column, place in enumerate(free):
+            beside = at.point.copy()
+            beside[place] += steps[place]
+            slopes[:, column] = self.of_blocks(at.layout, beside) - at.by_block
+        return free, steps[free], slopes
+
+    def standard_errors(self, at: Likeliest) -> Floats:
+        """(size + 2,) of a point that was maximised, from how much the slopes of the blocks vary;
+        0 for what is not free.
+        """
+        free, steps, slopes = self._slopes(at)
+        errors = np.zeros(at.point.size)
+        information = slopes.T @ slopes
+        information[np.diag_indices_from(information)] += 1e-6
+        errors[free] = np.sqrt(np.diag(np.linalg.inv(information))) * np.abs(steps)
+        return errors
 
     def _stepped(
         self, best: Likeliest, free: Samples, steps: Floats, slopes: Floats, damping: float

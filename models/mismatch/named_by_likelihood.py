@@ -17,12 +17,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import RARELY_ACTS
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.breakaway_levels import DWELL, PLAY
 from stemwatch.models.mismatch.crossfit import Fitted, gain, scored, widened
-from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, S_and_J, TermSet
+from stemwatch.models.mismatch.evaluator import (
+    RATIO,
+    S_PERCENT,
+    CoordinateLayout,
+    Evaluator,
+    S_and_J,
+    TermSet,
+)
 from stemwatch.models.mismatch.likelihood import (
     LEAST_GAIN,
     LEAST_PRODUCT,
@@ -63,7 +69,7 @@ EXCHANGES = 2
 WIDEST, ALL_OVER = 0.95, 5.0
 AS_LIKELY, AS_GOOD = 4.0, 1.5  # difference of two terms, and its t over the blocks, below which
 # neither is more likely
-HELD_WITHIN, LEAST_WITHIN = 2.0, 0.02  # standard errors; share of S and of a size
+HELD_WITHIN, LEAST_WITHIN = 2.0, 0.02  # standard errors; share of S, of J/S and of a size
 
 
 @dataclass(frozen=True)
@@ -98,18 +104,8 @@ def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
 
 def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     """``named`` with one more of ``terms``, if the likelihood shows it; else as it was."""
-    evaluator, simple = named.evaluator, named.fitted
-    sticks_again = any(needed.term.slug in STICKS_AGAIN for needed in named.needed)
-    if sticks_again or len(named.needed) >= MOST_TERMS:
-        # Of a stem that sticks again after short slips, any term takes up what is misfitted.
-        return named
-    terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
-    likelihood = RecordLikelihood(evaluator)
-    alone = likelihood.maximised(simple.layout, _points(simple, likelihood.first_of_record))
-    worth = _worth_a_search(RecordLikelihood(evaluator, FEW_COURSES), alone, named, terms)
-    by_slug = {term.slug: term for term in terms}
-    compared = [_compared(likelihood, alone, look, by_slug[_added(look, simple)]) for look in worth]
-    passing = [one for one in compared if _passes(one, evaluator)]
+    likelihood = RecordLikelihood(named.evaluator)
+    passing = [one for one in _tried(likelihood, named, terms) if _passes(one, named.evaluator)]
     if not passing:
         return named
     best, *others = sorted(passing, key=lambda one: -one.rich.total)
@@ -117,13 +113,38 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
         if simpler.term.slug in best.term.contains and _as_likely(best, simpler):
             best, others = simpler, [best, *(one for one in others if one is not simpler)]
             break
-    members = [best, *(one for one in others if _as_likely(best, one))]
     if named.needed and best.evidence.strength < BESIDE:
         return named
     dispensable, left = _dispensable(likelihood, named, best)
     if dispensable:
-        return _with(_lacking(named, dispensable, left), [replace(best, rich=left)])
-    return _with(named, members)
+        lacking = _lacking(named, dispensable, left)
+        return _with(likelihood, lacking, [replace(best, rich=left)])
+    members = [best, *(one for one in others if _as_likely(best, one))]
+    return _with(likelihood, named, members)
+
+
+def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
+    """The strength of the strongest term by the likelihood whose size is material, 0 without one,
+    before anything is named by it: what chance reaches on a record with nothing hidden.
+    """
+    tried = _tried(RecordLikelihood(named.evaluator), named, terms)
+    material = [one for one in tried if _is_material(one, named.evaluator)]
+    return max((one.evidence.strength for one in material), default=0.0)
+
+
+def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) -> list[_Compared]:
+    """The terms by which the record may be more likely, each compared with the record without."""
+    evaluator, simple = named.evaluator, named.fitted
+    sticks_again = any(needed.term.slug in STICKS_AGAIN for needed in named.needed)
+    if sticks_again or len(named.needed) >= MOST_TERMS:
+        # Of a stem that sticks again after short slips, any term takes up what is misfitted.
+        return []
+    terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
+    alone = likelihood.maximised(simple.layout, _points(simple, likelihood.first_of_record))
+    quick = RecordLikelihood(evaluator, FEW_COURSES)
+    worth = _worth_a_search(quick, alone, named, terms)
+    by_slug = {term.slug: term for term in terms}
+    return [_compared(likelihood, alone, look, by_slug[_added(look, simple)]) for look in worth]
 
 
 def _points(fitted: Fitted, of_record: Floats) -> list[Floats]:
@@ -212,10 +233,14 @@ def _passes(one: _Compared, evaluator: Evaluator) -> bool:
     breakaways scatter more with it than those of real stems, something else is hidden, for which
     both may stand: it must then be more likely all over the record.
     """
-    values, evidence = one.rich.candidate[one.rich.layout.places[one.term.slug]], one.evidence
-    if one.rich.scatter > WIDEST * SCATTERS[1] and evidence.t < ALL_OVER:
+    if one.rich.scatter > WIDEST * SCATTERS[1] and one.evidence.t < ALL_OVER:
         return False
-    return evidence.strength >= 1.0 and one.term.material(values, evaluator.summary)
+    return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
+
+
+def _is_material(one: _Compared, evaluator: Evaluator) -> bool:
+    values = one.rich.candidate[one.rich.layout.places[one.term.slug]]
+    return one.term.material(values, evaluator.summary)
 
 
 def _as_likely(best: _Compared, other: _Compared) -> bool:
@@ -255,10 +280,10 @@ def _lacking(named: Named, slugs: set[str], left: Likeliest) -> Named:
     return replace(named, fitted=fitted, needed=needed)
 
 
-def _with(named: Named, members: Sequence[_Compared]) -> Named:
+def _with(likelihood: RecordLikelihood, named: Named, members: Sequence[_Compared]) -> Named:
     """``named`` with one more term; ``members`` are those that the record does not tell apart."""
     evaluator, best = named.evaluator, members[0]
-    layout = _held(best.rich, best.term)
+    layout = _held(likelihood, best.rich, best.term)
     fitted = conclude(evaluator, scored(layout, np.tile(best.rich.candidate, (2, 1))))
     scores = []
     for one in members:
@@ -274,22 +299,15 @@ def _scored(evaluator: Evaluator, at: Likeliest) -> Fitted:
     return conclude(evaluator, scored(at.layout, np.tile(at.candidate, (2, 1))))
 
 
-def _held(at: Likeliest, term: Term) -> CoordinateLayout:
+def _held(likelihood: RecordLikelihood, at: Likeliest, term: Term) -> CoordinateLayout:
     """The layout of a point with S, J and the size of its term held near to it: trajectories would
     trade them for each other.
     """
     layout, low, high = at.layout, at.layout.bounds.low.copy(), at.layout.bounds.high.copy()
-    places = layout.places[term.slug]
-    held = [
-        base_coordinate.S_PERCENT,
-        base_coordinate.RATIO,
-        *range(places.start, places.stop),
-    ]
-    for place in held:
+    errors, places = likelihood.standard_errors(at), layout.places[term.slug]
+    for place in (S_PERCENT, RATIO, *range(places.start, places.stop)):
         value = at.candidate[place]
-        within = LEAST_WITHIN * abs(value)
-        low[place], high[place] = (
-            max(low[place], value - within),
-            min(high[place], value + within),
-        )
+        within = max(HELD_WITHIN * errors[place], LEAST_WITHIN * abs(value))
+        low[place] = max(low[place], value - within)
+        high[place] = min(high[place], value + within)
     return replace(layout, bounds=Bounds(low, high))

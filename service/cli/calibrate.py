@@ -79,7 +79,16 @@ def calibrate_mismatch(
             "terms": [asdict(row) for row in rows],
             "scores": scores,
             "valves": [
-                [v.concealment, v.friction, v.strongest, v.pair, v.named, v.left, v.noise]
+                [
+                    v.concealment,
+                    v.friction,
+                    v.strongest,
+                    v.pair,
+                    v.named,
+                    v.left,
+                    v.noise,
+                    v.likelihood,
+                ]
                 for v in valves
             ],
         }
@@ -90,6 +99,7 @@ def calibrate_mismatch(
 def _in_use() -> dict[str, float]:
     """The limits of the product."""
     from stemwatch.models.mismatch import acceptance_limits as limits
+    from stemwatch.models.mismatch import likelihood
 
     return {
         "mean": limits.MEAN,
@@ -98,6 +108,9 @@ def _in_use() -> dict[str, float]:
         "later": limits.LATER,
         "pair": limits.LEAST_OF_A_PAIR,
         "null rate": limits.NULL_RATE,
+        "gain of likelihood": likelihood.LEAST_GAIN,
+        "t of likelihood": likelihood.LEAST_T,
+        "likelihood: gain times t": likelihood.LEAST_PRODUCT,
     }
 
 

@@ -40,7 +40,8 @@ class NullValve:
 
     ``strongest`` is that of any term over its limits, ``pair`` that of the weaker of the best pair;
     ``named`` the strength of what is named in the end, 0 where nothing is; ``left`` is what S and J
-    leave, ``noise`` the share of the breakaway level that the noise is (``NullScores``).
+    leave, ``noise`` the share of the breakaway level that the noise is, and ``likelihood`` the
+    strength of the strongest term by the likelihood of the record (``NullScores``).
     """
 
     concealment: str
@@ -52,6 +53,7 @@ class NullValve:
     named: float = 0.0
     left: float = 0.0
     noise: float = 0.0
+    likelihood: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +91,12 @@ def derived_limits(valves: Sequence[NullValve]) -> list[DerivedLimit]:
             "of the strongest pair",
             LEAST_OF_A_PAIR,
             [valve.pair for valve in valves],
+        ),
+        (
+            "strength by likelihood",
+            "of the strongest term, before the guards",
+            1.0,
+            [valve.likelihood for valve in valves],
         ),
         (
             "not little left",
@@ -266,4 +274,5 @@ def _null(case: HiddenCase) -> NullValve:
         named=max((effect.evidence.strength for effect in effects), default=0.0),
         left=null_scores.left,
         noise=null_scores.noise,
+        likelihood=null_scores.likelihood,
     )

@@ -9,7 +9,7 @@ import pytest
 
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.mismatch.likelihood import RecordLikelihood
+from stemwatch.models.mismatch.likelihood import LEAST_GAIN, RecordLikelihood
 from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
 from tests.models.mismatch.fitted_chain import (
     candidate,
@@ -17,15 +17,6 @@ from tests.models.mismatch.fitted_chain import (
     hypothesis,
     simulated_by_chain,
 )
-
-
-@cache
-def explained(slug, concealment, place, seed):
-    """The recording of a valve of the plant with a hidden effect, and what is said of it."""
-    drawn = draw_effect(slug, place + 1, seed, concealment) if slug else None
-    case = drawn[place] if drawn else draw_nulls(place + 1, seed, concealment)[place]
-    _, run = simulate_hidden(case)
-    return run, explain(run.recording)
 
 
 def test_a_climb_ends_at_what_is_true() -> None:
@@ -50,3 +41,37 @@ def test_a_richer_hypothesis_at_its_neutral_values_is_as_likely() -> None:
     alone = likelihood.at(simple, np.append(candidate(simple), likelihood.first_of_record))
     beside = likelihood.at(rich, np.append(candidate(rich), likelihood.first_of_record))
     assert beside.total == pytest.approx(alone.total, abs=1e-9)
+
+
+@cache
+def hidden_delay():
+    """A quarter of an hour whose trajectories show nothing, and what is said of it."""
+    _, run = simulate_hidden(draw_effect("dead_time", 14, 4064, "short")[13])
+    return run, explain(run.recording)
+
+
+def test_what_no_trajectory_shows_the_record_as_a_whole_does() -> None:
+    """A dead time of a few seconds, with S and J that hold, and the evidence in words."""
+    run, mismatch = hidden_delay()
+    assert [effect.slug for effect in mismatch.effects] == ["dead_time"]
+    evidence = mismatch.effects[0].evidence
+    assert evidence.likelihood_gain > LEAST_GAIN
+    assert evidence.strength >= 1.0
+    assert "times as likely with this effect" in evidence.note
+    S = mismatch.restated.S
+    assert S.low <= run.truth.S <= S.high
+    assert abs(mismatch.restated.S.value - run.truth.S) < abs(mismatch.naive.S.value - run.truth.S)
+
+
+def test_what_is_named_predicts_unseen_samples_better() -> None:
+    """By the free run that is shown."""
+    _, mismatch = hidden_delay()
+    assert mismatch.heldout.improves
+
+
+def test_with_nothing_hidden_nothing_is_named() -> None:
+    """By the same search."""
+    _, run = simulate_hidden(draw_nulls(7, 4064)[6])
+    mismatch = explain(run.recording)
+    assert mismatch.effects == ()
+    assert mismatch.finding is Finding.NONE

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stemwatch.models.mismatch import acceptance_limits
+from stemwatch.models.mismatch import acceptance_limits, likelihood
 from stemwatch.service.studies.proof.nulls import NullValve, derived_limits
 
 FILE = Path(__file__).parents[3] / "docs" / "figures" / "mismatch-limits.json"
@@ -29,6 +29,9 @@ def test_the_file_has_the_limits_of_the_product(kept) -> None:
         "later": acceptance_limits.LATER,
         "pair": acceptance_limits.LEAST_OF_A_PAIR,
         "null rate": acceptance_limits.NULL_RATE,
+        "gain of likelihood": likelihood.LEAST_GAIN,
+        "t of likelihood": likelihood.LEAST_T,
+        "likelihood: gain times t": likelihood.LEAST_PRODUCT,
     }
 
 
@@ -42,6 +45,7 @@ def test_the_limits_in_use_let_through_no_more_nulls_than_the_rule(kept) -> None
         "strength": 1.0,
         "strength in the first round": 1.0,
         "weaker of a pair": acceptance_limits.LEAST_OF_A_PAIR,
+        "strength by likelihood": 1.0,
         "not little left": acceptance_limits.NOT_LITTLE_LEFT,
         "not little left in noise": acceptance_limits.NOT_LITTLE_IN_NOISE,
         "much left": acceptance_limits.MUCH_LEFT,
@@ -63,8 +67,9 @@ def test_the_file_derives_its_limits_from_its_own_valves(kept) -> None:
             named=named,
             left=left,
             noise=noise,
+            likelihood=likely,
         )
-        for concealment, friction, strongest, pair, named, left, noise in kept["valves"]
+        for concealment, friction, strongest, pair, named, left, noise, likely in kept["valves"]
     ]
     derived = {row.name: row for row in derived_limits(valves)}
     for row in kept["derived"]:
