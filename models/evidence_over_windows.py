@@ -18,8 +18,7 @@ confirm it where
 
 the second as Stouffer et al. (1949) combine tests. Effects that chance names more often (``HARDER``
 in ``mismatch.acceptance_limits``: play, and dwell, which scatter of the breakaways imitates) need
-one window more: three that agree, or two and the others, or one where the others reach twice both
-limits. An effect of friction itself counts as
+one window more: three that agree, or two and the others. An effect of friction itself counts as
 absent in a window whose S is below half of that in the windows with the effect. After work on the
 valve, or a change that a window itself shows (``begins_anew``), the evidence starts afresh.
 
@@ -301,19 +300,18 @@ def _chance(slug: str, windows: Sequence[WindowEvidence]) -> float:
 
 
 def _confirms(slug: str, recent: Sequence[WindowEvidence], names: Sequence[bool]) -> bool:
-    """Whether enough windows agree, or fewer do and those that name nothing gain by the effect
-    together; the more, the more windows are lacking."""
-    lacking = AGREE + (slug in HARDER) - sum(names)
-    return lacking <= 0 or (any(names) and gain_together(slug, recent, lacking))
+    """Whether enough windows agree, or one fewer and those that name nothing gain by the effect
+    together."""
+    agree = AGREE + (slug in HARDER)
+    if sum(names) >= agree:
+        return True
+    return sum(names) == agree - 1 and gain_together(slug, recent)
 
 
-def gain_together(slug: str, windows: Sequence[WindowEvidence], times: int = 1) -> bool:
-    """Whether the windows that name nothing gain by the effect together, so many ``times`` the
-    limits."""
+def gain_together(slug: str, windows: Sequence[WindowEvidence]) -> bool:
+    """Whether the windows that name nothing gain by the effect together."""
     mean, t = _combined(slug, windows)
-    if mean is None or t is None:
-        return False
-    return mean >= times * LEAST_MEAN and t >= times * LEAST_T
+    return mean is not None and t is not None and mean >= LEAST_MEAN and t >= LEAST_T
 
 
 def _combined(
