@@ -97,7 +97,8 @@ class _Compared:
 def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
     """By how much one is more likely than another, as a logarithm, and its t over the blocks."""
     by_block = one.by_block - other.by_block
-    error = float(by_block.std(ddof=1)) * np.sqrt(by_block.size) if by_block.size > 2 else np.inf
+    enough = by_block.size > 2
+    error = float(by_block.std(ddof=1) * np.sqrt(by_block.size)) if enough else np.inf
     total = float(by_block.sum())
     return total, total / max(error, 1e-9)
 

@@ -27,6 +27,7 @@ def test_errors_are_taken_out_in_one_order(monkeypatch, dropped) -> None:
     monkeypatch.setattr(module, "lacking", lambda *_: named)
     monkeypatch.setattr(module, "FirstPart", lambda _: None)
     monkeypatch.setattr(module, "_immaterial", lambda _: set())
+    monkeypatch.setattr(module, "named_by_likelihood", lambda named, _: named)
     monkeypatch.setattr(module, "_whole_record", whole_record)
     monkeypatch.setattr(module, "replace", lambda found, **_: found)
     module.accepted_hypothesis(SimpleNamespace(refused=()))
