@@ -140,7 +140,9 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     terms = admissible(case.refused)
     named = named_effects(case, terms)
     pinned: tuple[str, ...] = ()
-    dropped_because, spring, asked_likelihood = "", False, False
+    dropped_because, spring = "", False
+    # The readings of a flow that stands for the position are not independent of each other.
+    may_be_asked = case.own_reading
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -164,8 +166,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         elif DRIVE in hypothesis.layout.places:
             return hypothesis
         dropped = proposed - stand
-        if not dropped and not spring and not asked_likelihood:
-            asked_likelihood = True
+        if not dropped and not spring and may_be_asked:
+            may_be_asked = False
             more = named_by_likelihood(named, of_the_valve(terms))
             if more is not named:
                 named = more

@@ -174,9 +174,8 @@ def by_likelihood(found_effect: Effect, seen: LikelihoodEvidence) -> Effect:
     """``found_effect`` with the evidence of the whole record's likelihood."""
     note = (
         "The record as a whole tells it: over all moments at which the stem may have let go, it is "
-        f"10^{seen.gain / np.log(10.0):.0f} times as likely with this effect as without it "
-        f"({seen.t:.1f} standard errors over the blocks of time). In the residual it is small, for "
-        "breakaways scatter as well."
+        f"more likely with this effect than without it, by {seen.t:.1f} standard errors over the "
+        "blocks of time. In the residual it is small, for breakaways scatter as well."
     )
     if len(found_effect.members) > 1:
         others = ", ".join(slug.replace("_", " ") for slug in found_effect.members[1:])

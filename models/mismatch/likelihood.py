@@ -77,6 +77,11 @@ class Likeliest:
         return self.point[-OF_RECORD:]
 
     @property
+    def noise(self) -> float:
+        """The scale of the readings about the stem, percent."""
+        return float(np.exp(self.point[-OF_RECORD]))
+
+    @property
     def scatter(self) -> float:
         """The scatter of the breakaway levels, a share of them."""
         return float(np.exp(self.point[-1]))

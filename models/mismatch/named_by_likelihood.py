@@ -67,6 +67,8 @@ EXCHANGES = 2
 # outside the catalogue four were named at the limit, with t up to 3.9; of those with an effect that
 # trajectories miss four, with 5.6 and more (seeds 4063 and 2108).
 WIDEST, ALL_OVER = 0.95, 5.0
+MORE_THAN_NOISE = 1.5
+CONTRADICTED = -1.0  # t of the trajectories, below which they speak against a term
 AS_LIKELY, AS_GOOD = 4.0, 1.5  # difference of two terms, and its t over the blocks, below which
 # neither is more likely
 HELD_WITHIN, LEAST_WITHIN = 2.0, 0.02  # standard errors; share of S, of J/S and of a size
@@ -231,10 +233,13 @@ def _compared(
 
 def _passes(one: _Compared, evaluator: Evaluator) -> bool:
     """Whether a term is more likely than on records with nothing hidden, and material. Where the
-    breakaways scatter more with it than those of real stems, something else is hidden, for which
-    both may stand: it must then be more likely all over the record.
+    breakaways scatter more with it than those of real stems, or the readings more than their noise,
+    something else is hidden, for which it may stand, and samples are not independent: it must then
+    be more likely all over the record.
     """
-    if one.rich.scatter > WIDEST * SCATTERS[1] and one.evidence.t < ALL_OVER:
+    too_wide = one.rich.scatter > WIDEST * SCATTERS[1]
+    too_noisy = one.rich.noise > MORE_THAN_NOISE * evaluator.problem.sigma
+    if (too_wide or too_noisy) and one.evidence.t < ALL_OVER:
         return False
     return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
 
@@ -282,7 +287,9 @@ def _lacking(named: Named, slugs: set[str], left: Likeliest) -> Named:
 
 
 def _with(likelihood: RecordLikelihood, named: Named, members: Sequence[_Compared]) -> Named:
-    """``named`` with one more term; ``members`` are those that the record does not tell apart."""
+    """``named`` with one more term, unless trajectories contradict it; ``members`` are those that
+    the record does not tell apart.
+    """
     evaluator, best = named.evaluator, members[0]
     layout = _held(likelihood, best.rich, best.term)
     fitted = conclude(evaluator, scored(layout, np.tile(best.rich.candidate, (2, 1))))
@@ -290,6 +297,8 @@ def _with(likelihood: RecordLikelihood, named: Named, members: Sequence[_Compare
     for one in members:
         of_term = fitted if one is best else _scored(evaluator, one.rich)
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
+    if scores[0].advantage.t < CONTRADICTED:
+        return named
     stage = SelectionStage(named.fitted, tuple(scores), tuple(scores))
     needed = Needed(stage, named.fitted, scores[0].advantage, likelihood=best.evidence)
     return replace(named, fitted=fitted, needed=(*named.needed, needed))

@@ -57,7 +57,7 @@ def test_what_no_trajectory_shows_the_record_as_a_whole_does() -> None:
     evidence = mismatch.effects[0].evidence
     assert evidence.likelihood_gain > LEAST_GAIN
     assert evidence.strength >= 1.0
-    assert "times as likely with this effect" in evidence.note
+    assert "more likely with this effect" in evidence.note
     S = mismatch.restated.S
     assert S.low <= run.truth.S <= S.high
     assert abs(mismatch.restated.S.value - run.truth.S) < abs(mismatch.naive.S.value - run.truth.S)

@@ -30,5 +30,5 @@ def test_errors_are_taken_out_in_one_order(monkeypatch, dropped) -> None:
     monkeypatch.setattr(module, "named_by_likelihood", lambda named, _: named)
     monkeypatch.setattr(module, "_whole_record", whole_record)
     monkeypatch.setattr(module, "replace", lambda found, **_: found)
-    module.accepted_hypothesis(SimpleNamespace(refused=()))
+    module.accepted_hypothesis(SimpleNamespace(refused=(), own_reading=True))
     assert given == [(), tuple(slug for slug in module.STRAIGHT_LINE if slug in dropped)]
