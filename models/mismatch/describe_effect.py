@@ -175,7 +175,7 @@ def by_likelihood(found_effect: Effect, seen: LikelihoodEvidence) -> Effect:
     note = (
         "The record as a whole tells it: over all moments at which the stem may have let go, it is "
         f"more likely with this effect than without it, by {seen.t:.1f} standard errors over the "
-        "blocks of time. In the residual it is small, for breakaways scatter as well."
+        "blocks of time. Simulated runs alone show it no clearer than chance would."
     )
     if len(found_effect.members) > 1:
         others = ", ".join(slug.replace("_", " ") for slug in found_effect.members[1:])
