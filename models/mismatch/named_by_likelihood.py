@@ -58,6 +58,7 @@ from stemwatch.models.stickslip.parameters import Bounds
 HARDER = {PLAY: 1.5}
 STICKS_AGAIN = (RESTICK, OVERSHOOT)
 BESIDE = 1.5  # least strength beside what trajectories have shown
+LEAST_LEVEL, LEAST_LEVEL_IN_NOISE = 0.25, 2.0  # percent; standard deviations of the noise
 FEW_COURSES = 4  # of a first look
 STARTS = 20  # of a term, at most, beside where its trajectories ended
 AHEAD, MORE_ROUNDS = 6, 2  # terms that are looked at longer
@@ -139,7 +140,7 @@ def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) ->
     """The terms by which the record may be more likely, each compared with the record without."""
     evaluator, simple = named.evaluator, named.fitted
     sticks_again = any(needed.term.slug in STICKS_AGAIN for needed in named.needed)
-    if sticks_again or len(named.needed) >= MOST_TERMS:
+    if sticks_again or len(named.needed) >= MOST_TERMS or not _scatter_matters(evaluator, simple):
         # Of a stem that sticks again after short slips, any term takes up what is misfitted.
         return []
     terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
@@ -148,6 +149,15 @@ def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) ->
     worth = _worth_a_search(quick, alone, named, terms)
     by_slug = {term.slug: term for term in terms}
     return [_compared(likelihood, alone, look, by_slug[_added(look, simple)]) for look in worth]
+
+
+def _scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
+    """Whether breakaways reach so far beyond the noise that their scatter hides anything; of a stem
+    that hardly sticks trajectories show all there is.
+    """
+    S, ratio = fitted.candidates.mean(axis=0)[[S_PERCENT, RATIO]]
+    level = 0.5 * float(S * (1.0 + ratio))
+    return level >= max(LEAST_LEVEL, LEAST_LEVEL_IN_NOISE * evaluator.problem.sigma)
 
 
 def _points(fitted: Fitted, of_record: Floats) -> list[Floats]:
