@@ -351,7 +351,10 @@ def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
 
 
 def _why_worse(hypothesis: AcceptedHypothesis) -> str:
-    """A clause: unseen samples are predicted worse with what was named."""
+    """A clause: unseen samples are predicted worse with what was named, or no better."""
+    heldout = hypothesis.comparison.heldout
+    if heldout.improves:
+        return _parts_only(hypothesis, "predicted no better with it than by chance")
     return _parts_only(hypothesis, "predicted worse with it")
 
 
