@@ -133,13 +133,14 @@ def _branch(
     pushing: Floats,
     breakaway: Floats,
     moved: tuple[float, float, float, float],
+    slides: tuple[float, float],
 ) -> int:
     """Write what may become of the ``count`` courses in a sample to ``new``; returns how many.
 
-    ``moved``: the command, how far friction has grown, the interval, and the scatter.
+    ``moved``: the command, how far friction has grown, the interval, and the scatter; ``slides``:
+    the share of its gap that a stem covers in a sample, and the gap at which it sticks.
     """
-    (command, grown, dt, scatter), m = moved, 0
-    share, least = share_and_least(dt, q, 0.0)
+    (command, grown, dt, scatter), (share, least), m = moved, slides, 0
     for i in range(count):
         x, read, side, weight = old[_X, i], old[_Z, i], old[_SIDE, i], old[_WEIGHT, i]
         up, down, rested = old[_ASKED_UP, i], old[_ASKED_DOWN, i], old[_RESTED, i]
@@ -188,6 +189,7 @@ def _alone(
     slack: Floats,
     span: tuple[int, int],
     readings: tuple[float, float, float],
+    slides: tuple[float, float],
     dt: float,
 ) -> tuple[int, float]:
     """Go on with the only course as long as nothing is left to chance: it rests well below its
@@ -198,7 +200,7 @@ def _alone(
     over the scale, which is 0 where they do not count.
     """
     (k, end), (offset, step, per_sigma), dt_creep = span, readings, q[stem_number.CREEP] * dt
-    share, least = share_and_least(dt, q, 0.0)
+    share, least = slides
     half, jump = 0.5 * q[stem_number.PLAY], 0.5 * q[stem_number.J]
     level, product, total = 0.5 * q[stem_number.S], 1.0, 0.0
     jump_up, jump_down = jump * (1.0 + q[stem_number.ASYMMETRY]), jump
@@ -347,7 +349,7 @@ def log_likelihood(
     kept, new = np.empty((_ROWS, courses)), np.empty((_ROWS, _CHILDREN * courses))
     q = np.empty(numbers.size + 1)
     q[: numbers.size], q[numbers.size] = numbers, 1.0 - _SOONEST * scatter
-    steady, gain = _is_steady(numbers), q[stem_number.GAIN]
+    steady, gain, slides = _is_steady(numbers), q[stem_number.GAIN], share_and_least(dt, q, 0.0)
     by_block[:], k = 0.0, 0
     while k < n:
         if block[k] != current:
@@ -367,12 +369,12 @@ def log_likelihood(
             while end < n and block[end] == current and marks[end] != _START:
                 end += 1
             readings = offset, step, per_sigma
-            k, likely = _alone(kept, q, force, mv, slack, (k, end), readings, dt)
+            k, likely = _alone(kept, q, force, mv, slack, (k, end), readings, slides, dt)
             total += likely
             if k > begun:
                 continue
         moved = force[k], grown, dt, scatter
-        m = _branch(kept, count, new, q, friction, pushing, breakaway, moved)
+        m = _branch(kept, count, new, q, friction, pushing, breakaway, moved, slides)
         _weigh(new, m, gain, (mv[k] - offset, slack[k], step, per_sigma))
         count, left = _keep(new, m, kept, _ALIKE_PLACE * sigma, _ALIKE_FORCE * scatter, courses)
         total += np.log(max(left, _TINY))
