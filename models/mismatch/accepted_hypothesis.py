@@ -50,8 +50,7 @@ from stemwatch.models.mismatch.prepared_recording import (
 from stemwatch.models.mismatch.reading_errors import (
     COORDINATES,
     FLOW,
-    OVERSHOOT,
-    RESTICK,
+    STICKS_AGAIN,
     ReadingError,
     findings,
     values_of,
@@ -83,7 +82,6 @@ LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 LARGEST_PART = 0.5
 STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 BEND = "bend"  # a bent reading is not in the catalogue; its limits are those of a term
-STICKS_AGAIN = (RESTICK, OVERSHOOT)
 MUCH_NEARER = 0.7  # rmse on unseen data over that of S and J alone
 
 

@@ -190,17 +190,18 @@ def _alone(
     span: tuple[int, int],
     readings: tuple[float, float, float],
     slides: tuple[float, float],
-    dt: float,
+    rests: tuple[float, float],
 ) -> tuple[int, float]:
     """Go on with the only course as long as nothing is left to chance: it rests well below its
     levels, or moves on. Returns where that ended, within the ``span``, and the logarithm of the
     likelihood on the way.
 
     Of stems without tables, growth and drift. ``readings``: their offset, the coarse step, and 1
-    over the scale, which is 0 where they do not count.
+    over the scale, which is 0 where they do not count. ``slides`` as of ``_branch``; ``rests``: how
+    far the stem creeps in a sample, and the share of its level up to which it surely holds.
     """
-    (k, end), (offset, step, per_sigma), dt_creep = span, readings, q[stem_number.CREEP] * dt
-    share, least = slides
+    (k, end), (offset, step, per_sigma) = span, readings
+    (share, least), (crept, surely) = slides, rests
     half, jump = 0.5 * q[stem_number.PLAY], 0.5 * q[stem_number.J]
     level, product, total = 0.5 * q[stem_number.S], 1.0, 0.0
     jump_up, jump_down = jump * (1.0 + q[stem_number.ASYMMETRY]), jump
@@ -218,10 +219,10 @@ def _alone(
             x += share * side * gap
         else:
             asked_up, asked_down = f / fs_up, -f / fs_down
-            if asked_up > max(up, q[q.size - 1]) or asked_down > max(down, q[q.size - 1]):
+            if asked_up > max(up, surely) or asked_down > max(down, surely):
                 break
             up, down, rested = max(up, asked_up), max(down, asked_down), rested + 1.0
-            x += dt_creep
+            x += crept
         x = min(max(x, q[stem_number.STOP_LOW]), q[stem_number.STOP_HIGH])
         read = min(max(read, x - half), x + half)
         if per_sigma > 0.0:
@@ -347,9 +348,8 @@ def log_likelihood(
     friction, pushing, breakaway, wander = tables
     n, current, total, count = mv.size, -1, 0.0, 0
     kept, new = np.empty((_ROWS, courses)), np.empty((_ROWS, _CHILDREN * courses))
-    q = np.empty(numbers.size + 1)
-    q[: numbers.size], q[numbers.size] = numbers, 1.0 - _SOONEST * scatter
-    steady, gain, slides = _is_steady(numbers), q[stem_number.GAIN], share_and_least(dt, q, 0.0)
+    q, steady, slides = numbers, _is_steady(numbers), share_and_least(dt, numbers, 0.0)
+    gain, rests = q[stem_number.GAIN], (q[stem_number.CREEP] * dt, 1.0 - _SOONEST * scatter)
     by_block[:], k = 0.0, 0
     while k < n:
         if block[k] != current:
@@ -369,7 +369,7 @@ def log_likelihood(
             while end < n and block[end] == current and marks[end] != _START:
                 end += 1
             readings = offset, step, per_sigma
-            k, likely = _alone(kept, q, force, mv, slack, (k, end), readings, slides, dt)
+            k, likely = _alone(kept, q, force, mv, slack, (k, end), readings, slides, rests)
             total += likely
             if k > begun:
                 continue

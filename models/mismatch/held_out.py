@@ -22,7 +22,7 @@ from stemwatch.models.mismatch.base_fit import (
     sticking_again,
 )
 from stemwatch.models.mismatch.batched_search import Search, conclude
-from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, folds, search, widened
+from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, folds, on_both, search, widened
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, S_and_J, TermSet
 from stemwatch.models.mismatch.findings import FreeRuns, HeldOutFit
 from stemwatch.models.mismatch.starting_points import beginnings
@@ -89,7 +89,7 @@ class FirstPart:
         starts = np.vstack((candidate, *sticking_again(layout, candidate)))
         sticking = conclude(evaluator, search(evaluator, layout, self.blocks, starts, AGAIN))
         best = sticking if sticking.loss < CLEARLY * sliding.loss else sliding
-        return _on_both(layout, best.candidate)
+        return on_both(layout, best.candidate)
 
 
 def compare_held_out(
@@ -201,7 +201,7 @@ def _trained(
         begin_at = beginnings(term, *S_and_J(fitted.candidates[0]))
         starts = widened(evaluator, rich.hypothesis, fitted, term, begin_at)
         fit = yield from search(evaluator, rich, train, starts, CAREFUL)
-        fitted = _on_both(rich, fit.candidate)
+        fitted = on_both(rich, fit.candidate)
     start = layout.bounds.clip(fitted.candidates[:1])  # a gain that is no finding is held at 1
     fit = yield from search(evaluator, layout, train, start, CAREFUL)
     return fit.candidate
@@ -241,11 +241,6 @@ def _running_free(
         best = conclude(free, search(free, layout, train, starts, NAIVE)).candidate
         starts = best[None, :]
     return best
-
-
-def _on_both(layout: CoordinateLayout, candidate: Floats) -> Fitted:
-    """A fit that takes the place of both folds' fits."""
-    return Fitted(layout, np.vstack((candidate, candidate)), np.empty((2, 0)))
 
 
 def _few_candidates(evaluator: Evaluator) -> Floats:

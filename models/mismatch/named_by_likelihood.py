@@ -20,7 +20,7 @@ import numpy as np
 from stemwatch.models.mismatch.acceptance_limits import RARELY_ACTS
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.breakaway_levels import DWELL, PLAY
-from stemwatch.models.mismatch.crossfit import Fitted, gain, scored, widened
+from stemwatch.models.mismatch.crossfit import Fitted, gain, on_both, scored, widened
 from stemwatch.models.mismatch.evaluator import (
     RATIO,
     S_PERCENT,
@@ -39,7 +39,7 @@ from stemwatch.models.mismatch.likelihood import (
     RecordLikelihood,
 )
 from stemwatch.models.mismatch.other_coordinates import carried_over
-from stemwatch.models.mismatch.reading_errors import OVERSHOOT, RESTICK
+from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import (
@@ -56,7 +56,6 @@ from stemwatch.models.stickslip.parameters import Bounds
 # terms 23 and 2.0, but for dwell, which five of them show clearly: a stem that goes on after it has
 # stood still for a moment lets go as if it needed time to stick. Dwell is left to the breakaways.
 HARDER = {PLAY: 1.5}
-STICKS_AGAIN = (RESTICK, OVERSHOOT)
 BESIDE = 1.5  # least strength beside what trajectories have shown
 LEAST_LEVEL, LEAST_LEVEL_IN_NOISE = 0.25, 2.0  # percent; standard deviations of the noise
 FEW_COURSES = 4  # of a first look
@@ -70,8 +69,8 @@ EXCHANGES = 2
 WIDEST, ALL_OVER = 0.95, 5.0
 MORE_THAN_NOISE = 1.5
 CONTRADICTED = -1.0  # t of the trajectories, below which they speak against a term
-AS_LIKELY, AS_GOOD = 4.0, 1.5  # difference of two terms, and its t over the blocks, below which
-# neither is more likely
+# Difference of two terms, and its t over the blocks, below which neither is more likely.
+AS_LIKELY, AS_GOOD = 4.0, 1.5
 HELD_WITHIN, LEAST_WITHIN = 2.0, 0.02  # standard errors; share of S, of J/S and of a size
 
 
@@ -122,9 +121,9 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     dispensable, left = _dispensable(likelihood, named, best)
     if dispensable:
         lacking = _lacking(named, dispensable, left)
-        return _with(likelihood, lacking, [replace(best, rich=left)])
+        return _with(likelihood, lacking, [replace(best, rich=left)], best.evidence)
     members = [best, *(one for one in others if _as_likely(best, one))]
-    return _with(likelihood, named, members)
+    return _with(likelihood, named, members, best.evidence)
 
 
 def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
@@ -190,7 +189,7 @@ def _looked_at(
     likelihood: RecordLikelihood, alone: Likeliest, named: Named, term: Term
 ) -> Likeliest:
     """A first look at one more term, from a start of its search or from where that ended."""
-    evaluator, simple = likelihood.evaluator, _on_both(alone)
+    evaluator, simple = likelihood.evaluator, on_both(alone.layout, alone.candidate)
     rich = named.fitted.layout.hypothesis.plus(term)
     layout = evaluator.layout(rich)
     S, J = S_and_J(alone.candidate)
@@ -207,11 +206,6 @@ def _looked_at(
     return likelihood.climbed(max(begun[0], again, key=lambda one: one.total), 1)
 
 
-def _on_both(at: Likeliest) -> Fitted:
-    """A point as the fit to both folds."""
-    return Fitted(at.layout, np.tile(at.candidate, (2, 1)), np.empty((2, 0)))
-
-
 def _compared(
     likelihood: RecordLikelihood, alone: Likeliest, look: Likeliest, term: Term
 ) -> _Compared:
@@ -225,10 +219,10 @@ def _compared(
         if rich.total - simple.total < LEAST_GAIN:
             break
         before = simple.total, rich.total
-        less = carried_over(_on_both(rich), simple.layout)[0]
+        less = carried_over(on_both(rich.layout, rich.candidate), simple.layout)[0]
         again = likelihood.maximised(simple.layout, [np.append(less, rich.of_record)])
         simple = max(simple, again, key=lambda one: one.total)
-        nothing = carried_over(_on_both(simple), rich.layout)[0]
+        nothing = carried_over(on_both(simple.layout, simple.candidate), rich.layout)[0]
         same_size = nothing.copy()
         places = rich.layout.places[term.slug]
         same_size[places] = rich.candidate[places]
@@ -275,7 +269,7 @@ def _dispensable(
     for needed in named.needed:
         slug = needed.term.slug
         layout = likelihood.evaluator.layout(left.layout.hypothesis.without(slug))
-        less = carried_over(_on_both(left), layout)[0]
+        less = carried_over(on_both(left.layout, left.candidate), layout)[0]
         lacking = likelihood.maximised(layout, [np.append(less, left.of_record)])
         if left.total - lacking.total < LEAST_GAIN:
             slugs, left = slugs | {slug}, lacking
@@ -291,32 +285,37 @@ def _lacking(named: Named, slugs: set[str], left: Likeliest) -> Named:
     layout = named.evaluator.layout(
         TermSet(tuple(term for term in left.layout.hypothesis.terms if term.slug in terms))
     )
-    candidate = carried_over(_on_both(left), layout)
+    candidate = carried_over(on_both(left.layout, left.candidate), layout)
     fitted = conclude(named.evaluator, scored(layout, candidate))
     return replace(named, fitted=fitted, needed=needed)
 
 
-def _with(likelihood: RecordLikelihood, named: Named, members: Sequence[_Compared]) -> Named:
-    """``named`` with one more term, unless trajectories contradict it; ``members`` are those that
-    the record does not tell apart.
+def _with(
+    likelihood: RecordLikelihood,
+    named: Named,
+    members: Sequence[_Compared],
+    evidence: LikelihoodEvidence,
+) -> Named:
+    """``named`` with one more term for which there is ``evidence``, unless trajectories contradict
+    it; ``members`` are those that the record does not tell apart.
     """
     evaluator, best = named.evaluator, members[0]
     layout = _held(likelihood, best.rich, best.term)
-    fitted = conclude(evaluator, scored(layout, np.tile(best.rich.candidate, (2, 1))))
+    fitted = _scored(evaluator, layout, best.rich.candidate)
     scores = []
     for one in members:
-        of_term = fitted if one is best else _scored(evaluator, one.rich)
+        of_term = fitted if one is best else _scored(evaluator, one.rich.layout, one.rich.candidate)
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
     if scores[0].advantage.t < CONTRADICTED:
         return named
     stage = SelectionStage(named.fitted, tuple(scores), tuple(scores))
-    needed = Needed(stage, named.fitted, scores[0].advantage, likelihood=best.evidence)
+    needed = Needed(stage, named.fitted, scores[0].advantage, likelihood=evidence)
     return replace(named, fitted=fitted, needed=(*named.needed, needed))
 
 
-def _scored(evaluator: Evaluator, at: Likeliest) -> Fitted:
-    """A point as the fit to both folds, with its losses."""
-    return conclude(evaluator, scored(at.layout, np.tile(at.candidate, (2, 1))))
+def _scored(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> Fitted:
+    """A candidate as the fit to both folds, with its losses."""
+    return conclude(evaluator, scored(layout, on_both(layout, candidate).candidates))
 
 
 def _held(likelihood: RecordLikelihood, at: Likeliest, term: Term) -> CoordinateLayout:

@@ -20,7 +20,7 @@ from stemwatch.models.mismatch.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
 from stemwatch.models.mismatch.identifiability import NO_POSITION, untestable_effects
-from stemwatch.models.mismatch.reading_errors import OVERSHOOT, RESTICK
+from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.record_effects import MeasuredRecord
 from stemwatch.models.mismatch.term import RecordingSummary, Term
 from stemwatch.models.mismatch.terms import catalogue
@@ -142,7 +142,7 @@ def prepare(
     )
     if summary.J < MAY_BE_REPORTS * measured.reported_by:
         refused |= dict.fromkeys(
-            (RESTICK, OVERSHOOT),
+            STICKS_AGAIN,
             f"the archive reports in steps of {measured.reported_by:.2g} %, as a stem would move "
             "that sticks again after each slip",
         )

@@ -38,6 +38,7 @@ COORDINATES = {
 # does, the speed up to which it was fitted says little.
 LEAST_RESTICK = 0.15
 RESTICK, OVERSHOOT = "low_speed_restick", "slip_overshoot"
+STICKS_AGAIN = (RESTICK, OVERSHOOT)
 DRIFT, FLOW = "sensor_drift", "flow_force"
 LEAST_ZERO = 0.4  # percent, all through a drift
 

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from stemwatch.service.studies.proof.nulls import DerivedLimit, NullGroup, TermNulls
 
+# What the file keeps of each valve, beside its record and its friction.
+KEPT = "strongest", "pair", "named", "left", "noise", "likelihood"
 SHOWN_FROM = 0.95  # the lowest quantile of the table
 
 
@@ -79,17 +81,7 @@ def calibrate_mismatch(
             "terms": [asdict(row) for row in rows],
             "scores": scores,
             "valves": [
-                [
-                    v.concealment,
-                    v.friction,
-                    v.strongest,
-                    v.pair,
-                    v.named,
-                    v.left,
-                    v.noise,
-                    v.likelihood,
-                ]
-                for v in valves
+                [v.concealment, v.friction, *(getattr(v, name) for name in KEPT)] for v in valves
             ],
         }
         json_file.write_text(by_lines(rounded(limits)), encoding="utf-8")
