@@ -34,18 +34,15 @@ _LEAST_SHARE = 2e-6  # of the most probable course; less is let go
 _LEAST_CHANCE = 1e-4  # at which a stem is let go or stuck
 _ALIKE_PLACE, _ALIKE_FORCE = 0.3, 0.25  # of sigma and of the scatter: courses that are one
 _SOONEST = 8.0  # scatters below its level, up to which a stem lets go
-_NEVER_ASKED = -9.0  # share of its level before a rest has begun
 _LEAST_LEVEL = 1e-3  # percent
-_TINY, _SMALL, _LARGE = (
-    1e-300,
-    1e-200,
-    1e200,
-)  # products beyond these are replaced by their logarithms
+_LEAST_DENSITY = 1e-200
+_SMALL, _LARGE = 1e-90, 1e90  # products beyond these are replaced by their logarithms
 _START = 1
-# Rows of a course: place, place that is read, side of the last motion, 1 while it moves, samples
-# that it has rested, the largest shares of its levels that were asked for, its probability.
-_X, _Z, _SIDE, _MOVING, _RESTED, _ASKED_UP, _ASKED_DOWN, _WEIGHT = range(8)
-_ROWS = 8
+# Columns of a course: place, place that is read, side of the last motion, 1 while it moves, samples
+# that it has rested, the largest shares of its levels that were asked for, how probably a stem
+# holds there, its probability.
+_X, _Z, _SIDE, _MOVING, _RESTED, _ASKED_UP, _ASKED_DOWN, _HELD_UP, _HELD_DOWN, _WEIGHT = range(10)
+_COLUMNS = 10
 _VARYING = (
     stem_number.BY_PLACE,
     stem_number.BY_REST,
@@ -68,7 +65,7 @@ def _density(residual: float, step: float, per_sigma: float) -> float:
     """Of a reading that is ``residual`` off; its probability where readings come in a ``step``."""
     if step > 0.0:
         near, far = residual - 0.5 * step, residual + 0.5 * step
-        return above(near * per_sigma) - above(far * per_sigma) + _SMALL
+        return above(near * per_sigma) - above(far * per_sigma) + _LEAST_DENSITY
     u = residual * per_sigma
     b = 1.0 / (1.0 + 0.25 * u * u)
     density: float = 0.375 * b * b * np.sqrt(b) * per_sigma
@@ -76,11 +73,14 @@ def _density(residual: float, step: float, per_sigma: float) -> float:
 
 
 @never_raises
-def _holds(asked: float, before: float, scatter: float) -> float:
-    """The probability that a stem holds at the share ``asked`` which has held at ``before``."""
-    if asked <= before or asked < 1.0 - _SOONEST * scatter:
-        return 1.0
-    return above((asked - 1.0) / scatter) / above((before - 1.0) / scatter)
+def _asked(share: float, before: float, held: float, scatter: float) -> tuple[float, float, float]:
+    """The probability that a stem which has ``held`` at a share ``before`` of its level lets go at
+    the ``share`` that is asked of it now; the larger of the two, and how probably it holds there.
+    """
+    if share <= max(before, 1.0 - _SOONEST * scatter):
+        return 0.0, before, held
+    holds = above((share - 1.0) / scatter)
+    return 1.0 - holds / held, share, holds
 
 
 @never_raises
@@ -100,34 +100,39 @@ def _add(
     courses: Floats,
     m: int,
     q: Floats,
-    state: tuple[float, float, float, float, float, float, float],
+    state: tuple[float, float, float, float, float],
     weight: float,
 ) -> int:
-    """Add a course at a new place, within the stops; ``state`` holds its place, the place that was
-    read, side, motion, rest and the shares asked for. Returns how many there are.
+    """Add a course that has just stuck or let go at a new place, within the stops; returns how many
+    there are. ``state``: its place, the place that was read, side, motion and rest.
     """
-    place, read, side, moving, rested, up, down = state
+    place, read, side, moving, rested = state
     half = 0.5 * q[stem_number.PLAY]
     place = min(max(place, q[stem_number.STOP_LOW]), q[stem_number.STOP_HIGH])
-    courses[_X, m], courses[_Z, m] = place, min(max(read, place - half), place + half)
-    courses[_SIDE, m], courses[_MOVING, m], courses[_RESTED, m] = side, moving, rested
-    courses[_ASKED_UP, m], courses[_ASKED_DOWN, m], courses[_WEIGHT, m] = up, down, weight
+    read = min(max(read, place - half), place + half)
+    courses[m, _X], courses[m, _Z] = place, read
+    courses[m, _SIDE], courses[m, _MOVING], courses[m, _RESTED] = side, moving, rested
+    courses[m, _ASKED_UP], courses[m, _ASKED_DOWN] = 0.0, 0.0
+    courses[m, _HELD_UP], courses[m, _HELD_DOWN] = 1.0, 1.0
+    courses[m, _WEIGHT] = weight
     return m + 1
 
 
 @never_raises
-def _begin(courses: Floats, q: Floats, place: float, force: float, grown: float) -> int:
-    """One course at rest at the ``place`` that was read, within the band that its force allows."""
+def _begin(courses: Floats, c: int, q: Floats, place: float, force: float, grown: float) -> int:
+    """One course ``c`` at rest at the ``place`` that was read, within the band that its force
+    allows.
+    """
     band = 0.5 * abs(q[stem_number.S] + q[stem_number.J]) * grown + 0.5 * q[stem_number.PLAY]
     place = min(max(place, force - band), force + band)
-    return _add(courses, 0, q, (place, place, 1.0, 0.0, 0.0, _NEVER_ASKED, _NEVER_ASKED), 1.0)
+    return _add(courses, c, q, (place, place, 1.0, 0.0, 0.0), 1.0)
 
 
 @never_raises
 def _branch(
-    old: Floats,
-    count: int,
-    new: Floats,
+    courses: Floats,
+    span: tuple[int, int],
+    m: int,
     q: Floats,
     friction: Floats,
     pushing: Floats,
@@ -135,15 +140,18 @@ def _branch(
     moved: tuple[float, float, float, float],
     slides: tuple[float, float],
 ) -> int:
-    """Write what may become of the ``count`` courses in a sample to ``new``; returns how many.
+    """Write what may become in a sample of the courses of a ``span`` to places from ``m`` on;
+    returns where that ended.
 
     ``moved``: the command, how far friction has grown, the interval, and the scatter; ``slides``:
     the share of its gap that a stem covers in a sample, and the gap at which it sticks.
     """
-    (command, grown, dt, scatter), (share, least), m = moved, slides, 0
-    for i in range(count):
-        x, read, side, weight = old[_X, i], old[_Z, i], old[_SIDE, i], old[_WEIGHT, i]
-        up, down, rested = old[_ASKED_UP, i], old[_ASKED_DOWN, i], old[_RESTED, i]
+    (command, grown, dt, scatter), (share, least) = moved, slides
+    for i in range(span[0], span[1]):
+        x, read, side = courses[i, _X], courses[i, _Z], courses[i, _SIDE]
+        up, down, rested = courses[i, _ASKED_UP], courses[i, _ASKED_DOWN], courses[i, _RESTED]
+        held_up, held_down = courses[i, _HELD_UP], courses[i, _HELD_DOWN]
+        weight = courses[i, _WEIGHT]
         level, jump, f = 0.5 * q[stem_number.S] * grown, 0.5 * q[stem_number.J] * grown, command - x
         if q[stem_number.BY_PLACE] != 0.0:
             level += table_value(friction, 0, x)
@@ -151,38 +159,39 @@ def _branch(
             share, least = share_and_least(dt, q, table_slope(pushing, 0, x))
         jump_up = jump * (1.0 + q[stem_number.ASYMMETRY])
         jump_down = jump * (1.0 - q[stem_number.ASYMMETRY])
-        if old[_MOVING, i] > 0.0:
+        if courses[i, _MOVING] > 0.0:
             gap = side * f - (level - jump_up if side > 0.0 else level - jump_down)
             goes_on = _goes_on(gap, least)
             if goes_on > 0.0:
                 at = x + share * side * gap
-                moving = (at, read, side, 1.0, 0.0, _NEVER_ASKED, _NEVER_ASKED)
-                m = _add(new, m, q, moving, weight * goes_on)
-            weight, rested, up, down = weight * (1.0 - goes_on), 0.0, _NEVER_ASKED, _NEVER_ASKED
+                m = _add(courses, m, q, (at, read, side, 1.0, 0.0), weight * goes_on)
             if goes_on == 1.0:
                 continue
+            weight, rested = weight * (1.0 - goes_on), 0.0
         rise = breakaway[0, int(rested)] if q[stem_number.BY_REST] != 0.0 else 0.0
         asked_up = f / max(level + jump_up + rise, _LEAST_LEVEL)
         asked_down = -f / max(level + jump_down + rise, _LEAST_LEVEL)
-        holds_up, holds_down = _holds(asked_up, up, scatter), _holds(asked_down, down, scatter)
-        if holds_up * holds_down > _LEAST_CHANCE**2:
-            at, asked = x + q[stem_number.CREEP] * dt, (max(up, asked_up), max(down, asked_down))
-            resting = (at, read, side, 0.0, rested + 1.0, asked[0], asked[1])
-            m = _add(new, m, q, resting, weight * holds_up * holds_down)
-        if holds_up < 1.0 - _LEAST_CHANCE:
+        rises, up, held_up = _asked(asked_up, up, held_up, scatter)
+        falls, down, held_down = _asked(asked_down, down, held_down, scatter)
+        holds = (1.0 - rises) * (1.0 - falls)
+        if holds > _LEAST_CHANCE**2:
+            at = x + q[stem_number.CREEP] * dt
+            m = _add(courses, m, q, (at, read, side, 0.0, rested + 1.0), weight * holds)
+            courses[m - 1, _ASKED_UP], courses[m - 1, _ASKED_DOWN] = up, down
+            courses[m - 1, _HELD_UP], courses[m - 1, _HELD_DOWN] = held_up, held_down
+        if rises > _LEAST_CHANCE:
             at = x + share * max(f - (level - jump_up), 0.0)
-            rising = (at, read, 1.0, 1.0, 0.0, _NEVER_ASKED, _NEVER_ASKED)
-            m = _add(new, m, q, rising, weight * (1.0 - holds_up))
-        if holds_down < 1.0 - _LEAST_CHANCE:
+            m = _add(courses, m, q, (at, read, 1.0, 1.0, 0.0), weight * rises)
+        if falls > _LEAST_CHANCE:
             at = x - share * max(-f - (level - jump_down), 0.0)
-            falling = (at, read, -1.0, 1.0, 0.0, _NEVER_ASKED, _NEVER_ASKED)
-            m = _add(new, m, q, falling, weight * (1.0 - holds_down))
+            m = _add(courses, m, q, (at, read, -1.0, 1.0, 0.0), weight * falls)
     return m
 
 
 @never_raises
 def _alone(
-    course: Floats,
+    courses: Floats,
+    c: int,
     q: Floats,
     force: Floats,
     mv: Floats,
@@ -192,9 +201,9 @@ def _alone(
     slides: tuple[float, float],
     rests: tuple[float, float],
 ) -> tuple[int, float]:
-    """Go on with the only course as long as nothing is left to chance: it rests well below its
-    levels, or moves on. Returns where that ended, within the ``span``, and the logarithm of the
-    likelihood on the way.
+    """Go on with course ``c``, the only one, as long as nothing is left to chance: it rests well
+    below its levels, or moves on. Returns where that ended, within the ``span``, and the logarithm
+    of the likelihood on the way.
 
     Of stems without tables, growth and drift. ``readings``: their offset, the coarse step, and 1
     over the scale, which is 0 where they do not count. ``slides`` as of ``_branch``; ``rests``: how
@@ -207,9 +216,10 @@ def _alone(
     jump_up, jump_down = jump * (1.0 + q[stem_number.ASYMMETRY]), jump
     jump_down *= 1.0 - q[stem_number.ASYMMETRY]
     fs_up, fs_down = max(level + jump_up, _LEAST_LEVEL), max(level + jump_down, _LEAST_LEVEL)
-    x, read, side = course[_X, 0], course[_Z, 0], course[_SIDE, 0]
-    up, down, rested = course[_ASKED_UP, 0], course[_ASKED_DOWN, 0], course[_RESTED, 0]
-    moves = course[_MOVING, 0] > 0.0
+    x, read, side = courses[c, _X], courses[c, _Z], courses[c, _SIDE]
+    most_up = fs_up * max(courses[c, _ASKED_UP], surely)
+    most_down = fs_down * max(courses[c, _ASKED_DOWN], surely)
+    rested, moves = courses[c, _RESTED], courses[c, _MOVING] > 0.0
     while k < end:
         f = force[k] - x
         if moves:
@@ -218,10 +228,9 @@ def _alone(
                 break
             x += share * side * gap
         else:
-            asked_up, asked_down = f / fs_up, -f / fs_down
-            if asked_up > max(up, surely) or asked_down > max(down, surely):
+            if f > most_up or -f > most_down:
                 break
-            up, down, rested = max(up, asked_up), max(down, asked_down), rested + 1.0
+            rested += 1.0
             x += crept
         x = min(max(x, q[stem_number.STOP_LOW]), q[stem_number.STOP_HIGH])
         read = min(max(read, x - half), x + half)
@@ -229,24 +238,26 @@ def _alone(
             off = max(abs(mv[k] - q[stem_number.GAIN] * (read - 50.0) - offset) - slack[k], 0.0)
             product *= _density(off, 0.0 if slack[k] > 0.0 else step, per_sigma)
             if product < _SMALL or product > _LARGE:
-                total, product = total + np.log(max(product, _TINY)), 1.0
+                total, product = total + np.log(product), 1.0
         k += 1
-    course[_X, 0], course[_Z, 0], course[_RESTED, 0] = x, read, rested
-    course[_ASKED_UP, 0], course[_ASKED_DOWN, 0] = up, down
-    return k, total + np.log(max(product, _TINY))
+    courses[c, _X], courses[c, _Z], courses[c, _RESTED] = x, read, rested
+    return k, total + np.log(product)
 
 
 @never_raises
 def _weigh(
-    courses: Floats, m: int, gain: float, reading: tuple[float, float, float, float]
+    courses: Floats,
+    span: tuple[int, int],
+    gain: float,
+    reading: tuple[float, float, float, float],
 ) -> None:
-    """Weigh ``m`` courses by a reading: its value less the offset, its slack, the coarse step, and
-    1 over its scale, which is 0 where it does not count.
+    """Weigh the courses of a ``span`` by a reading: its value less the offset, its slack, the
+    coarse step, and 1 over its scale, which is 0 where it does not count.
     """
     value, slack, step, per_sigma = reading
-    for j in range(m if per_sigma > 0.0 else 0):
-        off = max(abs(value - gain * (courses[_Z, j] - 50.0)) - slack, 0.0)
-        courses[_WEIGHT, j] *= _density(off, 0.0 if slack > 0.0 else step, per_sigma)
+    for j in range(span[0], span[1] if per_sigma > 0.0 else span[0]):
+        off = max(abs(value - gain * (courses[j, _Z] - 50.0)) - slack, 0.0)
+        courses[j, _WEIGHT] *= _density(off, 0.0 if slack > 0.0 else step, per_sigma)
 
 
 @never_raises
@@ -259,66 +270,72 @@ def _is_steady(numbers: Floats) -> bool:
 
 
 @never_raises
-def _same(kept: Floats, c: int, other: Floats, j: int, place: float, share: float) -> bool:
+def _same(courses: Floats, c: int, j: int, place: float, share: float) -> bool:
     """Whether two courses have become one: within a ``place`` and a ``share`` of each other."""
-    if kept[_MOVING, c] != other[_MOVING, j] or abs(kept[_X, c] - other[_X, j]) >= place:
+    if courses[c, _MOVING] != courses[j, _MOVING]:
         return False
-    if abs(kept[_Z, c] - other[_Z, j]) >= place:
+    if abs(courses[c, _X] - courses[j, _X]) >= place:
         return False
-    if kept[_MOVING, c] > 0.0:
-        return bool(kept[_SIDE, c] == other[_SIDE, j])
-    up = abs(kept[_ASKED_UP, c] - other[_ASKED_UP, j])
-    return bool(max(up, abs(kept[_ASKED_DOWN, c] - other[_ASKED_DOWN, j])) < share)
+    if abs(courses[c, _Z] - courses[j, _Z]) >= place:
+        return False
+    if courses[c, _MOVING] > 0.0:
+        return bool(courses[c, _SIDE] == courses[j, _SIDE])
+    up = abs(courses[c, _ASKED_UP] - courses[j, _ASKED_UP])
+    return bool(max(up, abs(courses[c, _ASKED_DOWN] - courses[j, _ASKED_DOWN])) < share)
 
 
 @never_raises
-def _heaviest(courses: Floats, m: int, least: float) -> int:
-    """The most probable of ``m`` courses, or -1 where none is above ``least``."""
-    best = -1
-    for j in range(m):
-        if courses[_WEIGHT, j] > least:
-            best, least = j, courses[_WEIGHT, j]
-    return best
+def _put(courses: Floats, c: int, j: int, weight: float) -> None:
+    """Copy course ``j`` to place ``c``, with another weight."""
+    if c != j:
+        for column in range(_WEIGHT):
+            courses[c, column] = courses[j, column]
+    courses[c, _WEIGHT] = weight
 
 
 @never_raises
-def _put(kept: Floats, c: int, new: Floats, j: int, weight: float) -> None:
-    """Copy course ``j`` to place ``c`` of those that are kept, with another weight."""
-    for row in range(_WEIGHT):
-        kept[row, c] = new[row, j]
-    kept[_WEIGHT, c] = weight
-
-
-@never_raises
-def _keep(
-    new: Floats, m: int, kept: Floats, place: float, share: float, most: int
-) -> tuple[int, float]:
-    """Keep the most probable of ``m`` courses and join those that are alike; returns how many there
-    are, and the probability of the sample that they leave together.
+def _keep(courses: Floats, span: tuple[int, int], place: float, share: float, most: int) -> int:
+    """Join those courses of a ``span`` that are alike, to the more probable one, and keep the most
+    probable, at its beginning; returns where they end.
     """
-    if m == 1:
-        _put(kept, 0, new, 0, 1.0)
-        return 1, new[_WEIGHT, 0]
-    best = _heaviest(new, m, 0.0)
-    least = _LEAST_SHARE * new[_WEIGHT, best] if best >= 0 else 0.0
-    count, total = 0, 0.0
-    while best >= 0:
-        weight, c = new[_WEIGHT, best], 0
-        new[_WEIGHT, best] = 0.0
-        while c < count and not _same(kept, c, new, best, place, share):
+    (begin, end), least = span, 0.0
+    for j in range(begin, end):
+        least = max(least, _LEAST_SHARE * courses[j, _WEIGHT])
+    count = begin
+    for j in range(begin, end):
+        weight, c = courses[j, _WEIGHT], begin
+        if weight <= least:
+            continue
+        while c < count and not _same(courses, c, j, place, share):
             c += 1
-        if c == most:
-            break
-        if c < count:
-            kept[_WEIGHT, c] += weight
-        else:
-            _put(kept, c, new, best, weight)
+        if c == count:
+            _put(courses, c, j, weight)
             count += 1
-        total += weight
-        best = _heaviest(new, m, least)
-    for c in range(count):
-        kept[_WEIGHT, c] /= total
-    return count, total
+        elif weight > courses[c, _WEIGHT]:
+            _put(courses, c, j, weight + courses[c, _WEIGHT])
+        else:
+            courses[c, _WEIGHT] += weight
+    while count > begin + most:
+        lightest = begin
+        for c in range(begin + 1, count):
+            lightest = c if courses[c, _WEIGHT] < courses[lightest, _WEIGHT] else lightest
+        count -= 1
+        _put(courses, lightest, count, courses[count, _WEIGHT])
+    return count
+
+
+@never_raises
+def _made_one(courses: Floats, span: tuple[int, int]) -> float:
+    """Make the probabilities of a ``span`` sum to one; returns the logarithm of their sum, 0 of
+    none.
+    """
+    total = 0.0
+    for c in range(span[0], span[1]):
+        total += courses[c, _WEIGHT]
+    for c in range(span[0], span[1]):
+        courses[c, _WEIGHT] /= total
+    logarithm: float = np.log(total) if total > 0.0 else 0.0
+    return logarithm
 
 
 @never_raises
@@ -332,7 +349,7 @@ def log_likelihood(
     step: float,
     sigma: float,
     scatter: float,
-    courses: int,
+    most: int,
     by_block: Floats,
 ) -> None:
     """Write the logarithm of the likelihood of each block (n_blocks,) to ``by_block``.
@@ -341,43 +358,53 @@ def log_likelihood(
     (of one stem) as in ``stem``, without inertia. The stem is set to its reading where ``record``
     is marked as a start. ``block`` and ``slack`` (n,) as in ``kernel.Scoring``; ``step`` is that of
     coarse readings, else 0, ``sigma`` the scale of the readings, both percent, and ``scatter`` that
-    of the breakaway levels, a share of them. At most ``courses`` are kept.
+    of the breakaway levels, a share of them. At most ``most`` courses are kept.
     """
     # Unpacked first: an array that is read from a tuple is reference-counted at every sample.
     mv, marks, _, _, dt, _ = record
     friction, pushing, breakaway, wander = tables
-    n, current, total, count = mv.size, -1, 0.0, 0
-    kept, new = np.empty((_ROWS, courses)), np.empty((_ROWS, _CHILDREN * courses))
+    n, current, total = mv.size, -1, 0.0
+    # Two halves, of which one holds the courses and the other what becomes of them. (To exchange
+    # two arrays would count references at every sample.)
+    half = _CHILDREN * most
+    courses, now, end = np.empty((2 * half, _COLUMNS)), 0, 0
     q, steady, slides = numbers, _is_steady(numbers), share_and_least(dt, numbers, 0.0)
     gain, rests = q[stem_number.GAIN], (q[stem_number.CREEP] * dt, 1.0 - _SOONEST * scatter)
     by_block[:], k = 0.0, 0
     while k < n:
         if block[k] != current:
+            likely = _made_one(courses, (now, end))
             if current >= 0:
-                by_block[current] += total
+                by_block[current] += total + likely
             current, total = block[k], 0.0
         since, per_sigma = (k - 0.5 * n) / n, 1.0 / sigma if current >= 0 else 0.0
         offset = 50.0 + q[stem_number.ZERO] + q[stem_number.DRIFT] * since
         offset += wander[0, k] if q[stem_number.BY_TIME] != 0.0 else 0.0
         grown = 1.0 + q[stem_number.GROWTH] * k / n
         if k == 0 or marks[k] == _START:
-            count = _begin(kept, q, (mv[k] - offset) / gain + 50.0, force[k], grown)
+            total += _made_one(courses, (now, end))
+            end = _begin(courses, now, q, (mv[k] - offset) / gain + 50.0, force[k], grown)
             k += 1
             continue
-        if count == 1 and steady:
-            begun, end = k, k + 1
-            while end < n and block[end] == current and marks[end] != _START:
-                end += 1
+        if end == now + 1 and steady:
+            begun, until = k, k + 1
+            while until < n and block[until] == current and marks[until] != _START:
+                until += 1
             readings = offset, step, per_sigma
-            k, likely = _alone(kept, q, force, mv, slack, (k, end), readings, slides, rests)
+            k, likely = _alone(
+                courses, now, q, force, mv, slack, (k, until), readings, slides, rests
+            )
             total += likely
             if k > begun:
                 continue
         moved = force[k], grown, dt, scatter
-        m = _branch(kept, count, new, q, friction, pushing, breakaway, moved, slides)
-        _weigh(new, m, gain, (mv[k] - offset, slack[k], step, per_sigma))
-        count, left = _keep(new, m, kept, _ALIKE_PLACE * sigma, _ALIKE_FORCE * scatter, courses)
-        total += np.log(max(left, _TINY))
+        reading = mv[k] - offset, slack[k], step, per_sigma
+        new = half - now
+        m = _branch(courses, (now, end), new, q, friction, pushing, breakaway, moved, slides)
+        _weigh(courses, (new, m), gain, reading)
+        now, end = new, _keep(courses, (new, m), _ALIKE_PLACE * sigma, _ALIKE_FORCE * scatter, most)
+        if not _SMALL < courses[now, _WEIGHT] < _LARGE:
+            total += _made_one(courses, (now, end))
         k += 1
     if current >= 0:
-        by_block[current] += total
+        by_block[current] += total + _made_one(courses, (now, end))
