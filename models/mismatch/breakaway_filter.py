@@ -29,6 +29,7 @@ from stemwatch.models.mismatch.lanes import never_raises
 from stemwatch.models.mismatch.stem import Tables
 from stemwatch.models.recording import Floats
 
+GIVEN_UP = -1e6  # of a block that was not followed
 _CHILDREN = 4  # of a course in a sample: it goes on, rests, rises, falls
 _LEAST_SHARE = 2e-6  # of the most probable course; less is let go
 _LEAST_CHANCE = 1e-4  # at which a stem is let go or stuck
@@ -339,6 +340,15 @@ def _made_one(courses: Floats, span: tuple[int, int]) -> float:
 
 
 @never_raises
+def _end_of_stretch(block: NDArray[np.int64], marks: NDArray[np.uint8], k: int) -> int:
+    """Where the stretch of sample ``k`` ends: with its block, or before the next start."""
+    end = k + 1
+    while end < block.size and block[end] == block[k] and marks[end] != _START:
+        end += 1
+    return end
+
+
+@never_raises
 def log_likelihood(
     force: Floats,
     numbers: Floats,
@@ -350,6 +360,7 @@ def log_likelihood(
     sigma: float,
     scatter: float,
     most: int,
+    least: Floats,
     by_block: Floats,
 ) -> None:
     """Write the logarithm of the likelihood of each block (n_blocks,) to ``by_block``.
@@ -358,12 +369,14 @@ def log_likelihood(
     (of one stem) as in ``stem``, without inertia. The stem is set to its reading where ``record``
     is marked as a start. ``block`` and ``slack`` (n,) as in ``kernel.Scoring``; ``step`` is that of
     coarse readings, else 0, ``sigma`` the scale of the readings, both percent, and ``scatter`` that
-    of the breakaway levels, a share of them. At most ``most`` courses are kept.
+    of the breakaway levels, a share of them. At most ``most`` courses are kept. Where
+    the sum up to the end of a block is below ``least`` (n_blocks,), the run is given up: the other
+    blocks are ``GIVEN_UP``.
     """
     # Unpacked first: an array that is read from a tuple is reference-counted at every sample.
     mv, marks, _, _, dt, _ = record
     friction, pushing, breakaway, wander = tables
-    n, current, total = mv.size, -1, 0.0
+    n, current, total, so_far = mv.size, -1, 0.0, 0.0
     # Two halves, of which one holds the courses and the other what becomes of them. (To exchange
     # two arrays would count references at every sample.)
     half = _CHILDREN * most
@@ -375,7 +388,11 @@ def log_likelihood(
         if block[k] != current:
             likely = _made_one(courses, (now, end))
             if current >= 0:
-                by_block[current] += total + likely
+                by_block[current] = total + likely
+                so_far += by_block[current]
+                if so_far < least[current]:
+                    by_block[current + 1 :] = GIVEN_UP
+                    return
             current, total = block[k], 0.0
         since, per_sigma = (k - 0.5 * n) / n, 1.0 / sigma if current >= 0 else 0.0
         offset = 50.0 + q[stem_number.ZERO] + q[stem_number.DRIFT] * since
@@ -387,9 +404,7 @@ def log_likelihood(
             k += 1
             continue
         if end == now + 1 and steady:
-            begun, until = k, k + 1
-            while until < n and block[until] == current and marks[until] != _START:
-                until += 1
+            begun, until = k, _end_of_stretch(block, marks, k)
             readings = offset, step, per_sigma
             k, likely = _alone(
                 courses, now, q, force, mv, slack, (k, until), readings, slides, rests
@@ -407,4 +422,4 @@ def log_likelihood(
             total += _made_one(courses, (now, end))
         k += 1
     if current >= 0:
-        by_block[current] += total + _made_one(courses, (now, end))
+        by_block[current] = total + _made_one(courses, (now, end))

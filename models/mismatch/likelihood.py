@@ -18,7 +18,7 @@ import numpy as np
 
 from stemwatch.models.forensics import coarse_step
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.breakaway_filter import log_likelihood
+from stemwatch.models.mismatch.breakaway_filter import GIVEN_UP, log_likelihood
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.kernel import Record
 from stemwatch.models.recording import Bools, Floats
@@ -32,6 +32,7 @@ SIGMAS = (0.02, 7.0)  # of the noise that is estimated from the readings
 OF_A_STEP = 0.1  # of a coarse step, from which the noise of its readings is looked for
 SLOPE_STEP = 0.004  # of the range of a coordinate, over which slopes are taken
 BEGUN_FROM = 3  # starts that are climbed from
+BEHIND = 100.0  # a run that falls so far behind the best is given up
 ROUNDS, ALONE_ROUNDS = 8, 3  # of a climb, and of steps along single coordinates
 TRIES = 4  # shorter steps of a round
 WORTH_ANOTHER = 0.3  # gain of a round
@@ -133,9 +134,15 @@ class RecordLikelihood:
         high = np.log([SIGMAS[1] * sigma, SCATTERS[1]])
         return np.append(layout.bounds.low, low), np.append(layout.bounds.high, high)
 
-    def of_blocks(self, layout: CoordinateLayout, point: Floats) -> Floats:
-        """(filled blocks,) the logarithm of the likelihood of each block that is scored."""
-        evaluator = self.evaluator
+    def of_blocks(
+        self, layout: CoordinateLayout, point: Floats, beside: Likeliest | None = None
+    ) -> Floats:
+        """(filled blocks,) the logarithm of the likelihood of each block that is scored; far less
+        where a point falls far behind the one ``beside`` it.
+        """
+        evaluator, least = self.evaluator, np.full(self._by_block.size, -np.inf)
+        if beside is not None:
+            least[self._filled] = np.cumsum(beside.by_block) - BEHIND
         force, numbers, tables = evaluator.laid_out(layout, point[:-OF_RECORD])
         sigma, scatter = np.exp(point[-OF_RECORD:])
         log_likelihood(
@@ -149,18 +156,27 @@ class RecordLikelihood:
             float(sigma),
             float(scatter),
             self.courses,
+            least,
             self._by_block,
         )
         return self._by_block[self._filled]
 
-    def at(self, layout: CoordinateLayout, point: Floats) -> Likeliest:
-        """A point, within its limits, and its likelihood."""
+    def at(
+        self, layout: CoordinateLayout, point: Floats, beside: Likeliest | None = None
+    ) -> Likeliest:
+        """A point, within its limits, and its likelihood, which is of no use where it falls far
+        behind the one ``beside`` it."""
         point = np.clip(point, *self.limits(layout))
-        return Likeliest(layout, point, self.of_blocks(layout, point))
+        return Likeliest(layout, point, self.of_blocks(layout, point, beside))
 
     def ranked(self, layout: CoordinateLayout, points: Iterable[Floats]) -> list[Likeliest]:
-        """Points (size + 2,), the most likely first."""
-        return sorted((self.at(layout, point) for point in points), key=lambda at: -at.total)
+        """Points (size + 2,) that do not fall far behind, the most likely first."""
+        best, found = None, list[Likeliest]()
+        for point in points:
+            found.append(self.at(layout, point, best))
+            best = found[-1] if best is None or found[-1].total > best.total else best
+        followed = (one for one in found if one.total > GIVEN_UP)
+        return sorted(followed, key=lambda one: -one.total)
 
     def maximised(self, layout: CoordinateLayout, points: Iterable[Floats]) -> Likeliest:
         """The most likely point that is found from the best of ``points`` (size + 2,)."""
@@ -230,9 +246,9 @@ class RecordLikelihood:
         for _ in range(TRIES):
             way = np.zeros(best.point.size)
             way[free] = np.linalg.solve(curved + (damping + 1e-9) * own, total) * steps
-            there = self.at(best.layout, best.point + way)
+            there = self.at(best.layout, best.point + way, best)
             if there.total > best.total:
-                further = self.at(best.layout, best.point + 2.0 * way)
+                further = self.at(best.layout, best.point + 2.0 * way, there)
                 return max(there, further, key=lambda at: at.total), max(0.3 * damping, 1e-3)
             damping *= 8.0
         return best, damping
@@ -245,7 +261,7 @@ class RecordLikelihood:
             before = best
             for place in np.flatnonzero(steps):
                 best, steps[place] = self._along(best, int(place), float(steps[place]))
-            again = self.at(layout, 2.0 * best.point - before.point)
+            again = self.at(layout, 2.0 * best.point - before.point, best)
             best = again if again.total > best.total else best
             if best.total - before.total < WORTH_ANOTHER:
                 break
@@ -267,4 +283,4 @@ class RecordLikelihood:
         """The point that is a ``step`` further on one coordinate."""
         point = best.point.copy()
         point[place] += step
-        return self.at(best.layout, point)
+        return self.at(best.layout, point, best)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.breakaway_filter import above, log_likelihood
+from stemwatch.models.mismatch.breakaway_filter import GIVEN_UP, above, log_likelihood
 from stemwatch.models.mismatch.kernel import Record
 from stemwatch.models.mismatch.stem import Stem, Tables
 
@@ -26,7 +26,9 @@ def stem_of(samples, S=4.0, J=1.2, **numbers):
     return q, Tables(*(table[None].copy() for table in tables))
 
 
-def likelihood(force, mv, q, tables, *, step=0.0, sigma=0.1, scatter=0.08, slack=None, block=None):
+def likelihood(
+    force, mv, q, tables, *, step=0.0, sigma=0.1, scatter=0.08, slack=None, block=None, least=None
+):
     """The logarithms of the likelihood of every block."""
     n, none = force.size, np.empty(0, dtype=np.int64)
     marks = np.zeros(n, dtype=np.uint8)
@@ -44,6 +46,7 @@ def likelihood(force, mv, q, tables, *, step=0.0, sigma=0.1, scatter=0.08, slack
         sigma,
         scatter,
         COURSES,
+        np.full(by_block.size, -np.inf) if least is None else least,
         by_block,
     )
     return by_block
@@ -137,3 +140,17 @@ def test_a_value_within_its_slack_costs_nothing() -> None:
     far = likelihood(op, mv + 0.9, q, tables, slack=slack)[0]
     assert off == pytest.approx(exact, abs=1.0)
     assert far < exact - 100.0
+
+
+def test_a_run_that_has_fallen_behind_is_given_up() -> None:
+    """After the block in which its sum is below the limit; above it nothing changes."""
+    op, mv = slipping()
+    block = np.arange(op.size) * 6 // op.size
+    q, tables = stem_of(op.size)
+    whole = likelihood(op, mv, q, tables, block=block)
+    ahead = np.cumsum(whole)
+    assert likelihood(op, mv, q, tables, block=block, least=ahead - 1.0) == pytest.approx(whole)
+    limits = np.where(np.arange(6) == 2, ahead + 1.0, -np.inf)
+    left = likelihood(op, mv, q, tables, block=block, least=limits)
+    assert left[:3] == pytest.approx(whole[:3])
+    assert np.all(left[3:] == GIVEN_UP)
