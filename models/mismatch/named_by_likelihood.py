@@ -279,7 +279,8 @@ def _compared(
 ) -> _Compared:
     """Without and with a term, each begun from where the other has ended, until neither gains."""
     simple, rich = alone, likelihood.maximised(look.layout, [look.point])
-    if rich.scatter > WIDEST * SCATTERS[1]:
+    hopeful = rich.total - alone.total >= LEAST_GAIN and not _too_noisy(likelihood.evaluator, rich)
+    if hopeful and rich.scatter > WIDEST * SCATTERS[1]:
         rich = max(rich, _less_scattered(likelihood, rich), key=lambda one: one.total)
     for _ in range(EXCHANGES):
         if rich.total - simple.total < LEAST_GAIN:
@@ -321,10 +322,14 @@ def _passes(one: _Compared, evaluator: Evaluator) -> bool:
     be more likely all over the record.
     """
     too_wide = one.rich.scatter > WIDEST * SCATTERS[1]
-    too_noisy = one.rich.noise > MORE_THAN_NOISE * evaluator.problem.sigma
-    if (too_wide or too_noisy) and one.evidence.t < ALL_OVER:
+    if (too_wide or _too_noisy(evaluator, one.rich)) and one.evidence.t < ALL_OVER:
         return False
     return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
+
+
+def _too_noisy(evaluator: Evaluator, at: Likeliest) -> bool:
+    """Whether the readings lie about the stem by more than their noise."""
+    return at.noise > MORE_THAN_NOISE * evaluator.problem.sigma
 
 
 def _is_material(one: _Compared, evaluator: Evaluator) -> bool:
