@@ -166,7 +166,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         dropped = proposed - stand
         if not dropped and not spring and may_be_asked:
             may_be_asked = False
-            more = named_by_likelihood(named, of_the_valve(terms))
+            # What trajectories dropped may be what they could not show.
+            more = named_by_likelihood(named, of_the_valve(admissible(case.refused)))
             if more is not named:
                 named = more
                 continue

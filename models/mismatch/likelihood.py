@@ -40,7 +40,7 @@ SHORTER, LONGER = 0.4, 1.6  # steps along a coordinate, after a loss and after a
 
 # Least gain of the logarithm of the likelihood by which a term is named, least t of its blocks, and
 # least product of the two.
-LEAST_GAIN, LEAST_T, LEAST_PRODUCT = 30.0, 1.3, 120.0
+LEAST_GAIN, LEAST_T, LEAST_PRODUCT = 24.0, 1.3, 90.0
 
 
 @dataclass(frozen=True)

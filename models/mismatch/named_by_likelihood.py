@@ -59,7 +59,9 @@ HARDER = {PLAY: 1.5}
 BESIDE = 1.5  # least strength beside what trajectories have shown
 LEAST_LEVEL, LEAST_LEVEL_IN_NOISE = 0.25, 2.0  # percent; standard deviations of the noise
 FEW_COURSES = 4  # of a first look
-STARTS = 20  # of a term, at most, beside where its trajectories ended
+# Starts of a term, about, beside where its trajectories ended; of them with another S and J than
+# before, at least.
+STARTS, FROM_OTHERS = 20, 8
 AHEAD, MORE_ROUNDS = 6, 2  # terms that are looked at longer
 WORTH, MOST = 8.0, 4  # least gain at the first look, and how many terms are looked at again
 EXCHANGES = 2
@@ -67,6 +69,7 @@ EXCHANGES = 2
 # outside the catalogue four were named at the limit, with t up to 3.9; of those with an effect that
 # trajectories miss four, with 5.6 and more (seeds 4063 and 2108).
 WIDEST, ALL_OVER = 0.95, 5.0
+LEVELS_OF_LESS_SCATTER = 1.0, 1.1, 1.25  # shares of S from which a smaller scatter is looked for
 MORE_THAN_NOISE = 1.5
 CONTRADICTED = -1.0  # t of the trajectories, below which they speak against a term
 # Difference of two terms, and its t over the blocks, below which neither is more likely.
@@ -108,9 +111,11 @@ def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
 def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     """``named`` with one more of ``terms``, if the likelihood shows it; else as it was."""
     likelihood = RecordLikelihood(named.evaluator)
-    passing = [one for one in _tried(likelihood, named, terms) if _passes(one, named.evaluator)]
+    tried = _tried(likelihood, named, terms)
+    passing = [one for one in tried if _passes(one, named.evaluator)]
     if not passing:
         return named
+    passing = _with_more_likely(passing, tried, named.evaluator)
     best, *others = sorted(passing, key=lambda one: -one.rich.total)
     for simpler in others:
         if simpler.term.slug in best.term.contains and _as_likely(best, simpler):
@@ -124,6 +129,21 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
         return _with(likelihood, lacking, [replace(best, rich=left)], best.evidence)
     members = [best, *(one for one in others if _as_likely(best, one))]
     return _with(likelihood, named, members, best.evidence)
+
+
+def _with_more_likely(
+    passing: Sequence[_Compared], tried: Sequence[_Compared], evaluator: Evaluator
+) -> list[_Compared]:
+    """The terms that pass, and before them those that are more likely than any of these, though
+    the scatter or the readings leave something over: what is less likely is not named alone.
+    """
+    least = max(one.rich.total for one in passing)
+    stronger = (
+        one
+        for one in tried
+        if one.rich.total > least and one.evidence.strength >= 1.0 and _is_material(one, evaluator)
+    )
+    return [*stronger, *passing]
 
 
 def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
@@ -144,10 +164,48 @@ def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) ->
         return []
     terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
     alone = likelihood.maximised(simple.layout, _points(simple, likelihood.first_of_record))
-    quick = RecordLikelihood(evaluator, FEW_COURSES)
-    worth = _worth_a_search(quick, alone, named, terms)
+    compared = _all_compared(likelihood, alone, named, terms)
+    nearer = max((alone, *(one.simple for one in compared)), key=lambda one: one.total)
+    if nearer.total - alone.total >= LEAST_GAIN:
+        # S and J alone had ended far from their best, and with them the first looks.
+        compared = _all_compared(likelihood, nearer, named, terms)
+        nearer = max((nearer, *(one.simple for one in compared)), key=lambda one: one.total)
+    return [replace(one, simple=nearer) for one in compared]
+
+
+def _all_compared(
+    likelihood: RecordLikelihood, alone: Likeliest, named: Named, terms: Sequence[Term]
+) -> list[_Compared]:
+    """The terms that a first look finds worth it, each with the best it reaches, and those that are
+    like the most likely one begun from that as well.
+    """
+    quick = RecordLikelihood(likelihood.evaluator, FEW_COURSES)
     by_slug = {term.slug: term for term in terms}
-    return [_compared(likelihood, alone, look, by_slug[_added(look, simple)]) for look in worth]
+    compared = [
+        _compared(likelihood, alone, look, by_slug[_added(look, named.fitted)])
+        for look in _worth_a_search(quick, alone, named, terms)
+    ]
+    best = max(compared, key=lambda one: one.rich.total, default=None)
+    if best is None or best.evidence.strength < 1.0:
+        return compared
+    return [one if one is best else _from_rival(likelihood, one, best) for one in compared]
+
+
+def _from_rival(likelihood: RecordLikelihood, one: _Compared, rival: _Compared) -> _Compared:
+    """A term searched again from S, J and the reading of a more likely one; where one is a special
+    case of the other, from each of its sizes too.
+    """
+    layout, slug = one.rich.layout, one.term.slug
+    row = carried_over(on_both(rival.rich.layout, rival.rich.candidate), layout)[0]
+    row[layout.places[slug]] = one.rich.candidate[layout.places[slug]]
+    rows = [row]
+    if slug in rival.term.contains or rival.term.slug in one.term.contains:
+        for size in rival.rich.candidate[rival.rich.layout.places[rival.term.slug]]:
+            rows.append(row.copy())
+            rows[-1][layout.places[slug]] = size
+    points = [np.append(row, rival.rich.of_record) for row in rows]
+    again = likelihood.maximised(layout, points)
+    return replace(one, rich=max(one.rich, again, key=lambda at: at.total))
 
 
 def _scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
@@ -194,7 +252,7 @@ def _looked_at(
     layout = evaluator.layout(rich)
     S, J = S_and_J(alone.candidate)
     rows = widened(evaluator, rich, simple, term, beginnings(term, S, J))
-    rows = rows[:: -(-rows.shape[0] // STARTS)]
+    rows = _spread(rows, term.starts(evaluator.summary).shape[0])
     for stage in named.stages:
         for score in stage.scores:
             if score.fitted.layout.hypothesis.slugs == rich.slugs:
@@ -206,15 +264,24 @@ def _looked_at(
     return likelihood.climbed(max(begun[0], again, key=lambda one: one.total), 1)
 
 
+def _spread(rows: Floats, sizes: int) -> Floats:
+    """Of rows (m, size), which hold the ``sizes`` of a term one after the other for each S and J to
+    begin with: all of the first, and of the others as many as are worth it, of each other sizes.
+    """
+    others = rows[sizes:]
+    number = np.arange(others.shape[0])
+    every = max(-(-others.shape[0] // max(STARTS - sizes, FROM_OTHERS)), 1)
+    return np.vstack((rows[:sizes], others[(number + number // sizes) % every == 0]))
+
+
 def _compared(
     likelihood: RecordLikelihood, alone: Likeliest, look: Likeliest, term: Term
 ) -> _Compared:
     """Without and with a term, each begun from where the other has ended, until neither gains."""
     simple, rich = alone, likelihood.maximised(look.layout, [look.point])
-    if rich.scatter > WIDEST * SCATTERS[1]:
-        of_record = np.append(rich.of_record[:1], likelihood.first_of_record[1:])
-        again = likelihood.maximised(rich.layout, [np.append(rich.candidate, of_record)])
-        rich = max(rich, again, key=lambda one: one.total)
+    hopeful = rich.total - alone.total >= LEAST_GAIN and not _too_noisy(likelihood.evaluator, rich)
+    if hopeful and rich.scatter > WIDEST * SCATTERS[1]:
+        rich = max(rich, _less_scattered(likelihood, rich), key=lambda one: one.total)
     for _ in range(EXCHANGES):
         if rich.total - simple.total < LEAST_GAIN:
             break
@@ -235,6 +302,19 @@ def _compared(
     return _Compared(term, simple, rich)
 
 
+def _less_scattered(likelihood: RecordLikelihood, wide: Likeliest) -> Likeliest:
+    """A point whose scatter is at its limit, searched again from a small one: a wide scatter also
+    stands for levels that are too low.
+    """
+    of_record = np.append(wide.of_record[:1], likelihood.first_of_record[1:])
+    begun = []
+    for larger in LEVELS_OF_LESS_SCATTER:
+        row = wide.candidate.copy()
+        row[S_PERCENT] *= larger
+        begun.append(likelihood.climbed(likelihood.at(wide.layout, np.append(row, of_record))))
+    return likelihood.maximised(wide.layout, [max(begun, key=lambda at: at.total).point])
+
+
 def _passes(one: _Compared, evaluator: Evaluator) -> bool:
     """Whether a term is more likely than on records with nothing hidden, and material. Where the
     breakaways scatter more with it than those of real stems, or the readings more than their noise,
@@ -242,10 +322,14 @@ def _passes(one: _Compared, evaluator: Evaluator) -> bool:
     be more likely all over the record.
     """
     too_wide = one.rich.scatter > WIDEST * SCATTERS[1]
-    too_noisy = one.rich.noise > MORE_THAN_NOISE * evaluator.problem.sigma
-    if (too_wide or too_noisy) and one.evidence.t < ALL_OVER:
+    if (too_wide or _too_noisy(evaluator, one.rich)) and one.evidence.t < ALL_OVER:
         return False
     return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
+
+
+def _too_noisy(evaluator: Evaluator, at: Likeliest) -> bool:
+    """Whether the readings lie about the stem by more than their noise."""
+    return at.noise > MORE_THAN_NOISE * evaluator.problem.sigma
 
 
 def _is_material(one: _Compared, evaluator: Evaluator) -> bool:
@@ -306,7 +390,7 @@ def _with(
     for one in members:
         of_term = fitted if one is best else _scored(evaluator, one.rich.layout, one.rich.candidate)
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
-    if scores[0].advantage.t < CONTRADICTED:
+    if scores[0].advantage.t < CONTRADICTED and evidence.t < ALL_OVER:
         return named
     stage = SelectionStage(named.fitted, tuple(scores), tuple(scores))
     needed = Needed(stage, named.fitted, scores[0].advantage, likelihood=evidence)

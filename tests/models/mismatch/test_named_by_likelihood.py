@@ -10,7 +10,12 @@ import pytest
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.likelihood import LEAST_GAIN, RecordLikelihood
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import (
+    draw_effect,
+    draw_hidden,
+    draw_nulls,
+    simulate_hidden,
+)
 from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,
@@ -75,3 +80,25 @@ def test_with_nothing_hidden_nothing_is_named() -> None:
     mismatch = explain(run.recording)
     assert mismatch.effects == ()
     assert mismatch.finding is Finding.NONE
+
+
+def named_on_drawn(seed: int, number: int) -> set[tuple[str, ...]]:
+    """The effects that are named on a valve of the proof's draw."""
+    _, run = simulate_hidden(draw_hidden(number + 1, seed)[number])
+    return {effect.members for effect in explain(run.recording).effects}
+
+
+def test_a_limit_of_one_way_is_not_taken_for_one_of_both() -> None:
+    """Begun from the limit both ways, which its own search had not come near to."""
+    assert named_on_drawn(2116, 225) == {("asymmetric_rate_limit",)}
+
+
+def test_a_limit_of_both_ways_is_no_limit_of_one() -> None:
+    """Where only one fast move tells them apart, both are said."""
+    (members,) = named_on_drawn(2116, 136)
+    assert members[0] == "rate_limit"
+
+
+def test_what_trajectories_dropped_may_still_be_shown() -> None:
+    """A force by the flow, too small a part of what a free run misses in noise."""
+    assert named_on_drawn(2114, 158) == {("flow_force",)}
