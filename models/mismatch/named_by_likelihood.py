@@ -163,27 +163,35 @@ def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) ->
         # Of a stem that sticks again after short slips, any term takes up what is misfitted.
         return []
     terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
-    alone = likelihood.maximised(simple.layout, _points(simple, likelihood.first_of_record))
-    compared = _all_compared(likelihood, alone, named, terms)
+    quick, points = RecordLikelihood(evaluator, FEW_COURSES), _points(simple, likelihood)
+    first = quick.maximised(simple.layout, points)
+    looks = _worth_a_search(quick, first, named, terms)
+    if not looks:
+        return []
+    alone = likelihood.maximised(simple.layout, [first.point, *points])
+    compared = _all_compared(likelihood, alone, looks, named, terms)
     nearer = max((alone, *(one.simple for one in compared)), key=lambda one: one.total)
     if nearer.total - alone.total >= LEAST_GAIN:
         # S and J alone had ended far from their best, and with them the first looks.
-        compared = _all_compared(likelihood, nearer, named, terms)
+        looks = _worth_a_search(quick, nearer, named, terms)
+        compared = _all_compared(likelihood, nearer, looks, named, terms)
         nearer = max((nearer, *(one.simple for one in compared)), key=lambda one: one.total)
     return [replace(one, simple=nearer) for one in compared]
 
 
 def _all_compared(
-    likelihood: RecordLikelihood, alone: Likeliest, named: Named, terms: Sequence[Term]
+    likelihood: RecordLikelihood,
+    alone: Likeliest,
+    looks: Sequence[Likeliest],
+    named: Named,
+    terms: Sequence[Term],
 ) -> list[_Compared]:
-    """The terms that a first look finds worth it, each with the best it reaches, and those that are
-    like the most likely one begun from that as well.
+    """The terms that were worth more than a first look, each with the best it reaches, and those
+    that are like the most likely one begun from that as well.
     """
-    quick = RecordLikelihood(likelihood.evaluator, FEW_COURSES)
     by_slug = {term.slug: term for term in terms}
     compared = [
-        _compared(likelihood, alone, look, by_slug[_added(look, named.fitted)])
-        for look in _worth_a_search(quick, alone, named, terms)
+        _compared(likelihood, alone, look, by_slug[_added(look, named.fitted)]) for look in looks
     ]
     best = max(compared, key=lambda one: one.rich.total, default=None)
     if best is None or best.evidence.strength < 1.0:
@@ -217,10 +225,10 @@ def _scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
     return level >= max(LEAST_LEVEL, LEAST_LEVEL_IN_NOISE * evaluator.problem.sigma)
 
 
-def _points(fitted: Fitted, of_record: Floats) -> list[Floats]:
+def _points(fitted: Fitted, likelihood: RecordLikelihood) -> list[Floats]:
     """Points (size + 2,) at the fits to both folds and between them."""
     rows = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
-    return [np.append(row, of_record) for row in rows]
+    return [np.append(row, likelihood.first_of_record) for row in rows]
 
 
 def _added(look: Likeliest, simple: Fitted) -> str:
@@ -252,11 +260,12 @@ def _looked_at(
     layout = evaluator.layout(rich)
     S, J = S_and_J(alone.candidate)
     rows = widened(evaluator, rich, simple, term, beginnings(term, S, J))
+    # Where trajectories ended comes first: starts that fall far behind are soon given up.
     rows = _spread(rows, term.starts(evaluator.summary).shape[0])
     for stage in named.stages:
         for score in stage.scores:
             if score.fitted.layout.hypothesis.slugs == rich.slugs:
-                rows = np.vstack((rows, score.fitted.candidates))
+                rows = np.vstack((score.fitted.candidates, rows))
     # With the right term noise and scatter are less, and a search that begins with those of S and J
     # alone ends where they stand for it.
     begun = likelihood.ranked(layout, [np.append(row, likelihood.first_of_record) for row in rows])
