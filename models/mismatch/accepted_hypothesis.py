@@ -32,6 +32,7 @@ from stemwatch.models.mismatch.describe_effect import (
 )
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.drive import is_refuted, name_drive, starts_of_first_part
+from stemwatch.models.mismatch.dwell_beside import with_dwell
 from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import Effect, HeldOutFit
 from stemwatch.models.mismatch.held_out import (
@@ -140,7 +141,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     pinned: tuple[str, ...] = ()
     dropped_because, spring = "", False
     # The readings of a flow that stands for the position are not independent of each other.
-    may_be_asked = case.own_reading
+    more_may_be_asked = [named_by_likelihood, with_dwell] if case.own_reading else []
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -164,12 +165,12 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         elif DRIVE in hypothesis.layout.places:
             return hypothesis
         dropped = proposed - stand
-        if not dropped and not spring and may_be_asked:
-            may_be_asked = False
-            more = named_by_likelihood(named, of_the_valve(terms))
-            if more is not named:
-                named = more
-                continue
+        more = named
+        while not dropped and not spring and more_may_be_asked and more is named:
+            more = more_may_be_asked.pop()(named, of_the_valve(terms))
+        if more is not named:
+            named = more
+            continue
         if not dropped:
             return replace(
                 hypothesis,

@@ -75,7 +75,7 @@ HELD_WITHIN, LEAST_WITHIN = 2.0, 0.02  # standard errors; share of S, of J/S and
 
 
 @dataclass(frozen=True)
-class _Compared:
+class Compared:
     """The record without and with a term, each at its most likely parameters."""
 
     term: Term
@@ -94,6 +94,11 @@ class _Compared:
             gained * t / (LEAST_PRODUCT * harder * rarely),
         )
         return LikelihoodEvidence(gained, t, strength)
+
+    @property
+    def scatters_too_much(self) -> bool:
+        """Whether the breakaways scatter more with the term than those of real stems."""
+        return self.rich.scatter > WIDEST * SCATTERS[1]
 
 
 def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
@@ -126,6 +131,23 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     return _with(likelihood, named, members, best.evidence)
 
 
+def likelihood_with(named: Named, score: TermScore) -> Compared | None:
+    """``named`` without and with one more term, begun from the fit of its ``score``; ``None`` where
+    the scatter of the breakaways hides nothing.
+    """
+    likelihood, simple = RecordLikelihood(named.evaluator), named.fitted
+    if not _scatter_matters(named.evaluator, simple):
+        return None
+    alone = likelihood.maximised(simple.layout, _points(simple, likelihood.first_of_record))
+    points = [
+        point
+        for of_record in (likelihood.first_of_record, alone.of_record)
+        for point in _points(score.fitted, of_record)
+    ]
+    look = likelihood.ranked(score.fitted.layout, points)[0]
+    return _compared(likelihood, alone, look, score.term)
+
+
 def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
     """The strength of the strongest term by the likelihood whose size is material, 0 without one,
     before anything is named by it: what chance reaches on a record with nothing hidden.
@@ -135,7 +157,7 @@ def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
     return max((one.evidence.strength for one in material), default=0.0)
 
 
-def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) -> list[_Compared]:
+def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) -> list[Compared]:
     """The terms by which the record may be more likely, each compared with the record without."""
     evaluator, simple = named.evaluator, named.fitted
     sticks_again = any(needed.term.slug in STICKS_AGAIN for needed in named.needed)
@@ -208,7 +230,7 @@ def _looked_at(
 
 def _compared(
     likelihood: RecordLikelihood, alone: Likeliest, look: Likeliest, term: Term
-) -> _Compared:
+) -> Compared:
     """Without and with a term, each begun from where the other has ended, until neither gains."""
     simple, rich = alone, likelihood.maximised(look.layout, [look.point])
     if rich.scatter > WIDEST * SCATTERS[1]:
@@ -232,35 +254,34 @@ def _compared(
         rich = max(rich, again, key=lambda one: one.total)
         if (simple.total, rich.total) == before:
             break
-    return _Compared(term, simple, rich)
+    return Compared(term, simple, rich)
 
 
-def _passes(one: _Compared, evaluator: Evaluator) -> bool:
+def _passes(one: Compared, evaluator: Evaluator) -> bool:
     """Whether a term is more likely than on records with nothing hidden, and material. Where the
     breakaways scatter more with it than those of real stems, or the readings more than their noise,
     something else is hidden, for which it may stand, and samples are not independent: it must then
     be more likely all over the record.
     """
-    too_wide = one.rich.scatter > WIDEST * SCATTERS[1]
     too_noisy = one.rich.noise > MORE_THAN_NOISE * evaluator.problem.sigma
-    if (too_wide or too_noisy) and one.evidence.t < ALL_OVER:
+    if (one.scatters_too_much or too_noisy) and one.evidence.t < ALL_OVER:
         return False
     return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
 
 
-def _is_material(one: _Compared, evaluator: Evaluator) -> bool:
+def _is_material(one: Compared, evaluator: Evaluator) -> bool:
     values = one.rich.candidate[one.rich.layout.places[one.term.slug]]
     return one.term.material(values, evaluator.summary)
 
 
-def _as_likely(best: _Compared, other: _Compared) -> bool:
+def _as_likely(best: Compared, other: Compared) -> bool:
     """Whether the record does not tell two terms apart."""
     more, t = _more_likely(best.rich, other.rich)
     return more < AS_LIKELY or t < AS_GOOD
 
 
 def _dispensable(
-    likelihood: RecordLikelihood, named: Named, best: _Compared
+    likelihood: RecordLikelihood, named: Named, best: Compared
 ) -> tuple[set[str], Likeliest]:
     """Which of the terms that were named before the record is as likely without, now that there is
     the ``best``, and the record without them.
@@ -293,7 +314,7 @@ def _lacking(named: Named, slugs: set[str], left: Likeliest) -> Named:
 def _with(
     likelihood: RecordLikelihood,
     named: Named,
-    members: Sequence[_Compared],
+    members: Sequence[Compared],
     evidence: LikelihoodEvidence,
 ) -> Named:
     """``named`` with one more term for which there is ``evidence``, unless trajectories contradict
