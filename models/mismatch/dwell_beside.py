@@ -20,7 +20,7 @@ from stemwatch.models.mismatch.breakaway_levels import (
     breakaway_evidence,
 )
 from stemwatch.models.mismatch.likelihood import LEAST_T
-from stemwatch.models.mismatch.named_by_likelihood import likelihood_with
+from stemwatch.models.mismatch.named_by_likelihood import leaves_something, likelihood_with
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import MOST_TERMS, Named, Needed, with_breakaways
 
@@ -51,10 +51,9 @@ def _seen(named: Named) -> BreakawayEvidence | None:
 
 
 def _is_likely(named: Named, needed: Needed) -> bool:
-    """Whether the record as a whole is more likely with dwell, and its breakaways then scatter no
-    more than those of real stems: else something else is hidden.
-    """
+    """Whether the record as a whole is more likely with dwell, and nothing else seems hidden
+    then."""
     compared = likelihood_with(named, needed.stage.accepted[0])
-    if compared is None or compared.scatters_too_much:
+    if compared is None or leaves_something(compared.rich, named.evaluator):
         return False
     return compared.evidence.t >= LEAST_T

@@ -85,7 +85,7 @@ class Compared:
     @property
     def evidence(self) -> LikelihoodEvidence:
         """How much more likely the record is with the term."""
-        gained, t = _more_likely(self.rich, self.simple)
+        gained, t = more_likely(self.rich, self.simple)
         harder = HARDER.get(self.term.slug, 1.0)
         rarely = RARELY_ACTS.get(self.term.slug, 1.0)
         strength = min(
@@ -95,13 +95,8 @@ class Compared:
         )
         return LikelihoodEvidence(gained, t, strength)
 
-    @property
-    def scatters_too_much(self) -> bool:
-        """Whether the breakaways scatter more with the term than those of real stems."""
-        return self.rich.scatter > WIDEST * SCATTERS[1]
 
-
-def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
+def more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
     """By how much one is more likely than another, as a logarithm, and its t over the blocks."""
     by_block = one.by_block - other.by_block
     enough = by_block.size > 2
@@ -136,13 +131,13 @@ def likelihood_with(named: Named, score: TermScore) -> Compared | None:
     the scatter of the breakaways hides nothing.
     """
     likelihood, simple = RecordLikelihood(named.evaluator), named.fitted
-    if not _scatter_matters(named.evaluator, simple):
+    if not scatter_matters(named.evaluator, simple):
         return None
-    alone = likelihood.maximised(simple.layout, _points(simple, likelihood.first_of_record))
+    alone = likelihood.maximised(simple.layout, points_at(simple, likelihood.first_of_record))
     points = [
         point
         for of_record in (likelihood.first_of_record, alone.of_record)
-        for point in _points(score.fitted, of_record)
+        for point in points_at(score.fitted, of_record)
     ]
     look = likelihood.ranked(score.fitted.layout, points)[0]
     return _compared(likelihood, alone, look, score.term)
@@ -160,19 +155,20 @@ def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
 def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) -> list[Compared]:
     """The terms by which the record may be more likely, each compared with the record without."""
     evaluator, simple = named.evaluator, named.fitted
-    sticks_again = any(needed.term.slug in STICKS_AGAIN for needed in named.needed)
-    if sticks_again or len(named.needed) >= MOST_TERMS or not _scatter_matters(evaluator, simple):
+    sticks_again = named.sticks_again is not None
+    sticks_again = sticks_again or any(one.term.slug in STICKS_AGAIN for one in named.needed)
+    if sticks_again or len(named.needed) >= MOST_TERMS or not scatter_matters(evaluator, simple):
         # Of a stem that sticks again after short slips, any term takes up what is misfitted.
         return []
     terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
-    alone = likelihood.maximised(simple.layout, _points(simple, likelihood.first_of_record))
+    alone = likelihood.maximised(simple.layout, points_at(simple, likelihood.first_of_record))
     quick = RecordLikelihood(evaluator, FEW_COURSES)
     worth = _worth_a_search(quick, alone, named, terms)
     by_slug = {term.slug: term for term in terms}
     return [_compared(likelihood, alone, look, by_slug[_added(look, simple)]) for look in worth]
 
 
-def _scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
+def scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
     """Whether breakaways reach so far beyond the noise that their scatter hides anything; of a stem
     that hardly sticks trajectories show all there is.
     """
@@ -181,7 +177,7 @@ def _scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
     return level >= max(LEAST_LEVEL, LEAST_LEVEL_IN_NOISE * evaluator.problem.sigma)
 
 
-def _points(fitted: Fitted, of_record: Floats) -> list[Floats]:
+def points_at(fitted: Fitted, of_record: Floats) -> list[Floats]:
     """Points (size + 2,) at the fits to both folds and between them."""
     rows = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
     return [np.append(row, of_record) for row in rows]
@@ -258,15 +254,19 @@ def _compared(
 
 
 def _passes(one: Compared, evaluator: Evaluator) -> bool:
-    """Whether a term is more likely than on records with nothing hidden, and material. Where the
-    breakaways scatter more with it than those of real stems, or the readings more than their noise,
-    something else is hidden, for which it may stand, and samples are not independent: it must then
-    be more likely all over the record.
-    """
-    too_noisy = one.rich.noise > MORE_THAN_NOISE * evaluator.problem.sigma
-    if (one.scatters_too_much or too_noisy) and one.evidence.t < ALL_OVER:
+    """Whether a term is more likely than on records with nothing hidden, and material."""
+    if leaves_something(one.rich, evaluator) and one.evidence.t < ALL_OVER:
         return False
     return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
+
+
+def leaves_something(at: Likeliest, evaluator: Evaluator) -> bool:
+    """Whether the breakaways scatter more than those of real stems, or the readings more than their
+    noise. Something else is hidden then, for which a term may stand, and samples are not
+    independent: it must be more likely all over the record.
+    """
+    too_wide = at.scatter > WIDEST * SCATTERS[1]
+    return too_wide or at.noise > MORE_THAN_NOISE * evaluator.problem.sigma
 
 
 def _is_material(one: Compared, evaluator: Evaluator) -> bool:
@@ -276,7 +276,7 @@ def _is_material(one: Compared, evaluator: Evaluator) -> bool:
 
 def _as_likely(best: Compared, other: Compared) -> bool:
     """Whether the record does not tell two terms apart."""
-    more, t = _more_likely(best.rich, other.rich)
+    more, t = more_likely(best.rich, other.rich)
     return more < AS_LIKELY or t < AS_GOOD
 
 
@@ -321,11 +321,14 @@ def _with(
     it; ``members`` are those that the record does not tell apart.
     """
     evaluator, best = named.evaluator, members[0]
-    layout = _held(likelihood, best.rich, best.term)
-    fitted = _scored(evaluator, layout, best.rich.candidate)
+    places = best.rich.layout.places[best.term.slug]
+    layout = held(likelihood, best.rich, (S_PERCENT, RATIO, *range(places.start, places.stop)))
+    fitted = scored_at(evaluator, layout, best.rich.candidate)
     scores = []
     for one in members:
-        of_term = fitted if one is best else _scored(evaluator, one.rich.layout, one.rich.candidate)
+        of_term = (
+            fitted if one is best else scored_at(evaluator, one.rich.layout, one.rich.candidate)
+        )
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
     if scores[0].advantage.t < CONTRADICTED:
         return named
@@ -334,18 +337,20 @@ def _with(
     return replace(named, fitted=fitted, needed=(*named.needed, needed))
 
 
-def _scored(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> Fitted:
+def scored_at(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> Fitted:
     """A candidate as the fit to both folds, with its losses."""
     return conclude(evaluator, scored(layout, on_both(layout, candidate).candidates))
 
 
-def _held(likelihood: RecordLikelihood, at: Likeliest, term: Term) -> CoordinateLayout:
-    """The layout of a point with S, J and the size of its term held near to it: trajectories would
-    trade them for each other.
+def held(
+    likelihood: RecordLikelihood, at: Likeliest, coordinates: Sequence[int]
+) -> CoordinateLayout:
+    """The layout of a point with some coordinates, such as S, J and the size of a term, held near
+    to it: trajectories would trade them for each other.
     """
     layout, low, high = at.layout, at.layout.bounds.low.copy(), at.layout.bounds.high.copy()
-    errors, places = likelihood.standard_errors(at), layout.places[term.slug]
-    for place in (S_PERCENT, RATIO, *range(places.start, places.stop)):
+    errors = likelihood.standard_errors(at)
+    for place in coordinates:
         value = at.candidate[place]
         within = max(HELD_WITHIN * errors[place], LEAST_WITHIN * abs(value))
         low[place] = max(low[place], value - within)

@@ -129,13 +129,15 @@ class Needed:
 
 @dataclass(frozen=True)
 class Named:
-    """The hypothesis that was reached, what it needs, and the stages on the way to it."""
+    """The hypothesis that was reached, what it needs, and the stages on the way to it;
+    ``sticks_again`` is what the likelihood shows of a stem that sticks again after its slips."""
 
     evaluator: Evaluator
     base: Fitted
     fitted: Fitted
     needed: tuple[Needed, ...]
     stages: tuple[SelectionStage, ...]
+    sticks_again: LikelihoodEvidence | None = None
 
 
 def screened(
