@@ -139,9 +139,11 @@ class _AskedOfTheWhole:
     is asked of them.
     """
 
-    def __init__(self, own_reading: bool) -> None:
+    def __init__(self, own_reading: bool, terms: Mapping[str, Term]) -> None:
         self._left = [with_dwell, named_by_likelihood] if own_reading else []
-        self._may_stick = own_reading
+        # Also where trajectories have proposed one that did not stand: they cannot show it.
+        self.sticking = {slug: terms[slug] for slug in STICKS_AGAIN if slug in terms}
+        self._may_stick = own_reading and RESTICK in self.sticking
         self._sliding: Named | None = None
 
     def asked(self, named: Named, terms: Mapping[str, Term], stand: AbstractSet[str]) -> Named:
@@ -154,7 +156,7 @@ class _AskedOfTheWhole:
             if more is not named:
                 return more
         # Last, for a delay or a lag that was not looked for makes a stem seem to stick again.
-        if not self._may_stick or RESTICK not in terms or stand & set(STICKS_AGAIN):
+        if not self._may_stick or stand & set(STICKS_AGAIN):
             return named
         self._may_stick, self._sliding = False, named
         return sticking_by_likelihood(named)
@@ -176,7 +178,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     named = named_effects(case, terms)
     pinned: tuple[str, ...] = ()
     dropped_because, spring = "", False
-    whole = _AskedOfTheWhole(case.own_reading)
+    whole = _AskedOfTheWhole(case.own_reading, terms)
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -205,6 +207,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         dropped = proposed - stand
         more = named if dropped or spring else whole.asked(named, terms, stand)
         if more is not named:
+            if more.sticks_again is not None:
+                terms = {**terms, **whole.sticking}
             named = more
             continue
         if not dropped:

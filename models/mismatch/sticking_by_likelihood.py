@@ -22,7 +22,6 @@ from stemwatch.models.mismatch.likelihood import (
     RecordLikelihood,
 )
 from stemwatch.models.mismatch.named_by_likelihood import (
-    ALL_OVER,
     FEW_COURSES,
     WORTH,
     held,
@@ -53,8 +52,8 @@ def sticking_by_likelihood(named: Named) -> Named:
     sticking, evidence = found
     if evidence.strength < 1.0 or sticking.candidate[RESTICK] < LEAST_RESTICK:
         return named
-    if leaves_something(sticking, named.evaluator) and evidence.t < ALL_OVER:
-        return named
+    if leaves_something(sticking, named.evaluator):
+        return named  # rough forces, and what shakes a stem, stop it again and again as well
     layout = held(likelihood, sticking, (S_PERCENT, RATIO, RESTICK))
     fitted = scored_at(named.evaluator, layout, sticking.candidate)
     return replace(named, fitted=fitted, sticks_again=evidence)
