@@ -6,6 +6,7 @@ at least as well as S and J alone do; else the weakest is dropped, until they do
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -32,6 +33,7 @@ from stemwatch.models.mismatch.describe_effect import (
 )
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.drive import is_refuted, name_drive, starts_of_first_part
+from stemwatch.models.mismatch.dwell_beside import with_dwell
 from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import Effect, HeldOutFit
 from stemwatch.models.mismatch.held_out import (
@@ -50,6 +52,7 @@ from stemwatch.models.mismatch.prepared_recording import (
 from stemwatch.models.mismatch.reading_errors import (
     COORDINATES,
     FLOW,
+    RESTICK,
     STICKS_AGAIN,
     ReadingError,
     findings,
@@ -58,6 +61,7 @@ from stemwatch.models.mismatch.reading_errors import (
 )
 from stemwatch.models.mismatch.shaken_stem import Shaking, find_shaking
 from stemwatch.models.mismatch.spring_hysteresis import IMITATED, follows_turns
+from stemwatch.models.mismatch.sticking_by_likelihood import sticking_by_likelihood
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair
 from stemwatch.models.mismatch.term_selection import Named, Needed, lacking, name_terms
@@ -129,6 +133,44 @@ def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:
     ]
 
 
+class _AskedOfTheWhole:
+    """What the record as a whole is asked, once each, where all that was named so far stands. The
+    readings of a flow that stands for the position are not independent of each other, and nothing
+    is asked of them.
+    """
+
+    def __init__(self, own_reading: bool, terms: Mapping[str, Term]) -> None:
+        self._left = [with_dwell, named_by_likelihood] if own_reading else []
+        self._all = terms
+        # Also where trajectories have proposed one that did not stand: they cannot show it.
+        self.sticking = {slug: terms[slug] for slug in STICKS_AGAIN if slug in terms}
+        self._may_stick = own_reading and RESTICK in self.sticking
+        self._sliding: Named | None = None
+
+    def asked(self, named: Named, terms: Mapping[str, Term], stand: AbstractSet[str]) -> Named:
+        """``named`` with what is found next, beside the effects that ``stand``; else as it was."""
+        for question in tuple(self._left):
+            if question is with_dwell and not stand:
+                continue  # alone it has been looked for
+            self._left.remove(question)
+            # What trajectories dropped may be what they could not show.
+            sought = self._all if question is named_by_likelihood else terms
+            more = question(named, of_the_valve(sought))
+            if more is not named:
+                return more
+        # Last, for a delay or a lag that was not looked for makes a stem seem to stick again.
+        if not self._may_stick or stand & set(STICKS_AGAIN):
+            return named
+        self._may_stick, self._sliding = False, named
+        return sticking_by_likelihood(named)
+
+    def sliding(self, named: Named) -> Named:
+        """``named`` as it was before the likelihood showed a stem that sticks again."""
+        if named.sticks_again is None or self._sliding is None:
+            return named
+        return self._sliding
+
+
 def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     """The hypothesis that is published: what does not stand is taken out, and the rest refitted.
 
@@ -139,8 +181,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
     named = named_effects(case, terms)
     pinned: tuple[str, ...] = ()
     dropped_because, spring = "", False
-    # The readings of a flow that stands for the position are not independent of each other.
-    may_be_asked = case.own_reading
+    whole = _AskedOfTheWhole(case.own_reading, terms)
     first_part = FirstPart(named.evaluator)
     while True:
         hypothesis, proposed = _whole_record(case, named, terms, pinned, first_part)
@@ -153,6 +194,9 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         spring = spring or hypothesis.spring
         stand = {effect.slug for effect in hypothesis.effects}
         if stand and not _predicts_as_well(hypothesis):
+            if named.sticks_again is not None:
+                named = whole.sliding(named)
+                continue
             dropped_because = dropped_because or _why_worse(hypothesis)
             stand.remove(hypothesis.effects[-1].slug)
             if DRIVE in hypothesis.layout.places:
@@ -164,13 +208,12 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         elif DRIVE in hypothesis.layout.places:
             return hypothesis
         dropped = proposed - stand
-        if not dropped and not spring and may_be_asked:
-            may_be_asked = False
-            # What trajectories dropped may be what they could not show.
-            more = named_by_likelihood(named, of_the_valve(admissible(case.refused)))
-            if more is not named:
-                named = more
-                continue
+        more = named if dropped or spring else whole.asked(named, terms, stand)
+        if more is not named:
+            if more.sticks_again is not None:
+                terms = {**terms, **whole.sticking}
+            named = more
+            continue
         if not dropped:
             return replace(
                 hypothesis,
@@ -181,7 +224,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         # In one order: a fit without one of them is begun from the fit without the other.
         pinned = tuple(s for s in STRAIGHT_LINE if s in dropped or s in pinned)
         terms = {slug: term for slug, term in terms.items() if slug not in dropped}
-        named = lacking(named, dropped)
+        named = lacking(whole.sliding(named) if dropped & set(STICKS_AGAIN) else named, dropped)
 
 
 def _immaterial(hypothesis: AcceptedHypothesis) -> set[str]:
@@ -210,7 +253,8 @@ def _whole_record(
     have.
     """
     evaluator = named.evaluator
-    reading_errors, fitted = findings(evaluator, named.fitted, terms)
+    shown = STICKS_AGAIN if named.sticks_again is not None else ()
+    reading_errors, fitted = findings(evaluator, named.fitted, terms, shown)
     for slug in pinned:
         fitted = without_error(evaluator, fitted, *COORDINATES[slug])
     layout, best = _whole_record_layout(evaluator, fitted)
@@ -258,6 +302,9 @@ def _large_enough(candidates: Sequence[Effect], named: Named) -> tuple[Effect, .
     remove it. A bow that a flow force may have as a part of its shape is no effect of its own.
     """
     of_pairs = {needed.term.slug for needed in named.needed if needed.of_pair}
+    if named.sticks_again is not None:
+        # Of a stem that sticks again trajectories measure no share; theirs stood before.
+        of_pairs = {needed.term.slug for needed in named.needed}
     return tuple(
         effect
         for effect in candidates
@@ -341,11 +388,12 @@ def unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
 
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
     """Whether unseen samples are predicted no worse than by S and J alone, in a free run; slip by
-    slip, better beyond chance.
+    slip, better beyond chance, or no worse beyond chance where the likelihood has shown it.
     """
     heldout = hypothesis.comparison.heldout
-    if heldout.slip_by_slip and heldout.gain_low is not None:
-        return heldout.gain_low > 0.0
+    if heldout.slip_by_slip and heldout.gain_low is not None and heldout.gain_high is not None:
+        by_likelihood_alone = hypothesis.named.sticks_again is not None
+        return (heldout.gain_high if by_likelihood_alone else heldout.gain_low) > 0.0
     return heldout.improves
 
 
@@ -465,6 +513,8 @@ def _effects(
             (reading.without.layout, reading.without.candidates.mean(axis=0)),
             in_directions,
         )
+        if named.sticks_again is not None and reading.term.slug in STICKS_AGAIN:
+            error = by_likelihood(error, named.sticks_again)
         effects.append(with_what_tells(error, reading.tells))
     return tuple(sorted(effects, key=lambda accepted: -accepted.evidence.mean))
 

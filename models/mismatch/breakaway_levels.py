@@ -31,13 +31,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numba import njit
 from scipy.optimize import minimize
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
+from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, refit, scored
 from stemwatch.models.mismatch.evaluator import Evaluator
@@ -84,8 +85,9 @@ class _Rests(NamedTuple):
     """The rests of a stem, samples ``first`` to ``last`` (m,), the last that of the breakaway to
     ``side`` (m,); the motion before was to ``before`` (m,), 0 where none was.
 
-    Over the samples (n,): ``distance`` of the command from the resting stem, percent; ``rest``
-    ln(1 + rest/t0); ``rate`` the command's speed in percent/s to the power 2/3.
+    Over the samples (n,): ``distance`` of the force from the resting stem, percent; ``raised`` by
+    how much its levels are above the usual ones there, percent; ``rest`` ln(1 + rest/t0); ``rate``
+    the force's speed in percent/s to the power 2/3.
     """
 
     first: Samples
@@ -93,6 +95,7 @@ class _Rests(NamedTuple):
     side: Floats
     before: Floats
     distance: Floats
+    raised: Floats
     rest: Floats
     rate: Floats
 
@@ -127,7 +130,7 @@ class BreakawayEvidence:
 
 
 def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEvidence]:
-    """What the breakaways tell of dwell and play beside S and J alone, the higher score first.
+    """What the breakaways tell of dwell and play beside what is ``fitted``, the higher score first.
 
     Empty with fewer than eight breakaways, and where an archive drew lines, so that the time of a
     breakaway is not known well enough. Without dwell where all rests are about as long.
@@ -197,23 +200,45 @@ def _z(gained: float, size: float) -> float:
     return math.copysign(math.sqrt(2.0 * max(gained, 0.0)), size)
 
 
+class _FittedStem(NamedTuple):
+    """Of a candidate, over the samples (n,): the ``force`` on the stem, percent; where it is, by
+    its ``reading``, percent of travel; and by how much its levels are ``raised`` there above those
+    at the beginning, percent."""
+
+    force: Floats
+    place: Floats
+    raised: Floats
+
+    @classmethod
+    def of(cls, evaluator: Evaluator, fitted: Fitted, candidate: Floats, reading: Floats) -> Self:
+        """That of a ``candidate`` (size,) where the stem is read at ``reading`` (n,), percent."""
+        force, q, tables = evaluator.laid_out(fitted.layout, candidate)
+        since = np.arange(reading.size) / reading.size
+        offset = q[stem_number.ZERO] + q[stem_number.DRIFT] * (since - 0.5)
+        if q[stem_number.BY_TIME] != 0.0:
+            offset = offset + tables.wander[0, : reading.size]
+        place = (reading - offset - 50.0) / q[stem_number.GAIN] + 50.0
+        level = 0.5 * (q[stem_number.S] + q[stem_number.J])
+        raised, pushing = level * q[stem_number.GROWTH] * since, np.zeros(reading.size)
+        if q[stem_number.BY_PLACE] != 0.0:
+            raised = raised + np.interp(place, stem_number.places(), tables.friction[0])
+            pushing = np.interp(place, stem_number.places(), tables.force[0])
+        return cls(force - pushing, place, raised)
+
+
 def _rests(evaluator: Evaluator, fitted: Fitted, candidate: Floats) -> _Rests:
     """The rests that end with a slip which the model of ``candidate`` makes too."""
     problem, onsets = evaluator.problem, evaluator.onsets
-    op, mv, interval_s = problem.op, problem.mv, problem.interval_s
+    mv, interval_s = problem.mv, problem.interval_s
     _, early_late = evaluator.assimilated(fitted.layout, candidate)
     jump = candidate[base_coordinate.S_PERCENT] * candidate[base_coordinate.RATIO]
-    samples = np.arange(op.size, dtype=np.float64)
-    force = np.interp(samples - candidate[base_coordinate.DELAY] / interval_s, samples, op)
-    speed = np.abs(np.diff(force, prepend=force[0])) / interval_s
-    zero, gain = candidate[base_coordinate.ZERO], 1.0 + candidate[base_coordinate.GAIN]
-    distance, rest = np.zeros(op.size), np.zeros(op.size)
+    reading, rest = mv.copy(), np.zeros(mv.size)
     kept: list[tuple[int, int, float, float]] = []
     before = 0.0
     for at, side, rested, place, agrees in zip(
         onsets.at, onsets.side, onsets.rested, onsets.place, early_late != 0.0, strict=True
     ):
-        first, after = max(int(at - rested), 0) + 1, min(int(at) + 1, op.size - 1)
+        first, after = max(int(at - rested), 0) + 1, min(int(at) + 1, mv.size - 1)
         slip = abs(float(np.median(mv[at : at + 3])) - place)
         way = float(side)
         if (
@@ -224,16 +249,16 @@ def _rests(evaluator: Evaluator, fitted: Fitted, candidate: Floats) -> _Rests:
             and way * (mv[after] - place) > 0.0
             and np.isfinite(mv[first:at]).all()
         ):
-            reading = float(np.mean(mv[first:at][-LONGEST_MEAN:]))
-            stem = (reading - zero - 50.0) / gain + 50.0
-            distance[first : at + 1] = force[first : at + 1] - stem
+            reading[first : at + 1] = np.mean(mv[first:at][-LONGEST_MEAN:])
             rest[first : at + 1] = np.log1p(np.arange(1, at - first + 2) * interval_s / T0_S)
             kept.append((first, int(at), way, before))
         before = way
     columns = np.array(kept, dtype=np.float64).reshape(-1, 4).T
     begins, ends = columns[0].astype(np.int64), columns[1].astype(np.int64)
-    rate = speed**RATE_POWER
-    return _Rests(begins, ends, columns[2].copy(), columns[3].copy(), distance, rest, rate)
+    stem = _FittedStem.of(evaluator, fitted, candidate, reading)
+    rate = (np.abs(np.diff(stem.force, prepend=stem.force[0])) / interval_s) ** RATE_POWER
+    sides = columns[2].copy(), columns[3].copy()
+    return _Rests(begins, ends, *sides, stem.force - stem.place, stem.raised, rest, rate)
 
 
 def _best_of(
@@ -284,6 +309,7 @@ def _log_likelihood(
     side: Floats,
     before: Floats,
     distance: Floats,
+    levels: Floats,
     rest: Floats,
     rate: Floats,
 ) -> float:
@@ -298,7 +324,7 @@ def _log_likelihood(
             if k == last[i] - 1:
                 held_up, held_down = rose, fell
             sooner = min(numbers[_BY_RATE] * rate[k], numbers[_MOST_BY_RATE])
-            raised = numbers[_BY_REST] * rest[k] - sooner
+            raised = levels[k] + numbers[_BY_REST] * rest[k] - sooner
             rose = max(rose, (distance[k] - raised - play) * up - 1.0)
             fell = max(fell, (play - distance[k] - raised) * down - 1.0)
             if k == first[i]:
@@ -330,15 +356,16 @@ def _with_slope(
     side: Floats,
     before: Floats,
     distance: Floats,
+    levels: Floats,
     rest: Floats,
     rate: Floats,
 ) -> tuple[float, Floats]:
     """The log likelihood, and its slopes along the ``free`` numbers by differences."""
-    value = _log_likelihood(numbers, first, last, side, before, distance, rest, rate)
+    value = _log_likelihood(numbers, first, last, side, before, distance, levels, rest, rate)
     slope, moved = np.empty(free.size), numbers.copy()
     for i in range(free.size):
         moved[free[i]] += STEP
-        beside = _log_likelihood(moved, first, last, side, before, distance, rest, rate)
+        beside = _log_likelihood(moved, first, last, side, before, distance, levels, rest, rate)
         slope[i] = (beside - value) / STEP
         moved[free[i]] = numbers[free[i]]
     return value, slope

@@ -78,7 +78,7 @@ HELD_WITHIN, LEAST_WITHIN = 2.0, 0.02  # standard errors; share of S, of J/S and
 
 
 @dataclass(frozen=True)
-class _Compared:
+class Compared:
     """The record without and with a term, each at its most likely parameters."""
 
     term: Term
@@ -88,7 +88,7 @@ class _Compared:
     @property
     def evidence(self) -> LikelihoodEvidence:
         """How much more likely the record is with the term."""
-        gained, t = _more_likely(self.rich, self.simple)
+        gained, t = more_likely(self.rich, self.simple)
         harder = HARDER.get(self.term.slug, 1.0)
         rarely = RARELY_ACTS.get(self.term.slug, 1.0)
         strength = min(
@@ -99,7 +99,7 @@ class _Compared:
         return LikelihoodEvidence(gained, t, strength)
 
 
-def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
+def more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
     """By how much one is more likely than another, as a logarithm, and its t over the blocks."""
     by_block = one.by_block - other.by_block
     enough = by_block.size > 2
@@ -132,8 +132,8 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
 
 
 def _with_more_likely(
-    passing: Sequence[_Compared], tried: Sequence[_Compared], evaluator: Evaluator
-) -> list[_Compared]:
+    passing: Sequence[Compared], tried: Sequence[Compared], evaluator: Evaluator
+) -> list[Compared]:
     """The terms that pass, and before them those that are more likely than any of these, though
     the scatter or the readings leave something over: what is less likely is not named alone.
     """
@@ -146,6 +146,23 @@ def _with_more_likely(
     return [*stronger, *passing]
 
 
+def likelihood_with(named: Named, score: TermScore) -> Compared | None:
+    """``named`` without and with one more term, begun from the fit of its ``score``; ``None`` where
+    the scatter of the breakaways hides nothing.
+    """
+    likelihood, simple = RecordLikelihood(named.evaluator), named.fitted
+    if not scatter_matters(named.evaluator, simple):
+        return None
+    alone = likelihood.maximised(simple.layout, points_at(simple, likelihood.first_of_record))
+    points = [
+        point
+        for of_record in (likelihood.first_of_record, alone.of_record)
+        for point in points_at(score.fitted, of_record)
+    ]
+    look = likelihood.ranked(score.fitted.layout, points)[0]
+    return _compared(likelihood, alone, look, score.term)
+
+
 def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
     """The strength of the strongest term by the likelihood whose size is material, 0 without one,
     before anything is named by it: what chance reaches on a record with nothing hidden.
@@ -155,15 +172,19 @@ def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
     return max((one.evidence.strength for one in material), default=0.0)
 
 
-def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) -> list[_Compared]:
+def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) -> list[Compared]:
     """The terms by which the record may be more likely, each compared with the record without."""
     evaluator, simple = named.evaluator, named.fitted
-    sticks_again = any(needed.term.slug in STICKS_AGAIN for needed in named.needed)
-    if sticks_again or len(named.needed) >= MOST_TERMS or not _scatter_matters(evaluator, simple):
+    sticks_again = named.sticks_again is not None
+    sticks_again = sticks_again or any(one.term.slug in STICKS_AGAIN for one in named.needed)
+    if sticks_again or len(named.needed) >= MOST_TERMS or not scatter_matters(evaluator, simple):
         # Of a stem that sticks again after short slips, any term takes up what is misfitted.
         return []
     terms = [term for term in terms if term.slug not in (*simple.slugs, DWELL)]
-    quick, points = RecordLikelihood(evaluator, FEW_COURSES), _points(simple, likelihood)
+    quick, points = (
+        RecordLikelihood(evaluator, FEW_COURSES),
+        points_at(simple, likelihood.first_of_record),
+    )
     first = quick.maximised(simple.layout, points)
     looks = _worth_a_search(quick, first, named, terms)
     if not looks:
@@ -185,7 +206,7 @@ def _all_compared(
     looks: Sequence[Likeliest],
     named: Named,
     terms: Sequence[Term],
-) -> list[_Compared]:
+) -> list[Compared]:
     """The terms that were worth more than a first look, each with the best it reaches, and those
     that are like the most likely one begun from that as well.
     """
@@ -199,7 +220,7 @@ def _all_compared(
     return [one if one is best else _from_rival(likelihood, one, best) for one in compared]
 
 
-def _from_rival(likelihood: RecordLikelihood, one: _Compared, rival: _Compared) -> _Compared:
+def _from_rival(likelihood: RecordLikelihood, one: Compared, rival: Compared) -> Compared:
     """A term searched again from S, J and the reading of a more likely one; where one is a special
     case of the other, from each of its sizes too.
     """
@@ -216,7 +237,7 @@ def _from_rival(likelihood: RecordLikelihood, one: _Compared, rival: _Compared) 
     return replace(one, rich=max(one.rich, again, key=lambda at: at.total))
 
 
-def _scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
+def scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
     """Whether breakaways reach so far beyond the noise that their scatter hides anything; of a stem
     that hardly sticks trajectories show all there is.
     """
@@ -225,10 +246,10 @@ def _scatter_matters(evaluator: Evaluator, fitted: Fitted) -> bool:
     return level >= max(LEAST_LEVEL, LEAST_LEVEL_IN_NOISE * evaluator.problem.sigma)
 
 
-def _points(fitted: Fitted, likelihood: RecordLikelihood) -> list[Floats]:
+def points_at(fitted: Fitted, of_record: Floats) -> list[Floats]:
     """Points (size + 2,) at the fits to both folds and between them."""
     rows = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
-    return [np.append(row, likelihood.first_of_record) for row in rows]
+    return [np.append(row, of_record) for row in rows]
 
 
 def _added(look: Likeliest, simple: Fitted) -> str:
@@ -285,7 +306,7 @@ def _spread(rows: Floats, sizes: int) -> Floats:
 
 def _compared(
     likelihood: RecordLikelihood, alone: Likeliest, look: Likeliest, term: Term
-) -> _Compared:
+) -> Compared:
     """Without and with a term, each begun from where the other has ended, until neither gains."""
     simple, rich = alone, likelihood.maximised(look.layout, [look.point])
     hopeful = rich.total - alone.total >= LEAST_GAIN and not _too_noisy(likelihood.evaluator, rich)
@@ -308,7 +329,7 @@ def _compared(
         rich = max(rich, again, key=lambda one: one.total)
         if (simple.total, rich.total) == before:
             break
-    return _Compared(term, simple, rich)
+    return Compared(term, simple, rich)
 
 
 def _less_scattered(likelihood: RecordLikelihood, wide: Likeliest) -> Likeliest:
@@ -324,14 +345,9 @@ def _less_scattered(likelihood: RecordLikelihood, wide: Likeliest) -> Likeliest:
     return likelihood.maximised(wide.layout, [max(begun, key=lambda at: at.total).point])
 
 
-def _passes(one: _Compared, evaluator: Evaluator) -> bool:
-    """Whether a term is more likely than on records with nothing hidden, and material. Where the
-    breakaways scatter more with it than those of real stems, or the readings more than their noise,
-    something else is hidden, for which it may stand, and samples are not independent: it must then
-    be more likely all over the record.
-    """
-    too_wide = one.rich.scatter > WIDEST * SCATTERS[1]
-    if (too_wide or _too_noisy(evaluator, one.rich)) and one.evidence.t < ALL_OVER:
+def _passes(one: Compared, evaluator: Evaluator) -> bool:
+    """Whether a term is more likely than on records with nothing hidden, and material."""
+    if leaves_something(one.rich, evaluator) and one.evidence.t < ALL_OVER:
         return False
     return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
 
@@ -341,19 +357,28 @@ def _too_noisy(evaluator: Evaluator, at: Likeliest) -> bool:
     return at.noise > MORE_THAN_NOISE * evaluator.problem.sigma
 
 
-def _is_material(one: _Compared, evaluator: Evaluator) -> bool:
+def leaves_something(at: Likeliest, evaluator: Evaluator) -> bool:
+    """Whether the breakaways scatter more than those of real stems, or the readings more than their
+    noise. Something else is hidden then, for which a term may stand, and samples are not
+    independent: it must be more likely all over the record.
+    """
+    too_wide = at.scatter > WIDEST * SCATTERS[1]
+    return too_wide or _too_noisy(evaluator, at)
+
+
+def _is_material(one: Compared, evaluator: Evaluator) -> bool:
     values = one.rich.candidate[one.rich.layout.places[one.term.slug]]
     return one.term.material(values, evaluator.summary)
 
 
-def _as_likely(best: _Compared, other: _Compared) -> bool:
+def _as_likely(best: Compared, other: Compared) -> bool:
     """Whether the record does not tell two terms apart."""
-    more, t = _more_likely(best.rich, other.rich)
+    more, t = more_likely(best.rich, other.rich)
     return more < AS_LIKELY or t < AS_GOOD
 
 
 def _dispensable(
-    likelihood: RecordLikelihood, named: Named, best: _Compared
+    likelihood: RecordLikelihood, named: Named, best: Compared
 ) -> tuple[set[str], Likeliest]:
     """Which of the terms that were named before the record is as likely without, now that there is
     the ``best``, and the record without them.
@@ -386,18 +411,21 @@ def _lacking(named: Named, slugs: set[str], left: Likeliest) -> Named:
 def _with(
     likelihood: RecordLikelihood,
     named: Named,
-    members: Sequence[_Compared],
+    members: Sequence[Compared],
     evidence: LikelihoodEvidence,
 ) -> Named:
     """``named`` with one more term for which there is ``evidence``, unless trajectories contradict
     it; ``members`` are those that the record does not tell apart.
     """
     evaluator, best = named.evaluator, members[0]
-    layout = _held(likelihood, best.rich, best.term)
-    fitted = _scored(evaluator, layout, best.rich.candidate)
+    places = best.rich.layout.places[best.term.slug]
+    layout = held(likelihood, best.rich, (S_PERCENT, RATIO, *range(places.start, places.stop)))
+    fitted = scored_at(evaluator, layout, best.rich.candidate)
     scores = []
     for one in members:
-        of_term = fitted if one is best else _scored(evaluator, one.rich.layout, one.rich.candidate)
+        of_term = (
+            fitted if one is best else scored_at(evaluator, one.rich.layout, one.rich.candidate)
+        )
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
     if scores[0].advantage.t < CONTRADICTED and evidence.t < ALL_OVER:
         return named
@@ -406,18 +434,20 @@ def _with(
     return replace(named, fitted=fitted, needed=(*named.needed, needed))
 
 
-def _scored(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> Fitted:
+def scored_at(evaluator: Evaluator, layout: CoordinateLayout, candidate: Floats) -> Fitted:
     """A candidate as the fit to both folds, with its losses."""
     return conclude(evaluator, scored(layout, on_both(layout, candidate).candidates))
 
 
-def _held(likelihood: RecordLikelihood, at: Likeliest, term: Term) -> CoordinateLayout:
-    """The layout of a point with S, J and the size of its term held near to it: trajectories would
-    trade them for each other.
+def held(
+    likelihood: RecordLikelihood, at: Likeliest, coordinates: Sequence[int]
+) -> CoordinateLayout:
+    """The layout of a point with some coordinates, such as S, J and the size of a term, held near
+    to it: trajectories would trade them for each other.
     """
     layout, low, high = at.layout, at.layout.bounds.low.copy(), at.layout.bounds.high.copy()
-    errors, places = likelihood.standard_errors(at), layout.places[term.slug]
-    for place in (S_PERCENT, RATIO, *range(places.start, places.stop)):
+    errors = likelihood.standard_errors(at)
+    for place in coordinates:
         value = at.candidate[place]
         within = max(HELD_WITHIN * errors[place], LEAST_WITHIN * abs(value))
         low[place] = max(low[place], value - within)

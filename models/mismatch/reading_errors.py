@@ -9,6 +9,7 @@ because its slips overshoot, is worse; else the record does not tell the two apa
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -76,9 +77,10 @@ def values_of(slug: str, candidate: Floats) -> Floats:
 
 
 def findings(
-    evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term]
+    evaluator: Evaluator, fitted: Fitted, terms: dict[str, Term], shown: Collection[str] = ()
 ) -> tuple[list[ReadingError], Fitted]:
-    """The material errors, and ``fitted`` with the gain held at 1 where that is not a finding.
+    """The material errors, and ``fitted`` with the gain held at 1 where that is not a finding;
+    those ``shown`` by something else need not be shown by the residual.
 
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
@@ -88,7 +90,7 @@ def findings(
             continue
         if slug == SPAN and BOW in fitted.layout.places:
             continue  # how much of the slope belongs to the bow cannot be told
-        reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest)
+        reading_error = _dropped(evaluator, fitted, terms[slug], coordinate, largest, slug in shown)
         if reading_error is not None and slug == SPAN and _leans_with_force(fitted):
             continue
         if reading_error is not None:
@@ -178,7 +180,12 @@ def _or_sagging(
 
 
 def _dropped(
-    evaluator: Evaluator, fitted: Fitted, term: Term, coordinate: int, largest: float
+    evaluator: Evaluator,
+    fitted: Fitted,
+    term: Term,
+    coordinate: int,
+    largest: float,
+    is_shown: bool,
 ) -> ReadingError | None:
     value = fitted.candidates.mean(axis=0)[coordinate]
     may_be_overshoot = term.slug == RESTICK and value >= LEAST_RESTICK
@@ -186,6 +193,6 @@ def _dropped(
         return None
     neutral_fit = without_error(evaluator, fitted, coordinate, largest)
     advantage = gain(evaluator, neutral_fit, fitted)
-    if not convincing(advantage, evaluator.measured_counts, term.slug):
+    if not (is_shown or convincing(advantage, evaluator.measured_counts, term.slug)):
         return None
     return ReadingError(term, advantage, neutral_fit)

@@ -129,13 +129,15 @@ class Needed:
 
 @dataclass(frozen=True)
 class Named:
-    """The hypothesis that was reached, what it needs, and the stages on the way to it."""
+    """The hypothesis that was reached, what it needs, and the stages on the way to it;
+    ``sticks_again`` is what the likelihood shows of a stem that sticks again after its slips."""
 
     evaluator: Evaluator
     base: Fitted
     fitted: Fitted
     needed: tuple[Needed, ...]
     stages: tuple[SelectionStage, ...]
+    sticks_again: LikelihoodEvidence | None = None
 
 
 def screened(
@@ -441,17 +443,23 @@ def named_by_breakaways(
     for evidence in breakaway_evidence(evaluator, simple):
         if not evidence.convincing or evidence.slug not in by_slug:
             continue
-        term = by_slug[evidence.slug]
-        neutral_fit = conclude(
-            evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term))
-        )
-        fitted = refit_with_size(evaluator, neutral_fit, evidence)
-        score = TermScore(term, fitted, gain(evaluator, simple, fitted))
-        if score.advantage.t < LEAST_T[evidence.slug]:
-            continue  # something else moves the levels
-        stage = SelectionStage(simple, (score,), (score,))
-        return fitted, [Needed(stage, simple, score.advantage, evidence)]
+        needed = with_breakaways(evaluator, simple, by_slug[evidence.slug], evidence)
+        if needed.advantage.t >= LEAST_T[evidence.slug]:  # else something else moves the levels
+            return needed.stage.accepted[0].fitted, [needed]
     return simple, []
+
+
+def with_breakaways(
+    evaluator: Evaluator, simple: Fitted, term: Term, evidence: BreakawayEvidence
+) -> Needed:
+    """``simple`` with a term of the size that the breakaways show."""
+    neutral_fit = conclude(
+        evaluator, neutral(evaluator, simple, simple.layout.hypothesis.plus(term))
+    )
+    fitted = refit_with_size(evaluator, neutral_fit, evidence)
+    score = TermScore(term, fitted, gain(evaluator, simple, fitted))
+    stage = SelectionStage(simple, (score,), (score,))
+    return Needed(stage, simple, score.advantage, evidence)
 
 
 def lacking(named: Named, slugs: Collection[str]) -> Named:
