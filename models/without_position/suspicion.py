@@ -26,16 +26,20 @@ from stemwatch.models.without_position.features import (
 )
 from stemwatch.models.without_position.hammerstein import block_means
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore, unpacked
+from stemwatch.models.without_position.no_sign import NoSignLimit
 from stemwatch.models.without_position.picture import ElementTraces, element_traces
 from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 120  # two scales of blocks need them
 ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
-FEW_PERIODS = 5  # fewer have their own limit of "no sign": scores are lower where little is seen
 # of a long record the last ones, after averaging to at most 400 samples a period
 MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
+MOST_S_PERCENT = 8.0  # that only more would have shown is no answer; no loop taught more
+# of the element's S beside the network's, in their logarithms: the network makes S too large on
+# loops that it was not trained on, the element makes it too small
+ELEMENT_SHARE = 0.25
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
 MOST_HELD = 0.9  # of PV repeating its last value
@@ -70,8 +74,8 @@ class WithoutPosition:
     """The result from OP and PV with its reason and advice.
 
     ``score`` (0 to 1) is the probability of sticking where half of all loops stick; ``apparent_S``
-    in percent of OP; ``shows_from`` the S from which sticking would have been detected; ``rivals``
-    other causes that the data cannot exclude.
+    in percent of OP; ``shows_from`` the S from which sticking would have been detected in nine
+    cases of ten; ``rivals`` other causes that the data cannot exclude.
     """
 
     verdict: Suspicion
@@ -85,26 +89,11 @@ class WithoutPosition:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NoSignLimit:
-    """The score below which there is no sign of sticking; and the S, as a share of OP's amplitude,
-    from which on sticking loops do not score below that."""
-
-    below: float
-    shows_from: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class SuspicionLimits:
-    """The score from which sticking is suspected; and what is no sign in records of fewer than
-    ``FEW_PERIODS`` swings, and of more."""
+    """The score from which sticking is suspected; and which S would have shown at a lower one."""
 
     suspected_from: float
-    no_sign_few: NoSignLimit
     no_sign: NoSignLimit
-
-    def no_sign_of(self, swings: float) -> NoSignLimit:
-        """The limit for a record of so many swings of its loop."""
-        return self.no_sign_few if swings < FEW_PERIODS else self.no_sign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,12 +196,7 @@ def trained_judge() -> Judge:
         network=LoopNetwork(unpacked(trained_weights.SHAPES, trained_weights.PACKED)),
         limits=SuspicionLimits(
             suspected_from=trained_weights.SUSPECTED_FROM,
-            no_sign_few=NoSignLimit(
-                below=trained_weights.NO_SIGN_BELOW_FEW, shows_from=trained_weights.SHOWS_FROM_FEW
-            ),
-            no_sign=NoSignLimit(
-                below=trained_weights.NO_SIGN_BELOW, shows_from=trained_weights.SHOWS_FROM
-            ),
+            no_sign=NoSignLimit(**trained_weights.NO_SIGN),
         ),
     )
 
@@ -320,9 +304,17 @@ def _thinned(
     return short(op), short(pv), None if sp is None else short(sp), stride
 
 
-def estimated_S(loop_evidence: Evidence, answer: LoopScore) -> float:
-    """S in percent of OP, should the valve stick."""
+def network_S(loop_evidence: Evidence, answer: LoopScore) -> float:
+    """S in percent of OP by the network alone, should the valve stick."""
     return loop_evidence.amplitude * float(np.exp(answer.log_S))
+
+
+def estimated_S(loop_evidence: Evidence, answer: LoopScore) -> float:
+    """S in percent of OP, should the valve stick: by the network, and by the element that predicts
+    best beside OP."""
+    by_element = loop_evidence.coarse.S_of_both
+    by_network = network_S(loop_evidence, answer)
+    return float(by_network ** (1.0 - ELEMENT_SHARE) * by_element**ELEMENT_SHARE)
 
 
 def predicts_better(loop_evidence: Evidence) -> bool:
@@ -347,9 +339,10 @@ def _answer(
             _SCALE,
             answer.score,
         )
-    if is_suspected and S < LEAST_S_PERCENT:
+    # The score and the limit are the networks', and so is the S that goes with them here.
+    if is_suspected and (least := network_S(loop_evidence, answer)) < LEAST_S_PERCENT:
         return _cannot_tell(
-            f"it looks as if the valve sticks by {S:.2f} % of OP, which a sound valve may have",
+            f"it looks as if the valve sticks by {least:.2f} % of OP, which a sound valve may have",
             _TEST,
             answer.score,
         )
@@ -367,28 +360,54 @@ def _answer(
             apparent_S=Estimate(value=S, low=low, high=high, unit=unit),
             rivals=_rivals(loop_evidence),
         )
-    no_sign = limits.no_sign_of(periods)
-    if answer.score < no_sign.below:
-        shows = no_sign.shows_from * loop_evidence.amplitude
-        return WithoutPosition(
-            verdict=Suspicion.NO_SIGN,
-            reason=(
-                "OP and PV show no sign of sticking; a valve that sticks by "
-                f"{shows:.1f}{said_unit} of OP or more would have shown. By itself this is no "
-                "verdict."
-            ),
-            advice="Nothing to do at the valve on these grounds.",
-            score=answer.score,
-            apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
-            shows_from=shows,
-        )
-    if periods < ENOUGH_PERIODS:
+    if answer.score >= limits.suspected_from:
+        return _too_weak(periods, answer.score)
+    return _without_sign(seen, loop_evidence, answer.score, limits.no_sign)
+
+
+def _without_sign(
+    seen: SeenLoop, loop_evidence: Evidence, score: float, limit: NoSignLimit
+) -> WithoutPosition:
+    """The answer at a score that raises no suspicion: the S that would have shown, if there is one
+    that says something."""
+    amplitude, unit = loop_evidence.amplitude, seen.unit
+    swings = seen.samples / loop_evidence.period
+    share = limit.shows_from(score, swings, float(loop_evidence.sizes[-1]) / amplitude)
+    if share is None:
+        return _too_weak(swings, score)
+    shows = share * amplitude
+    if unit == PERCENT:  # a valve that sticks by more than OP swings might not have moved at all
+        shows = max(shows, min(LEAST_S_PERCENT, amplitude))
+    if unit == PERCENT and shows > MOST_S_PERCENT:
         return _cannot_tell(
-            f"the signs are too weak either way in a record of {periods:.0f} swings of the loop",
-            _LONGER,
-            answer.score,
+            f"as wide as OP swings, only a valve that sticks by {shows:.0f} % of OP or more would "
+            "have shown",
+            _TEST,
+            score,
         )
-    return _cannot_tell("the signs are too weak either way", _TEST, answer.score)
+    said_unit = f" {unit}" if unit else ""
+    return WithoutPosition(
+        verdict=Suspicion.NO_SIGN,
+        reason=(
+            "OP and PV show no sign of sticking; a valve that sticks by "
+            f"{shows:.1f}{said_unit} of OP or more would have shown in nine cases of ten. By "
+            "itself this is no verdict."
+        ),
+        advice="Nothing to do at the valve on these grounds.",
+        score=score,
+        apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
+        shows_from=shows,
+    )
+
+
+def _too_weak(swings: float, score: float) -> WithoutPosition:
+    if swings < ENOUGH_PERIODS:
+        return _cannot_tell(
+            f"the signs are too weak either way in a record of {swings:.0f} swings of the loop",
+            _LONGER,
+            score,
+        )
+    return _cannot_tell("the signs are too weak either way", _TEST, score)
 
 
 def _rivals(loop_evidence: Evidence) -> tuple[str, ...]:

@@ -92,6 +92,7 @@ def _table(seed: int, rows: Iterable[FamilyRow]) -> Table:
         "suspected",
         "no sign",
         "cannot tell",
+        "missed",
         "AUC",
         "score: 2, 5 %",
         "suspected: 2, 5 %",
@@ -104,6 +105,7 @@ def _table(seed: int, rows: Iterable[FamilyRow]) -> Table:
         table.add_row(
             f"{row.family}, {row.sticking} + {row.sound}",
             *(f"{a} + {b}" for a, b in (row.suspected, row.no_sign, row.cannot_tell)),
+            f"{row.missed}",
             f"{row.auc:.2f}",
             f"{row.sensitivity[0]:.2f}, {row.sensitivity[1]:.2f}",
             f"{row.found[0]:.2f}, {row.found[1]:.2f}",

@@ -220,7 +220,10 @@ def _why(answer: WithoutPosition) -> str:
         return f"it looks as if the valve sticks by {figure(S, 2)}{unit} of OP."
     shows = finite(answer.shows_from)
     if answer.verdict is Suspicion.NO_SIGN and shows is not None:
-        return f"a valve that sticks by {figure(shows, 2)}{unit} of OP or more would have shown."
+        return (
+            f"a valve that sticks by {figure(shows, 2)}{unit} of OP or more would have shown in "
+            "nine cases of ten."
+        )
     return ""
 
 
