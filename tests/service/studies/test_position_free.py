@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from io import StringIO
+
 import numpy as np
 import pytest
+from rich.console import Console
+from rich.table import Table
 
 from stemwatch.models.without_position.suspicion import Suspicion
+from stemwatch.service.cli.position_free import _tables
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.position_free import (
     FAMILIES,
+    FamilyRow,
     StudiedLoop,
     family_rows,
     items_of_training,
@@ -108,3 +114,32 @@ def test_the_row_of_a_family_counts_what_was_said() -> None:
     small = [answer(3.0, 0.8), answer(0.0, 0.9, alarm=0.0), answer(2.0, 0.9, alarm=0.0)]
     (row,) = family_rows(small)
     assert (row.sensitivity, row.found) == ((0.0, 0.0), (0.5, 0.5))
+
+
+def test_the_tables_of_the_study_fit_into_eighty_columns() -> None:
+    """No count is cut off, and each family has its row in both."""
+    counts = {"suspected": (193, 107), "no_sign": (159, 233), "cannot_tell": (108, 120)}
+    row = FamilyRow(
+        family="plant, 8 swings and more",
+        sticking=360,
+        sound=360,
+        **counts,
+        missed=125,
+        auc=0.86,
+        sensitivity=(0.5, 0.6),
+        found=(0.56, 0.63),
+        error=0.41,
+        held=(185, 193),
+    )
+    said, measured = (printed(table) for table in _tables(5151, [row]))
+    for text in ("360 + 360", "193 + 107", "159 + 233", "125", "108 + 120"):
+        assert text in said
+    assert "0.86    0.50, 0.60        0.56, 0.63 0.41 % 185 of 193" in measured
+    assert "plant, 8 swings and more" in measured
+
+
+def printed(table: Table) -> str:
+    """A table as a terminal of eighty columns shows it."""
+    shown = StringIO()
+    Console(width=80, file=shown).print(table)
+    return shown.getvalue()
