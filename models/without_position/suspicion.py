@@ -37,8 +37,8 @@ MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
 MOST_S_PERCENT = 8.0  # that only more would have shown is no answer; no loop taught more
-# of the element's S beside the network's, in their logarithms: the network makes S too large on
-# loops that it was not trained on, the element makes it too small
+# of the element's S beside the network's, in their logarithms: the network makes S too large on the
+# force-balance plant, which it was not trained on, and the element makes it too small elsewhere
 ELEMENT_SHARE = 0.25
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
