@@ -37,9 +37,6 @@ MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
 MOST_S_PERCENT = 8.0  # that only more would have shown is no answer; no loop taught more
-# of the element's S beside the network's, in their logarithms: the network makes S too large on the
-# force-balance plant, which it was not trained on, and the element makes it too small elsewhere
-ELEMENT_SHARE = 0.25
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
 MOST_HELD = 0.9  # of PV repeating its last value
@@ -304,17 +301,9 @@ def _thinned(
     return short(op), short(pv), None if sp is None else short(sp), stride
 
 
-def network_S(loop_evidence: Evidence, answer: LoopScore) -> float:
-    """S in percent of OP by the network alone, should the valve stick."""
-    return loop_evidence.amplitude * float(np.exp(answer.log_S))
-
-
 def estimated_S(loop_evidence: Evidence, answer: LoopScore) -> float:
-    """S in percent of OP, should the valve stick: by the network, and by the element that predicts
-    best beside OP."""
-    by_element = loop_evidence.coarse.S_of_both
-    by_network = network_S(loop_evidence, answer)
-    return float(by_network ** (1.0 - ELEMENT_SHARE) * by_element**ELEMENT_SHARE)
+    """S in percent of OP, should the valve stick."""
+    return loop_evidence.amplitude * float(np.exp(answer.log_S))
 
 
 def predicts_better(loop_evidence: Evidence) -> bool:
@@ -339,10 +328,9 @@ def _answer(
             _SCALE,
             answer.score,
         )
-    # The score and the limit are the networks', and so is the S that goes with them here.
-    if is_suspected and (least := network_S(loop_evidence, answer)) < LEAST_S_PERCENT:
+    if is_suspected and S < LEAST_S_PERCENT:
         return _cannot_tell(
-            f"it looks as if the valve sticks by {least:.2f} % of OP, which a sound valve may have",
+            f"it looks as if the valve sticks by {S:.2f} % of OP, which a sound valve may have",
             _TEST,
             answer.score,
         )

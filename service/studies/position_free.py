@@ -29,8 +29,8 @@ from stemwatch.models.without_position.suspicion import (
     SeenLoop,
     Suspicion,
     SuspicionLimits,
+    estimated_S,
     look_at_loop,
-    network_S,
     predicts_better,
 )
 from stemwatch.service.executors import Executor, map_in_order
@@ -135,7 +135,7 @@ def _judged(draw: SeenDraw, network: LoopNetwork) -> _JudgedLoop | None:
 
 def _alarm(shown: Evidence, answer: LoopScore) -> float:
     """The score where all other rules let a loop be suspected, else 0."""
-    may_alarm = predicts_better(shown) and network_S(shown, answer) >= LEAST_S_PERCENT
+    may_alarm = predicts_better(shown) and estimated_S(shown, answer) >= LEAST_S_PERCENT
     return answer.score if may_alarm else 0.0
 
 

@@ -32,16 +32,13 @@ from stemwatch.models.without_position.hammerstein import element, held_out
 from stemwatch.models.without_position.network import LoopNetwork, packed, unpacked
 from stemwatch.models.without_position.no_sign import NoSignLimit
 from stemwatch.models.without_position.suspicion import (
-    ELEMENT_SHARE,
     LEAST_S_PERCENT,
     MOST_SAMPLES,
     Judge,
     Suspicion,
     SuspicionLimits,
     WithoutPosition,
-    estimated_S,
     look_at_loop,
-    network_S,
     trained_judge,
 )
 from stemwatch.models.without_position.suspicion import suspect as suspect_by
@@ -362,20 +359,6 @@ def test_an_S_that_nobody_misses_is_no_answer() -> None:
     named = suspect_by(loop_of(wide, loop.pv, "m3/h"), trained_judge())
     assert named.verdict is Suspicion.NO_SIGN
     assert "m3/h of OP or more" in named.reason
-
-
-def test_S_is_weighed_of_the_network_and_of_the_element() -> None:
-    """In their logarithms, and it is the S of a suspicion."""
-    seen = look_at_loop(limit_cycle())
-    assert seen.shown is not None
-    assert seen.windows is not None
-    answer = trained_judge().network.answer(seen.shown.values, seen.windows)
-    by_network, by_element = network_S(seen.shown, answer), seen.shown.coarse.S_of_both
-    S = estimated_S(seen.shown, answer)
-    expected = (1.0 - ELEMENT_SHARE) * np.log(by_network) + ELEMENT_SHARE * np.log(by_element)
-    assert np.log(S) == pytest.approx(expected)
-    suspicion = suspect_by(limit_cycle(), trained_judge())
-    assert suspicion.apparent_S.value == pytest.approx(S)
 
 
 def test_numbers_come_back_from_text_in_half_precision() -> None:
