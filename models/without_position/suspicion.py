@@ -36,6 +36,8 @@ ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
 MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
+# "no sign" is no reason to leave a valve alone where only more than this would have shown
+SMALL_S_PERCENT = 2.0
 MOST_S_PERCENT = 8.0  # that only more would have shown is no answer; no loop taught more
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
@@ -55,6 +57,7 @@ _LONGER = (
 _FASTER = "Export OP and PV raw and at a shorter interval, over at least ten swings of the loop."
 
 
+NOTHING_TO_DO = "Nothing to do at the valve on these grounds."
 _SCALE = "Give OP's values at 0 and 100 % in the plant file (low, high), and screen the loop again."
 
 
@@ -83,6 +86,19 @@ class WithoutPosition:
     shows_from: float | None = None
     rivals: tuple[str, ...] = ()
     traces: ElementTraces | None = None  # of what is suspected
+
+    @property
+    def leaves_nothing_to_do(self) -> bool:
+        """Whether there is no sign of sticking, and even an S of ``SMALL_S_PERCENT`` of OP would
+        have shown: then nobody need ask for a position."""
+        return self.verdict is Suspicion.NO_SIGN and _is_small(
+            self.shows_from, self.apparent_S.unit
+        )
+
+
+def _is_small(shows: float | None, unit: str) -> bool:
+    """Whether an S that would have shown is small; in a unit that nobody knows it is not known."""
+    return shows is not None and unit == PERCENT and shows <= SMALL_S_PERCENT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -381,7 +397,7 @@ def _without_sign(
             f"{shows:.1f}{said_unit} of OP or more would have shown in nine cases of ten. By "
             "itself this is no verdict."
         ),
-        advice="Nothing to do at the valve on these grounds.",
+        advice=NOTHING_TO_DO if _is_small(shows, unit) else _TEST,
         score=score,
         apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
         shows_from=shows,

@@ -348,6 +348,19 @@ def test_no_sign_names_a_smaller_S_where_OP_swings_less(place) -> None:
     assert f"sticks by {whole.shows_from:.1f} % of OP or more" in whole.reason
 
 
+def test_nothing_is_to_do_only_where_a_small_S_would_have_shown() -> None:
+    """At most 2 % of OP, and OP is in percent; else a test is worth the way."""
+    loop = draw_loop(77, 1)
+    S = suspect_by(loop_of(loop.op, loop.pv), trained_judge()).shows_from
+    assert S is not None
+    for shows, unit, is_done in ((1.9, "%", True), (2.1, "%", False), (1.9, "m3/h", False)):
+        op = 50.0 + shows / S * (loop.op - 50.0)
+        answer = suspect_by(loop_of(op, loop.pv, unit), trained_judge())
+        assert answer.shows_from == pytest.approx(shows)
+        assert answer.leaves_nothing_to_do is is_done
+        assert answer.advice.startswith("Nothing to do" if is_done else "Do a bump test")
+
+
 def test_an_S_that_nobody_misses_is_no_answer() -> None:
     """Where OP swings wide, only a large S would have shown: then nothing can be told. In a unit
     that nobody knows the S is named as it is."""
