@@ -178,7 +178,7 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "a sticking valve: A, B. Of 239" in suspected_sentence(["A", "B"])
+    assert "a sticking valve: A, B. Of 230" in suspected_sentence(["A", "B"])
 
 
 def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening, make_context):
