@@ -26,16 +26,19 @@ from stemwatch.models.without_position.features import (
 )
 from stemwatch.models.without_position.hammerstein import block_means
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore, unpacked
+from stemwatch.models.without_position.no_sign import NoSignLimit
 from stemwatch.models.without_position.picture import ElementTraces, element_traces
 from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 120  # two scales of blocks need them
 ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
-FEW_PERIODS = 5  # fewer have their own limit of "no sign": scores are lower where little is seen
 # of a long record the last ones, after averaging to at most 400 samples a period
 MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
+# "no sign" is no reason to leave a valve alone where only more than this would have shown
+SMALL_S_PERCENT = 2.0
+MOST_S_PERCENT = 8.0  # that only more would have shown is no answer; no loop taught more
 LONGEST_BRIDGE = 3  # missing samples that a straight line replaces
 MOST_AT_LIMIT = 0.3
 MOST_HELD = 0.9  # of PV repeating its last value
@@ -54,6 +57,7 @@ _LONGER = (
 _FASTER = "Export OP and PV raw and at a shorter interval, over at least ten swings of the loop."
 
 
+NOTHING_TO_DO = "Nothing to do at the valve on these grounds."
 _SCALE = "Give OP's values at 0 and 100 % in the plant file (low, high), and screen the loop again."
 
 
@@ -70,8 +74,8 @@ class WithoutPosition:
     """The result from OP and PV with its reason and advice.
 
     ``score`` (0 to 1) is the probability of sticking where half of all loops stick; ``apparent_S``
-    in percent of OP; ``shows_from`` the S from which sticking would have been detected; ``rivals``
-    other causes that the data cannot exclude.
+    in percent of OP; ``shows_from`` the S from which sticking would have been detected in nine
+    cases of ten; ``rivals`` other causes that the data cannot exclude.
     """
 
     verdict: Suspicion
@@ -83,28 +87,26 @@ class WithoutPosition:
     rivals: tuple[str, ...] = ()
     traces: ElementTraces | None = None  # of what is suspected
 
+    @property
+    def leaves_nothing_to_do(self) -> bool:
+        """Whether there is no sign of sticking, and even an S of ``SMALL_S_PERCENT`` of OP would
+        have shown: then nobody need ask for a position."""
+        return self.verdict is Suspicion.NO_SIGN and _is_small(
+            self.shows_from, self.apparent_S.unit
+        )
 
-@dataclass(frozen=True, kw_only=True)
-class NoSignLimit:
-    """The score below which there is no sign of sticking; and the S, as a share of OP's amplitude,
-    from which on sticking loops do not score below that."""
 
-    below: float
-    shows_from: float
+def _is_small(shows: float | None, unit: str) -> bool:
+    """Whether an S that would have shown is small; in a unit that nobody knows it is not known."""
+    return shows is not None and unit == PERCENT and shows <= SMALL_S_PERCENT
 
 
 @dataclass(frozen=True, kw_only=True)
 class SuspicionLimits:
-    """The score from which sticking is suspected; and what is no sign in records of fewer than
-    ``FEW_PERIODS`` swings, and of more."""
+    """The score from which sticking is suspected; and which S would have shown at a lower one."""
 
     suspected_from: float
-    no_sign_few: NoSignLimit
     no_sign: NoSignLimit
-
-    def no_sign_of(self, swings: float) -> NoSignLimit:
-        """The limit for a record of so many swings of its loop."""
-        return self.no_sign_few if swings < FEW_PERIODS else self.no_sign
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,12 +209,7 @@ def trained_judge() -> Judge:
         network=LoopNetwork(unpacked(trained_weights.SHAPES, trained_weights.PACKED)),
         limits=SuspicionLimits(
             suspected_from=trained_weights.SUSPECTED_FROM,
-            no_sign_few=NoSignLimit(
-                below=trained_weights.NO_SIGN_BELOW_FEW, shows_from=trained_weights.SHOWS_FROM_FEW
-            ),
-            no_sign=NoSignLimit(
-                below=trained_weights.NO_SIGN_BELOW, shows_from=trained_weights.SHOWS_FROM
-            ),
+            no_sign=NoSignLimit(**trained_weights.NO_SIGN),
         ),
     )
 
@@ -367,28 +364,54 @@ def _answer(
             apparent_S=Estimate(value=S, low=low, high=high, unit=unit),
             rivals=_rivals(loop_evidence),
         )
-    no_sign = limits.no_sign_of(periods)
-    if answer.score < no_sign.below:
-        shows = no_sign.shows_from * loop_evidence.amplitude
-        return WithoutPosition(
-            verdict=Suspicion.NO_SIGN,
-            reason=(
-                "OP and PV show no sign of sticking; a valve that sticks by "
-                f"{shows:.1f}{said_unit} of OP or more would have shown. By itself this is no "
-                "verdict."
-            ),
-            advice="Nothing to do at the valve on these grounds.",
-            score=answer.score,
-            apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
-            shows_from=shows,
-        )
-    if periods < ENOUGH_PERIODS:
+    if answer.score >= limits.suspected_from:
+        return _too_weak(periods, answer.score)
+    return _without_sign(seen, loop_evidence, answer.score, limits.no_sign)
+
+
+def _without_sign(
+    seen: SeenLoop, loop_evidence: Evidence, score: float, limit: NoSignLimit
+) -> WithoutPosition:
+    """The answer at a score that raises no suspicion: the S that would have shown, if there is one
+    that says something."""
+    amplitude, unit = loop_evidence.amplitude, seen.unit
+    swings = seen.samples / loop_evidence.period
+    share = limit.shows_from(score, swings, float(loop_evidence.sizes[-1]) / amplitude)
+    if share is None:
+        return _too_weak(swings, score)
+    shows = share * amplitude
+    if unit == PERCENT:  # a valve that sticks by more than OP swings might not have moved at all
+        shows = max(shows, min(LEAST_S_PERCENT, amplitude))
+    if unit == PERCENT and shows > MOST_S_PERCENT:
         return _cannot_tell(
-            f"the signs are too weak either way in a record of {periods:.0f} swings of the loop",
-            _LONGER,
-            answer.score,
+            f"as wide as OP swings, only a valve that sticks by {shows:.0f} % of OP or more would "
+            "have shown",
+            _TEST,
+            score,
         )
-    return _cannot_tell("the signs are too weak either way", _TEST, answer.score)
+    said_unit = f" {unit}" if unit else ""
+    return WithoutPosition(
+        verdict=Suspicion.NO_SIGN,
+        reason=(
+            "OP and PV show no sign of sticking; a valve that sticks by "
+            f"{shows:.1f}{said_unit} of OP or more would have shown in nine cases of ten. By "
+            "itself this is no verdict."
+        ),
+        advice=NOTHING_TO_DO if _is_small(shows, unit) else _TEST,
+        score=score,
+        apparent_S=Estimate.unknown("there is no sign of sticking", unit=unit),
+        shows_from=shows,
+    )
+
+
+def _too_weak(swings: float, score: float) -> WithoutPosition:
+    if swings < ENOUGH_PERIODS:
+        return _cannot_tell(
+            f"the signs are too weak either way in a record of {swings:.0f} swings of the loop",
+            _LONGER,
+            score,
+        )
+    return _cannot_tell("the signs are too weak either way", _TEST, score)
 
 
 def _rivals(loop_evidence: Evidence) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -22,7 +22,7 @@ def study_without_position(
     loops: Annotated[
         int, typer.Option(min=20, max=10_000, help="Loops of each family, every other one sticks.")
     ] = 240,
-    seed: o.Seed = 2042,
+    seed: o.Seed = 2121,
     train: Annotated[
         int | None,
         typer.Option(min=100, max=100_000, help="Train anew on so many simulated loops."),
@@ -77,37 +77,44 @@ def study_without_position(
         answers = run_position_free(
             judge, loops, seed, executor, lambda n: progress.update(bar, completed=n)
         )
-    views.out.print(_table(seed, family_rows(answers)))
+    for table in _tables(seed, list(family_rows(answers))):
+        views.out.print(table)
     if json_file is not None:
         objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
     views.say_read_on("without-position.md")
 
 
-def _table(seed: int, rows: Iterable[FamilyRow]) -> Table:
-    """A row for each family."""
+def _tables(seed: int, rows: Sequence[FamilyRow]) -> Iterator[Table]:
+    """A row for each family in two tables, each of which fits into eighty columns: what was said,
+    and how well."""
     from stemwatch.service.cli.prove_tables import plain_table
 
-    columns = (
-        "suspected",
-        "no sign",
-        "cannot tell",
-        "AUC",
-        "score: 2, 5 %",
-        "suspected: 2, 5 %",
-        "error of S",
-        "intervals",
-    )
     title = f"Valves without a position, seed {seed}: sticking + sound loops"
-    table = plain_table(title, ("family",), columns)
+    said = plain_table(title, ("family",), ("suspected", "no sign", "missed", "cannot tell"))
+    columns = ("AUC", "score: 2, 5 %", "all rules: 2, 5 %", "error", "intervals")
+    measured = plain_table(
+        "Sticking loops found at 2 and 5 % false alarms, and their S", ("family",), columns
+    )
     for row in rows:
-        table.add_row(
+        suspected, no_sign, cannot_tell = (
+            f"{sticking} + {sound}"
+            for sticking, sound in (row.suspected, row.no_sign, row.cannot_tell)
+        )
+        said.add_row(
             f"{row.family}, {row.sticking} + {row.sound}",
-            *(f"{a} + {b}" for a, b in (row.suspected, row.no_sign, row.cannot_tell)),
+            suspected,
+            no_sign,
+            f"{row.missed}",
+            cannot_tell,
+        )
+        measured.add_row(
+            row.family,
             f"{row.auc:.2f}",
             f"{row.sensitivity[0]:.2f}, {row.sensitivity[1]:.2f}",
             f"{row.found[0]:.2f}, {row.found[1]:.2f}",
             f"{row.error:.2f} %",
             f"{row.held[0]} of {row.held[1]}",
         )
-    return table
+    yield said
+    yield measured

@@ -117,7 +117,8 @@ class WorkDecision:
     ``effects`` are those that work may be planned on, ``inherent`` those that stand as well but are
     how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
     weeks confirm and this one does not name: work is planned on them too. ``no_sign``: there is no
-    position, and OP and PV show no sign of sticking, so that there is nothing to do at the valve;
+    position, and OP and PV show no sign of sticking where even a small S would have shown, so that
+    there is nothing to do at the valve;
     ``moved``: nothing can be told of it, and another loop, or what reaches several, makes it
     oscillate.
     """
@@ -195,7 +196,7 @@ def decide(
     return WorkDecision(
         verdict=verdict,
         kinds=kinds,
-        no_sign=alone is not None and alone.verdict is Suspicion.NO_SIGN,
+        no_sign=alone is not None and alone.leaves_nothing_to_do,
         severity=severity_of(screening.verdict, screening.severity, kinds),
         confidence=confidence_in(verdict, screening.confidence),
         effects=effects,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 
 import numpy as np
@@ -16,16 +16,16 @@ from stemwatch.models.studies.loops.examples import (
     example,
     windows_example,
 )
+from stemwatch.models.studies.loops.quantile_regression import quantile_regression
 from stemwatch.models.studies.simulator.draws import draw_healthy, draw_sticky
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.without_position.features import Evidence
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore, packed
+from stemwatch.models.without_position.no_sign import NoSignLimit, columns, logit
 from stemwatch.models.without_position.suspicion import (
     ENOUGH_PERIODS,
-    FEW_PERIODS,
     LEAST_S_PERCENT,
     Judge,
-    NoSignLimit,
     SeenLoop,
     Suspicion,
     SuspicionLimits,
@@ -36,13 +36,11 @@ from stemwatch.models.without_position.suspicion import (
 from stemwatch.service.executors import Executor, map_in_order
 
 FALSE_ALARMS = 0.02  # share of sound loops that may be suspected, of those that can be judged
-MISSED = 0.05  # share of loops that plainly stick which may be told "no sign"
-PLAIN = 0.5  # S over the amplitude of OP, from which a loop plainly sticks
-SEEN = 0.9  # share of sticking loops of an S, and of any larger, that are not told "no sign"
+MISSED = 0.1  # share of sticking loops that may be told that their S would have shown
 WINDOWS_ONLY = "own, windows only"
 _MORE = 16  # times as many loops for the convolutional network, which need a tenth of the time
 _LINE = 200  # characters of the weights in a line
-_NEAR, _ENOUGH = 1.5, 30  # S and all down to so many times less count together, if so many
+_FEWEST = 10  # sticking loops for the limit of "no sign"
 
 
 @dataclass(frozen=True)
@@ -92,14 +90,16 @@ def run_training(
 
 @dataclass(frozen=True, kw_only=True)
 class _JudgedLoop:
-    """A loop that gives the limits. ``size`` is its true S over OP's amplitude, 0 for a sound one;
-    ``alarm`` the score where all else lets it be suspected, else 0."""
+    """A loop that gives the limits. ``S_share`` is its true S over OP's amplitude, 0 for a sound
+    one; ``range_share`` OP's range over that; ``alarm`` the score where all else lets it
+    be suspected, else 0."""
 
     is_own: bool
-    size: float
+    S_share: float
+    swings: float
+    range_share: float
     score: float
     alarm: float
-    has_few_swings: bool
 
 
 def limits_of(draws: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimits:
@@ -107,20 +107,14 @@ def limits_of(draws: Sequence[SeenDraw], network: LoopNetwork) -> SuspicionLimit
     loops of each simulator may be suspected."""
     loops = [loop for loop in (_judged(draw, network) for draw in draws) if loop is not None]
     of_each_simulator = (
-        [loop.alarm for loop in loops if loop.size <= 0.0 and loop.is_own is own]
+        [loop.alarm for loop in loops if loop.S_share <= 0.0 and loop.is_own is own]
         for own in (True, False)
     )
     suspected = max(
         float(np.quantile(alarms, 1.0 - FALSE_ALARMS)) for alarms in of_each_simulator if alarms
     )
-    few, more = (
-        [loop for loop in loops if loop.size > 0.0 and loop.has_few_swings is is_few]
-        for is_few in (True, False)
-    )
     return SuspicionLimits(
-        suspected_from=suspected,
-        no_sign_few=_no_sign(few, suspected),
-        no_sign=_no_sign(more, suspected),
+        suspected_from=suspected, no_sign=_no_sign([loop for loop in loops if loop.S_share > 0.0])
     )
 
 
@@ -131,10 +125,11 @@ def _judged(draw: SeenDraw, network: LoopNetwork) -> _JudgedLoop | None:
     answer = network.answer(shown.values, windows)
     return _JudgedLoop(
         is_own=draw.place.family == "own",
-        size=draw.S / shown.amplitude,
+        S_share=draw.S / shown.amplitude,
+        swings=draw.seen.samples / shown.period,
+        range_share=float(shown.sizes[-1]) / shown.amplitude,
         score=answer.score,
         alarm=_alarm(shown, answer),
-        has_few_swings=draw.seen.samples / shown.period < FEW_PERIODS,
     )
 
 
@@ -144,22 +139,18 @@ def _alarm(shown: Evidence, answer: LoopScore) -> float:
     return answer.score if may_alarm else 0.0
 
 
-def _no_sign(sticking: Sequence[_JudgedLoop], suspected: float) -> NoSignLimit:
-    """The limit by loops that stick. Without one that plainly sticks nothing is "no sign"."""
-    score = np.array([loop.score for loop in sticking])
-    size = np.array([loop.size for loop in sticking])
-    if not np.any(size >= PLAIN):
-        return NoSignLimit(below=0.0, shows_from=1.0)
-    below = min(float(np.quantile(score[size >= PLAIN], MISSED)), suspected)
-    # Only S up to OP's amplitude: a valve that sticks by more would make OP swing wider.
-    candidates = np.geomspace(0.05, 1.0, 60)
-    shows = candidates[-1]
-    for least in candidates[::-1]:
-        is_near = (size > least / _NEAR) & (size <= least)
-        if is_near.sum() >= _ENOUGH and float(np.mean(score[is_near] >= below)) < SEEN:
-            break
-        shows = least
-    return NoSignLimit(below=below, shows_from=float(shows))
+def _no_sign(sticking: Sequence[_JudgedLoop]) -> NoSignLimit:
+    """The limit by loops that stick. By too few nothing is "no sign"."""
+    if len(sticking) < _FEWEST:
+        return NoSignLimit(level=0.0, by_swings=0.0, by_range=0.0, by_S=0.0, beyond=0.0)
+    shares, swings, ranges, scores = np.array(
+        [(loop.S_share, loop.swings, loop.range_share, loop.score) for loop in sticking]
+    ).T
+    weights = quantile_regression(columns(shares, swings, ranges), logit(scores), MISSED)
+    level, by_swings, by_range, by_S, beyond = (round(float(weight), 4) for weight in weights)
+    return NoSignLimit(
+        level=level, by_swings=by_swings, by_range=by_range, by_S=by_S, beyond=beyond
+    )
 
 
 def module_of(judge: Judge, loops: int, seed: int) -> str:
@@ -178,10 +169,12 @@ def module_of(judge: Judge, loops: int, seed: int) -> str:
             "# SHA-256 of PACKED in one line",
             f'DIGEST = "{sha256(text.encode()).hexdigest()}"',
             f"SUSPECTED_FROM = {judge.limits.suspected_from:.4f}",
-            f"NO_SIGN_BELOW_FEW = {judge.limits.no_sign_few.below:.4f}",
-            f"SHOWS_FROM_FEW = {judge.limits.no_sign_few.shows_from:.4f}",
-            f"NO_SIGN_BELOW = {judge.limits.no_sign.below:.4f}",
-            f"SHOWS_FROM = {judge.limits.no_sign.shows_from:.4f}",
+            "NO_SIGN: dict[str, float] = {",
+            *(
+                f'    "{name}": {value:.4f},'
+                for name, value in asdict(judge.limits.no_sign).items()
+            ),
+            "}",
             "SHAPES: dict[str, tuple[int, ...]] = {",
             *(f'    "{name}": {shape},' for name, shape in shapes.items()),
             "}",
@@ -204,12 +197,18 @@ class StudiedLoop:
     verdict: Suspicion
     score: float | None
     apparent_S: tuple[float, float, float] | None  # value, low, high
+    shows_from: float | None = None  # the S that would have shown, with "no sign"
     alarm: float = 0.0  # the score where all other rules let it be suspected
 
     @property
     def sticky(self) -> bool:
         """Whether the valve sticks."""
         return self.S > 0.0
+
+    @property
+    def should_have_shown(self) -> bool:
+        """Whether it sticks by the S, or more, that is said to have shown."""
+        return self.shows_from is not None and self.S >= self.shows_from
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,6 +244,7 @@ def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
         verdict=suspicion.verdict,
         score=suspicion.score,
         apparent_S=numbers,
+        shows_from=suspicion.shows_from,
         alarm=alarm,
     )
 
@@ -305,7 +305,8 @@ class FamilyRow:
 
     ``auc`` and ``sensitivity`` (at 2 and 5 % false alarms) are of the score, all loops counted, a
     missing score as 0; ``found`` is the sensitivity of suspicions, where a loop that another rule
-    keeps from being suspected is no false alarm and is not found. ``error`` is the median error of
+    keeps from being suspected is no false alarm and is not found. ``missed`` counts the sticking
+    ones whose S should have shown by what was said. ``error`` is the median error of
     S of the suspected, percent; ``held`` how many of their intervals hold the truth.
     """
 
@@ -315,6 +316,7 @@ class FamilyRow:
     suspected: tuple[int, int]  # sticking, sound
     no_sign: tuple[int, int]
     cannot_tell: tuple[int, int]
+    missed: int
     auc: float
     sensitivity: tuple[float, float]
     found: tuple[float, float]
@@ -355,6 +357,7 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
         suspected=count(Suspicion.SUSPECTED),
         no_sign=count(Suspicion.NO_SIGN),
         cannot_tell=count(Suspicion.CANNOT_TELL),
+        missed=sum(answer.should_have_shown for answer in answers),
         auc=float(better.mean()),
         sensitivity=(_sensitivity(good, bad, 0.02), _sensitivity(good, bad, 0.05)),
         found=(_sensitivity(*alarms, 0.02), _sensitivity(*alarms, 0.05)),

@@ -20,7 +20,7 @@ from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import PERCENT
 from stemwatch.models.screening_result import PreviousFinding
 from stemwatch.models.verdict import WORST_FIRST, Shape, Verdict
-from stemwatch.models.without_position.suspicion import Suspicion, WithoutPosition
+from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.presenter.plant_path import (
     LEVELS,
     PartOfPlant,
@@ -229,7 +229,7 @@ def _decided(row: Any, groups: Sequence[OscillationGroup] = ()) -> WorkDecision 
         verdict=overall_verdict(verdict, named=bool(named)),
         kinds=kinds,
         severity=finite(severity_of(verdict, row.severity, kinds)) or 0.0,
-        no_sign=alone is not None and alone.verdict is Suspicion.NO_SIGN,
+        no_sign=alone is not None and alone.leaves_nothing_to_do,
         moved=is_moved(kinds, told, groups, row.id),
     )
 

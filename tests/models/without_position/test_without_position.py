@@ -23,16 +23,18 @@ from stemwatch.models.studies.loops.training import train
 from stemwatch.models.without_position import trained_weights
 from stemwatch.models.without_position.features import (
     NAMES,
+    amplitude_of,
     common_phase_surrogate,
     dominant_period,
     evidence,
 )
 from stemwatch.models.without_position.hammerstein import element, held_out
 from stemwatch.models.without_position.network import LoopNetwork, packed, unpacked
+from stemwatch.models.without_position.no_sign import NoSignLimit
 from stemwatch.models.without_position.suspicion import (
+    LEAST_S_PERCENT,
     MOST_SAMPLES,
     Judge,
-    NoSignLimit,
     Suspicion,
     SuspicionLimits,
     WithoutPosition,
@@ -53,8 +55,8 @@ from stemwatch.models.without_position.windows import (
 def few_trained() -> Judge:
     """Networks trained on a few loops, poor but working; trained once, on the first use."""
     shown = [example(5151, index) for index in range(40)]
-    no_sign = NoSignLimit(below=0.3, shows_from=0.5)
-    limits = SuspicionLimits(suspected_from=0.8, no_sign_few=no_sign, no_sign=no_sign)
+    no_sign = NoSignLimit(level=0.0, by_swings=0.0, by_range=0.0, by_S=1.0, beyond=0.0)
+    limits = SuspicionLimits(suspected_from=0.8, no_sign=no_sign)
     network: LoopNetwork = train(
         [item for item in shown if item is not None], seed=1, epochs=10, window_epochs=3
     )
@@ -324,18 +326,52 @@ def test_what_is_shipped_is_what_was_trained() -> None:
     result = sha256("".join(trained_weights.PACKED.split()).encode()).hexdigest()
     assert result == trained_weights.DIGEST
     limits = trained_judge().limits
-    for no_sign in (limits.no_sign_few, limits.no_sign):
-        assert 0.0 < no_sign.below <= limits.suspected_from < 1.0
-        assert 0.0 < no_sign.shows_from <= 1.0
+    assert 0.5 < limits.suspected_from < 1.0
+    assert limits.no_sign.by_S > 0.0
     assert trained_judge().network.arrays["mean"].shape == (len(NAMES),)
 
 
-def test_few_swings_have_a_limit_of_their_own() -> None:
-    """What is no sign is decided by the number of swings, and a lower score is asked of few."""
-    limits = trained_judge().limits
-    assert limits.no_sign_of(4.9) == limits.no_sign_few
-    assert limits.no_sign_of(5.0) == limits.no_sign
-    assert limits.no_sign_few.below < limits.no_sign.below
+@pytest.mark.parametrize("place", [1, 3, 5, 9])
+def test_no_sign_names_a_smaller_S_where_OP_swings_less(place) -> None:
+    """The same loop with half the swing of OP: half the S, down to what a sound valve may have.
+    Where OP swings by less than that, it is all of OP's swing."""
+    loop = draw_loop(77, place)
+    amplitude = amplitude_of(loop.op, dominant_period(loop.op))
+    whole, half, tiny = (
+        suspect_by(loop_of(50.0 + share * (loop.op - 50.0), loop.pv), trained_judge())
+        for share in (1.0, 0.5, 0.5 / amplitude)
+    )
+    assert whole.verdict is half.verdict is tiny.verdict is Suspicion.NO_SIGN
+    assert whole.shows_from is not None
+    assert half.shows_from == pytest.approx(max(0.5 * whole.shows_from, LEAST_S_PERCENT))
+    assert tiny.shows_from == pytest.approx(0.5)
+    assert f"sticks by {whole.shows_from:.1f} % of OP or more" in whole.reason
+
+
+def test_nothing_is_to_do_only_where_a_small_S_would_have_shown() -> None:
+    """At most 2 % of OP, and OP is in percent; else a test is worth the way."""
+    loop = draw_loop(77, 1)
+    S = suspect_by(loop_of(loop.op, loop.pv), trained_judge()).shows_from
+    assert S is not None
+    for shows, unit, is_done in ((1.9, "%", True), (2.1, "%", False), (1.9, "m3/h", False)):
+        op = 50.0 + shows / S * (loop.op - 50.0)
+        answer = suspect_by(loop_of(op, loop.pv, unit), trained_judge())
+        assert answer.shows_from == pytest.approx(shows)
+        assert answer.leaves_nothing_to_do is is_done
+        assert answer.advice.startswith("Nothing to do" if is_done else "Do a bump test")
+
+
+def test_an_S_that_nobody_misses_is_no_answer() -> None:
+    """Where OP swings wide, only a large S would have shown: then nothing can be told. In a unit
+    that nobody knows the S is named as it is."""
+    loop = draw_loop(77, 1)
+    wide = 50.0 + 20.0 * (loop.op - 50.0)
+    found = suspect_by(loop_of(wide, loop.pv), trained_judge())
+    assert found.verdict is Suspicion.CANNOT_TELL
+    assert "only a valve that sticks by" in found.reason
+    named = suspect_by(loop_of(wide, loop.pv, "m3/h"), trained_judge())
+    assert named.verdict is Suspicion.NO_SIGN
+    assert "m3/h of OP or more" in named.reason
 
 
 def test_numbers_come_back_from_text_in_half_precision() -> None:

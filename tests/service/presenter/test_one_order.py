@@ -7,8 +7,11 @@ import html
 import io
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
-from stemwatch.models.without_position.suspicion import Suspicion
+import pytest
+
+from stemwatch.models.without_position.suspicion import SMALL_S_PERCENT, Suspicion
 from stemwatch.service.alerts.digest import message_of
 from stemwatch.service.maintenance.maintenance_html import work_list_html
 from stemwatch.service.maintenance.pdf import work_list_pdf
@@ -17,8 +20,17 @@ from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter.suspicion_words import next_steps
 from stemwatch.service.report.ranking import rank_valves
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity, RaisedAlert
+from stemwatch.service.store.screenings.ranking import RankingFilter
 from stemwatch.service.store.store import open_store
-from tests.service.presenter.test_one_run_everywhere import every_kind, needed, save_run
+from tests.service.maintenance.example_work_list import context
+from tests.service.presenter.test_one_run_everywhere import (
+    NO_POSITION,
+    blind,
+    every_kind,
+    needed,
+    save_run,
+)
+from tests.service.report.test_without_position import no_sign
 from tests.service.web import example_plant
 
 
@@ -62,6 +74,27 @@ def test_the_list_of_next_steps_says_what_each_valve_is_told(tmp_path) -> None:
     for step in open_steps:
         for loop in step.loops:
             assert step.step in answers[loop].next_step, loop
+
+
+@pytest.mark.parametrize("shows_from", [2.0, 2.1])
+def test_no_sign_makes_no_order_only_where_a_small_S_would_have_shown(tmp_path, shows_from) -> None:
+    """In the report and in the store alike: where only more would have shown, a position is asked
+    for, also where another recording of the valve leaves nothing to do."""
+    told = replace(no_sign(), shows_from=shows_from, advice="Do a bump test.")
+    both = [
+        replace(blind("FIC-2", NO_POSITION), without_position=answer)
+        for answer in (no_sign(), told, no_sign())
+    ]
+    told_alone, orders = both[1], int(shows_from > SMALL_S_PERCENT)
+    assert rank_valves([told_alone], context([told_alone])).counts.orders == orders
+    with open_store(f"sqlite:///{tmp_path / 'plant.db'}") as store:
+        run = store.begin_run(software_version="1")
+        store.save(told_alone.without_samples(), run)
+        store.finish_run(run)
+        assert store.ranking(RankingFilter()).orders == orders
+    if orders:
+        (step,) = next_steps(both)
+        assert step.step == "Do a bump test."
 
 
 def tags_in(text: str, tags: Sequence[str]) -> list[str]:

@@ -73,23 +73,27 @@ def test_periods_are_said_in_the_unit_that_fits() -> None:
 
 
 @pytest.mark.parametrize(
-    ("moved", "answer", "has_order"),
+    ("moved", "answer", "shows_from", "unit", "has_order"),
     [
-        (False, Suspicion.CANNOT_TELL, True),
-        (False, Suspicion.SUSPECTED, True),
-        (False, Suspicion.NO_SIGN, False),
-        (True, Suspicion.CANNOT_TELL, False),
+        (False, Suspicion.CANNOT_TELL, None, "%", True),
+        (False, Suspicion.SUSPECTED, None, "%", True),
+        (False, Suspicion.NO_SIGN, 2.0, "%", False),
+        (False, Suspicion.NO_SIGN, 2.1, "%", True),
+        (False, Suspicion.NO_SIGN, 2.0, "m3/h", True),
+        (True, Suspicion.CANNOT_TELL, None, "%", False),
     ],
 )
 def test_a_loop_without_position_that_another_moves_makes_no_order(
-    make_screening, moved, answer, has_order
+    make_screening, moved, answer, shows_from, unit, has_order
 ) -> None:
-    """Nor one without any sign of sticking. What to do at the others, OP and PV say."""
+    """Nor one without any sign of sticking where 2 % of OP would have shown. What to do at the
+    others, OP and PV say."""
     suspicion = WithoutPosition(
         verdict=answer,
         reason="r",
         advice="Do a bump test.",
-        apparent_S=Estimate.unknown("r"),
+        apparent_S=Estimate.unknown("r", unit=unit),
+        shows_from=shows_from,
     )
     screening = replace(
         make_screening(valve="TIC-2", verdict=Verdict.UNDETERMINED),

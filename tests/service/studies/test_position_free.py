@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from io import StringIO
+
 import numpy as np
 import pytest
+from rich.console import Console
+from rich.table import Table
 
 from stemwatch.models.without_position.suspicion import Suspicion
+from stemwatch.service.cli.position_free import _tables
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.position_free import (
     FAMILIES,
+    FamilyRow,
     StudiedLoop,
     family_rows,
     items_of_training,
+    limits_of,
+    look_item,
     run_position_free,
     run_training,
 )
@@ -36,12 +44,14 @@ def test_training_again_gives_the_same(trained) -> None:
 
 
 @pytest.mark.long
-def test_the_limits_are_in_order(trained) -> None:
-    """No sign below what is suspected, both scores."""
-    limits = trained.limits
-    for no_sign in (limits.no_sign_few, limits.no_sign):
-        assert 0.0 <= no_sign.below <= limits.suspected_from <= 1.0
-        assert 0.0 < no_sign.shows_from <= 1.0
+def test_the_limits_come_from_their_loops(trained) -> None:
+    """The same loops give the same limits, and by too few sticking ones nothing is no sign."""
+    assert 0.0 <= trained.limits.suspected_from <= 1.0
+    seen = [draw for item in items_of_training(60, 5151)[1] for draw in look_item(item)]
+    assert limits_of(seen, trained.network) == trained.limits
+    sticking = [draw for draw in seen if draw.S > 0.0]
+    named = limits_of(sticking[:3] + [draw for draw in seen if draw.S <= 0.0], trained.network)
+    assert named.no_sign.shows_from(0.0, 20.0, 1.0) is None
 
 
 @pytest.mark.long
@@ -60,7 +70,12 @@ def test_the_row_of_a_family_counts_what_was_said() -> None:
     """On answers made by hand: areas, alarms, errors and intervals."""
 
     def answer(
-        S: float, score: float | None, numbers=None, swings=5.0, alarm: float | None = None
+        S: float,
+        score: float | None,
+        numbers=None,
+        swings=5.0,
+        alarm: float | None = None,
+        shows=None,
     ) -> StudiedLoop:
         verdict = Suspicion.CANNOT_TELL if score is None else Suspicion.NO_SIGN
         verdict = Suspicion.SUSPECTED if numbers else verdict
@@ -72,6 +87,7 @@ def test_the_row_of_a_family_counts_what_was_said() -> None:
             verdict=verdict,
             score=score,
             apparent_S=numbers,
+            shows_from=shows,
             alarm=(score or 0.0) if alarm is None else alarm,
         )
 
@@ -87,6 +103,9 @@ def test_the_row_of_a_family_counts_what_was_said() -> None:
     assert row.auc == pytest.approx(5 / 6)
     assert row.error == pytest.approx(0.75)
     assert row.held == (1, 2)
+    assert row.missed == 0
+    named = [answer(2.0, 0.1, shows=1.9), answer(2.0, 0.1, shows=2.1), answer(0.0, 0.1, shows=1.0)]
+    assert next(family_rows(answers + named)).missed == 1
     longer = [answer(4.0, 0.9, (3.5, 2.5, 4.5), swings=8.0), answer(0.0, 0.2, swings=30.0)]
     (_, row) = family_rows(answers + longer)
     assert row.family == "own, 8 swings and more"
@@ -95,3 +114,32 @@ def test_the_row_of_a_family_counts_what_was_said() -> None:
     small = [answer(3.0, 0.8), answer(0.0, 0.9, alarm=0.0), answer(2.0, 0.9, alarm=0.0)]
     (row,) = family_rows(small)
     assert (row.sensitivity, row.found) == ((0.0, 0.0), (0.5, 0.5))
+
+
+def test_the_tables_of_the_study_fit_into_eighty_columns() -> None:
+    """No count is cut off, and each family has its row in both."""
+    counts = {"suspected": (193, 107), "no_sign": (159, 233), "cannot_tell": (108, 120)}
+    row = FamilyRow(
+        family="plant, 8 swings and more",
+        sticking=360,
+        sound=360,
+        **counts,
+        missed=125,
+        auc=0.86,
+        sensitivity=(0.5, 0.6),
+        found=(0.56, 0.63),
+        error=0.41,
+        held=(185, 193),
+    )
+    said, measured = (printed(table) for table in _tables(5151, [row]))
+    for text in ("360 + 360", "193 + 107", "159 + 233", "125", "108 + 120"):
+        assert text in said
+    assert "0.86    0.50, 0.60        0.56, 0.63 0.41 % 185 of 193" in measured
+    assert "plant, 8 swings and more" in measured
+
+
+def printed(table: Table) -> str:
+    """A table as a terminal of eighty columns shows it."""
+    shown = StringIO()
+    Console(width=80, file=shown).print(table)
+    return shown.getvalue()

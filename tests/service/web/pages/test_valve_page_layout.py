@@ -58,8 +58,8 @@ NOTE = (
 )
 CROSS_CHECK = WithoutPosition(
     verdict=Suspicion.NO_SIGN,
-    reason="OP and PV show no sign of sticking; a valve that sticks by 14.5 % of OP or more would "
-    "have shown.",
+    reason="OP and PV show no sign of sticking; a valve that sticks by 1.5 % of OP or more would "
+    "have shown in nine cases of ten.",
     advice="",
     score=0.02,
     apparent_S=Estimate.unknown("nothing is suspected", unit="%"),
