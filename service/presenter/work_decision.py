@@ -212,9 +212,11 @@ def is_moved(
     groups: Sequence[OscillationGroup],
     valve: str,
 ) -> bool:
-    """Whether to look elsewhere first: nothing can be ``told`` of the valve, not even by OP and PV
-    alone, and one of ``groups`` makes it oscillate."""
-    untold = told is None or told.verdict is Suspicion.CANNOT_TELL
+    """Whether to look elsewhere first: what can be ``told`` of the valve, by OP and PV alone, is
+    neither that it is suspected nor that it needs nothing, and one of ``groups`` makes it
+    oscillate."""
+    told_enough = told is not None and told.verdict is Suspicion.SUSPECTED
+    untold = not told_enough and (told is None or not told.leaves_nothing_to_do)
     return kinds in MOVABLE and untold and is_moved_by_another(groups, valve)
 
 

@@ -39,7 +39,6 @@ _VERDICTS = {
     Verdict.HEALTHY: Sticks.NO,
     Verdict.DEFECTIVE: Sticks.NO,  # not friction, but something else is wrong
 }
-_SUSPICIONS = {Suspicion.SUSPECTED: Sticks.YES, Suspicion.NO_SIGN: Sticks.NO}
 _HAW_PROGRAM = Path(__file__).with_name("haw_program.py")
 _HAW_SHARE = 0.5  # of the cycles of an oscillation that the package marks, from which it sticks
 _LONGEST_MESSAGE = 500
@@ -126,10 +125,10 @@ def _without_position(screening: Screening) -> CaseAnswer:
     suspicion = screening.without_position
     if suspicion is None:
         return CaseAnswer()
-    return CaseAnswer(
-        stiction=_SUSPICIONS.get(suspicion.verdict, Sticks.CANNOT_TELL),
-        S=_number(suspicion.apparent_S),
-    )
+    # No sign of an S that a stem seldom has is no answer to whether it sticks.
+    sound = Sticks.NO if suspicion.leaves_nothing_to_do else Sticks.CANNOT_TELL
+    suspected = suspicion.verdict is Suspicion.SUSPECTED
+    return CaseAnswer(stiction=Sticks.YES if suspected else sound, S=_number(suspicion.apparent_S))
 
 
 def _number(estimate: Estimate) -> Number:

@@ -81,6 +81,7 @@ def test_periods_are_said_in_the_unit_that_fits() -> None:
         (False, Suspicion.NO_SIGN, 2.1, "%", True),
         (False, Suspicion.NO_SIGN, 2.0, "m3/h", True),
         (True, Suspicion.CANNOT_TELL, None, "%", False),
+        (True, Suspicion.NO_SIGN, 2.1, "%", False),
     ],
 )
 def test_a_loop_without_position_that_another_moves_makes_no_order(
