@@ -24,7 +24,7 @@ from stemwatch.models.mismatch.named_by_likelihood import leaves_something, like
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import MOST_TERMS, Named, Needed, with_breakaways
 
-LEAST_Z_BESIDE = 2.4
+LEAST_Z_BESIDE = 3.0
 
 
 def with_dwell(named: Named, terms: Sequence[Term]) -> Named:
