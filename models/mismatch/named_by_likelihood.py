@@ -88,18 +88,27 @@ class Compared:
     @property
     def evidence(self) -> LikelihoodEvidence:
         """How much more likely the record is with the term."""
-        gained, t = more_likely(self.rich, self.simple)
-        harder = HARDER.get(self.term.slug, 1.0)
-        rarely = RARELY_ACTS.get(self.term.slug, 1.0)
-        strength = min(
-            gained / (LEAST_GAIN * harder),
-            t / (LEAST_T * rarely),
-            gained * t / (LEAST_PRODUCT * harder * rarely),
-        )
-        return LikelihoodEvidence(gained, t, strength)
+        slug = self.term.slug
+        harder, rarely = HARDER.get(slug, 1.0), RARELY_ACTS.get(slug, 1.0)
+        return evidence_of(self.rich, self.simple, harder, rarely)
 
 
-def more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
+def evidence_of(
+    rich: Likeliest, simple: Likeliest, harder: float = 1.0, rarely: float = 1.0
+) -> LikelihoodEvidence:
+    """How much more likely the record is by ``rich`` than by ``simple``: at the limits, which are
+    ``harder`` times as high for the gain and ``rarely`` times for t, the strength is 1.
+    """
+    gained, t = _more_likely(rich, simple)
+    strength = min(
+        gained / (LEAST_GAIN * harder),
+        t / (LEAST_T * rarely),
+        gained * t / (LEAST_PRODUCT * harder * rarely),
+    )
+    return LikelihoodEvidence(gained, t, strength)
+
+
+def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
     """By how much one is more likely than another, as a logarithm, and its t over the blocks."""
     by_block = one.by_block - other.by_block
     enough = by_block.size > 2
@@ -373,7 +382,7 @@ def _is_material(one: Compared, evaluator: Evaluator) -> bool:
 
 def _as_likely(best: Compared, other: Compared) -> bool:
     """Whether the record does not tell two terms apart."""
-    more, t = more_likely(best.rich, other.rich)
+    more, t = _more_likely(best.rich, other.rich)
     return more < AS_LIKELY or t < AS_GOOD
 
 

@@ -13,20 +13,13 @@ import numpy as np
 
 from stemwatch.models.mismatch.base_fit import sticking_again
 from stemwatch.models.mismatch.evaluator import RATIO, RESTICK, S_PERCENT
-from stemwatch.models.mismatch.likelihood import (
-    LEAST_GAIN,
-    LEAST_PRODUCT,
-    LEAST_T,
-    Likeliest,
-    LikelihoodEvidence,
-    RecordLikelihood,
-)
+from stemwatch.models.mismatch.likelihood import Likeliest, LikelihoodEvidence, RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import (
     FEW_COURSES,
     WORTH,
+    evidence_of,
     held,
     leaves_something,
-    more_likely,
     points_at,
     scatter_matters,
     scored_at,
@@ -86,9 +79,7 @@ def _found(
     less[RESTICK] = SLIDES
     again = likelihood.maximised(slides, [np.append(less, sticking.of_record)])
     sliding = max(sliding, again, key=lambda one: one.total)
-    gained, t = more_likely(sticking, sliding)
-    strength = min(gained / LEAST_GAIN, t / LEAST_T, gained * t / LEAST_PRODUCT)
-    return sticking, LikelihoodEvidence(gained, t, strength)
+    return sticking, evidence_of(sticking, sliding)
 
 
 def _at_speeds(candidates: Floats) -> list[Floats]:

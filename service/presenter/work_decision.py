@@ -118,9 +118,8 @@ class WorkDecision:
     how such a machine is made or may be. ``lasting`` has the slugs of defects that the windows of
     weeks confirm and this one does not name: work is planned on them too. ``no_sign``: there is no
     position, and OP and PV show no sign of sticking where even a small S would have shown, so that
-    there is nothing to do at the valve;
-    ``moved``: nothing can be told of it, and another loop, or what reaches several, makes it
-    oscillate.
+    there is nothing to do at the valve; ``moved``: too little can be told of it, and another loop,
+    or what reaches several, makes it oscillate.
     """
 
     verdict: Verdict
@@ -215,9 +214,10 @@ def is_moved(
     """Whether to look elsewhere first: what can be ``told`` of the valve, by OP and PV alone, is
     neither that it is suspected nor that it needs nothing, and one of ``groups`` makes it
     oscillate."""
-    told_enough = told is not None and told.verdict is Suspicion.SUSPECTED
-    untold = not told_enough and (told is None or not told.leaves_nothing_to_do)
-    return kinds in MOVABLE and untold and is_moved_by_another(groups, valve)
+    is_told = told is not None and (
+        told.verdict is Suspicion.SUSPECTED or told.leaves_nothing_to_do
+    )
+    return kinds in MOVABLE and not is_told and is_moved_by_another(groups, valve)
 
 
 def _class_of(effect: Effect) -> frozenset[str]:
