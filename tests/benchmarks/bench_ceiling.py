@@ -4,7 +4,8 @@
 
 The valves of ``stemwatch prove`` that hide one effect of the catalogue, and whose record shows it,
 are explained. Where the effect is not named, its term is fitted once more from its true size and
-the true S and J, and scored on unseen blocks as any term. One line for each, and a table.
+the true S and J, and judged as any term: by the trajectories on unseen blocks, and by the
+likelihood of the whole record. One line for each, and a table of the records.
 """
 
 from __future__ import annotations
@@ -12,15 +13,17 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import NEAR, strength
+from stemwatch.models.mismatch.accepted_hypothesis import named_effects, of_the_valve
 from stemwatch.models.mismatch.base_fit import BaseFit
 from stemwatch.models.mismatch.batched_search import conclude
+from stemwatch.models.mismatch.breakaway_levels import DWELL
 from stemwatch.models.mismatch.crossfit import (
     CAREFUL,
     POLISH,
@@ -34,9 +37,27 @@ from stemwatch.models.mismatch.crossfit import (
 from stemwatch.models.mismatch.evaluator import CoordinateLayout
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
+from stemwatch.models.mismatch.likelihood import Likeliest, RecordLikelihood
+from stemwatch.models.mismatch.named_by_likelihood import (
+    FEW_COURSES,
+    _compared,
+    _passes,
+    evidence_of,
+    leaves_something,
+    named_by_likelihood,
+    points_at,
+    scatter_matters,
+)
 from stemwatch.models.mismatch.other_coordinates import without
-from stemwatch.models.mismatch.prepared_recording import prepare, problem_of
+from stemwatch.models.mismatch.prepared_recording import (
+    PreparedRecording,
+    admissible,
+    prepare,
+    problem_of,
+)
+from stemwatch.models.mismatch.reading_errors import COORDINATES, LEAST_RESTICK, RESTICK, pinned
 from stemwatch.models.mismatch.record_effects import measured_record
+from stemwatch.models.mismatch.sticking_by_likelihood import HARDER
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_selection import neutral
 from stemwatch.models.mismatch.terms import catalogue
@@ -48,17 +69,17 @@ from stemwatch.models.studies.simulator.hidden.catalogue import RECORD
 EFFORT = FitEffort(keep=6, rounds=12, first=((2, 4, np.inf),), population=24)
 AROUND = (0.8, 1.0, 1.25)  # times the true size: the plant's formulas are not the terms' own
 S_AND_J = ((1.0, 1.0), (0.9, 0.8))  # times the true ones
+CLIMBED = 4  # points by the truth from which the likelihood is climbed
 RESTICKS = (0.02, 0.2, 1.0)  # %/s
 # Shares of the drawn speed, at which friction has fallen, at which a stem may stick again.
 OF_STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 1.6)
 # A rise that settles, over that of the logarithm which it reaches after three minutes.
 SETTLES = 3.5
-NAMED = "named"
-REFUSED = "the recording was not asked: it could not have shown it"
-NOTHING = f"gains nothing: below {NEAR} of the limits even from the truth"
-LITTLE = "gains too little: below the limits even from the truth"
-SEARCH = "lost by the search: passes from the truth"
-DROPPED = "found, and dropped afterwards"
+NAMED, NOTHING, LITTLE = "named", "gains nothing", "too little"
+REFUSED, SEARCH, DROPPED = "not asked", "search loses it", "found, then dropped"
+MISSED = (NOTHING, LITTLE, REFUSED, SEARCH, DROPPED)
+GROUPS = {kind: "an hour that moves" for kind in ("rich", "routine", "scatter", "noisy")}
+GROUPS |= {"short": "a quarter of an hour"}
 
 Sizes = Mapping[str, float]
 SIZES: dict[str, Callable[[Sizes], list[list[float]]]] = {
@@ -140,28 +161,139 @@ def best_from(base: BaseFit, layout: CoordinateLayout, starts: Floats) -> tuple[
     return simple, better(evaluator, nothing, rich)
 
 
-def from_truth(case: HiddenCase, recording: Recording) -> float | None:
-    """The strength of the right term, begun at the truth, or ``None`` where it is not asked."""
+@dataclass(frozen=True)
+class FromTruth:
+    """How strong the right effect is from the truth, 1 at the limits of either judge; ``found``:
+    the likelihood's own search finds it beside S and J alone."""
+
+    trajectories: float = 0.0
+    likelihood: float = 0.0
+    found: bool = False
+    why: str = ""
+
+    def __str__(self) -> str:
+        by = f"{self.trajectories:.2f} by trajectories, {self.likelihood:.2f} by the likelihood"
+        return f"{by}{self.why}"
+
+
+def from_truth(case: HiddenCase, recording: Recording) -> FromTruth | None:
+    """The right effect, begun at the truth, or ``None`` where the record is not asked for it."""
     recording = on_own_clock(recording)
     measured = measured_record(recording)
     prepared = prepare(recording, measured, None, problem_of(recording, measured))
-    slug, base = case.hidden[0], prepared.base
+    slug = case.hidden[0]
     if slug in prepared.refused:
         return None
-    simple, rich = best_from(base, *at_truth(case, catalogue()[slug], base))
-    evaluator = base.evaluator
+    if slug == RESTICK:
+        by_likelihood, why = sticking_from_truth(case, prepared)
+        return FromTruth(likelihood=by_likelihood, why=why)
+    layout, starts = at_truth(case, catalogue()[slug], prepared.base)
+    by_likelihood, why = likelihood_from_truth(case, prepared, layout, starts)
+    return FromTruth(
+        trajectories_from_truth(slug, prepared, layout, starts),
+        by_likelihood,
+        by_likelihood > 0.0 and is_found(slug, prepared),
+        why,
+    )
+
+
+def trajectories_from_truth(
+    slug: str, prepared: PreparedRecording, layout: CoordinateLayout, starts: Floats
+) -> float:
+    """The strength on unseen blocks, 0 where the size is not material."""
+    evaluator = prepared.base.evaluator
+    simple, rich = best_from(prepared.base, layout, starts)
     if not catalogue()[slug].material(rich.values(slug).mean(axis=0), evaluator.summary):
         return 0.0
     return strength(gain(evaluator, simple, rich), evaluator.measured_counts, slug)
 
 
-def why_missed(slug: str, mismatch: Mismatch, best: float | None) -> str:
-    """What became of the right effect, whose strength is ``best`` from the truth."""
-    if best is None:
+def likelihood_from_truth(
+    case: HiddenCase, prepared: PreparedRecording, layout: CoordinateLayout, starts: Floats
+) -> tuple[float, str]:
+    """The strength by the likelihood, and what it is made of; below 1 where it does not pass."""
+    base, term = prepared.base, catalogue()[case.hidden[0]]
+    if term.slug == DWELL or not scatter_matters(base.evaluator, base.fitted):
+        return 0.0, " (not asked)"
+    likelihood, simple = RecordLikelihood(base.evaluator), base.fitted.layout
+    first = likelihood.first_of_record
+    rich = climbed_from(likelihood, layout, starts)
+    today = likelihood.maximised(simple, points_at(base.fitted, first))
+    alone = climbed_from(likelihood, simple, starts[:, : simple.size])
+    alone = max(alone, today, key=lambda at: at.total)
+    one = _compared(likelihood, alone, rich, term)
+    lost = one.simple.total - today.total
+    why = (
+        f" (gain {one.evidence.gain:.0f}, t {one.evidence.t:.1f}, scatter {one.rich.scatter:.2f}, "
+        f"noise {one.rich.noise / base.evaluator.problem.sigma:.1f} of sigma; "
+        f"S and J alone lose {lost:.0f})"
+    )
+    passes = _passes(one, base.evaluator)
+    return (one.evidence.strength if passes else min(one.evidence.strength, 0.99)), why
+
+
+def climbed_from(
+    likelihood: RecordLikelihood, layout: CoordinateLayout, starts: Floats
+) -> Likeliest:
+    """The most likely point from the best of some starts, each climbed by itself."""
+    quick = replace(likelihood, courses=FEW_COURSES)
+    points = [np.append(row, likelihood.first_of_record) for row in starts]
+    begun = quick.ranked(layout, points)[:CLIMBED]
+    return max(
+        (likelihood.maximised(layout, [one.point]) for one in begun), key=lambda at: at.total
+    )
+
+
+def sticking_from_truth(case: HiddenCase, prepared: PreparedRecording) -> tuple[float, str]:
+    """The strength by the likelihood of a stem that sticks again, of which trajectories are asked
+    all along."""
+    base, valve = prepared.base, case.loop.valve
+    if not scatter_matters(base.evaluator, base.fitted):
+        return 0.0, " (not asked)"
+    layout, centre = base.fitted.layout, base.fitted.candidates.mean(axis=0)
+    starts = np.tile(centre, (len(OF_STRIBECK) * 2, 1))
+    starts[:, base_coordinate.S_PERCENT] = valve.S_read
+    starts[:, base_coordinate.RATIO] = valve.J_read / valve.S_read
+    speeds = [of * case.sizes[f"{RESTICK}.stribeck_percent_per_s"] for of in OF_STRIBECK]
+    starts[:, base_coordinate.RESTICK] = np.repeat(speeds, 2)
+    starts[::2, [base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
+    starts = layout.bounds.clip(starts)
+    likelihood = RecordLikelihood(base.evaluator)
+    sticking = climbed_from(likelihood, layout, starts)
+    slides = pinned(layout, *COORDINATES[RESTICK])
+    sliding = climbed_from(
+        likelihood, slides, np.vstack((starts, sticking.candidate, base.fitted.candidates))
+    )
+    evidence = evidence_of(sticking, sliding)
+    speed = float(sticking.candidate[base_coordinate.RESTICK])
+    why = (
+        f" (gain {evidence.gain:.0f}, t {evidence.t:.1f}, scatter {sticking.scatter:.2f}, "
+        f"noise {sticking.noise / base.evaluator.problem.sigma:.1f} of sigma; at {speed:.2f} %/s)"
+    )
+    passes = speed >= LEAST_RESTICK and not leaves_something(sticking, base.evaluator)
+    strong = evidence.strength / HARDER
+    return (strong if passes else min(strong, 0.99)), why
+
+
+def is_found(slug: str, prepared: PreparedRecording) -> bool:
+    """Whether the likelihood's own search names the effect where nothing else is named."""
+    terms = admissible(prepared.refused)
+    named = named_effects(prepared, terms)
+    nothing = replace(named, fitted=named.base, needed=())
+    found = named_by_likelihood(nothing, of_the_valve(terms))
+    return any(slug in needed.members for needed in found.needed)
+
+
+def why_missed(slug: str, mismatch: Mismatch, truth: FromTruth | None) -> str:
+    """What became of the right effect, which is as strong as ``truth`` says from there."""
+    if truth is None:
         return REFUSED
-    found = max((score.strength for score in mismatch.scores if score.slug == slug), default=0.0)
-    if found >= 1.0:
+    by_trajectories = max(
+        (score.strength for score in mismatch.scores if score.slug == slug), default=0.0
+    )
+    if truth.found or by_trajectories >= 1.0:
         return DROPPED
+    best = max(truth.trajectories, truth.likelihood)
     if best >= 1.0:
         return SEARCH
     return LITTLE if best >= NEAR else NOTHING
@@ -172,7 +304,7 @@ def of_the_catalogue(case: HiddenCase) -> bool:
     if len(case.effects) != 1 or case.effects[0] in RECORD:
         return False
     term = catalogue().get(case.effects[0])
-    return term is not None and term.acts_on is not ActsOn.READING
+    return term is not None and (term.acts_on is not ActsOn.READING or term.slug == RESTICK)
 
 
 def stored(recording: Recording) -> Recording:
@@ -184,29 +316,45 @@ def stored(recording: Recording) -> Recording:
     return replace(recording, signals=signals)
 
 
+def table(counts: Counter[tuple[str, str]]) -> str:
+    """How many were named, and why the others were not, by kind of record."""
+    kinds = list(dict.fromkeys(kind for kind, _ in counts))
+    lines = [f"{'record':22s}" + "".join(f"{head:>21s}" for head in ("asked", NAMED, *MISSED))]
+    for kind in (*kinds, "all"):
+        of_kind = Counter[str]()
+        for (other, why), count in counts.items():
+            of_kind[why] += count if kind in (other, "all") else 0
+        numbers = (of_kind.total(), *(of_kind[why] for why in (NAMED, *MISSED)))
+        lines.append(f"{kind:22s}" + "".join(f"{number:21d}" for number in numbers))
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Explain the valves, and say of each missed effect why."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=2108)
+    parser.add_argument("--seed", type=int, default=2119)
     parser.add_argument("--cases", type=int, default=400)
     requested = parser.parse_args()
-    counts: Counter[str] = Counter()
-    for drawn in filter(of_the_catalogue, draw_hidden(requested.cases, requested.seed)):
+    counts: Counter[tuple[str, str]] = Counter()
+    for number, drawn in enumerate(draw_hidden(requested.cases, requested.seed), start=1):
+        if not of_the_catalogue(drawn):
+            continue
         case, run = simulate_hidden(drawn)
         if not case.excited:
             continue
         slug, recording = case.hidden[0], stored(run.recording)
+        kind = GROUPS.get(case.concealment, case.concealment)
         mismatch = explain(recording)
         if any(slug in effect.members for effect in mismatch.effects):
-            counts[NAMED] += 1
+            counts[kind, NAMED] += 1
             continue
-        best = from_truth(case, recording)
-        why = why_missed(slug, mismatch, best)
-        counts[why] += 1
-        size = "" if best is None else f" ({best:.2f} of the limits)"
-        print(f"{slug}, {case.concealment}: {why}{size}", flush=True)
-    for why in (NAMED, REFUSED, NOTHING, LITTLE, SEARCH, DROPPED):
-        print(f"{counts[why]:4d}  {why}")
+        truth = from_truth(case, recording)
+        why = why_missed(slug, mismatch, truth)
+        counts[kind, why] += 1
+        said = " and ".join(effect.slug for effect in mismatch.effects) or mismatch.finding
+        strong = "" if truth is None else f"; from the truth {truth}"
+        print(f"{number:4d} {slug}, {case.concealment}: {why}; said: {said}{strong}", flush=True)
+    print(table(counts))
 
 
 if __name__ == "__main__":
