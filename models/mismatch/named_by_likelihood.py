@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -69,7 +70,9 @@ EXCHANGES = 2
 # outside the catalogue four were named at the limit, with t up to 3.9; of those with an effect that
 # trajectories miss four, with 5.6 and more (seeds 4063 and 2108).
 WIDEST, ALL_OVER = 0.95, 5.0
-LEVELS_OF_LESS_SCATTER = 1.0, 1.1, 1.25  # shares of S from which a smaller scatter is looked for
+# Where a smaller scatter is looked for: breakaway levels, shares of the one with the widest, and J/S.
+LEVELS_OF_LESS_SCATTER, RATIOS_OF_LESS_SCATTER = (0.85, 1.0, 1.15, 1.3, 1.5), (0.05, 0.2, 0.4, 0.7)
+LOOKS_OF_LESS_SCATTER, CLIMBED_OF_LESS_SCATTER = 6, 2
 MORE_THAN_NOISE = 1.5
 CONTRADICTED = -1.0  # t of the trajectories, below which they speak against a term
 # Difference of two terms, and its t over the blocks, below which neither is more likely.
@@ -194,7 +197,7 @@ def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) ->
         RecordLikelihood(evaluator, FEW_COURSES),
         points_at(simple, likelihood.first_of_record),
     )
-    first = quick.maximised(simple.layout, points)
+    first = less_scattered(quick, quick.maximised(simple.layout, points))
     looks = _worth_a_search(quick, first, named, terms)
     if not looks:
         return []
@@ -319,8 +322,8 @@ def _compared(
     """Without and with a term, each begun from where the other has ended, until neither gains."""
     simple, rich = alone, likelihood.maximised(look.layout, [look.point])
     hopeful = rich.total - alone.total >= LEAST_GAIN and not _too_noisy(likelihood.evaluator, rich)
-    if hopeful and rich.scatter > WIDEST * SCATTERS[1]:
-        rich = max(rich, _less_scattered(likelihood, rich), key=lambda one: one.total)
+    if hopeful:
+        rich = less_scattered(likelihood, rich)
     for _ in range(EXCHANGES):
         if rich.total - simple.total < LEAST_GAIN:
             break
@@ -341,17 +344,23 @@ def _compared(
     return Compared(term, simple, rich)
 
 
-def _less_scattered(likelihood: RecordLikelihood, wide: Likeliest) -> Likeliest:
-    """A point whose scatter is at its limit, searched again from a small one: a wide scatter also
-    stands for levels that are too low.
+def less_scattered(likelihood: RecordLikelihood, at: Likeliest) -> Likeliest:
+    """A point that leaves something in scatter or noise, or a better one that is found from small
+    scatters, other levels and other J: these also stand for what S and J are wrong by.
     """
-    of_record = np.append(wide.of_record[:1], likelihood.first_of_record[1:])
-    begun = []
-    for larger in LEVELS_OF_LESS_SCATTER:
-        row = wide.candidate.copy()
-        row[S_PERCENT] *= larger
-        begun.append(likelihood.climbed(likelihood.at(wide.layout, np.append(row, of_record))))
-    return likelihood.maximised(wide.layout, [max(begun, key=lambda at: at.total).point])
+    if not leaves_something(at, likelihood.evaluator):
+        return at
+    layout, quick = at.layout, replace(likelihood, courses=FEW_COURSES)
+    S, J = S_and_J(at.candidate)
+    points = []
+    for level, ratio in product(LEVELS_OF_LESS_SCATTER, RATIOS_OF_LESS_SCATTER):
+        row = at.candidate.copy()
+        row[S_PERCENT], row[RATIO] = level * (S + J) / (1.0 + ratio), ratio
+        points.append(np.concatenate((row, at.of_record[:1], likelihood.first_of_record[1:])))
+    begun = quick.ranked(layout, points)[:LOOKS_OF_LESS_SCATTER]
+    begun = sorted((quick.climbed(one, MORE_ROUNDS) for one in begun), key=lambda one: -one.total)
+    points = [one.point for one in begun[:CLIMBED_OF_LESS_SCATTER]]
+    return max(at, likelihood.maximised(layout, points), key=lambda at: at.total)
 
 
 def _passes(one: Compared, evaluator: Evaluator) -> bool:
@@ -436,7 +445,9 @@ def _with(
             fitted if one is best else scored_at(evaluator, one.rich.layout, one.rich.candidate)
         )
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
-    if scores[0].advantage.t < CONTRADICTED and evidence.t < ALL_OVER:
+    alone = scored_at(evaluator, best.simple.layout, best.simple.candidate)
+    by_trajectories = max(scores[0].advantage.t, gain(evaluator, alone, fitted).t)
+    if by_trajectories < CONTRADICTED and evidence.t < ALL_OVER:
         return named
     stage = SelectionStage(named.fitted, tuple(scores), tuple(scores))
     needed = Needed(stage, named.fitted, scores[0].advantage, likelihood=evidence)

@@ -20,6 +20,7 @@ from stemwatch.models.mismatch.named_by_likelihood import (
     evidence_of,
     held,
     leaves_something,
+    less_scattered,
     points_at,
     scatter_matters,
     scored_at,
@@ -64,6 +65,7 @@ def _found(
     slides = pinned(layout, RESTICK, COORDINATES[SLUG][1])
     first = likelihood.first_of_record
     begun = quick.climbed(quick.ranked(slides, points_at(named.fitted, first))[0])
+    begun = less_scattered(quick, begun)
     middle = begun.candidate[None]
     starts = np.vstack((*sticking_again(layout, middle), *_at_speeds(middle)))
     points = [np.append(row, begun.of_record) for row in starts]
@@ -74,11 +76,11 @@ def _found(
     if look.total - begun.total < WORTH:
         return None
     sliding = likelihood.maximised(slides, [begun.point])
-    sticking = likelihood.maximised(layout, [look.point])
+    sticking = less_scattered(likelihood, likelihood.maximised(layout, [look.point]))
     less = sticking.candidate.copy()
     less[RESTICK] = SLIDES
     again = likelihood.maximised(slides, [np.append(less, sticking.of_record)])
-    sliding = max(sliding, again, key=lambda one: one.total)
+    sliding = less_scattered(likelihood, max(sliding, again, key=lambda one: one.total))
     return sticking, evidence_of(sticking, sliding)
 
 
