@@ -388,13 +388,20 @@ def unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
 
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
     """Whether unseen samples are predicted no worse than by S and J alone, in a free run; slip by
-    slip, better beyond chance, or no worse beyond chance where the likelihood has shown it.
+    slip, better beyond chance. Where only the likelihood has shown it, no worse beyond chance: what
+    no trajectory shows there, none shows here.
     """
     heldout = hypothesis.comparison.heldout
-    if heldout.slip_by_slip and heldout.gain_low is not None and heldout.gain_high is not None:
-        by_likelihood_alone = hypothesis.named.sticks_again is not None
-        return (heldout.gain_high if by_likelihood_alone else heldout.gain_low) > 0.0
-    return heldout.improves
+    if heldout.gain_low is None or heldout.gain_high is None:
+        return heldout.improves
+    if hypothesis.named.sticks_again is not None or _by_likelihood_alone(hypothesis):
+        return heldout.gain_high > 0.0
+    return heldout.gain_low > 0.0 if heldout.slip_by_slip else heldout.improves
+
+
+def _by_likelihood_alone(hypothesis: AcceptedHypothesis) -> bool:
+    """Whether trajectories have shown none of the effects."""
+    return all(effect.evidence.likelihood_gain > 0.0 for effect in hypothesis.effects)
 
 
 def _why_worse(hypothesis: AcceptedHypothesis) -> str:

@@ -140,6 +140,8 @@ def explain(
         mismatch = _through_flow(recording)
     elif curve is not None:
         mismatch = _through_curve(recording, measured, ceiling, curve)
+        if mismatch.finding is Finding.UNKNOWN and not curve.given:
+            mismatch = _or_slow(recording, measured, ceiling, mismatch)
     else:
         mismatch = _explained(recording, measured, ceiling)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
@@ -201,6 +203,20 @@ def _through_curve(
         restated=_in_op(mismatch.restated, curve),
         stroke_curve=curve,
     )
+
+
+def _or_slow(
+    recording: Recording, measured: MeasuredRecord, ceiling: Floats | None, through_curve: Mismatch
+) -> Mismatch:
+    """What is said ``through_curve``, or what the plain reading says, where that names what slows
+    the stem and follows the unseen part nearer: a stem that never arrives covers less than OP asks
+    for, as one behind a curve does.
+    """
+    plain = _explained(recording, measured, ceiling)
+    slow = any(catalogue()[effect.slug].acts_on is ActsOn.COMMAND for effect in plain.effects)
+    fit, fit_by_curve = plain.heldout.fit_extended, through_curve.heldout.fit_extended
+    nearer = fit is not None and (fit_by_curve is None or fit > fit_by_curve)
+    return plain if slow and nearer else through_curve
 
 
 def _in_op(stiction: Stiction, curve: StrokeCurve) -> Stiction:

@@ -79,7 +79,9 @@ DITHERED = 0.7
 # turning, and around 0 or above for a loop whose turns fall between samples.
 NOISE, LEAST_STEPS = -0.25, 10
 LEAST_MOVES = 2  # both ways together
-LEAST_SLIPS = 3  # each way, for their sizes to be compared at all
+# For the sizes of slips to be compared at all: slips of one way, and slips or moves of the other. A
+# stem that moves that way without a slip has slipped by less than is seen.
+LEAST_SLIPS = 3
 LEAST_QUICK = 1  # quick moves of OP, both ways together
 LEAST_OPENINGS = 2
 SPAN_TRAVEL, FLOW_TRAVEL, FRICTION_TRAVEL = 6.0, 15.0, 3.0  # percent of travel
@@ -369,12 +371,12 @@ def _speeds(motion: Exercised) -> Refusals:
 
 def _slips(motion: Exercised) -> Refusals:
     """Effects that compare slips with one another."""
-    up, down = motion.slips
-    if min(up, down) < LEAST_SLIPS:
+    (up, down), (rises, falls) = motion.slips, motion.moves
+    if max(up, down) < LEAST_SLIPS or min(max(up, rises), max(down, falls)) < LEAST_SLIPS:
         yield (
             "asymmetric_slip",
             f"the stem slipped {times(up)} rising and {times(down)} falling; their sizes can be "
-            f"compared from {LEAST_SLIPS} each way",
+            f"compared from {LEAST_SLIPS} one way and as many moves the other way",
         )
     if motion.restarts < LEAST_RESTARTS:
         seldom = f"started again {only_times(motion.restarts)}"
