@@ -34,6 +34,7 @@ from stemwatch.models.mismatch.likelihood import (
     LEAST_GAIN,
     LEAST_PRODUCT,
     LEAST_T,
+    RELEASED,
     SCATTERS,
     Likeliest,
     LikelihoodEvidence,
@@ -70,7 +71,7 @@ EXCHANGES = 2
 # outside the catalogue four were named at the limit, with t up to 3.9; of those with an effect that
 # trajectories miss four, with 5.6 and more (seeds 4063 and 2108).
 WIDEST, ALL_OVER = 0.95, 5.0
-# Where a smaller scatter is looked for: breakaway levels, shares of the one with the widest, and J/S.
+# Where a smaller scatter is looked for: shares of the breakaway level, and J/S.
 LEVELS_OF_LESS_SCATTER, RATIOS_OF_LESS_SCATTER = (0.85, 1.0, 1.15, 1.3, 1.5), (0.05, 0.2, 0.4, 0.7)
 LOOKS_OF_LESS_SCATTER, CLIMBED_OF_LESS_SCATTER = 6, 2
 MORE_THAN_NOISE = 1.5
@@ -82,11 +83,13 @@ HELD_WITHIN, LEAST_WITHIN = 2.0, 0.02  # standard errors; share of S, of J/S and
 
 @dataclass(frozen=True)
 class Compared:
-    """The record without and with a term, each at its most likely parameters."""
+    """The record without and with a term, each at its most likely parameters; breakaways scatter by
+    ``widest`` at most."""
 
     term: Term
     simple: Likeliest
     rich: Likeliest
+    widest: float = SCATTERS[1]
 
     @property
     def evidence(self) -> LikelihoodEvidence:
@@ -123,7 +126,7 @@ def _more_likely(one: Likeliest, other: Likeliest) -> tuple[float, float]:
 def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     """``named`` with one more of ``terms``, if the likelihood shows it; else as it was."""
     likelihood = RecordLikelihood(named.evaluator)
-    tried = _tried(likelihood, named, terms)
+    tried = [_released(likelihood, one) for one in _tried(likelihood, named, terms)]
     passing = [one for one in tried if _passes(one, named.evaluator)]
     if not passing:
         return named
@@ -363,9 +366,29 @@ def less_scattered(likelihood: RecordLikelihood, at: Likeliest) -> Likeliest:
     return max(at, likelihood.maximised(layout, points), key=lambda at: at.total)
 
 
+def _released(likelihood: RecordLikelihood, one: Compared) -> Compared:
+    """A term whose scatter is at the limit of the searches, without and with it at a wider limit,
+    if that is all that speaks against it: the breakaways of one record may scatter more than those
+    of the stem.
+    """
+    at_limit = scatters_most(one.rich) and not _too_noisy(likelihood.evaluator, one.rich)
+    strong = one.evidence.strength >= 1.0 and one.evidence.t < ALL_OVER
+    if not (at_limit and strong and _is_material(one, likelihood.evaluator)):
+        return one
+    return Compared(one.term, *released(likelihood, one.simple, one.rich), RELEASED)
+
+
+def released(
+    likelihood: RecordLikelihood, simple: Likeliest, rich: Likeliest
+) -> tuple[Likeliest, Likeliest]:
+    """Two points searched again at a wider limit of the scatter."""
+    wide = replace(likelihood, widest=RELEASED)
+    return wide.again(simple), wide.again(rich)
+
+
 def _passes(one: Compared, evaluator: Evaluator) -> bool:
     """Whether a term is more likely than on records with nothing hidden, and material."""
-    if leaves_something(one.rich, evaluator) and one.evidence.t < ALL_OVER:
+    if leaves_something(one.rich, evaluator, one.widest) and one.evidence.t < ALL_OVER:
         return False
     return one.evidence.strength >= 1.0 and _is_material(one, evaluator)
 
@@ -375,13 +398,17 @@ def _too_noisy(evaluator: Evaluator, at: Likeliest) -> bool:
     return at.noise > MORE_THAN_NOISE * evaluator.problem.sigma
 
 
-def leaves_something(at: Likeliest, evaluator: Evaluator) -> bool:
+def leaves_something(at: Likeliest, evaluator: Evaluator, widest: float = SCATTERS[1]) -> bool:
     """Whether the breakaways scatter more than those of real stems, or the readings more than their
     noise. Something else is hidden then, for which a term may stand, and samples are not
     independent: it must be more likely all over the record.
     """
-    too_wide = at.scatter > WIDEST * SCATTERS[1]
-    return too_wide or _too_noisy(evaluator, at)
+    return scatters_most(at, widest) or _too_noisy(evaluator, at)
+
+
+def scatters_most(at: Likeliest, widest: float = SCATTERS[1]) -> bool:
+    """Whether the scatter is at its limit, which is ``widest``."""
+    return at.scatter > WIDEST * widest
 
 
 def _is_material(one: Compared, evaluator: Evaluator) -> bool:

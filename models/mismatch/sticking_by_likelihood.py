@@ -13,7 +13,12 @@ import numpy as np
 
 from stemwatch.models.mismatch.base_fit import sticking_again
 from stemwatch.models.mismatch.evaluator import RATIO, RESTICK, S_PERCENT
-from stemwatch.models.mismatch.likelihood import Likeliest, LikelihoodEvidence, RecordLikelihood
+from stemwatch.models.mismatch.likelihood import (
+    RELEASED,
+    Likeliest,
+    LikelihoodEvidence,
+    RecordLikelihood,
+)
 from stemwatch.models.mismatch.named_by_likelihood import (
     FEW_COURSES,
     WORTH,
@@ -22,7 +27,9 @@ from stemwatch.models.mismatch.named_by_likelihood import (
     leaves_something,
     less_scattered,
     points_at,
+    released,
     scatter_matters,
+    scatters_most,
     scored_at,
 )
 from stemwatch.models.mismatch.reading_errors import COORDINATES, LEAST_RESTICK, pinned
@@ -48,7 +55,7 @@ def sticking_by_likelihood(named: Named) -> Named:
     sticking, evidence = found
     if evidence.strength < HARDER or sticking.candidate[RESTICK] < LEAST_RESTICK:
         return named
-    if leaves_something(sticking, named.evaluator):
+    if leaves_something(sticking, named.evaluator, RELEASED):
         return named  # rough forces, and what shakes a stem, stop it again and again as well
     layout = held(likelihood, sticking, (S_PERCENT, RATIO, RESTICK))
     fitted = scored_at(named.evaluator, layout, sticking.candidate)
@@ -81,6 +88,8 @@ def _found(
     less[RESTICK] = SLIDES
     again = likelihood.maximised(slides, [np.append(less, sticking.of_record)])
     sliding = less_scattered(likelihood, max(sliding, again, key=lambda one: one.total))
+    if scatters_most(sticking):
+        sliding, sticking = released(likelihood, sliding, sticking)
     return sticking, evidence_of(sticking, sliding)
 
 
