@@ -34,6 +34,7 @@ from stemwatch.models.mismatch.likelihood import (
     LEAST_GAIN,
     LEAST_PRODUCT,
     LEAST_T,
+    OF_STEMS,
     RELEASED,
     SCATTERS,
     Likeliest,
@@ -377,14 +378,17 @@ def less_scattered(likelihood: RecordLikelihood, at: Likeliest) -> Likeliest:
 
 
 def _released(likelihood: RecordLikelihood, one: Compared) -> Compared:
-    """A term whose scatter is at the limit of the searches, without and with it at a wider limit,
-    if that is all that speaks against it: the breakaways of one record may scatter more than those
-    of the stem.
+    """A term whose scatter is at the limit of the searches, if that is all that speaks against it:
+    with the scatter of a real stem, if it is strong enough with that; else without and with it at a
+    wider limit, for the breakaways of one record may scatter more than those of the stem.
     """
     at_limit = scatters_most(one.rich) and not _too_noisy(likelihood.evaluator, one.rich)
     strong = one.evidence.strength >= 1.0 and one.evidence.t < ALL_OVER
     if not (at_limit and strong and _is_material(one, likelihood.evaluator)):
         return one
+    narrow = replace(one, rich=replace(likelihood, widest=OF_STEMS).again(one.rich))
+    if narrow.evidence.strength >= 1.0:
+        return narrow
     return Compared(one.term, *released(likelihood, one.simple, one.rich), RELEASED)
 
 

@@ -37,16 +37,19 @@ from stemwatch.models.mismatch.crossfit import (
 from stemwatch.models.mismatch.evaluator import CoordinateLayout
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Mismatch
-from stemwatch.models.mismatch.likelihood import Likeliest, RecordLikelihood
+from stemwatch.models.mismatch.likelihood import RELEASED, Likeliest, RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import (
     FEW_COURSES,
     _compared,
     _passes,
+    _released,
     evidence_of,
     leaves_something,
     named_by_likelihood,
     points_at,
+    released,
     scatter_matters,
+    scatters_most,
 )
 from stemwatch.models.mismatch.other_coordinates import without
 from stemwatch.models.mismatch.prepared_recording import (
@@ -221,7 +224,7 @@ def likelihood_from_truth(
     today = likelihood.maximised(simple, points_at(base.fitted, first))
     alone = climbed_from(likelihood, simple, starts[:, : simple.size])
     alone = max(alone, today, key=lambda at: at.total)
-    one = _compared(likelihood, alone, rich, term)
+    one = _released(likelihood, _compared(likelihood, alone, rich, term))
     lost = one.simple.total - today.total
     why = (
         f" (gain {one.evidence.gain:.0f}, t {one.evidence.t:.1f}, scatter {one.rich.scatter:.2f}, "
@@ -264,13 +267,15 @@ def sticking_from_truth(case: HiddenCase, prepared: PreparedRecording) -> tuple[
     sliding = climbed_from(
         likelihood, slides, np.vstack((starts, sticking.candidate, base.fitted.candidates))
     )
+    if scatters_most(sticking):
+        sliding, sticking = released(likelihood, sliding, sticking)
     evidence = evidence_of(sticking, sliding)
     speed = float(sticking.candidate[base_coordinate.RESTICK])
     why = (
         f" (gain {evidence.gain:.0f}, t {evidence.t:.1f}, scatter {sticking.scatter:.2f}, "
         f"noise {sticking.noise / base.evaluator.problem.sigma:.1f} of sigma; at {speed:.2f} %/s)"
     )
-    passes = speed >= LEAST_RESTICK and not leaves_something(sticking, base.evaluator)
+    passes = speed >= LEAST_RESTICK and not leaves_something(sticking, base.evaluator, RELEASED)
     strong = evidence.strength / HARDER
     return (strong if passes else min(strong, 0.99)), why
 
