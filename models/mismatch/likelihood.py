@@ -27,8 +27,8 @@ from stemwatch.models.stickslip.onsets import Samples
 COURSES = 12  # with 16 the likelihood is the same to a tenth
 OF_RECORD = 2  # coordinates of the record, the last of a point
 # Of the level. A wider scatter than that of real stems would take the place of what is missing, so
-# searches stop at 0.15. Stems scatter by up to 0.12, the breakaways of one record by more: of eight
-# with that scatter and nothing hidden four end at the limit (seed 2119).
+# searches stop at 0.15. Simulated stems scatter by up to 0.12, and the breakaways of one record by
+# more: of twelve with that scatter and nothing hidden eight end at the limit (seed 2119).
 FIRST_SCATTER, OF_STEMS, SCATTERS, RELEASED = 0.05, 0.12, (0.01, 0.15), 0.2
 SIGMAS = (0.02, 7.0)  # of the noise that is estimated from the readings
 OF_A_STEP = 0.1  # of a coarse step, from which the noise of its readings is looked for

@@ -102,3 +102,31 @@ def test_a_limit_of_both_ways_is_no_limit_of_one() -> None:
 def test_what_trajectories_dropped_may_still_be_shown() -> None:
     """A force by the flow, too small a part of what a free run misses in noise."""
     assert named_on_drawn(2114, 158) == {("flow_force",)}
+
+
+def test_friction_at_a_place_is_seen_from_other_s_and_j() -> None:
+    """In noise, where S and J alone had ended at the widest scatter, with hardly a jump."""
+    assert named_on_drawn(2119, 18) == {("position_dependent_friction",)}
+
+
+def test_what_no_trajectory_shows_none_must_show_on_unseen_samples() -> None:
+    """A lag in a quiet loop, where the free run is as near without it."""
+    assert named_on_drawn(2119, 218) == {("actuator_lag",)}
+
+
+def test_breakaways_that_scatter_most_do_not_hide_a_name() -> None:
+    """A lag of one way of a stem whose breakaways scatter by 0.12; a sag is as likely."""
+    (members,) = named_on_drawn(2119, 264)
+    assert members[0] == "asymmetric_lag"
+
+
+def test_a_stem_that_is_too_slow_to_arrive_is_behind_no_curve() -> None:
+    """A limit of 0.5 %/s for a quarter of an hour, which looks like a curve from OP to stroke."""
+    assert named_on_drawn(2119, 136) == {("rate_limit",)}
+
+
+def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:
+    """The stem moves as often the other way, and slips there."""
+    _, run = simulate_hidden(draw_hidden(366, 2119)[365])
+    refused = {untestable.slug for untestable in explain(run.recording).not_testable}
+    assert "asymmetric_slip" not in refused
