@@ -210,9 +210,8 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
         dropped = proposed - stand
         more = named if dropped or spring else whole.asked(named, terms, stand)
         if more is not named:
-            if more.sticks_again is not None:
-                terms = {**terms, **whole.sticking}
-            named = more
+            # A stem that sticks again may stand beside what is named now, if it did not before.
+            terms, named = {**terms, **whole.sticking}, more
             continue
         if not dropped:
             return replace(
@@ -302,8 +301,10 @@ def _large_enough(candidates: Sequence[Effect], named: Named) -> tuple[Effect, .
     remove it. A bow that a flow force may have as a part of its shape is no effect of its own.
     """
     of_pairs = {needed.term.slug for needed in named.needed if needed.of_pair}
-    if named.sticks_again is not None:
-        # Of a stem that sticks again trajectories measure no share; theirs stood before.
+    by_likelihood_too = any(needed.likelihood is not None for needed in named.needed)
+    if named.sticks_again is not None or by_likelihood_too:
+        # At the S and J of the likelihood, and of a stem that sticks again, trajectories measure no
+        # share; theirs stood before.
         of_pairs = {needed.term.slug for needed in named.needed}
     return tuple(
         effect

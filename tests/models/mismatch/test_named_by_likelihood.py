@@ -102,3 +102,23 @@ def test_a_limit_of_both_ways_is_no_limit_of_one() -> None:
 def test_what_trajectories_dropped_may_still_be_shown() -> None:
     """A force by the flow, too small a part of what a free run misses in noise."""
     assert named_on_drawn(2114, 158) == {("flow_force",)}
+
+
+@pytest.mark.parametrize(
+    ("number", "both"),
+    [
+        # A stop in few places, and a creep that the likelihood shows beside it.
+        (223, {"travel_stop", "stem_creep"}),
+        # The force was refused: trajectories were compared with those that were fitted to them.
+        (237, {"flow_force", "stem_creep"}),
+        # A stem that sticks again did not stand while the drift beside it was not named.
+        (131, {"sensor_drift", "low_speed_restick"}),
+    ],
+)
+def test_a_second_effect_stands_beside_one_that_the_likelihood_shows(
+    number: int, both: set[str]
+) -> None:
+    """Both are in the answer, each in a class of its own, and nothing else."""
+    named = named_on_drawn(2119, number)
+    assert len(named) == len(both)
+    assert all(any(slug in members for members in named) for slug in both)
