@@ -122,3 +122,13 @@ def test_a_second_effect_stands_beside_one_that_the_likelihood_shows(
     named = named_on_drawn(2119, number)
     assert len(named) == len(both)
     assert all(any(slug in members for members in named) for slug in both)
+
+
+def test_two_fits_that_contradict_are_no_doubt_where_the_record_as_a_whole_has_none() -> None:
+    """S and J alone miss slips and end at twice the true S; the likelihood follows them all."""
+    _, run = simulate_hidden(draw_hidden(81, 2116)[80])
+    mismatch = explain(run.recording)
+    assert mismatch.finding is Finding.NONE
+    assert mismatch.naive.S.value > 2.0 * run.truth.S
+    assert mismatch.restated.S.value == pytest.approx(run.truth.S, abs=0.1)
+    assert mismatch.restated.J.value == pytest.approx(run.truth.J, abs=0.1)
