@@ -73,7 +73,8 @@ BOTH = "lost by the search: passes by trajectories"
 LIKELIHOOD = "lost by the search: passes by the likelihood alone"
 REFUSED = "the recording was not asked, and could not have shown it"
 NOWHERE = "below the limits of both from the truth"
-OUTCOMES = (NAMED, DROPPED, BOTH, LIKELIHOOD, REFUSED, NOWHERE)
+LEFT = "the likelihood shows it, but leaves something, for which it may stand"
+OUTCOMES = (NAMED, DROPPED, BOTH, LIKELIHOOD, REFUSED, LEFT, NOWHERE)
 
 
 @dataclass(frozen=True)
@@ -244,7 +245,9 @@ def outcome_of(slug: str, mismatch: Mismatch, reached: FromTruth) -> str:
         return REFUSED
     if reached.strength >= 1.0:
         return BOTH
-    return LIKELIHOOD if reached.passes else NOWHERE
+    if reached.passes:
+        return LIKELIHOOD
+    return LEFT if reached.likelihood.strength >= 1.0 else NOWHERE
 
 
 def of_the_catalogue(case: HiddenCase) -> bool:
