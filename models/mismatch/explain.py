@@ -30,6 +30,7 @@ from stemwatch.models.mismatch.accepted_hypothesis import (
     if_followed,
     of_the_valve,
     unless_shaken,
+    unless_stand_in,
 )
 from stemwatch.models.mismatch.base_fit import (
     fit_naive,
@@ -251,7 +252,7 @@ def _through_flow(recording: Recording) -> Mismatch:
 
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
     """What the accepted hypothesis says of a recording, beside S and J alone."""
-    hypothesis = unless_shaken(if_followed(accepted_hypothesis(case)))
+    hypothesis = unless_stand_in(unless_shaken(if_followed(accepted_hypothesis(case))))
     evaluator, comparison = hypothesis.evaluator, hypothesis.comparison
     naive_only = naive_evaluator(evaluator)
     naive = conclude(

@@ -486,9 +486,11 @@ def _with(
             fitted if one is best else scored_at(evaluator, one.rich.layout, one.rich.candidate)
         )
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
-    alone = scored_at(evaluator, best.simple.layout, best.simple.candidate)
-    by_trajectories = max(scores[0].advantage.t, gain(evaluator, alone, fitted).t)
-    if by_trajectories < CONTRADICTED and evidence.t < ALL_OVER:
+    # Without the term they are scored at their most likely parameters as well: those that were
+    # fitted to them are nearer anyhow.
+    simple = scored_at(evaluator, best.simple.layout, best.simple.candidate)
+    against = max(scores[0].advantage.t, gain(evaluator, simple, fitted).t) < CONTRADICTED
+    if against and evidence.t < ALL_OVER:
         return named
     stage = SelectionStage(named.fitted, tuple(scores), tuple(scores))
     needed = Needed(stage, named.fitted, scores[0].advantage, likelihood=evidence)

@@ -7,6 +7,8 @@ of the second as well.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from stemwatch.models.mismatch import evaluator as base_coordinate
@@ -15,6 +17,7 @@ from stemwatch.models.mismatch.breakaway_levels import PLAY
 from stemwatch.models.mismatch.crossfit import BestOfFolds, Fitted, best_of_folds
 from stemwatch.models.mismatch.evaluator import DEAD_TIME, CoordinateLayout, Evaluator
 from stemwatch.models.recording import Floats
+from stemwatch.models.stickslip.parameters import Bounds
 
 # Shares of their fitted sizes at which two hypotheses are put together.
 SHARES = ((1.0, 1.0), (1.0, 0.5), (0.5, 1.0), (0.5, 0.5))
@@ -36,6 +39,17 @@ def carried_over(fitted: Fitted, layout: CoordinateLayout) -> Floats:
     elif DEAD_TIME in fitted.layout.places.keys() - shared:
         candidates[:, [base_coordinate.DELAY]] = fitted.values(DEAD_TIME)
     return layout.bounds.clip(candidates)
+
+
+def in_bounds_of(layout: CoordinateLayout, other: CoordinateLayout) -> CoordinateLayout:
+    """``layout`` with the bounds of another one on all that they share."""
+    low, high = layout.bounds.low.copy(), layout.bounds.high.copy()
+    base = slice(0, base_coordinate.N_BASE)
+    shared = layout.places.keys() & other.places.keys()
+    places = [(layout.places[slug], other.places[slug]) for slug in shared]
+    for own, there in ((base, base), *places):
+        low[own], high[own] = other.bounds.low[there], other.bounds.high[there]
+    return replace(layout, bounds=Bounds(low, high))
 
 
 def without(fitted: Fitted, layout: CoordinateLayout) -> list[Floats]:

@@ -39,9 +39,14 @@ def turned(x: Floats, way: float) -> Floats:
 
 
 def follows_turns(evaluator: Evaluator, fitted: Fitted) -> bool:
-    """True where ``fitted`` leaves what a spring with hysteresis would, and that is material."""
+    """True where ``fitted`` leaves what a spring with hysteresis would, and that is material.
+
+    Of a compressing archive most kept values are of moves. A slip that comes a little early or late
+    leaves there up to what such an archive keeps open, either way, and that follows the turns too.
+    """
     left, swing_percent = hysteresis_left(evaluator, fitted)
-    return left.mean >= LEAST_MEAN and left.t >= LEAST_T and swing_percent >= LEAST_SWING_PERCENT
+    least_swing = max(LEAST_SWING_PERCENT, 2.0 * float(evaluator.slack.max()))
+    return left.mean >= LEAST_MEAN and left.t >= LEAST_T and swing_percent >= least_swing
 
 
 def hysteresis_left(evaluator: Evaluator, fitted: Fitted) -> tuple[Advantage, float]:

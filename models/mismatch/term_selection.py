@@ -50,7 +50,12 @@ from stemwatch.models.mismatch.evaluator import (
     TermSet,
 )
 from stemwatch.models.mismatch.likelihood import LikelihoodEvidence
-from stemwatch.models.mismatch.other_coordinates import best_together, carried_over, without
+from stemwatch.models.mismatch.other_coordinates import (
+    best_together,
+    carried_over,
+    in_bounds_of,
+    without,
+)
 from stemwatch.models.mismatch.starting_points import beginnings
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.recording import Floats
@@ -473,12 +478,29 @@ def lacking(named: Named, slugs: Collection[str]) -> Named:
         tuple(term for term in named.fitted.layout.hypothesis.terms if term.slug not in slugs)
     )
     evaluator = named.evaluator
+    kept = tuple(needed for needed in named.needed if needed.term.slug not in slugs)
+    if any(needed.likelihood is not None for needed in kept):
+        # Trajectories have not shown it, and decide neither its size nor whether it is needed.
+        fitted = _still_held(named, remaining)
+        return replace(named, fitted=fitted, needed=kept)
     fitted = _refitted_with(evaluator, named.fitted, remaining)
     if len(stages) == 1:
         # Its own stage may have had a term before it that is gone now.
         stages = [replace(stages[0], before=named.base)]
     fitted, needed = pruned(evaluator, fitted, stages)
     return replace(named, fitted=fitted, needed=tuple(needed))
+
+
+def _still_held(named: Named, remaining: TermSet) -> Fitted:
+    """The fit to no more than the ``remaining`` terms that leaves S, J and sizes where they are
+    held: as it was before the last one was named, or the one of now without the others.
+    """
+    evaluator, before = named.evaluator, named.needed[-1].without
+    if set(before.slugs) == set(remaining.slugs):
+        return before
+    layout = in_bounds_of(evaluator.layout(remaining), named.fitted.layout)
+    start = conclude(evaluator, scored(layout, carried_over(named.fitted, layout)))
+    return conclude(evaluator, refit(evaluator, start, POLISH))
 
 
 def pruned(

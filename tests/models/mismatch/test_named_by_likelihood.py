@@ -130,3 +130,33 @@ def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:
     _, run = simulate_hidden(draw_hidden(366, 2119)[365])
     refused = {untestable.slug for untestable in explain(run.recording).not_testable}
     assert "asymmetric_slip" not in refused
+
+
+@pytest.mark.parametrize(
+    ("number", "both"),
+    [
+        # A stop in few places, and a creep that the likelihood shows beside it.
+        (223, {"travel_stop", "stem_creep"}),
+        # The force was refused: trajectories were compared with those that were fitted to them.
+        (237, {"flow_force", "stem_creep"}),
+        # A stem that sticks again did not stand while the drift beside it was not named.
+        (131, {"sensor_drift", "low_speed_restick"}),
+    ],
+)
+def test_a_second_effect_stands_beside_one_that_the_likelihood_shows(
+    number: int, both: set[str]
+) -> None:
+    """Both are in the answer, each in a class of its own, and nothing else."""
+    named = named_on_drawn(2119, number)
+    assert len(named) == len(both)
+    assert all(any(slug in members for members in named) for slug in both)
+
+
+def test_two_fits_that_contradict_are_no_doubt_where_the_record_as_a_whole_has_none() -> None:
+    """S and J alone miss slips and end at twice the true S; the likelihood follows them all."""
+    _, run = simulate_hidden(draw_hidden(81, 2116)[80])
+    mismatch = explain(run.recording)
+    assert mismatch.finding is Finding.NONE
+    assert mismatch.naive.S.value > 2.0 * run.truth.S
+    assert mismatch.restated.S.value == pytest.approx(run.truth.S, abs=0.1)
+    assert mismatch.restated.J.value == pytest.approx(run.truth.J, abs=0.1)

@@ -114,3 +114,18 @@ def test_a_lag_under_a_stem_that_hardly_jumps_is_found_and_is_no_dwell():
     assert [effect.slug for effect in explanation.effects] == ["actuator_lag"]
     assert explanation.effects[0].parameters["tau"].value == pytest.approx(2.7, abs=0.3)
     assert explanation.restated.S.value == pytest.approx(run.truth.S, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(135, id="a spring with hysteresis is no span error"),
+        pytest.param(168, id="a wave of friction is no lag"),
+    ],
+)
+def test_what_bends_to_other_physics_is_not_named_for_it(number: int) -> None:
+    """More is left than noise, and the likeliest stem is further from the readings than noise."""
+    _, run = simulate_hidden(draw_hidden(number + 1, 2119)[number])
+    found = explain(run.recording)
+    assert found.finding is Finding.UNKNOWN
+    assert found.effects == ()

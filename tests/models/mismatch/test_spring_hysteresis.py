@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,17 @@ def test_a_position_that_trails_behind_each_turn_is_seen():
     plain = simulated_by_chain()
     mv = plain.mv.values - 1.2 * turned(simulated_by_chain(noise=0.0).mv.values, 7.0)
     assert follows_turns(*fitted_to(rescaled(plain, mv)))
+
+
+def test_as_much_as_an_archive_keeps_open_is_no_spring():
+    """The same swing, where the values between the kept ones may lie off by half of it."""
+    plain = simulated_by_chain()
+    mv = plain.mv.values - 0.6 * turned(simulated_by_chain(noise=0.0).mv.values, 7.0)
+    evaluator, fitted = fitted_to(rescaled(plain, mv))
+    assert follows_turns(evaluator, fitted)
+    kept = np.zeros_like(evaluator.slack)
+    kept[1::2] = 0.7
+    assert not follows_turns(replace(evaluator, slack=kept), fitted)
 
 
 @pytest.mark.long

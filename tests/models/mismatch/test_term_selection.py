@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.base_fit import fit_base
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import TermSet
-from stemwatch.models.mismatch.other_coordinates import without
+from stemwatch.models.mismatch.other_coordinates import in_bounds_of, without
 from stemwatch.models.mismatch.prepared_recording import problem_of, summary_of
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.term import ActsOn
@@ -34,6 +34,7 @@ from stemwatch.models.mismatch.term_selection import (
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Recording
 from stemwatch.models.stickslip.fit import Advantage
+from stemwatch.models.stickslip.parameters import Bounds
 from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,
@@ -203,6 +204,22 @@ def score_of(slug, result, mean, t, values=None):
     return TermScore(
         catalogue()[slug], conclude(evaluator, scored(layout, both)), Advantage(mean, t)
     )
+
+
+def test_what_is_left_of_a_hypothesis_keeps_its_bounds():
+    """S and the size that a term was held at, when another term goes."""
+    evaluator = evaluator_of(simulated_by_chain())
+    both = evaluator.layout(hypothesis("lost_motion", "dead_time"))
+    places = [base_coordinate.S_PERCENT, both.places["dead_time"].start]
+    low = both.bounds.low.copy()
+    low[places] = (4.5, 1.5)
+    one = in_bounds_of(
+        evaluator.layout(hypothesis("dead_time")),
+        replace(both, bounds=Bounds(low, both.bounds.high)),
+    )
+    assert one.bounds.low[base_coordinate.S_PERCENT] == 4.5
+    assert one.bounds.low[one.places["dead_time"]] == 1.5
+    assert one.bounds.high[one.places["dead_time"]] == both.bounds.high[both.places["dead_time"]]
 
 
 def test_an_immaterial_effect_is_not_named_however_certain():
