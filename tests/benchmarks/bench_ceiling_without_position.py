@@ -43,6 +43,7 @@ class Compared:
     """One loop: ln of the ratio where steps and waves are told and where their spectra are, S by
     each, and the product's answer."""
 
+    seed: int
     place: int
     story: str
     S: float
@@ -106,6 +107,7 @@ def compare(seed: int, place: int) -> Compared | None:
     by_spectra, S_by_spectra = ratio(known(scans, False), place)
     acting = scans.disturbances
     return Compared(
+        seed=seed,
         place=place,
         story=loop.story,
         S=loop.S,

@@ -249,7 +249,7 @@ def _follow(
     count, (n, size) = ways.shape[0], gains.shape
     stems, states = _at_rest(ways, air[0], uniforms), np.zeros((count, size))
     weights, errors = np.full(count, 1.0 / count), np.empty(count)
-    total, used = 0.0, 0
+    total, used, sizes = 0.0, 0, (ways[:, 0].min(), ways[:, 0].max())
     for k in range(n):
         for i in range(count):
             errors[i] = seen[k] - _pv(states[i], linear.waves)
@@ -258,7 +258,8 @@ def _follow(
         total += _weigh(weights, errors, variances[k])
         if 1.0 / np.sum(weights * weights) < 0.5 * count:
             used = (used + 3 * count + 1) % (normals.size - 4 * count)
-            _resample(weights, stems, states, normals[used:], uniforms[used])
+            shaken = normals[used:]
+            _resample(weights, stems, states, sizes, numbers.scatter, shaken, uniforms[used])
         used = _move(stems, numbers.scatter, air, k, normals, used)
         for i in range(count):
             deviation = stems[i, 0] - numbers.output
@@ -269,9 +270,9 @@ def _follow(
 
 @njit(cache=True)
 def _at_rest(ways: Floats, force: float, uniforms: Floats) -> Floats:
-    """(particles, 6) place, moving, side, breakaway level, S and J/S of stems that stand
-    somewhere about ``force``."""
-    stems = np.zeros((ways.shape[0], 6))
+    """(particles, 7) place, moving, side, breakaway level, S, J/S, and the greatest force since
+    they stopped, of stems that stand somewhere about ``force``."""
+    stems = np.zeros((ways.shape[0], 7))
     for i in range(ways.shape[0]):
         S, ratio = ways[i]
         level = 0.5 * S * (1.0 + ratio)
@@ -283,19 +284,27 @@ def _at_rest(ways: Floats, force: float, uniforms: Floats) -> Floats:
 @njit(cache=True)
 def _weigh(weights: Floats, errors: Floats, variance: float) -> float:
     """Weigh by ``errors``; ln of what the weights added up to."""
-    squares = errors * errors / variance
-    least = squares.min()
-    weights *= np.exp(-0.5 * (squares - least))
+    logarithm = np.log(weights) - 0.5 * errors * errors / variance
+    most = logarithm.max()
+    weights[:] = np.exp(logarithm - most)
     total = float(np.sum(weights))
     weights /= total
-    return float(math.log(total) - 0.5 * (least + math.log(2.0 * math.pi * variance)))
+    return float(math.log(total) + most - 0.5 * math.log(2.0 * math.pi * variance))
 
 
 @njit(cache=True)
 def _resample(
-    weights: Floats, stems: Floats, states: Floats, normals: Floats, offset: float
+    weights: Floats,
+    stems: Floats,
+    states: Floats,
+    sizes: tuple[float, float],
+    scatter: float,
+    normals: Floats,
+    offset: float,
 ) -> None:
-    """Draw particles by their weights (systematically), and shake S and J/S a little."""
+    """Draw particles by their weights (systematically), shake S (within ``sizes``) and J/S a
+    little, and draw anew the breakaway levels that are not known yet, so that copies of a stem do
+    not all slip at once."""
     count, place, reached = weights.size, 0, weights[0]
     chosen = np.empty(count, np.int64)
     for i in range(count):
@@ -305,9 +314,21 @@ def _resample(
         chosen[i] = place
     stems[:], states[:] = stems[chosen], states[chosen]
     for i in range(count):
-        stems[i, 4] *= math.exp(_JITTER * normals[i])
-        stems[i, 5] *= math.exp(_JITTER * normals[count + i])
+        stem = stems[i]
+        stem[4] = min(max(stem[4] * math.exp(_JITTER * normals[i]), sizes[0]), sizes[1])
+        stem[5] *= math.exp(_JITTER * normals[count + i])
+        level = _breakaway(stem, scatter, normals[2 * count + i])
+        if stem[1] == 0.0 and level > stem[6]:
+            stem[3] = level
     weights[:] = 1.0 / count
+
+
+@njit(cache=True)
+def _breakaway(stem: Floats, scatter: float, normal: float) -> float:
+    """The level at which a stem breaks away after a stop."""
+    drawn = max(1.0 + scatter * normal, 0.2)
+    S, ratio = stem[4], stem[5]
+    return float(max(0.5 * S * (1.0 + ratio) * drawn, 0.5 * S * (1.0 - ratio)))
 
 
 @njit(cache=True)
@@ -317,16 +338,15 @@ def _move(stems: Floats, scatter: float, air: Floats, k: int, normals: Floats, u
     forward = force - air[k - 1] if k > 0 else 0.0
     for i in range(stems.shape[0]):
         stem = stems[i]
-        S, ratio = stem[4], stem[5]
-        low = 0.5 * S * (1.0 - ratio)
+        low = 0.5 * stem[4] * (1.0 - stem[5])
         if stem[1] > 0.0 and stem[2] * forward <= 1e-9:
-            stem[1] = 0.0
-            drawn = max(1.0 + scatter * normals[used % normals.size], 0.2)
-            stem[3] = max(0.5 * S * (1.0 + ratio) * drawn, low)
+            stem[1], stem[6] = 0.0, 0.0
+            stem[3] = _breakaway(stem, scatter, normals[used % normals.size])
             used += 1
         if stem[1] == 0.0 and abs(force - stem[0]) > stem[3]:
             stem[1] = 1.0
             stem[2] = 1.0 if force > stem[0] else -1.0
+        stem[6] = max(stem[6], abs(force - stem[0]))
         if stem[1] > 0.0:
             stem[0] = force - stem[2] * low
     return used
