@@ -228,6 +228,7 @@ def look_item(item: LoopToDraw) -> list[SeenDraw]:
 
 
 def studied(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
+    """What ``judge`` says of a simulated loop, beside its truth."""
     suspicion = judge.says(seen_draw.seen)
     estimate, shown, windows = suspicion.apparent_S, seen_draw.seen.shown, seen_draw.seen.windows
     numbers = None

@@ -26,8 +26,8 @@ from stemwatch.models.studies.loops.stem_filter import (
     NO_WAVE,
     KnownLoop,
     behind_air,
-    evidence,
     pole_of,
+    stem_likelihood,
     wave_of,
 )
 from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
@@ -86,7 +86,8 @@ def known(scans: LoopScans, tell_waves: bool) -> KnownLoop:
 def ratio(loop: KnownLoop, seed: int) -> tuple[float, float]:
     """ln of the likelihood ratio, and S, should it stick."""
     sound, sticking = (
-        evidence(loop, sticks, np.random.default_rng([seed, sticks])) for sticks in (False, True)
+        stem_likelihood(loop, sticks, np.random.default_rng([seed, sticks]))
+        for sticks in (False, True)
     )
     return sticking.log_likelihood - sound.log_likelihood, sticking.S
 

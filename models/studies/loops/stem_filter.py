@@ -92,14 +92,14 @@ class KnownLoop:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
+class StemLikelihood:
     """ln of the likelihood, and the mean of S at the end."""
 
     log_likelihood: float
     S: float
 
 
-def evidence(loop: KnownLoop, sticks: bool, rng: np.random.Generator) -> Evidence:
+def stem_likelihood(loop: KnownLoop, sticks: bool, rng: np.random.Generator) -> StemLikelihood:
     """The likelihood averaged over all ways to stick, or all ways to be sound, as loops are
     drawn."""
     linear = _linear_part(loop)
@@ -114,7 +114,7 @@ def evidence(loop: KnownLoop, sticks: bool, rng: np.random.Generator) -> Evidenc
         rng.standard_normal(1 << 16),
         rng.random(1 << 16),
     )
-    return Evidence(log_likelihood=log_likelihood, S=S)
+    return StemLikelihood(log_likelihood=log_likelihood, S=S)
 
 
 class _Linear(NamedTuple):

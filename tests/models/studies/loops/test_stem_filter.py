@@ -20,8 +20,8 @@ from stemwatch.models.studies.loops.stem_filter import (
     KnownLoop,
     Wave,
     behind_air,
-    evidence,
     pole_of,
+    stem_likelihood,
     wave_of,
 )
 
@@ -72,7 +72,7 @@ def test_without_friction_it_is_the_gaussian_density(monkeypatch) -> None:
                 carried = reaches[j] @ carried
             of_pv[i, j] = of_pv[j, i] = linear.sees @ carried @ linear.sees
     density = multivariate_normal(means, of_pv + loop.rounding * np.eye(n)).logpdf(loop.seen)
-    found = evidence(loop, False, np.random.default_rng(1))
+    found = stem_likelihood(loop, False, np.random.default_rng(1))
     assert found.log_likelihood == pytest.approx(density, rel=1e-3)
 
 
@@ -80,7 +80,9 @@ def test_without_friction_it_is_the_gaussian_density(monkeypatch) -> None:
 def test_it_tells_which_stem_there_is(place, sticks) -> None:
     """The true kind of stem is far more likely, and the S of one that sticks is found."""
     drawn, scans = draw_with_scans(5151, place)
-    sound, sticking = (evidence(told(scans), it, np.random.default_rng(1)) for it in (False, True))
+    sound, sticking = (
+        stem_likelihood(told(scans), it, np.random.default_rng(1)) for it in (False, True)
+    )
     gained = sticking.log_likelihood - sound.log_likelihood
     assert gained > 20.0 if sticks else gained < -5.0
     if sticks:
