@@ -65,6 +65,7 @@ STARTS, FROM_OTHERS = 20, 8
 AHEAD, MORE_ROUNDS = 6, 2  # terms that are looked at longer
 WORTH, MOST = 8.0, 4  # least gain at the first look, and how many terms are looked at again
 EXCHANGES = 2
+BEATEN = 30.0  # a term that is so much less likely than one that passes is not searched on
 # Share of the limit of the scatter that is at the limit, and least t there. Of valves with physics
 # outside the catalogue four were named at the limit, with t up to 3.9; of those with an effect that
 # trajectories miss four, with 5.6 and more (seeds 4063 and 2108).
@@ -220,9 +221,12 @@ def _all_compared(
     that are like the most likely one begun from that as well.
     """
     by_slug = {term.slug: term for term in terms}
-    compared = [
-        _compared(likelihood, alone, look, by_slug[_added(look, named.fitted)]) for look in looks
-    ]
+    compared = list[Compared]()
+    for look in looks:
+        passing = (one.rich.total for one in compared if one.evidence.strength >= 1.0)
+        beaten = max(passing, default=-np.inf) - BEATEN
+        term = by_slug[_added(look, named.fitted)]
+        compared.append(_compared(likelihood, alone, look, term, beaten))
     best = max(compared, key=lambda one: one.rich.total, default=None)
     if best is None or best.evidence.strength < 1.0:
         return compared
@@ -314,15 +318,21 @@ def _spread(rows: Floats, sizes: int) -> Floats:
 
 
 def _compared(
-    likelihood: RecordLikelihood, alone: Likeliest, look: Likeliest, term: Term
+    likelihood: RecordLikelihood,
+    alone: Likeliest,
+    look: Likeliest,
+    term: Term,
+    beaten: float = -np.inf,
 ) -> Compared:
-    """Without and with a term, each begun from where the other has ended, until neither gains."""
+    """Without and with a term, each begun from where the other has ended, until neither gains;
+    where the term is less likely than ``beaten``, which another reaches, as it is.
+    """
     simple, rich = alone, likelihood.maximised(look.layout, [look.point])
     hopeful = rich.total - alone.total >= LEAST_GAIN and not _too_noisy(likelihood.evaluator, rich)
     if hopeful and rich.scatter > WIDEST * SCATTERS[1]:
         rich = max(rich, _less_scattered(likelihood, rich), key=lambda one: one.total)
     for _ in range(EXCHANGES):
-        if rich.total - simple.total < LEAST_GAIN:
+        if rich.total < max(simple.total + LEAST_GAIN, beaten):
             break
         before = simple.total, rich.total
         less = carried_over(on_both(rich.layout, rich.candidate), simple.layout)[0]

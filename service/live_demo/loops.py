@@ -14,6 +14,8 @@ from stemwatch.models.studies.simulator.loop import (
 
 WEARING = "FIC-101"
 INTERVAL_S = 0.2  # s between updates of the simulated registers; polls are less frequent
+# So little that the polls do not show it: what a user would do something about is a fault.
+_QUICK = Actuator(air_lag_s=0.05)
 STROKES = {WEARING: "40 mm", "FIC-102": "50 mm", "FIC-103": "30 mm"}  # full travel, by tag
 _FLOW = PvRange(unit="t/h", low=0.0, high=40.0)
 
@@ -30,7 +32,7 @@ def live_loops() -> list[PlantLoop]:
             area="Reforming",
             criticality=3,
             story="healthy at first, then it wears",
-            valve=SimulatedValve.showing(0.4, 0.16, actuator=Actuator(air_lag_s=0.4)),
+            valve=SimulatedValve.showing(0.4, 0.16, actuator=_QUICK),
             process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
             controller=Controller(gain=0.5, reset_s=2.4, scan_s=0.2),
             archive=SimulatedArchive(interval_s=INTERVAL_S),
@@ -56,7 +58,7 @@ def live_loops() -> list[PlantLoop]:
             area="Fractionation",
             criticality=2,
             story="healthy, oscillating disturbance",
-            valve=SimulatedValve.showing(0.4, 0.1, actuator=Actuator(air_lag_s=0.4)),
+            valve=SimulatedValve.showing(0.4, 0.1, actuator=_QUICK),
             process=Process(gain=1.0, lag_s=2.0, dead_time_s=0.6),
             controller=Controller(gain=0.5, reset_s=3.0, scan_s=0.2, set_point=58.0, output=47.0),
             archive=SimulatedArchive(interval_s=INTERVAL_S),
