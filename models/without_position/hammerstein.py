@@ -52,7 +52,9 @@ class HeldOut:
     J: float
     S_of_both: float
     linear_fit: float  # ln(variance of y / linear held-out mean square)
-    curve: Floats  # (n_S,) ln(linear/sticking) of each S, with its best ratio and delay
+    # (n_S,) ln(linear/sticking), and ln(linear/both), of each S, with its best ratio and delay
+    curve: Floats
+    curve_of_both: Floats
 
 
 @njit(cache=True)
@@ -214,7 +216,10 @@ def held_out(
     delay, best = np.unravel_index(int(np.argmin(sums)), sums.shape)
     delay_both, best_both = np.unravel_index(int(np.argmin(sums_both)), sums_both.shape)
     total = float(base.sum())
-    of_size = sums.min(axis=0).reshape(sizes.size, ratios.size).min(axis=1)
+    of_size, of_size_both = (
+        losses.min(axis=0).reshape(sizes.size, ratios.size).min(axis=1)
+        for losses in (sums, sums_both)
+    )
     return HeldOut(
         gain_of_sticking=float(np.log(total / sums[delay, best])),
         gain_of_both=float(np.log(total / sums_both[delay_both, best_both])),
@@ -227,4 +232,5 @@ def held_out(
         S_of_both=float(candidates[best_both][0]),
         linear_fit=float(np.log(max(float(np.sum((y - y.mean()) ** 2)), 1e-12) / total)),
         curve=np.log(total / of_size),
+        curve_of_both=np.log(total / of_size_both),
     )

@@ -28,6 +28,7 @@ from stemwatch.models.without_position.hammerstein import block_means
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore, unpacked
 from stemwatch.models.without_position.no_sign import NoSignLimit
 from stemwatch.models.without_position.picture import ElementTraces, element_traces
+from stemwatch.models.without_position.weighed_size import weighed_log_S
 from stemwatch.models.without_position.windows import windows
 
 FEWEST_SAMPLES = 120  # two scales of blocks need them
@@ -319,7 +320,8 @@ def _thinned(
 
 def estimated_S(loop_evidence: Evidence, answer: LoopScore) -> float:
     """S in percent of OP, should the valve stick."""
-    return loop_evidence.amplitude * float(np.exp(answer.log_S))
+    log_S = weighed_log_S(loop_evidence, answer.log_S, answer.spread)
+    return loop_evidence.amplitude * float(np.exp(log_S))
 
 
 def predicts_better(loop_evidence: Evidence) -> bool:

@@ -227,7 +227,8 @@ def look_item(item: LoopToDraw) -> list[SeenDraw]:
     return [SeenDraw(place=item, story=story, S=S, seen=look_at_loop(recording))]
 
 
-def _answer(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
+def studied(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
+    """What ``judge`` says of a simulated loop, beside its truth."""
     suspicion = judge.says(seen_draw.seen)
     estimate, shown, windows = suspicion.apparent_S, seen_draw.seen.shown, seen_draw.seen.windows
     numbers = None
@@ -294,7 +295,7 @@ def run_position_free(
     """What ``judge`` says of ``loops`` loops of each family, every other one sticking."""
     items = [LoopToDraw(seed, index, family) for family in FAMILIES for index in range(loops)]
     return [
-        _answer(judge, seen_draw)
+        studied(judge, seen_draw)
         for seen_draw in map_in_order(executor, look_item, items, on_progress)
     ]
 

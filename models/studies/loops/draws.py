@@ -56,54 +56,117 @@ class DrawnLoop:
         return self.S > 0.0
 
 
+@dataclass(frozen=True, kw_only=True)
+class Wandering:
+    """Gaussian load of standard deviation ``size``, percent, and correlation time ``time`` in
+    scans; ``where`` (n,) is what it is multiplied by, or ``None`` where it never stops."""
+
+    size: float
+    time: float
+    where: Floats | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disturbances:
+    """(n,) each, at every scan: the ``load`` at the process input, percent of travel, and the
+    ``push`` on PV itself. ``shaped`` is the part of the load that is steps and waves; the rest is
+    the sum of ``wandering``."""
+
+    load: Floats
+    push: Floats
+    shaped: Floats
+    wandering: tuple[Wandering, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopScans:
+    """A loop at every scan, (n,) each, before anything is stored: signals, stem, and what acts.
+
+    ``noise`` is that of the sensor, of standard deviation ``noise_size`` and correlation time
+    ``noise_time`` in scans.
+    """
+
+    numbers: LoopNumbers
+    op: Floats
+    pv: Floats
+    sp: Floats
+    stem: Floats
+    disturbances: Disturbances
+    noise_size: float
+    noise_time: float
+
+
 def draw_loop(seed: int, index: int, story: str = "") -> DrawnLoop:
     """Loop number ``index`` of ``seed``; even places stick (S 1 to 8 %), odd ones do not.
 
     ``story`` is one of ``STORIES``, or drawn.
     """
+    return draw_with_scans(seed, index, story)[0]
+
+
+def draw_with_scans(seed: int, index: int, story: str = "") -> tuple[DrawnLoop, LoopScans]:
+    """``draw_loop``, and the same loop before it was stored; its record begins at scan
+    ``WARM_UP``."""
     rng = np.random.default_rng([seed, index])
     for _ in range(_TRIES):
-        loop, slips = _draw(rng, story, index % 2 == 0)
-        if slips >= FEWEST_SLIPS or not loop.sticky:
-            return loop
+        loop, scans = _draw(rng, story, index % 2 == 0)
+        if not loop.sticky or _slips(scans) >= FEWEST_SLIPS:
+            return loop, scans
     raise RuntimeError(f"no loop of seed {seed}, place {index} moved its stem {FEWEST_SLIPS} times")
 
 
-def _draw(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, int]:
-    """One loop, and how often its stem broke away in the record."""
+def _slips(scans: LoopScans) -> int:
+    """How often the stem broke away in the record."""
+    moves = np.diff(scans.stem[WARM_UP:]) != 0.0
+    return int(np.count_nonzero(moves[1:] & ~moves[:-1]))
+
+
+def _draw(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, LoopScans]:
     drawn_story = str(rng.choice(list(STORIES), p=list(STORIES.values())))
     story = story or drawn_story
     S = float(np.exp(rng.uniform(np.log(1.0), np.log(8.0)))) if sticks else 0.0
     J = S * float(rng.choice([0.0, rng.uniform(0.1, 0.9), 1.0, rng.uniform(1.0, 1.2)]))
     stride = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
     count = int(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST))))
-    signals, stem, stem_S = _run(rng, story, S, J, WARM_UP + stride * count)
-    op, pv, sp = archived(signals, WARM_UP, stride, rng)
-    moves = np.diff(stem[WARM_UP:]) != 0.0
-    slips = int(np.count_nonzero(moves[1:] & ~moves[:-1]))
+    scans = _run(rng, story, S, J, WARM_UP + stride * count)
+    op, pv, sp = archived((scans.op, scans.pv, scans.sp), WARM_UP, stride, rng)
     loop = DrawnLoop(
-        op=op, pv=pv, sp=sp, interval_s=float(stride), S=S, J=J, stem_S=stem_S, story=story
+        op=op,
+        pv=pv,
+        sp=sp,
+        interval_s=float(stride),
+        S=S,
+        J=J,
+        stem_S=scans.numbers.S,
+        story=story,
     )
-    return loop, slips
+    return loop, scans
 
 
-def _run(
-    rng: np.random.Generator, story: str, S: float, J: float, scans: int
-) -> tuple[tuple[Floats, Floats, Floats], Floats, float]:
-    """OP, PV and SP at every scan, the stem, and its S."""
+def _run(rng: np.random.Generator, story: str, S: float, J: float, scans: int) -> LoopScans:
     numbers, period = _draw_numbers(rng, story, S, J)
     stories = {story}
     if rng.random() < _SECOND_STORY:
         stories.add(str(rng.choice(["load", "wave", "set points", "cascade", "neighbour"])))
     time = np.arange(scans, dtype=np.float64)
     sp = _set_points(rng, stories, numbers, time, period)
-    load, push = _disturbances(rng, stories, numbers, time, period)
+    acting = _disturbances(rng, stories, numbers, time, period)
     size = float(np.exp(rng.uniform(np.log(0.005), np.log(0.2))))
     if story == "noisy":
         size = float(rng.uniform(0.2, 0.6))
-    noise = min(size, 1.5 / numbers.gain) * coloured(scans, float(rng.choice([0.0, 0.0, 2.0])), rng)
-    read, stem = run_scans(numbers, sp, load, push, noise, rng.standard_normal(2048))
-    return (read[0], read[1], sp), stem, numbers.S
+    size, noise_time = min(size, 1.5 / numbers.gain), float(rng.choice([0.0, 0.0, 2.0]))
+    noise = size * coloured(scans, noise_time, rng)
+    read, stem = run_scans(numbers, sp, acting.load, acting.push, noise, rng.standard_normal(2048))
+    return LoopScans(
+        numbers=numbers,
+        op=read[0],
+        pv=read[1],
+        sp=sp,
+        stem=stem,
+        disturbances=acting,
+        noise_size=size,
+        noise_time=noise_time,
+    )
 
 
 def _draw_numbers(
@@ -180,25 +243,21 @@ def _set_points(
 
 def _disturbances(
     rng: np.random.Generator, stories: set[str], numbers: LoopNumbers, time: Floats, period: float
-) -> tuple[Floats, Floats]:
-    """(n,) each: the load at the process input, percent of travel, and the push on PV itself."""
-    size = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
-    if rng.random() < _MANY_SCALES:
-        load = 2.0 * size * many_scales(time.size, rng)
-    else:
-        load = size * coloured(time.size, period * rng.uniform(0.2, 3.0), rng)
-    push = np.zeros(time.size)
-    if rng.random() < 0.3:  # drift over much of the record
-        load += rng.uniform(0.5, 4.0) * coloured(time.size, time.size * rng.uniform(0.1, 1.0), rng)
+) -> Disturbances:
+    load, wandering = _wandering_load(rng, time.size, period)
+    push, shaped = np.zeros(time.size), np.zeros(time.size)
     if rng.random() < 0.15:
-        load += rng.uniform(0.3, 3.0) * stepped(time, rng.uniform(5.0, 30.0) * period, rng)
+        steps = rng.uniform(0.3, 3.0) * stepped(time, rng.uniform(5.0, 30.0) * period, rng)
+        load, shaped = load + steps, shaped + steps
     if "load" in stories:
-        coloured_noise = rng.uniform(0.5, 3.0) * coloured(
-            time.size, period * rng.uniform(0.5, 6.0), rng
-        )
-        load += coloured_noise * now_and_then(time.size, 30.0 * period, rng)
+        size, correlated = rng.uniform(0.5, 3.0), period * rng.uniform(0.5, 6.0)
+        values = size * coloured(time.size, correlated, rng)
+        where = now_and_then(time.size, 30.0 * period, rng)
+        load = load + values * where
+        wandering += [Wandering(size=size, time=correlated, where=where)]
     if "saturated" in stories:
-        load += wave(time, period, rng) * float(rng.uniform(2.0, 6.0))
+        swing = wave(time, period, rng) * float(rng.uniform(2.0, 6.0))
+        load, shaped = load + swing, shaped + swing
     for wave_story in ("wave", "neighbour"):  # in this order: one seed, one loop
         if wave_story not in stories:
             continue
@@ -209,8 +268,30 @@ def _disturbances(
         if rng.random() < 0.3:
             push += amplitude * numbers.process_gain * 0.5 * shape
         else:
-            load += amplitude * shape
-    return load, push
+            load, shaped = load + amplitude * shape, shaped + amplitude * shape
+    return Disturbances(load=load, push=push, shaped=shaped, wandering=tuple(wandering))
+
+
+def _wandering_load(
+    rng: np.random.Generator, scans: int, period: float
+) -> tuple[Floats, list[Wandering]]:
+    """(scans,) load that wanders always, and of what it is the sum."""
+    size = float(np.exp(rng.uniform(np.log(0.03), np.log(0.6))))
+    if rng.random() < _MANY_SCALES:
+        load = 2.0 * size * many_scales(scans, rng)
+        times = _times_of_many_scales(scans)
+        wandering = [
+            Wandering(size=2.0 * size / np.sqrt(times.size), time=float(time)) for time in times
+        ]
+    else:
+        correlated = period * rng.uniform(0.2, 3.0)
+        load = size * coloured(scans, correlated, rng)
+        wandering = [Wandering(size=size, time=correlated)]
+    if rng.random() < 0.3:  # drift over much of the record
+        drift, correlated = rng.uniform(0.5, 4.0), scans * rng.uniform(0.1, 1.0)
+        load += drift * coloured(scans, correlated, rng)
+        wandering += [Wandering(size=drift, time=correlated)]
+    return load, wandering
 
 
 def _neighbour(scans: int, period: float, rng: np.random.Generator) -> Floats:
@@ -270,8 +351,12 @@ def coloured(count: int, time: float, rng: np.random.Generator) -> Floats:
 
 def many_scales(count: int, rng: np.random.Generator) -> Floats:
     """(count,) noise of about unit variance whose spectrum falls as one over the frequency."""
-    times = np.geomspace(1.0, max(count / 4.0, 8.0), 6)
+    times = _times_of_many_scales(count)
     return np.asarray(sum(coloured(count, time, rng) for time in times) / np.sqrt(times.size))
+
+
+def _times_of_many_scales(count: int) -> Floats:
+    return np.geomspace(1.0, max(count / 4.0, 8.0), 6)
 
 
 def stepped(time: Floats, mean_gap: float, rng: np.random.Generator) -> Floats:
