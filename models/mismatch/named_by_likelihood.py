@@ -486,10 +486,12 @@ def _with(
             fitted if one is best else scored_at(evaluator, one.rich.layout, one.rich.candidate)
         )
         scores.append(TermScore(one.term, of_term, gain(evaluator, named.fitted, of_term)))
-    # Without the term they are scored at their most likely parameters as well: those that were
-    # fitted to them are nearer anyhow.
-    simple = scored_at(evaluator, best.simple.layout, best.simple.candidate)
-    against = max(scores[0].advantage.t, gain(evaluator, simple, fitted).t) < CONTRADICTED
+    against = scores[0].advantage.t < CONTRADICTED
+    if against and len(named.needed) <= 1:
+        # They are scored at the most likely parameters without the term as well: those that were
+        # fitted to them are nearer anyhow. Beside two effects, a third one was wrong then.
+        simple = scored_at(evaluator, best.simple.layout, best.simple.candidate)
+        against = gain(evaluator, simple, fitted).t < CONTRADICTED
     if against and evidence.t < ALL_OVER:
         return named
     stage = SelectionStage(named.fitted, tuple(scores), tuple(scores))
