@@ -45,6 +45,7 @@ from stemwatch.models.mismatch.held_out import (
 )
 from stemwatch.models.mismatch.likelihood import RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import named_by_likelihood, points_at
+from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -366,7 +367,8 @@ def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     not fitted: as little as S and J alone then do they describe what moved the stem.
 
     Where OP hardly moves, a few breakaways that come late by chance decide how well a free run
-    follows. If nothing systematic is left and the free run comes nearer beyond chance, they stand.
+    follows. If nothing systematic is left and the free run comes nearer beyond chance, or if the
+    likelihood, which follows all breakaways, leaves nothing of the record, they stand.
     """
     heldout = hypothesis.comparison.heldout
     if not hypothesis.effects or heldout.fit_extended is None or heldout.rmse_extended is None:
@@ -376,6 +378,9 @@ def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     if heldout.fit_extended >= LEAST_FIT_OF_NAMED or heldout.rmse_extended <= noise:
         return hypothesis
     if not hypothesis.unexplained and (heldout.gain_low or 0.0) > 0.0:
+        return hypothesis
+    evaluator, fitted, best = hypothesis.evaluator, hypothesis.fitted, hypothesis.best
+    if likelihood_explains(evaluator, fitted, best, NOISE_OF_A_NAME):
         return hypothesis
     reason = _parts_only(hypothesis, "not followed with it either")
     return replace(hypothesis, effects=(), dropped_because=reason)

@@ -54,7 +54,7 @@ def doubt(
     former.
     """
     clause = _doubt_of_runs(evaluator, fitted, best, comparison, both_stictions, naive)
-    return "" if clause and _likelihood_explains(evaluator, fitted, best) else clause
+    return "" if clause and likelihood_explains(evaluator, fitted, best) else clause
 
 
 def _doubt_of_runs(
@@ -86,15 +86,18 @@ def _doubt_of_runs(
     return ""
 
 
-def _likelihood_explains(evaluator: Evaluator, fitted: Fitted, best: Floats) -> bool:
-    """Whether the record as a whole is as likely as one with nothing hidden: at the S and J of the
-    refit breakaways scatter and readings lie about the stem as those of real stems do.
+def likelihood_explains(
+    evaluator: Evaluator, fitted: Fitted, best: Floats, noise: float = OWN_NOISE
+) -> bool:
+    """Whether a hypothesis leaves nothing of the record as a whole: at the S and J of its refit,
+    which are those of ``best`` (size,), breakaways scatter and readings lie about the stem as those
+    of real stems do; the latter by ``noise`` at most, a share of their estimated noise.
     """
     likelihood = RecordLikelihood(evaluator)
     found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
     near = np.abs(np.array(S_and_J(found.candidate)) - S_and_J(best)) <= ALIKE_PERCENT
     scatters = found.scatter <= WIDEST * SCATTERS[1]
-    return bool(near.all()) and scatters and found.noise <= OWN_NOISE * evaluator.problem.sigma
+    return bool(near.all()) and scatters and found.noise <= noise * evaluator.problem.sigma
 
 
 def missed_breakaways(comparison: HeldOutComparison) -> str:
