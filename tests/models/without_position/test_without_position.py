@@ -193,7 +193,7 @@ def test_what_cannot_be_judged_says_why() -> None:
 
 
 def test_a_doubt_leaves_the_score_but_no_answer() -> None:
-    """OP that moves by less than any valve notices: the networks see no scale, score and answer do."""
+    """OP that moves by less than any valve notices: the networks see no scale, the score does."""
     loop = limit_cycle()
     op, pv = loop.op.values, loop.get(Role.PV).values
     tiny = suspect_by(loop_of(50.0 + 0.2 * (op - 50.0) / np.ptp(op), pv), trained_judge())
@@ -356,8 +356,9 @@ def test_the_score_asks_for_more_than_the_S_of_a_sound_stem() -> None:
 
 @pytest.mark.parametrize("place", [1, 3, 5, 9])
 def test_no_sign_names_a_smaller_S_where_OP_swings_less(place) -> None:
-    """The same loop with half the swing of OP: a smaller S, down to what a sound valve may have, and
-    no less than half, because an S near that of a sound stem scores less. Where OP swings by less than that, it is all of OP's swing."""
+    """The same loop with half the swing of OP: a smaller S, down to what a sound valve may have.
+    No less than half, because an S near that of a sound stem scores less. Where OP swings by less
+    than that, it is all of OP's swing."""
     loop = draw_loop(77, place)
     amplitude = amplitude_of(loop.op, dominant_period(loop.op))
     whole, half, tiny = (
