@@ -12,6 +12,7 @@ from enum import StrEnum
 from functools import cache
 
 import numpy as np
+from scipy.special import ndtr
 
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.holes import bridged, longest_stretch
@@ -26,7 +27,7 @@ from stemwatch.models.without_position.features import (
 )
 from stemwatch.models.without_position.hammerstein import block_means
 from stemwatch.models.without_position.network import LoopNetwork, LoopScore, unpacked
-from stemwatch.models.without_position.no_sign import NoSignLimit
+from stemwatch.models.without_position.no_sign import WIDEST_PERCENT, NoSignLimit
 from stemwatch.models.without_position.picture import ElementTraces, element_traces
 from stemwatch.models.without_position.weighed_size import weighed_log_S
 from stemwatch.models.without_position.windows import windows
@@ -37,6 +38,7 @@ ENOUGH_PERIODS = 8  # in a record; with fewer swings most signs are too weak
 MOST_SAMPLES = 8000
 _THINNED_TO = 400  # samples in a period
 LEAST_S_PERCENT = 1.0  # less is what a sound valve may have
+SOUND_S_PERCENT = 0.4  # and this is what it usually has at most: the score asks for more
 # "no sign" is no reason to leave a valve alone where only more than this would have shown
 SMALL_S_PERCENT = 2.0
 MOST_S_PERCENT = 8.0  # that only more would have shown is no answer; no loop taught more
@@ -74,15 +76,16 @@ class Suspicion(StrEnum):
 class WithoutPosition:
     """The result from OP and PV with its reason and advice.
 
-    ``score`` (0 to 1) is the probability of sticking where half of all loops stick; ``apparent_S``
-    in percent of OP; ``shows_from`` the S from which sticking would have been detected in nine
-    cases of ten; ``rivals`` other causes that the data cannot exclude.
+    ``score`` (0 to 1) is that of ``sticking_score``; ``likeness`` that of the networks alone,
+    whatever S; ``apparent_S`` in percent of OP; ``shows_from`` the S from which sticking would have
+    been detected in nine cases of ten; ``rivals`` other causes that the data cannot exclude.
     """
 
     verdict: Suspicion
     reason: str
     advice: str
     score: float | None = None
+    likeness: float | None = None
     apparent_S: Estimate
     shows_from: float | None = None
     rivals: tuple[str, ...] = ()
@@ -198,9 +201,12 @@ class Judge:
         if seen.shown is None or seen.windows is None:
             return _cannot_tell(*(seen.doubt or ("nothing was seen", _FASTER)))
         answer = self.network.answer(seen.shown.values, seen.windows)
+        score = sticking_score(seen.shown, answer, seen.unit)
         if seen.doubt is not None:
-            return _cannot_tell(*seen.doubt, answer.score)
-        return _answer(seen, seen.shown, answer, self.limits)
+            found = _cannot_tell(*seen.doubt, score)
+        else:
+            found = _answer(seen, seen.shown, answer, score, self.limits)
+        return replace(found, likeness=answer.score)
 
 
 @cache
@@ -231,7 +237,7 @@ def too_little_moved(found: WithoutPosition, reason: str, remedy: str) -> Withou
     """
     if found.verdict is not Suspicion.NO_SIGN:
         return found
-    return _cannot_tell(reason, remedy, found.score)
+    return replace(_cannot_tell(reason, remedy, found.score), likeness=found.likeness)
 
 
 def _unusable(recording: Recording) -> tuple[str, str] | None:
@@ -324,33 +330,52 @@ def estimated_S(loop_evidence: Evidence, answer: LoopScore) -> float:
     return loop_evidence.amplitude * float(np.exp(log_S))
 
 
+def sticking_score(loop_evidence: Evidence, answer: LoopScore, unit: str) -> float:
+    """0 to 1: the networks' probability that a stem sticks, where half of all loops have one that
+    does, times the probability that its S is more than a sound stem has,
+
+        P(S > SOUND_S_PERCENT) = Phi(ln(S/SOUND_S_PERCENT)/d)
+
+    with the apparent S and the spread d that its interval has. The networks see no scale: where OP
+    is not in percent, the second factor is unknown and left out.
+    """
+    if unit != PERCENT:
+        return answer.score
+    beyond_sound = np.log(estimated_S(loop_evidence, answer) / SOUND_S_PERCENT)
+    return answer.score * float(ndtr(beyond_sound / answer.spread))
+
+
 def predicts_better(loop_evidence: Evidence) -> bool:
     """Whether an element that sticks, beside OP, predicts unseen PV better than any linear loop."""
     return loop_evidence.coarse.gain_of_both > 0.0
 
 
 def _answer(
-    seen: SeenLoop, loop_evidence: Evidence, answer: LoopScore, limits: SuspicionLimits
+    seen: SeenLoop,
+    loop_evidence: Evidence,
+    answer: LoopScore,
+    score: float,
+    limits: SuspicionLimits,
 ) -> WithoutPosition:
     unit = seen.unit
     said_unit = f" {unit}" if unit else ""
     S = estimated_S(loop_evidence, answer)
     low, high = (S * float(np.exp(side * 1.96 * answer.spread)) for side in (-1.0, 1.0))
     periods = seen.samples / loop_evidence.period
-    is_suspected = answer.score >= limits.suspected_from and predicts_better(loop_evidence)
+    is_suspected = score >= limits.suspected_from and predicts_better(loop_evidence)
     if is_suspected and unit != PERCENT:
         return _cannot_tell(
             f"it looks as if the valve sticks by {S:.2g}{said_unit} of OP, not in percent: "
             f"nobody can say whether that is more than the {LEAST_S_PERCENT:g} % that a sound "
             "valve may have",
             _SCALE,
-            answer.score,
+            score,
         )
     if is_suspected and S < LEAST_S_PERCENT:
         return _cannot_tell(
             f"it looks as if the valve sticks by {S:.2f} % of OP, which a sound valve may have",
             _TEST,
-            answer.score,
+            score,
         )
     if is_suspected:
         return WithoutPosition(
@@ -362,13 +387,13 @@ def _answer(
                 "verdict."
             ),
             advice=_TEST,
-            score=answer.score,
+            score=score,
             apparent_S=Estimate(value=S, low=low, high=high, unit=unit),
             rivals=_rivals(loop_evidence),
         )
-    if answer.score >= limits.suspected_from:
-        return _too_weak(periods, answer.score)
-    return _without_sign(seen, loop_evidence, answer.score, limits.no_sign)
+    if score >= limits.suspected_from:
+        return _too_weak(periods, score)
+    return _without_sign(seen, loop_evidence, score, limits.no_sign)
 
 
 def _without_sign(
@@ -378,7 +403,12 @@ def _without_sign(
     that says something."""
     amplitude, unit = loop_evidence.amplitude, seen.unit
     swings = seen.samples / loop_evidence.period
-    share = limit.shows_from(score, swings, float(loop_evidence.sizes[-1]) / amplitude)
+    share = limit.shows_from(
+        score,
+        swings,
+        float(loop_evidence.sizes[-1]) / amplitude,
+        amplitude if unit == PERCENT else WIDEST_PERCENT,  # where the score knows no S either
+    )
     if share is None:
         return _too_weak(swings, score)
     shows = share * amplitude

@@ -32,6 +32,7 @@ from stemwatch.models.without_position.suspicion import (
     estimated_S,
     look_at_loop,
     predicts_better,
+    sticking_score,
 )
 from stemwatch.service.executors import Executor, map_in_order
 
@@ -91,13 +92,14 @@ def run_training(
 @dataclass(frozen=True, kw_only=True)
 class _JudgedLoop:
     """A loop that gives the limits. ``S_share`` is its true S over OP's amplitude, 0 for a sound
-    one; ``range_share`` OP's range over that; ``alarm`` the score where all else lets it
-    be suspected, else 0."""
+    one; ``range_share`` OP's range over that ``amplitude``; ``alarm`` the score where all else lets
+    it be suspected, else 0."""
 
     is_own: bool
     S_share: float
     swings: float
     range_share: float
+    amplitude: float
     score: float
     alarm: float
 
@@ -128,29 +130,28 @@ def _judged(draw: SeenDraw, network: LoopNetwork) -> _JudgedLoop | None:
         S_share=draw.S / shown.amplitude,
         swings=draw.seen.samples / shown.period,
         range_share=float(shown.sizes[-1]) / shown.amplitude,
-        score=answer.score,
-        alarm=_alarm(shown, answer),
+        amplitude=shown.amplitude,
+        score=sticking_score(shown, answer, draw.seen.unit),
+        alarm=_alarm(draw.seen, shown, answer),
     )
 
 
-def _alarm(shown: Evidence, answer: LoopScore) -> float:
+def _alarm(seen: SeenLoop, shown: Evidence, answer: LoopScore) -> float:
     """The score where all other rules let a loop be suspected, else 0."""
     may_alarm = predicts_better(shown) and estimated_S(shown, answer) >= LEAST_S_PERCENT
-    return answer.score if may_alarm else 0.0
+    return sticking_score(shown, answer, seen.unit) if may_alarm else 0.0
 
 
 def _no_sign(sticking: Sequence[_JudgedLoop]) -> NoSignLimit:
     """The limit by loops that stick. By too few nothing is "no sign"."""
     if len(sticking) < _FEWEST:
         return NoSignLimit(level=0.0, by_swings=0.0, by_range=0.0, by_S=0.0, beyond=0.0)
-    shares, swings, ranges, scores = np.array(
-        [(loop.S_share, loop.swings, loop.range_share, loop.score) for loop in sticking]
-    ).T
-    weights = quantile_regression(columns(shares, swings, ranges), logit(scores), MISSED)
-    level, by_swings, by_range, by_S, beyond = (round(float(weight), 4) for weight in weights)
-    return NoSignLimit(
-        level=level, by_swings=by_swings, by_range=by_range, by_S=by_S, beyond=beyond
+    seen = np.array(
+        [(loop.S_share, loop.swings, loop.range_share, loop.amplitude) for loop in sticking]
     )
+    scores = np.array([loop.score for loop in sticking])
+    weights = quantile_regression(columns(*seen.T), logit(scores), MISSED)
+    return NoSignLimit(*(round(float(weight), 4) for weight in weights))
 
 
 def module_of(judge: Judge, loops: int, seed: int) -> str:
@@ -236,7 +237,7 @@ def studied(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
         numbers = (estimate.value, estimate.low, estimate.high)
     alarm = 0.0
     if shown is not None and windows is not None and seen_draw.seen.doubt is None:
-        alarm = _alarm(shown, judge.network.answer(shown.values, windows))
+        alarm = _alarm(seen_draw.seen, shown, judge.network.answer(shown.values, windows))
     return StudiedLoop(
         family=seen_draw.place.family,
         story=seen_draw.story,

@@ -71,7 +71,7 @@ class PlantSuspicions(Mapping[int, float]):
     def __getitem__(self, loop: int) -> float:
         if loop not in self._scores:
             seen = look_at_loop(_recording(self._plant, loop))
-            self._scores[loop] = trained_judge().says(seen).score
+            self._scores[loop] = trained_judge().says(seen).likeness
         score = self._scores[loop]
         if score is None:
             raise KeyError(loop)

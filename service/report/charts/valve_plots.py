@@ -54,7 +54,7 @@ def _thinned_loop(screening: Screening) -> ThinnedLoop | None:
         return None
     sticks = {Verdict.STICKY: True, Verdict.HEALTHY: False}.get(screening.verdict)
     told = screening.without_position
-    return thinned_loop(screening.recording, sticks, None if told is None else told.score)
+    return thinned_loop(screening.recording, sticks, None if told is None else told.likeness)
 
 
 def plots_instead_of_samples(screening: Screening) -> tuple[Screening, ValvePlots]:

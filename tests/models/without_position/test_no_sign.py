@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,20 +13,21 @@ from stemwatch.models.studies.loops.quantile_regression import quantile_regressi
 from stemwatch.models.without_position.no_sign import LEAST_SHARE, NoSignLimit, columns, logit
 from stemwatch.models.without_position.suspicion import trained_judge
 
-LIMIT = NoSignLimit(level=1.0, by_swings=0.5, by_range=-0.5, by_S=1.5, beyond=-1.0)
+LIMIT = NoSignLimit(
+    level=1.0, by_swings=0.5, by_range=-0.5, by_S=1.5, beyond=-1.0, by_amplitude=0.5
+)
 
 
-@given(st.floats(0.0, 1.0), st.floats(4.0, 300.0), st.floats(1.0, 3.0))
+@given(st.floats(0.0, 1.0), st.floats(4.0, 300.0), st.floats(1.0, 3.0), st.floats(0.2, 30.0))
 def test_of_the_S_that_is_named_and_of_all_larger_ones_nine_of_ten_score_above(
-    score, swings, range_share
+    score, swings, range_share, amplitude
 ) -> None:
     """Up to OP's range; and where no S is named, that is not true of S at OP's amplitude."""
     for limit in (LIMIT, trained_judge().limits.no_sign):
-        share = limit.shows_from(score, swings, range_share)
+        share = limit.shows_from(score, swings, range_share, amplitude)
         shares = np.linspace(1.0 if share is None else share, range_share, 50)
-        weights = [limit.level, limit.by_swings, limit.by_range, limit.by_S, limit.beyond]
-        rows = columns(shares, np.full(50, swings), np.full(50, range_share))
-        above = rows @ np.array(weights) >= logit(score) - 1e-9
+        covariates = (np.full(50, value) for value in (swings, range_share, amplitude))
+        above = columns(shares, *covariates) @ np.array(astuple(limit)) >= logit(score) - 1e-9
         assert above.all() == (share is not None)
         assert share is None or LEAST_SHARE <= share <= 1.0 + 1e-9
 
@@ -39,6 +42,9 @@ def test_a_lower_score_and_more_swings_show_a_smaller_S() -> None:
     assert swings == sorted(swings)
     assert limit.shows_from(0.4, 16.0, 1.3) == limit.shows_from(0.4, 100.0, 1.3)
     assert limit.shows_from(0.4, 10.0, 1.1) < limit.shows_from(0.4, 10.0, 2.0)
+    # the same share of a wider swing is a larger S, which the score asks for
+    assert limit.shows_from(0.4, 10.0, 1.3, 8.0) < limit.shows_from(0.4, 10.0, 1.3, 3.0)
+    assert limit.shows_from(0.4, 10.0, 1.3, 8.0) == limit.shows_from(0.4, 10.0, 1.3, 30.0)
 
 
 def test_where_a_larger_S_shows_no_better_nothing_is_named() -> None:
