@@ -86,11 +86,11 @@ LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 # in few blocks, so that the mean over all of them is small. Of 83 development valves with rare
 # physics none of the terms that stand in for it removes more than 0.31, straight lines apart.
 LARGEST_PART = 0.5
-STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
+STRAIGHT_LINE = ("zero_shift", "span_error")
 # What physics that is not in the catalogue was taken for, and the share of the noise up to which
 # readings lie about the most likely stem if it is right: at most 1.0 on 15 development valves with
 # one or two of them, 1.26 and 1.27 on two with a spring with hysteresis and a wave of friction.
-STANDS_IN = (*STRAIGHT_LINE, DELAY, "actuator_lag", "asymmetric_lag")
+STANDS_IN = (*STRAIGHT_LINE, "actuator_lag", "asymmetric_lag")
 NOISE_OF_A_NAME = 1.2
 BEND = "bend"  # a bent reading is not in the catalogue; its limits are those of a term
 MUCH_NEARER = 0.7  # rmse on unseen data over that of S and J alone
@@ -400,7 +400,7 @@ def unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
 
 def unless_stand_in(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis; with nothing named, and as one that leaves something out, where all that is
-    named are lines of the reading, lags and delays, more than noise is left, and the most likely
+    named are lines of the reading and lags, more than noise is left, and the most likely
     stem with them is further from the readings than noise is. They bend to what a spring with
     hysteresis or a wave of friction does.
     """
