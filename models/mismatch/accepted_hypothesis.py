@@ -86,7 +86,7 @@ LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 # in few blocks, so that the mean over all of them is small. Of 83 development valves with rare
 # physics none of the terms that stand in for it removes more than 0.31, straight lines apart.
 LARGEST_PART = 0.5
-STRAIGHT_LINE = ("zero_shift", "span_error")
+STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
 # What physics that is not in the catalogue was taken for, and the share of the noise up to which
 # readings lie about the most likely stem if it is right: at most 1.0 on 15 development valves with
 # one or two of them, 1.26 and 1.27 on two with a spring with hysteresis and a wave of friction.
