@@ -43,9 +43,7 @@ from stemwatch.models.mismatch.held_out import (
     on_alternate_blocks,
     slip_by_slip,
 )
-from stemwatch.models.mismatch.likelihood import RecordLikelihood
-from stemwatch.models.mismatch.named_by_likelihood import named_by_likelihood, points_at
-from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
+from stemwatch.models.mismatch.named_by_likelihood import named_by_likelihood
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -61,7 +59,7 @@ from stemwatch.models.mismatch.reading_errors import (
     values_of,
     without_error,
 )
-from stemwatch.models.mismatch.shaken_stem import Shaking, find_shaking
+from stemwatch.models.mismatch.shaken_stem import Shaking
 from stemwatch.models.mismatch.spring_hysteresis import IMITATED, follows_turns
 from stemwatch.models.mismatch.sticking_by_likelihood import sticking_by_likelihood
 from stemwatch.models.mismatch.term import ActsOn, Term
@@ -77,7 +75,6 @@ WORSE = 1.15  # rmse on unseen data over that of S and J alone, from which it re
 # valves on which something was named (`prove`, seed 9393) none is fitted by less than 69; one whose
 # force was recorded as its command is fitted by 62.
 LEAST_FIT_OF_NAMED = 65.0
-NEAR_NOISE = 2.0  # noise floors, rmse up to which a stem that hardly moves is followed
 # Share of a line's mean advantage from which a bend tells against it: beside a zero that was off it
 # gained 0.05 of that, where a force over place was read as a span 0.13 (development valves).
 LEAST_BEND = 0.1
@@ -87,11 +84,6 @@ LEAST_SHARE = 0.09  # of the held-out loss that an effect must remove to matter
 # physics none of the terms that stand in for it removes more than 0.31, straight lines apart.
 LARGEST_PART = 0.5
 STRAIGHT_LINE, DELAY = ("zero_shift", "span_error"), "dead_time"
-# What physics that is not in the catalogue was taken for, and the share of the noise up to which
-# readings lie about the most likely stem if it is right: at most 1.0 on 15 development valves with
-# one or two of them, 1.26 and 1.27 on two with a spring with hysteresis and a wave of friction.
-STANDS_IN = (*STRAIGHT_LINE, "actuator_lag", "asymmetric_lag")
-NOISE_OF_A_NAME = 1.2
 BEND = "bend"  # a bent reading is not in the catalogue; its limits are those of a term
 MUCH_NEARER = 0.7  # rmse on unseen data over that of S and J alone
 
@@ -362,58 +354,6 @@ def _shows_them(heldout: HeldOutFit) -> bool:
     return followed and (heldout.gain_low or 0.0) > 0.0
 
 
-def if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
-    """The hypothesis, without its effects where a free run of it does not follow the part that was
-    not fitted: as little as S and J alone then do they describe what moved the stem.
-
-    Where OP hardly moves, a few breakaways that come late by chance decide how well a free run
-    follows. If nothing systematic is left and the free run comes nearer beyond chance, or if the
-    likelihood, which follows all breakaways, leaves nothing of the record, they stand.
-    """
-    heldout = hypothesis.comparison.heldout
-    if not hypothesis.effects or heldout.fit_extended is None or heldout.rmse_extended is None:
-        return hypothesis
-    # A stem that hardly moves in its noise is followed as well as can be.
-    noise = NEAR_NOISE * (heldout.noise_floor or 0.0)
-    if heldout.fit_extended >= LEAST_FIT_OF_NAMED or heldout.rmse_extended <= noise:
-        return hypothesis
-    if not hypothesis.unexplained and (heldout.gain_low or 0.0) > 0.0:
-        return hypothesis
-    evaluator, fitted, best = hypothesis.evaluator, hypothesis.fitted, hypothesis.best
-    if likelihood_explains(evaluator, fitted, best, NOISE_OF_A_NAME):
-        return hypothesis
-    reason = _parts_only(hypothesis, "not followed with it either")
-    return replace(hypothesis, effects=(), dropped_because=reason)
-
-
-def unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
-    """The hypothesis; with nothing named, and as one that leaves something out, where something
-    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again.
-    """
-    if any(effect.slug not in STICKS_AGAIN for effect in hypothesis.effects):
-        return hypothesis
-    shaking = find_shaking(hypothesis.evaluator, hypothesis.fitted)
-    if shaking is None:
-        return hypothesis
-    return replace(hypothesis, effects=(), unexplained=True, shaking=shaking)
-
-
-def unless_stand_in(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
-    """The hypothesis; with nothing named, and as one that leaves something out, where all that is
-    named are lines of the reading and lags, more than noise is left, and the most likely
-    stem with them is further from the readings than noise is. They bend to what a spring with
-    hysteresis or a wave of friction does.
-    """
-    slugs = {effect.slug for effect in hypothesis.effects}
-    if not slugs or not hypothesis.unexplained or not slugs <= set(STANDS_IN):
-        return hypothesis
-    likelihood, fitted = RecordLikelihood(hypothesis.evaluator), hypothesis.fitted
-    found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
-    if found.noise <= NOISE_OF_A_NAME * hypothesis.evaluator.problem.sigma:
-        return hypothesis
-    return replace(hypothesis, effects=())
-
-
 def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
     """Whether unseen samples are predicted no worse than by S and J alone, in a free run; slip by
     slip, better beyond chance. Where only the likelihood has shown it, no worse beyond chance: what
@@ -436,11 +376,11 @@ def _why_worse(hypothesis: AcceptedHypothesis) -> str:
     """A clause: unseen samples are predicted worse with what was named, or no better."""
     heldout = hypothesis.comparison.heldout
     if heldout.improves:
-        return _parts_only(hypothesis, "predicted no better with it than by chance")
-    return _parts_only(hypothesis, "predicted worse with it")
+        return parts_only(hypothesis, "predicted no better with it than by chance")
+    return parts_only(hypothesis, "predicted worse with it")
 
 
-def _parts_only(hypothesis: AcceptedHypothesis, outcome: str) -> str:
+def parts_only(hypothesis: AcceptedHypothesis, outcome: str) -> str:
     """A clause: the effects explain a part of the record, and the ``outcome`` on the unfitted part,
     with both fits.
     """

@@ -27,10 +27,7 @@ from stemwatch.models.mismatch.accepted_hypothesis import (
     STRAIGHT_LINE,
     AcceptedHypothesis,
     accepted_hypothesis,
-    if_followed,
     of_the_valve,
-    unless_shaken,
-    unless_stand_in,
 )
 from stemwatch.models.mismatch.base_fit import (
     fit_naive,
@@ -56,6 +53,7 @@ from stemwatch.models.mismatch.findings import (
 )
 from stemwatch.models.mismatch.flow import as_position
 from stemwatch.models.mismatch.held_out import HeldOutComparison
+from stemwatch.models.mismatch.last_checks import checked
 from stemwatch.models.mismatch.named_by_likelihood import strongest_by_likelihood
 from stemwatch.models.mismatch.nothing_left_out import doubt, missed_breakaways
 from stemwatch.models.mismatch.prepared_recording import (
@@ -252,7 +250,7 @@ def _through_flow(recording: Recording) -> Mismatch:
 
 def _mismatch_of(case: PreparedRecording) -> Mismatch:
     """What the accepted hypothesis says of a recording, beside S and J alone."""
-    hypothesis = unless_stand_in(unless_shaken(if_followed(accepted_hypothesis(case))))
+    hypothesis = checked(accepted_hypothesis(case))
     evaluator, comparison = hypothesis.evaluator, hypothesis.comparison
     naive_only = naive_evaluator(evaluator)
     naive = conclude(

@@ -53,37 +53,44 @@ def doubt(
     whole record; ``both_stictions`` S and J alone and with it, ``naive`` (6,) the fit of the
     former.
     """
-    clause = _doubt_of_runs(evaluator, fitted, best, comparison, both_stictions, naive)
+    clause = _contradiction(evaluator, fitted, best, both_stictions, naive)
+    clause = clause or _not_followed(comparison)
     return "" if clause and likelihood_explains(evaluator, fitted, best) else clause
 
 
-def _doubt_of_runs(
+def _contradiction(
     evaluator: Evaluator,
     fitted: Fitted,
     best: Floats,
-    comparison: HeldOutComparison,
     both_stictions: tuple[Stiction, Stiction],
     naive: Floats,
 ) -> str:
-    """What the fits and free runs raise against S and J, a clause; empty where nothing."""
+    """A clause where S and J alone and refitted contradict each other, and free runs do not decide
+    between them; empty otherwise.
+    """
     friction_alone, refitted = both_stictions
     open_percent = float(evaluator.slack.max())  # what an archive by exception leaves open
     agree = _agree(friction_alone.S, refitted.S, open_percent) and _agree(
         friction_alone.J, refitted.J, open_percent
     )
-    if not agree and not _runs_decide(evaluator, fitted, best, naive):
-        return (
-            "Two fits to this recording, one by S and J alone and one with the reading's zero and "
-            "gain beside them, contradict each other"
-        )
+    if agree or _runs_decide(evaluator, fitted, best, naive):
+        return ""
+    return (
+        "Two fits to this recording, one by S and J alone and one with the reading's zero and "
+        "gain beside them, contradict each other"
+    )
+
+
+def _not_followed(comparison: HeldOutComparison) -> str:
+    """A clause where no run follows the part that was not fitted; empty otherwise."""
     numbers = (comparison.heldout.fit_naive, comparison.heldout.fit_extended, comparison.followed)
     fits = [fit for fit in numbers if fit is not None]
-    if fits and max(fits) < LEAST_FIT:
-        return (
-            "With S and J the model does not follow the part of the recording that was not fitted "
-            f"(fit {max(fits):.0f} %)"
-        )
-    return ""
+    if not fits or max(fits) >= LEAST_FIT:
+        return ""
+    return (
+        "With S and J the model does not follow the part of the recording that was not fitted "
+        f"(fit {max(fits):.0f} %)"
+    )
 
 
 def likelihood_explains(

@@ -36,7 +36,7 @@ class NoSignLimit:
     by_range: float
     by_S: float
     beyond: float
-    by_amplitude: float = 0.0
+    by_amplitude: float
 
     def shows_from(
         self,

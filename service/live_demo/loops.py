@@ -14,7 +14,7 @@ from stemwatch.models.studies.simulator.loop import (
 
 WEARING = "FIC-101"
 INTERVAL_S = 0.2  # s between updates of the simulated registers; polls are less frequent
-# So little that the polls do not show it: what a user would do something about is a fault.
+# Too quick for the polls to show. A lag that they show is named, and the valve is not healthy.
 _QUICK = Actuator(air_lag_s=0.05)
 STROKES = {WEARING: "40 mm", "FIC-102": "50 mm", "FIC-103": "30 mm"}  # full travel, by tag
 _FLOW = PvRange(unit="t/h", low=0.0, high=40.0)

@@ -145,7 +145,7 @@ def _alarm(seen: SeenLoop, shown: Evidence, answer: LoopScore) -> float:
 def _no_sign(sticking: Sequence[_JudgedLoop]) -> NoSignLimit:
     """The limit by loops that stick. By too few nothing is "no sign"."""
     if len(sticking) < _FEWEST:
-        return NoSignLimit(level=0.0, by_swings=0.0, by_range=0.0, by_S=0.0, beyond=0.0)
+        return NoSignLimit(0.0, 0.0, 0.0, by_S=0.0, beyond=0.0, by_amplitude=0.0)
     seen = np.array(
         [(loop.S_share, loop.swings, loop.range_share, loop.amplitude) for loop in sticking]
     )

@@ -127,10 +127,9 @@ def either_sign(size: float) -> list[list[float]]:
 
 def at_truth(case: HiddenCase, term: Term, base: BaseFit) -> tuple[CoordinateLayout, Floats]:
     """The base with ``term``, and candidates (m, size) about the true sizes, S and J."""
-    slug, valve, evaluator = case.hidden[0], case.loop.valve, base.evaluator
+    slug, evaluator = case.hidden[0], base.evaluator
     layout = evaluator.layout(base.fitted.layout.hypothesis.plus(term))
     own = {name.split(".", 1)[1]: value for name, value in case.sizes.items()}
-    centre = base.fitted.candidates.mean(axis=0)
     # A walk has no sizes that the term could begin from, so it begins from its own grid.
     walk = slug == "sensor_drift" and not own["drift_percent"]
     true_sizes = term.starts(evaluator.summary) if walk else SIZES[slug](own)
@@ -138,18 +137,32 @@ def at_truth(case: HiddenCase, term: Term, base: BaseFit) -> tuple[CoordinateLay
     for values, (S, J), k, plain, restick in product(
         true_sizes, S_AND_J, AROUND, (False, True), (None, *RESTICKS)
     ):
-        row = np.zeros(layout.size)
-        row[: base_coordinate.N_BASE] = centre[: base_coordinate.N_BASE]
-        if plain:
-            row[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
-        row[base_coordinate.S_PERCENT] = S * valve.S_read
-        row[base_coordinate.RATIO] = J * valve.J_read / (S * valve.S_read)
-        if restick is not None:
-            row[base_coordinate.RESTICK] = restick
+        row = about_truth(layout, base, case, (S, J), plain, restick)
         row[layout.places[slug]] = values
         row[layout.places[slug].start] *= 1.0 if slug == "travel_stop" else k
         rows.append(row)
     return layout, layout.bounds.clip(np.array(rows))
+
+
+def about_truth(
+    layout: CoordinateLayout,
+    base: BaseFit,
+    case: HiddenCase,
+    of_true: tuple[float, float],
+    plain: bool,
+    restick: float | None,
+) -> Floats:
+    """(size,) the base, with ``of_true`` times the true S and J; the reading has no error where
+    ``plain``, and the stem sticks again at ``restick``, %/s, where given."""
+    row, (S, J), valve = np.zeros(layout.size), of_true, case.loop.valve
+    row[: base_coordinate.N_BASE] = base.fitted.candidates.mean(axis=0)[: base_coordinate.N_BASE]
+    if plain:
+        row[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
+    row[base_coordinate.S_PERCENT] = S * valve.S_read
+    row[base_coordinate.RATIO] = J * valve.J_read / (S * valve.S_read)
+    if restick is not None:
+        row[base_coordinate.RESTICK] = restick
+    return row
 
 
 def best_from(base: BaseFit, layout: CoordinateLayout, starts: Floats) -> tuple[Fitted, Fitted]:

@@ -17,7 +17,6 @@ from itertools import product
 
 import numpy as np
 
-from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import RARELY_ACTS, strength
 from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import (
@@ -56,7 +55,14 @@ from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_hidden, simulate_hidden
-from tests.benchmarks.bench_ceiling import EFFORT, OF_STRIBECK, S_AND_J, SIZES, stored
+from tests.benchmarks.bench_ceiling import (
+    EFFORT,
+    OF_STRIBECK,
+    S_AND_J,
+    SIZES,
+    about_truth,
+    stored,
+)
 
 # A reading that is off: what the base is fitted with, and the true size in either direction.
 OF_READING = {
@@ -121,21 +127,13 @@ def true_values(case: HiddenCase, slug: str, evaluator: Evaluator) -> list[list[
 
 def at_truth(case: HiddenCase, prepared: PreparedRecording) -> tuple[CoordinateLayout, Floats]:
     """The base with both effects, and candidates (m, size) about their true sizes, S and J."""
-    base, valve = prepared.base, case.loop.valve
+    base = prepared.base
     terms = [catalogue()[slug] for slug in case.hidden if slug not in COORDINATES]
     layout = base.evaluator.layout(TermSet(tuple(terms)))
-    centre = base.fitted.candidates.mean(axis=0)
     sizes = [true_values(case, slug, base.evaluator) for slug in case.hidden]
     rows = []
     for both, (S, J), plain, restick in product(product(*sizes), S_AND_J, (False, True), RESTICKS):
-        row = np.zeros(layout.size)
-        row[: base_coordinate.N_BASE] = centre[: base_coordinate.N_BASE]
-        if plain:
-            row[[base_coordinate.ZERO, base_coordinate.GAIN]] = 0.0
-        row[base_coordinate.S_PERCENT] = S * valve.S_read
-        row[base_coordinate.RATIO] = J * valve.J_read / (S * valve.S_read)
-        if restick is not None:
-            row[base_coordinate.RESTICK] = restick
+        row = about_truth(layout, base, case, (S, J), plain, restick)
         for slug, values in zip(case.hidden, both, strict=True):
             row[places_of(layout, slug)] = values
         rows.append(row)

@@ -49,7 +49,7 @@ def test_a_lower_score_and_more_swings_show_a_smaller_S() -> None:
 
 def test_where_a_larger_S_shows_no_better_nothing_is_named() -> None:
     """A limit that was fitted to nothing says nothing, at any score."""
-    none = NoSignLimit(level=0.0, by_swings=0.0, by_range=0.0, by_S=0.0, beyond=0.0)
+    none = NoSignLimit(0.0, 0.0, 0.0, by_S=0.0, beyond=0.0, by_amplitude=0.0)
     assert none.shows_from(0.0, 20.0, 1.0) is None
     assert LIMIT.shows_from(0.999, 20.0, 1.0) is None
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 from scipy.signal import lfilter
 
 from stemwatch.models.recording import Quality, Recording, Role, Signal
@@ -34,7 +35,6 @@ from stemwatch.models.without_position.no_sign import NoSignLimit
 from stemwatch.models.without_position.suspicion import (
     LEAST_S_PERCENT,
     MOST_SAMPLES,
-    SMALL_S_PERCENT,
     SOUND_S_PERCENT,
     Judge,
     Suspicion,
@@ -58,7 +58,7 @@ from stemwatch.models.without_position.windows import (
 def few_trained() -> Judge:
     """Networks trained on a few loops, poor but working; trained once, on the first use."""
     shown = [example(5151, index) for index in range(40)]
-    no_sign = NoSignLimit(level=0.0, by_swings=0.0, by_range=0.0, by_S=1.0, beyond=0.0)
+    no_sign = NoSignLimit(0.0, 0.0, 0.0, by_S=1.0, beyond=0.0, by_amplitude=0.0)
     limits = SuspicionLimits(suspected_from=0.8, no_sign=no_sign)
     network: LoopNetwork = train(
         [item for item in shown if item is not None], seed=1, epochs=10, window_epochs=3
@@ -369,6 +369,12 @@ def test_no_sign_names_a_smaller_S_where_OP_swings_less(place) -> None:
     assert whole.shows_from is not None
     assert LEAST_S_PERCENT <= half.shows_from <= whole.shows_from
     assert half.shows_from >= 0.5 * whole.shows_from
+    # In another unit nobody knows what a sound stem has, and S is a share of OP's swing alone.
+    in_unit, half_in_unit = (
+        suspect_by(loop_of(50.0 + share * (loop.op - 50.0), loop.pv, "m3/h"), trained_judge())
+        for share in (1.0, 0.5)
+    )
+    assert half_in_unit.shows_from == pytest.approx(0.5 * in_unit.shows_from)
     assert tiny.shows_from == pytest.approx(0.5)
     assert f"sticks by {whole.shows_from:.1f} % of OP or more" in whole.reason
 
@@ -376,11 +382,15 @@ def test_no_sign_names_a_smaller_S_where_OP_swings_less(place) -> None:
 def test_nothing_is_to_do_only_where_a_small_S_would_have_shown() -> None:
     """At most 2 % of OP, and OP is in percent; else a test is worth the way."""
     loop = draw_loop(77, 1)
-    for swing, unit, is_done in ((0.5, "%", True), (3.0, "%", False), (0.5, "m3/h", False)):
-        op = 50.0 + swing * (loop.op - 50.0)
-        answer = suspect_by(loop_of(op, loop.pv, unit), trained_judge())
-        assert answer.shows_from is not None
-        assert (answer.shows_from <= SMALL_S_PERCENT) == (swing < 1.0)
+
+    def said(share: float, unit: str) -> WithoutPosition:
+        op = 50.0 + share * (loop.op - 50.0)
+        return suspect_by(loop_of(op, loop.pv, unit), trained_judge())
+
+    for shows, unit, is_done in ((1.9, "%", True), (2.1, "%", False), (1.9, "m3/h", False)):
+        share = brentq(lambda of, S=shows, u=unit: said(of, u).shows_from - S, 0.4, 3.0, xtol=1e-3)
+        answer = said(share, unit)
+        assert answer.shows_from == pytest.approx(shows, abs=0.01)
         assert answer.leaves_nothing_to_do is is_done
         assert answer.advice.startswith("Nothing to do" if is_done else "Do a bump test")
 

@@ -1,0 +1,85 @@
+"""The last checks of what was accepted, before it is the answer.
+
+A free run must follow the part that was not fitted; nothing outside may shake the stem; and what is
+named must not stand in for physics that is not in the catalogue. What fails is *unknown*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from stemwatch.models.mismatch.accepted_hypothesis import (
+    LEAST_FIT_OF_NAMED,
+    STRAIGHT_LINE,
+    AcceptedHypothesis,
+    parts_only,
+)
+from stemwatch.models.mismatch.likelihood import RecordLikelihood
+from stemwatch.models.mismatch.named_by_likelihood import points_at
+from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
+from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
+from stemwatch.models.mismatch.shaken_stem import find_shaking
+
+NEAR_NOISE = 2.0  # noise floors, rmse up to which a stem that hardly moves is followed
+# What physics that is not in the catalogue was taken for, and the share of the noise up to which
+# readings lie about the most likely stem if it is right: at most 1.0 on 15 development valves with
+# one or two of them, 1.26 and 1.27 on two with a spring with hysteresis and a wave of friction.
+STANDS_IN = (*STRAIGHT_LINE, "actuator_lag", "asymmetric_lag")
+NOISE_OF_A_NAME = 1.2
+
+
+def checked(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
+    """The hypothesis, without the effects that fail one of the checks."""
+    return _unless_stand_in(_unless_shaken(_if_followed(hypothesis)))
+
+
+def _if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
+    """The hypothesis, without its effects where a free run of it does not follow the part that was
+    not fitted: as little as S and J alone then do they describe what moved the stem.
+
+    Where OP hardly moves, a few breakaways that come late by chance decide how well a free run
+    follows. If nothing systematic is left and the free run comes nearer beyond chance, or if the
+    likelihood, which follows all breakaways, leaves nothing of the record, they stand.
+    """
+    heldout = hypothesis.comparison.heldout
+    if not hypothesis.effects or heldout.fit_extended is None or heldout.rmse_extended is None:
+        return hypothesis
+    # A stem that hardly moves in its noise is followed as well as can be.
+    noise = NEAR_NOISE * (heldout.noise_floor or 0.0)
+    if heldout.fit_extended >= LEAST_FIT_OF_NAMED or heldout.rmse_extended <= noise:
+        return hypothesis
+    if not hypothesis.unexplained and (heldout.gain_low or 0.0) > 0.0:
+        return hypothesis
+    evaluator, fitted, best = hypothesis.evaluator, hypothesis.fitted, hypothesis.best
+    if likelihood_explains(evaluator, fitted, best, NOISE_OF_A_NAME):
+        return hypothesis
+    reason = parts_only(hypothesis, "not followed with it either")
+    return replace(hypothesis, effects=(), dropped_because=reason)
+
+
+def _unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
+    """The hypothesis; with nothing named, and as one that leaves something out, where something
+    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again.
+    """
+    if any(effect.slug not in STICKS_AGAIN for effect in hypothesis.effects):
+        return hypothesis
+    shaking = find_shaking(hypothesis.evaluator, hypothesis.fitted)
+    if shaking is None:
+        return hypothesis
+    return replace(hypothesis, effects=(), unexplained=True, shaking=shaking)
+
+
+def _unless_stand_in(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
+    """The hypothesis; with nothing named, and as one that leaves something out, where all that is
+    named are lines of the reading and lags, more than noise is left, and the most likely stem with
+    them is further from the readings than noise is. They bend to what a spring with hysteresis or a
+    wave of friction does.
+    """
+    slugs = {effect.slug for effect in hypothesis.effects}
+    if not slugs or not hypothesis.unexplained or not slugs <= set(STANDS_IN):
+        return hypothesis
+    likelihood, fitted = RecordLikelihood(hypothesis.evaluator), hypothesis.fitted
+    found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
+    if found.noise <= NOISE_OF_A_NAME * hypothesis.evaluator.problem.sigma:
+        return hypothesis
+    return replace(hypothesis, effects=())
