@@ -15,6 +15,7 @@ from stemwatch.models.without_position.suspicion import Suspicion, WithoutPositi
 from stemwatch.service.cli import views
 from stemwatch.service.maintenance.work_list import work_list_of
 from stemwatch.service.presenter.suspicion_words import (
+    HOW_SURE,
     MOST_NAMED,
     MOVED,
     NO_SIGN_NOTE,
@@ -178,7 +179,7 @@ def test_whom_to_test_first_is_one_sentence():
     """One loop, several, and none."""
     assert suspected_sentence([]) == ""
     assert suspected_sentence(["A"]).startswith("1 loop deserves a position transmitter")
-    assert "a sticking valve: A, B. Of 230" in suspected_sentence(["A", "B"])
+    assert f"a sticking valve: A, B. {HOW_SURE}" in suspected_sentence(["A", "B"])
 
 
 def test_what_op_and_pv_say_is_counted_before_anything_is_ranked(make_screening, make_context):
