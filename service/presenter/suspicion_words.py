@@ -23,7 +23,7 @@ from stemwatch.service.presenter.work_decision import NO_POSITION, SIGNAL, obsta
 # Counted on seed 2123 and on the recordings of docs/without-position.md.
 HOW_SURE = (
     "Of 236 such suspicions on simulated valves 227 were right. Of six on 61 real loops with known "
-    "answers four were right; the cause of the other two is likely a disturbance. Run a test before "
+    "answers four were right; the other two are likely disturbances. Run a test before "
     "you open a valve."
 )
 MOVED = "it oscillates with other loops, which likely does not begin here."
