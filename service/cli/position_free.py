@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from stemwatch.service.studies.position_free import FamilyRow
+    from stemwatch.service.studies.several_recordings import RecordedLoop, TogetherRow
 
 
 def study_without_position(
@@ -36,6 +37,14 @@ def study_without_position(
     save: Annotated[
         Path | None, typer.Option(help="Write the networks trained anew into this module.")
     ] = None,
+    recordings: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            max=16,
+            help="Recordings of each loop that are judged together, by the networks in use.",
+        ),
+    ] = 8,
     workers: o.Workers = None,
     json_file: o.JsonFile = None,
 ) -> None:
@@ -57,6 +66,10 @@ def study_without_position(
         run_position_free,
         run_training,
     )
+    from stemwatch.service.studies.several_recordings import (
+        run_several_recordings,
+        together_rows,
+    )
 
     if save is not None and train is None:
         raise typer.BadParameter("--save writes what --train made: give --train as well")
@@ -77,12 +90,29 @@ def study_without_position(
         answers = run_position_free(
             judge, loops, seed, executor, lambda n: progress.update(bar, completed=n)
         )
+        bar = progress.add_task("loops recorded again", total=loops)
+        recorded = run_several_recordings(
+            loops, recordings, seed, executor, lambda n: progress.update(bar, completed=n)
+        )
     for table in _tables(seed, list(family_rows(answers))):
         views.out.print(table)
+    views.out.print(_table_together(recorded, list(together_rows(recorded))))
     if json_file is not None:
         objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
     views.say_read_on("without-position.md")
+
+
+def _table_together(loops: Sequence[RecordedLoop], rows: Sequence[TogetherRow]) -> Table:
+    from stemwatch.service.cli.prove_tables import plain_table
+
+    sticking = sum(loop.sticky for loop in loops)
+    title = f"Own loops suspected by several recordings, {sticking} + {len(loops) - sticking}"
+    table = plain_table(title, ("recordings",), ("together", "any one", "at least half"))
+    for row in rows:
+        counts = (row.together, row.any_one, row.half)
+        table.add_row(str(row.recordings), *(f"{found} + {false}" for found, false in counts))
+    return table
 
 
 def _tables(seed: int, rows: Sequence[FamilyRow]) -> Iterator[Table]:

@@ -11,6 +11,7 @@ from typing import Protocol
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.several_recordings import suspected_together
 from stemwatch.models.without_position.suspicion import (
     NOTHING_TO_DO,
     Suspicion,
@@ -118,10 +119,11 @@ def next_steps(
     """What to do at the valves without a verdict, those to test first at the front, then by how
     many loops each step helps; what needs nothing last.
 
-    A valve counts once. It is suspected only if at least half of its recordings raise the
-    suspicion, since one in many does so by chance; otherwise the commonest answer counts, and no
-    sign only where none of its recordings leaves the question open or raises the suspicion, nothing
-    to do only where in each even a small S would have shown: any other makes a work order.
+    A valve counts once. It is suspected only if its recordings together raise the suspicion
+    (``suspected_together``), since one in many does so by chance; otherwise the commonest answer
+    counts, and no sign only where none of its recordings leaves the question open or raises the
+    suspicion, nothing to do only where in each even a small S would have shown: any other makes a
+    work order.
     Where the position signal itself is to be mended, that OP and PV show no sign is no reason to do
     nothing. A loop that another one moves, by the ``groups`` that oscillate together, needs no test
     of its own before that one was looked at.
@@ -184,21 +186,21 @@ def _of_most(
 ) -> tuple[tuple[Suspicion, str, str], WithoutPosition]:
     """What most of a valve's recordings say, and the first of them that says it."""
     suspicions = [answer for answer in answers if answer.verdict is Suspicion.SUSPECTED]
-    if 2 * len(suspicions) >= len(answers):
+    if suspected_together(answers):
         most_like_sticking = max(suspicions, key=lambda answer: finite(answer.score) or 0.0)
         return _sameness(most_like_sticking), most_like_sticking
     open_ones = [answer for answer in answers if answer.verdict is Suspicion.CANNOT_TELL]
-    open_ones += [_contradicted(suspicion, len(answers)) for suspicion in suspicions[:1]]
+    open_ones += [_contradicted(one, len(suspicions), len(answers)) for one in suspicions[:1]]
     others = open_ones or [one for one in answers if not one.leaves_nothing_to_do] or answers
     ((same, _),) = Counter(_sameness(answer) for answer in others).most_common(1)
     return same, next(answer for answer in others if _sameness(answer) == same)
 
 
-def _contradicted(suspicion: WithoutPosition, recordings: int) -> WithoutPosition:
-    """A suspicion that fewer than half of a valve's recordings share: nothing can be told by it."""
+def _contradicted(suspicion: WithoutPosition, alike: int, recordings: int) -> WithoutPosition:
+    """A suspicion that a valve's recordings together do not bear out: nothing can be told by it."""
     reason = (
-        f"OP and PV cannot tell whether the valve sticks: fewer than half of its {recordings} "
-        "recordings look like sticking."
+        f"OP and PV cannot tell whether the valve sticks: {alike} of its {recordings} recordings "
+        f"{'looks' if alike == 1 else 'look'} like sticking, and the others do not bear it out."
     )
     return replace(suspicion, verdict=Suspicion.CANNOT_TELL, reason=reason)
 

@@ -253,7 +253,7 @@ def studied(judge: Judge, seen_draw: SeenDraw) -> StudiedLoop:
 
 def _own_loop(item: LoopToDraw, story: str = "") -> tuple[Recording, float, str]:
     loop = draw_loop(item.seed, item.place, story)
-    return _recording(loop, f"LOOP-{item.place}"), loop.S, loop.story
+    return recording_of(loop, f"LOOP-{item.place}"), loop.S, loop.story
 
 
 def _wave(item: LoopToDraw) -> tuple[Recording, float, str]:
@@ -271,7 +271,8 @@ def _plant(item: LoopToDraw) -> tuple[Recording, float, str]:
     return replace(recording, signals=signals), S, loop.story
 
 
-def _recording(loop: DrawnLoop, valve: str) -> Recording:
+def recording_of(loop: DrawnLoop, valve: str) -> Recording:
+    """A simulated loop as a recording of OP, PV and SP."""
     return Recording(
         valve=valve,
         signals={

@@ -121,30 +121,65 @@ def _slips(scans: LoopScans) -> int:
     return int(np.count_nonzero(moves[1:] & ~moves[:-1]))
 
 
+def draw_recordings(seed: int, index: int, count: int) -> list[DrawnLoop]:
+    """``count`` recordings of loop number ``index`` of ``seed``: process, tuning, stem, kind of
+    disturbance, interval and length are the same, all else is drawn anew. Even places stick. A
+    stem that sticks may stand still throughout a recording."""
+    rng = np.random.default_rng([seed, index, 1])
+    built = _build(rng, "", index % 2 == 0)
+    return [_recorded(np.random.default_rng([seed, index, 2, k]), built)[0] for k in range(count)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _BuiltLoop:
+    """What stays as it is from one recording of a loop to the next. ``period`` is 2 pi times the
+    settling time; ``stride`` scans lie between stored samples, of which there are ``count``."""
+
+    story: str
+    S: float
+    J: float
+    stride: int
+    count: int
+    numbers: LoopNumbers
+    period: float
+
+
 def _draw(rng: np.random.Generator, story: str, sticks: bool) -> tuple[DrawnLoop, LoopScans]:
+    return _recorded(rng, _build(rng, story, sticks))
+
+
+def _build(rng: np.random.Generator, story: str, sticks: bool) -> _BuiltLoop:
     drawn_story = str(rng.choice(list(STORIES), p=list(STORIES.values())))
     story = story or drawn_story
     S = float(np.exp(rng.uniform(np.log(1.0), np.log(8.0)))) if sticks else 0.0
     J = S * float(rng.choice([0.0, rng.uniform(0.1, 0.9), 1.0, rng.uniform(1.0, 1.2)]))
     stride = int(rng.choice([1, 1, 1, 2, 3, 5, 10, 20]))
     count = int(np.exp(rng.uniform(np.log(FEWEST), np.log(MOST))))
-    scans = _run(rng, story, S, J, WARM_UP + stride * count)
-    op, pv, sp = archived((scans.op, scans.pv, scans.sp), WARM_UP, stride, rng)
+    numbers, period = _draw_numbers(rng, story, S, J)
+    return _BuiltLoop(
+        story=story, S=S, J=J, stride=stride, count=count, numbers=numbers, period=period
+    )
+
+
+def _recorded(rng: np.random.Generator, built: _BuiltLoop) -> tuple[DrawnLoop, LoopScans]:
+    scans = _run(rng, built)
+    op, pv, sp = archived((scans.op, scans.pv, scans.sp), WARM_UP, built.stride, rng)
     loop = DrawnLoop(
         op=op,
         pv=pv,
         sp=sp,
-        interval_s=float(stride),
-        S=S,
-        J=J,
-        stem_S=scans.numbers.S,
-        story=story,
+        interval_s=float(built.stride),
+        S=built.S,
+        J=built.J,
+        stem_S=built.numbers.S,
+        story=built.story,
     )
     return loop, scans
 
 
-def _run(rng: np.random.Generator, story: str, S: float, J: float, scans: int) -> LoopScans:
-    numbers, period = _draw_numbers(rng, story, S, J)
+def _run(rng: np.random.Generator, built: _BuiltLoop) -> LoopScans:
+    story, numbers, period = built.story, built.numbers, built.period
+    scans = WARM_UP + built.stride * built.count
     stories = {story}
     if rng.random() < _SECOND_STORY:
         stories.add(str(rng.choice(["load", "wave", "set points", "cascade", "neighbour"])))

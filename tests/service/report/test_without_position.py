@@ -256,7 +256,7 @@ def test_one_suspicion_in_many_recordings_of_a_valve_names_it_not(make_screening
         ("suspected", ("B",)),
         ("cannot_tell", ("A",)),
     ]
-    assert "fewer than half of its 3 recordings look like sticking" in steps[1].why
+    assert "1 of its 3 recordings looks like sticking, and the others do not" in steps[1].why
 
 
 def test_nothing_is_to_do_only_where_no_recording_leaves_it_open(
