@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
 from stemwatch.models.recording import Floats
@@ -247,7 +248,7 @@ def _follow(
 ) -> tuple[float, float]:
     """ln of the likelihood, and the mean of S at the end."""
     count, (n, size) = ways.shape[0], gains.shape
-    stems, states = _at_rest(ways, air[0], uniforms), np.zeros((count, size))
+    stems, states = stems_at_rest(ways, air[0], uniforms), np.zeros((count, size))
     weights, errors = np.full(count, 1.0 / count), np.empty(count)
     total, used, sizes = 0.0, 0, (ways[:, 0].min(), ways[:, 0].max())
     for k in range(n):
@@ -259,8 +260,8 @@ def _follow(
         if 1.0 / np.sum(weights * weights) < 0.5 * count:
             used = (used + 3 * count + 1) % (normals.size - 4 * count)
             shaken = normals[used:]
-            _resample(weights, stems, states, sizes, numbers.scatter, shaken, uniforms[used])
-        used = _move(stems, numbers.scatter, air, k, normals, used)
+            resample(weights, stems, states, sizes, numbers.scatter, shaken, uniforms[used])
+        used = move(stems, numbers.scatter, air, k, normals, used)
         for i in range(count):
             deviation = stems[i, 0] - numbers.output
             entering = deviation * max(1.0 + 0.1 * numbers.bend * deviation, 0.2) + shaped[k]
@@ -269,7 +270,7 @@ def _follow(
 
 
 @njit(cache=True)
-def _at_rest(ways: Floats, force: float, uniforms: Floats) -> Floats:
+def stems_at_rest(ways: Floats, force: float, uniforms: Floats) -> Floats:
     """(particles, 7) place, moving, side, breakaway level, S, J/S, and the greatest force since
     they stopped, of stems that stand somewhere about ``force``."""
     stems = np.zeros((ways.shape[0], 7))
@@ -293,7 +294,7 @@ def _weigh(weights: Floats, errors: Floats, variance: float) -> float:
 
 
 @njit(cache=True)
-def _resample(
+def resample(
     weights: Floats,
     stems: Floats,
     states: Floats,
@@ -301,10 +302,10 @@ def _resample(
     scatter: float,
     normals: Floats,
     offset: float,
-) -> None:
+) -> NDArray[np.int64]:
     """Draw particles by their weights (systematically), shake S (within ``sizes``) and J/S a
     little, and draw anew the breakaway levels that are not known yet, so that copies of a stem do
-    not all slip at once."""
+    not all slip at once. (particles,) the places that they were drawn from."""
     count, place, reached = weights.size, 0, weights[0]
     chosen = np.empty(count, np.int64)
     for i in range(count):
@@ -321,6 +322,7 @@ def _resample(
         if stem[1] == 0.0 and level > stem[6]:
             stem[3] = level
     weights[:] = 1.0 / count
+    return chosen
 
 
 @njit(cache=True)
@@ -332,7 +334,7 @@ def _breakaway(stem: Floats, scatter: float, normal: float) -> float:
 
 
 @njit(cache=True)
-def _move(stems: Floats, scatter: float, air: Floats, k: int, normals: Floats, used: int) -> int:
+def move(stems: Floats, scatter: float, air: Floats, k: int, normals: Floats, used: int) -> int:
     """One scan of every stem, as the kernel moves it; how many normal numbers are used."""
     force = air[k]
     forward = force - air[k - 1] if k > 0 else 0.0
