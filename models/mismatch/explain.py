@@ -14,6 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.frozen import without_frozen
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
     chance,
@@ -124,6 +125,8 @@ def explain(
     started, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
     # What the archive did to OP is seen in OP as it was recorded.
     measured = replace(measured_record(recording), restore=restore, archive=archive)
+    # A frozen reading is no stem: neither curve nor clock is sought in it, and no fit runs through.
+    recording = without_frozen(recording, measured.frozen)
     recording, measured = _stilled(recording, measured)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:

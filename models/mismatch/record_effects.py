@@ -66,8 +66,9 @@ MOST_JITTER = 0.1  # of the interval
 class MeasuredRecord:
     """The record effects, and what is left to score a model on.
 
-    ``real`` (n,) is True where MV was measured: stored points only where the archive drew lines or
-    held reports, and no frozen sample. ``sigma_floor`` is the least noise of MV that the recorder's
+    ``frozen`` (n,) is True where the reading of MV stood still by itself. ``real`` (n,) is True
+    where MV was measured: stored points only where the archive drew lines or held reports, and no
+    frozen sample. ``sigma_floor`` is the least noise of MV that the recorder's
     steps leave, percent: ``step / sqrt(12)``, or ``deviation / sqrt(3)`` of held reports.
     ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
     averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
@@ -87,6 +88,7 @@ class MeasuredRecord:
     reported_by: float = 0.0
     restore: bool = True
     archive: Archive | None = None
+    frozen: Bools
 
 
 def measured_record(recording: Recording) -> MeasuredRecord:
@@ -126,6 +128,7 @@ def measured_record(recording: Recording) -> MeasuredRecord:
         slack=np.where(real & ~stored & ~frozen, door, 0.0),
         op_open=float(max(op_step / np.sqrt(12.0), op_deviation / np.sqrt(3.0))),
         reported_by=max(deviation, op_deviation),
+        frozen=frozen,
     )
 
 
