@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from stemwatch.models.forensics import coarse_step
 from stemwatch.models.frozen import frozen_samples
 from stemwatch.models.mismatch.between_samples import Archive
-from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, flat_lines, held_reports
+from stemwatch.models.mismatch.compression import (
+    StoredPoints,
+    drawn_lines,
+    flat_lines,
+    held_reports,
+)
 from stemwatch.models.mismatch.findings import RecordEffect
 from stemwatch.models.own_clock import duration, seconds_of
 from stemwatch.models.recording import Bools, Floats, Recording, Role
@@ -106,9 +111,7 @@ def measured_record(recording: Recording) -> MeasuredRecord:
     of_op = drawn_lines(op, mv) if of_mv is not None or _automatic(recording) else None
     stored = of_mv.stored if of_mv is not None else real
     lines = flat_lines(mv, of_mv) if of_mv is not None and not of_mv.held else None
-    frozen = frozen_samples(
-        op, mv, recording.interval_s, compressed=of_mv is not None, lines=lines
-    )
+    frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None, lines=lines)
     step = coarse_step(mv[stored & ~frozen])
     op_step = coarse_step(op[of_op.stored] if of_op is not None else op)
     period, refreshed = _refreshed(recording)
