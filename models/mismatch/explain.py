@@ -388,12 +388,11 @@ def _but_for_clocks(
     age are late by on the average.
     """
     evaluator, effects = hypothesis.evaluator, hypothesis.effects
-    delay = next((effect for effect in effects if effect.slug == DELAY), None)
+    delay = next((effect for effect in effects if DELAY in effect.members), None)
     if delay is None:
         return effects, ()
     others = tuple(effect for effect in effects if effect is not delay)
-    unit_s = evaluator.problem.unit_s
-    delay_s = (delay.parameters["theta"].value or 0.0) / unit_s
+    unit_s, delay_s = evaluator.problem.unit_s, _as_dead_time(hypothesis, delay)
     uneven = _uneven_readings(case, hypothesis)
     if uneven is not None:
         age_s = uneven.half_width * evaluator.problem.interval_s
@@ -403,6 +402,17 @@ def _but_for_clocks(
     if delay.members == (DELAY,) and delay.inherent:
         return others, (small_delay_effect(delay_s, unit_s),)
     return effects, ()
+
+
+def _as_dead_time(hypothesis: AcceptedHypothesis, delay: Effect) -> float:
+    """How late the command is by an effect that is a dead time, or cannot be told from one; for
+    ever where that is not known.
+    """
+    if delay.slug == DELAY:
+        return (delay.parameters["theta"].value or 0.0) / hypothesis.evaluator.problem.unit_s
+    stages = [one.stage for one in hypothesis.named.needed if one.term.slug == delay.slug]
+    fits = [score.fitted for stage in stages for score in stage.accepted if score.slug == DELAY]
+    return float(fits[0].values(DELAY)[:, 0].mean()) if fits else np.inf
 
 
 def _uneven_readings(
