@@ -21,8 +21,6 @@ from stemwatch.models.recording import Bools, Floats
 # than 42; of the 17 of 80 with uneven readings to which a delay was fitted (`prove --effect
 # sampling_jitter --seed 4070`) none less than 70.
 LEAST_GAIN = 50.0  # natural logarithm of the likelihood
-# In noise no ages gain that much. There it is half of what such ages would gain, and odds of 400.
-OF_POSSIBLE, LEAST_IN_NOISE = 0.5, 6.0
 HALF_WIDTHS = (0.5, 1.0, 1.5, 2.0)  # samples, of the ages about their mean
 AGES = 21  # at which the likelihood is summed over each width
 FAST = 4.0  # times the noise that the stem must move within the width, to be called moving
@@ -63,19 +61,7 @@ def find_uneven_readings(
         if (one := _with_ages(run, mv, measured, sigma, half_width)) is not None
     ]
     best = max(found, key=lambda one: one.gain, default=None)
-    if best is None or best.gain < LEAST_IN_NOISE:
-        return None
-    least = min(LEAST_GAIN, OF_POSSIBLE * _possible(run, measured, sigma, best.half_width))
-    return best if best.gain >= max(least, LEAST_IN_NOISE) else None
-
-
-def _possible(run: Floats, measured: Bools, sigma: float, half_width: float) -> float:
-    """What ages of this width would gain in a recording of this stem in which they are true."""
-    rng = np.random.default_rng(0)
-    places = np.arange(run.size) - rng.uniform(-half_width, half_width, run.size)
-    readings = np.interp(places, np.arange(run.size), run) + rng.normal(0.0, sigma, run.size)
-    uneven = _with_ages(run, readings, measured, sigma, half_width)
-    return 0.0 if uneven is None else uneven.gain
+    return best if best is not None and best.gain >= LEAST_GAIN else None
 
 
 def _noise(run: Floats, mv: Floats, measured: Bools, sigma: float) -> float:
