@@ -17,13 +17,16 @@ rest.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.excitation import ranges
 from stemwatch.models.forensics import repeat_share, turns_like_noise
-from stemwatch.models.recording import Bools, Floats, Recording
-from stemwatch.models.runs_of_samples import equal_runs
+from stemwatch.models.recording import Bools, Floats, Quality, Recording, Role
+from stemwatch.models.runs_of_samples import Runs, equal_runs
 
 # A tag is frozen when one value lasts for this share of its samples, and at least so many, after it
 # has moved.
@@ -40,6 +43,28 @@ LEAST_TURNS_EXPLAINED = 60
 LONGER = 5.0  # times the usual long repeat of the reading, from which it is frozen
 LASTING = (10.0, 90.0)  # percentiles of OP within a run
 BAND_MARGIN, BAND_EXTRA = 1.5, 1.0  # times the stem's band, plus percent, that OP must move
+
+
+def after_the_first(runs: Iterable[tuple[int, int]], samples: int) -> Bools:
+    """(n,) True in ``runs``, [first, last) of each, but for the first sample of each, which is the
+    last true one.
+    """
+    frozen = np.zeros(samples, dtype=bool)
+    for first, last in runs:
+        frozen[first + 1 : last] = True
+    return frozen
+
+
+def without_frozen(recording: Recording, frozen: Bools) -> Recording:
+    """The recording with the position marked bad where it was ``frozen`` (n,): whatever is fitted
+    to it then leaves these samples out, and sets the stem to its reading after them.
+    """
+    position = recording.mv
+    if position is None or not frozen.any():
+        return recording
+    quality = np.where(frozen, np.uint8(Quality.BAD), position.quality)
+    masked = replace(position, quality=quality)
+    return replace(recording, signals={**recording.signals, Role.MV: masked})
 
 
 def mostly_one_value(longest_repeat: int, samples: int) -> bool:
@@ -96,16 +121,19 @@ def _usual_of_others(moved: Floats, length: NDArray[np.int64]) -> Floats:
     return usual_length
 
 
-def frozen_samples(op: Floats, mv: Floats, interval_s: float, *, compressed: bool) -> Bools:
+def frozen_samples(
+    op: Floats, mv: Floats, interval_s: float, *, compressed: bool, lines: Runs | None = None
+) -> Bools:
     """(n,) True where the reading was frozen; the first sample of a run is its last true one.
 
     A run of exact repeats of at least 30 s is frozen where the reading shows noise everywhere else
     and never repeats itself for a fifth as long, or where OP moves within it by more than one and a
     half times the band in which friction could hold the stem, plus 1 %. Where the archive
-    interpolated or held values (``compressed``), only the second test counts.
+    interpolated or held values (``compressed``), only the second test counts. Of an archive that
+    drew lines, ``lines`` (m, 2) are those that are as good as flat, and stand for the repeats.
     """
     frozen = np.zeros(mv.size, dtype=bool)
-    runs = equal_runs(mv)
+    runs = equal_runs(mv) if lines is None else lines
     length = runs[:, 1] - runs[:, 0]
     long = _long(length, interval_s)
     if not long.any():

@@ -13,11 +13,11 @@ import numpy as np
 
 from stemwatch.models.excitation import at_limits
 from stemwatch.models.forensics import interpolated, quantum
-from stemwatch.models.frozen import frozen_runs
+from stemwatch.models.frozen import after_the_first, frozen_runs, without_frozen
 from stemwatch.models.limits import Limits
 from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import without_impossible_values
-from stemwatch.models.recording import PERCENT, Quality, Recording, Role
+from stemwatch.models.recording import PERCENT, Recording
 from stemwatch.models.runs_of_samples import runs_of
 from stemwatch.models.screening_result import DataQuality
 from stemwatch.models.validity_checks import Obstacle as Obstacle
@@ -44,16 +44,6 @@ class Assessment:
     quality: DataQuality
     obstacles: tuple[Obstacle, ...]
     frozen_share: float
-
-
-def _mask(recording: Recording, role: Role, runs: list[tuple[int, int]]) -> Recording:
-    signal = recording.signals[role]
-    quality = signal.quality.copy()
-    for first, last in runs:
-        # The first sample of a run is the last true one.
-        quality[first + 1 : last] = Quality.BAD
-    masked = replace(signal, quality=quality)
-    return replace(recording, signals={**recording.signals, role: masked})
 
 
 def _drawn_share(recording: Recording) -> float:
@@ -130,8 +120,7 @@ def assess(recording: Recording, limits: Limits) -> Assessment:
         obstacles = position_obstacles(recording) + obstacles
     unmasked = recording
     if not obstacles:
-        if runs:
-            recording = _mask(recording, Role.MV, runs)
+        recording = without_frozen(recording, after_the_first(runs, len(recording)))
         obstacles += record_obstacles(frozen, drawn_share, limits) or foreign_obstacles(recording)
     # Frozen samples are reported as frozen, and not a second time as missing.
     obstacles += length_obstacles(unmasked if frozen > limits.max_bad_share else recording, limits)

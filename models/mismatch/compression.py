@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.forensics import quantum
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.runs_of_samples import long_runs, runs_of
+from stemwatch.models.runs_of_samples import Runs, long_runs, runs_of
 
 LEAST_SAMPLES = 60
 # Swinging-door compression drops most of a signal; in a measured signal hardly any three points lie
@@ -98,6 +98,19 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
         held=False,
         deviation=swinging_door_deviation(values, stored),
     )
+
+
+def flat_lines(values: Floats, points: StoredPoints) -> Runs:
+    """(m, 2) first and last + 1 of each line that the archive drew and in which it may have hidden
+    a signal (n,) that stood still: its ends differ by no more than two deviations, and the signal
+    goes further elsewhere, up and down. (At a stop a stem stands still while OP moves on.)
+    """
+    stored = np.flatnonzero(points.stored)
+    first, last = stored[:-1], stored[1:]
+    lower, upper = np.sort((values[first], values[last]), axis=0)
+    low, high = np.nanmin(values) + points.deviation, np.nanmax(values) - points.deviation
+    flat = (upper - lower <= 2.0 * points.deviation) & (lower > low) & (upper < high)
+    return np.stack((first, last + 1), axis=1)[flat]
 
 
 def swinging_door_deviation(values: Floats, stored: Bools) -> float:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.frozen import without_frozen
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.acceptance_limits import (
     chance,
@@ -72,6 +73,7 @@ from stemwatch.models.mismatch.record_effects import (
     with_steps_resolved,
 )
 from stemwatch.models.mismatch.refined_curve import refined
+from stemwatch.models.mismatch.refreshes import AtRefreshes, at_refreshes
 from stemwatch.models.mismatch.rivals import left_open, on_site
 from stemwatch.models.mismatch.stiction import holding_no_jump, of_balance, of_candidate, stiction
 from stemwatch.models.mismatch.term import ActsOn
@@ -110,6 +112,7 @@ def explain(
     look_for_curve: bool = True,
     restore: bool = True,
     archive: Archive | None = None,
+    refused: Mapping[str, str] = NOTHING_REFUSED,
 ) -> Mismatch:
     """The mismatch of one recording; never raises for what the recording holds.
 
@@ -119,11 +122,20 @@ def explain(
     late OP was stored, in units of the own clock; it is looked for where it is ``None``.
     ``look_within_steps``: whether PV and set point may tell an OP that has coarse steps.
     ``restore``: whether S and J may be raised by what a slow archive lost of OP's peaks;
-    ``archive`` is that archive where it is known, else it is looked for.
+    ``archive`` is that archive where it is known, else it is looked for. ``refused`` are terms that
+    are left out from the start, and why.
     """
     started, recording = time.perf_counter(), without_impossible_values(on_own_clock(recording))
+    refreshes = at_refreshes(recording)
+    if refreshes is not None:
+        mismatch = _explained_at(
+            refreshes, recording, ceiling, curve, look_for_curve=look_for_curve
+        )
+        return replace(mismatch, seconds=time.perf_counter() - started)
     # What the archive did to OP is seen in OP as it was recorded.
     measured = replace(measured_record(recording), restore=restore, archive=archive)
+    # A frozen reading is no stem: neither curve nor clock is sought in it, and no fit runs through.
+    recording = without_frozen(recording, measured.frozen)
     recording, measured = _stilled(recording, measured)
     late_s = find_op_late(recording) if late_s is None else late_s
     if late_s:
@@ -138,13 +150,36 @@ def explain(
     if recording.mv is not None and recording.mv.unit != PERCENT:
         mismatch = _through_flow(recording)
     elif curve is not None:
-        mismatch = _through_curve(recording, measured, ceiling, curve)
+        mismatch = _through_curve(recording, measured, ceiling, curve, refused)
         if mismatch.finding is Finding.UNKNOWN and not curve.given:
-            mismatch = _or_slow(recording, measured, ceiling, mismatch)
+            mismatch = _or_slow(recording, measured, ceiling, mismatch, refused)
     else:
-        mismatch = _explained(recording, measured, ceiling)
+        mismatch = _explained(recording, measured, ceiling, refused=refused)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
     return replace(mismatch, open_question=question, seconds=time.perf_counter() - started)
+
+
+def _explained_at(
+    refreshes: AtRefreshes,
+    recording: Recording,
+    ceiling: Floats | None,
+    curve: StrokeCurve | None,
+    *,
+    look_for_curve: bool,
+) -> Mismatch:
+    """The mismatch of a ``recording`` whose values change at its refreshes only, as that of these;
+    clocks and archive are looked for in them.
+    """
+    mismatch = explain(
+        refreshes.recording,
+        ceiling=None if ceiling is None else refreshes.of(ceiling),
+        curve=curve,
+        look_for_curve=look_for_curve,
+        refused=refreshes.refused,
+    )
+    held = [one for one in measured_record(recording).effects if one.slug == "sampling_jitter"]
+    mismatch = replace(mismatch, record_effects=(*held, *mismatch.record_effects))
+    return refreshes.spread(mismatch)
 
 
 def _stilled(recording: Recording, measured: MeasuredRecord) -> tuple[Recording, MeasuredRecord]:
@@ -183,12 +218,17 @@ def _explained(
 
 
 def _through_curve(
-    recording: Recording, measured: MeasuredRecord, ceiling: Floats | None, curve: StrokeCurve
+    recording: Recording,
+    measured: MeasuredRecord,
+    ceiling: Floats | None,
+    curve: StrokeCurve,
+    refused: Mapping[str, str],
 ) -> Mismatch:
     """The mismatch of a recording whose OP is percent of travel only through ``curve``; S and J in
     percent of OP.
     """
-    refused = dict.fromkeys(STRAIGHT_LINE, "zero and span are part of the curve from OP to stroke")
+    of_the_curve = "zero and span are part of the curve from OP to stroke"
+    refused = {**refused, **dict.fromkeys(STRAIGHT_LINE, of_the_curve)}
     if not curve.given:
         refused |= dict.fromkeys(
             BENDS, "a bend is part of the curve that was found from OP to stroke"
@@ -205,13 +245,17 @@ def _through_curve(
 
 
 def _or_slow(
-    recording: Recording, measured: MeasuredRecord, ceiling: Floats | None, through_curve: Mismatch
+    recording: Recording,
+    measured: MeasuredRecord,
+    ceiling: Floats | None,
+    through_curve: Mismatch,
+    refused: Mapping[str, str],
 ) -> Mismatch:
     """What is said ``through_curve``, or what the plain reading says, where that names what slows
     the stem and follows the unseen part nearer: a stem that never arrives covers less than OP asks
     for, as one behind a curve does.
     """
-    plain = _explained(recording, measured, ceiling)
+    plain = _explained(recording, measured, ceiling, refused=refused)
     slow = any(catalogue()[effect.slug].acts_on is ActsOn.COMMAND for effect in plain.effects)
     fit, fit_by_curve = plain.heldout.fit_extended, through_curve.heldout.fit_extended
     nearer = fit is not None and (fit_by_curve is None or fit > fit_by_curve)
@@ -344,12 +388,11 @@ def _but_for_clocks(
     age are late by on the average.
     """
     evaluator, effects = hypothesis.evaluator, hypothesis.effects
-    delay = next((effect for effect in effects if effect.slug == DELAY), None)
+    delay = next((effect for effect in effects if DELAY in effect.members), None)
     if delay is None:
         return effects, ()
     others = tuple(effect for effect in effects if effect is not delay)
-    unit_s = evaluator.problem.unit_s
-    delay_s = (delay.parameters["theta"].value or 0.0) / unit_s
+    unit_s, delay_s = evaluator.problem.unit_s, _as_dead_time(hypothesis, delay)
     uneven = _uneven_readings(case, hypothesis)
     if uneven is not None:
         age_s = uneven.half_width * evaluator.problem.interval_s
@@ -359,6 +402,17 @@ def _but_for_clocks(
     if delay.members == (DELAY,) and delay.inherent:
         return others, (small_delay_effect(delay_s, unit_s),)
     return effects, ()
+
+
+def _as_dead_time(hypothesis: AcceptedHypothesis, delay: Effect) -> float:
+    """How late the command is by an effect that is a dead time, or cannot be told from one; for
+    ever where that is not known.
+    """
+    if delay.slug == DELAY:
+        return (delay.parameters["theta"].value or 0.0) / hypothesis.evaluator.problem.unit_s
+    stages = [one.stage for one in hypothesis.named.needed if one.term.slug == delay.slug]
+    fits = [score.fitted for stage in stages for score in stage.accepted if score.slug == DELAY]
+    return float(fits[0].values(DELAY)[:, 0].mean()) if fits else np.inf
 
 
 def _uneven_readings(

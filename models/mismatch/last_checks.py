@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.accepted_hypothesis import (
     AcceptedHypothesis,
     parts_only,
 )
-from stemwatch.models.mismatch.likelihood import RecordLikelihood
+from stemwatch.models.mismatch.likelihood import OF_STEMS, RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import points_at
 from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
 from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
@@ -30,7 +30,20 @@ NOISE_OF_A_NAME = 1.2
 
 def checked(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis, without the effects that fail one of the checks."""
-    return _unless_stand_in(_unless_shaken(_if_followed(hypothesis)))
+    return _unless_stand_in(_unless_shaken(_if_followed(_unless_explained(hypothesis))))
+
+
+def _unless_explained(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
+    """The hypothesis; as one that leaves nothing out, where nothing was named and the likelihood of
+    the whole record leaves nothing at the scatter of real stems. Where the noise is small, what
+    runs leave in their worst blocks is that of slips that end by chance here or there.
+    """
+    if hypothesis.effects or not hypothesis.unexplained or hypothesis.dropped_because:
+        return hypothesis
+    evaluator, fitted, best = hypothesis.evaluator, hypothesis.fitted, hypothesis.best
+    if not likelihood_explains(evaluator, fitted, best, scatter=OF_STEMS):
+        return hypothesis
+    return replace(hypothesis, unexplained=False)
 
 
 def _if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:

@@ -94,17 +94,25 @@ def _not_followed(comparison: HeldOutComparison) -> str:
 
 
 def likelihood_explains(
-    evaluator: Evaluator, fitted: Fitted, best: Floats, noise: float = OWN_NOISE
+    evaluator: Evaluator,
+    fitted: Fitted,
+    best: Floats,
+    noise: float = OWN_NOISE,
+    scatter: float = WIDEST * SCATTERS[1],
 ) -> bool:
     """Whether a hypothesis leaves nothing of the record as a whole: at the S and J of its refit,
     which are those of ``best`` (size,), breakaways scatter and readings lie about the stem as those
-    of real stems do; the latter by ``noise`` at most, a share of their estimated noise.
+    of real stems do: by ``scatter`` at most, a share of their level, and by ``noise`` at most, a
+    share of their estimated noise.
     """
     likelihood = RecordLikelihood(evaluator)
     found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
     near = np.abs(np.array(S_and_J(found.candidate)) - S_and_J(best)) <= ALIKE_PERCENT
-    scatters = found.scatter <= WIDEST * SCATTERS[1]
-    return bool(near.all()) and scatters and found.noise <= noise * evaluator.problem.sigma
+    return (
+        bool(near.all())
+        and found.scatter <= scatter
+        and found.noise <= noise * evaluator.problem.sigma
+    )
 
 
 def missed_breakaways(comparison: HeldOutComparison) -> str:

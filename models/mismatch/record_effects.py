@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from stemwatch.models.forensics import coarse_step
 from stemwatch.models.frozen import frozen_samples
 from stemwatch.models.mismatch.between_samples import Archive
-from stemwatch.models.mismatch.compression import StoredPoints, drawn_lines, held_reports
+from stemwatch.models.mismatch.compression import (
+    StoredPoints,
+    drawn_lines,
+    flat_lines,
+    held_reports,
+)
 from stemwatch.models.mismatch.findings import RecordEffect
 from stemwatch.models.own_clock import duration, seconds_of
 from stemwatch.models.recording import Bools, Floats, Recording, Role
@@ -66,8 +71,9 @@ MOST_JITTER = 0.1  # of the interval
 class MeasuredRecord:
     """The record effects, and what is left to score a model on.
 
-    ``real`` (n,) is True where MV was measured: stored points only where the archive drew lines or
-    held reports, and no frozen sample. ``sigma_floor`` is the least noise of MV that the recorder's
+    ``frozen`` (n,) is True where the reading of MV stood still by itself. ``real`` (n,) is True
+    where MV was measured: stored points only where the archive drew lines or held reports, and no
+    frozen sample. ``sigma_floor`` is the least noise of MV that the recorder's
     steps leave, percent: ``step / sqrt(12)``, or ``deviation / sqrt(3)`` of held reports.
     ``spacing_s`` is how far apart true samples are: the interval, or more where the archive
     averaged or the position was scanned slowly. ``slack`` (n,) is how far a value that the archive
@@ -87,6 +93,7 @@ class MeasuredRecord:
     reported_by: float = 0.0
     restore: bool = True
     archive: Archive | None = None
+    frozen: Bools
 
 
 def measured_record(recording: Recording) -> MeasuredRecord:
@@ -103,7 +110,8 @@ def measured_record(recording: Recording) -> MeasuredRecord:
     of_mv = _thinned(mv, op)
     of_op = drawn_lines(op, mv) if of_mv is not None or _automatic(recording) else None
     stored = of_mv.stored if of_mv is not None else real
-    frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None)
+    lines = flat_lines(mv, of_mv) if of_mv is not None and not of_mv.held else None
+    frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None, lines=lines)
     step = coarse_step(mv[stored & ~frozen])
     op_step = coarse_step(op[of_op.stored] if of_op is not None else op)
     period, refreshed = _refreshed(recording)
@@ -126,6 +134,7 @@ def measured_record(recording: Recording) -> MeasuredRecord:
         slack=np.where(real & ~stored & ~frozen, door, 0.0),
         op_open=float(max(op_step / np.sqrt(12.0), op_deviation / np.sqrt(3.0))),
         reported_by=max(deviation, op_deviation),
+        frozen=frozen,
     )
 
 

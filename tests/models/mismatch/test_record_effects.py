@@ -13,10 +13,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stemwatch.models.frozen import after_the_first, without_frozen
 from stemwatch.models.mismatch.record_effects import measured_record, refresh_period, scan_sentence
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import ClockFacts, Recording, Role, Signal
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
+from stemwatch.models.studies.simulator.historian import swinging_door
 from stemwatch.models.studies.simulator.loop import (
     Compression,
     CompressionKind,
@@ -194,6 +196,34 @@ def test_a_coarse_reading_freezes_where_the_command_moves_on():
     effects = found(plant(0.3, 0.0, coarse, frozen(900.0, 1900.0)))
     assert {"quantisation", "frozen_signal"} == set(effects)
     assert effects["frozen_signal"].parameters["frozen_s"] == pytest.approx(1000.0, abs=40.0)
+
+
+@pytest.mark.parametrize("S", [4.0, 8.0])
+def test_a_freeze_behind_an_archive_that_draws_lines(S):
+    """A line as good as flat is frozen where OP moves by more than friction ever held the stem; the
+    lines of a stem that sticks widely, and those of a stem at its stop, are not.
+    """
+    door = compressed(DOOR, 0.4)
+    effects = found(plant(S, 1.5, None, replace(door, frozen=frozen(900.0, 1900.0).frozen)))
+    assert {"historian_compression", "frozen_signal"} == set(effects)
+    assert effects["frozen_signal"].parameters["frozen_s"] == pytest.approx(1000.0, abs=40.0)
+    assert "frozen_signal" not in found(plant(S, 1.5, None, door))
+    position = plant(S).mv.values
+    stopped = np.minimum(position, np.percentile(position, 70.0))
+    knots = np.flatnonzero(swinging_door(stopped, 0.4))
+    at_a_stop = np.interp(np.arange(stopped.size), knots, stopped[knots])
+    assert "frozen_signal" not in found(with_position(at_a_stop, plant(S)))
+
+
+def test_a_frozen_position_is_masked_but_for_its_first_sample():
+    """Nothing but the position's quality changes: the values of a frozen stretch are left out."""
+    recording = plant()
+    masked = without_frozen(recording, after_the_first([(100, 400), (900, 1000)], len(recording)))
+    left_out = np.flatnonzero(~masked.mv.usable)
+    assert np.array_equal(left_out, np.r_[101:400, 901:1000])
+    assert np.array_equal(masked.mv.values[:101], recording.mv.values[:101])
+    assert masked.op is recording.op
+    assert without_frozen(recording, np.zeros(len(recording), dtype=bool)) is recording
 
 
 def test_a_stuck_valve_is_not_frozen():
