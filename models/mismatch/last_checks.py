@@ -14,6 +14,7 @@ from stemwatch.models.mismatch.accepted_hypothesis import (
     AcceptedHypothesis,
     parts_only,
 )
+from stemwatch.models.mismatch.findings import Effect
 from stemwatch.models.mismatch.likelihood import RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import points_at
 from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
@@ -59,14 +60,21 @@ def _if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
 
 def _unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis; with nothing named, and as one that leaves something out, where something
-    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again.
+    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again; and it
+    lets go in small slips ahead of its level, so that the likelihood takes it for a stem that
+    slides slowly. What trajectories show beside that stands.
     """
-    if any(effect.slug not in STICKS_AGAIN for effect in hypothesis.effects):
+    if any(not _shaking_explains(effect) for effect in hypothesis.effects):
         return hypothesis
     shaking = find_shaking(hypothesis.evaluator, hypothesis.fitted)
     if shaking is None:
         return hypothesis
     return replace(hypothesis, effects=(), unexplained=True, shaking=shaking)
+
+
+def _shaking_explains(effect: Effect) -> bool:
+    """Whether a stem that is shaken may look like this effect."""
+    return effect.slug in STICKS_AGAIN or effect.evidence.likelihood_gain > 0.0
 
 
 def _unless_stand_in(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
