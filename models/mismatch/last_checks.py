@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from stemwatch.models.mismatch.acceptance_limits import MEAN_OF_A_LINE
 from stemwatch.models.mismatch.accepted_hypothesis import (
     LEAST_FIT_OF_NAMED,
     STRAIGHT_LINE,
@@ -79,15 +80,18 @@ def _shaking_explains(effect: Effect) -> bool:
 
 def _unless_stand_in(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis; with nothing named, and as one that leaves something out, where all that is
-    named are lines of the reading and lags, more than noise is left, and the most likely stem with
-    them is further from the readings than noise is. They bend to what a spring with hysteresis or a
-    wave of friction does.
+    named are lines of the reading and lags, and the most likely stem with them is further from the
+    readings than noise is. They bend to what a spring with hysteresis or a wave of friction does.
+    Asked where runs leave more than noise, and of lines that do not explain nearly all of the rest.
     """
     slugs = {effect.slug for effect in hypothesis.effects}
-    if not slugs or not hypothesis.unexplained or not slugs <= set(STANDS_IN):
+    if not slugs or not slugs <= set(STANDS_IN):
+        return hypothesis
+    weak = max(effect.evidence.mean for effect in hypothesis.effects) < MEAN_OF_A_LINE
+    if not hypothesis.unexplained and not (weak and slugs <= set(STRAIGHT_LINE)):
         return hypothesis
     likelihood, fitted = RecordLikelihood(hypothesis.evaluator), hypothesis.fitted
     found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
     if found.noise <= NOISE_OF_A_NAME * hypothesis.evaluator.problem.sigma:
         return hypothesis
-    return replace(hypothesis, effects=())
+    return replace(hypothesis, effects=(), unexplained=True)

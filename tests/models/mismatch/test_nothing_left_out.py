@@ -48,3 +48,10 @@ def test_drag_is_not_named_of_a_stem_that_is_shaken() -> None:
     mismatch = explained(4090, 1128)
     assert mismatch.finding is Finding.UNKNOWN
     assert "14.2 s" in mismatch.sentence
+
+
+def test_a_weak_line_of_the_reading_does_not_stand_for_a_spring() -> None:
+    """In a quarter of an hour, where runs leave no more than noise and the likelihood does."""
+    mismatch = explained(4090, 68)
+    assert mismatch.finding is Finding.UNKNOWN
+    assert mismatch.effects == ()
