@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from stemwatch.models.mismatch.acceptance_limits import MEAN_OF_A_LINE
 from stemwatch.models.mismatch.accepted_hypothesis import (
     LEAST_FIT_OF_NAMED,
     STRAIGHT_LINE,
     AcceptedHypothesis,
     parts_only,
 )
+from stemwatch.models.mismatch.findings import Effect
 from stemwatch.models.mismatch.likelihood import OF_STEMS, RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import points_at
 from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
@@ -72,9 +74,11 @@ def _if_followed(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
 
 def _unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis; with nothing named, and as one that leaves something out, where something
-    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again.
+    outside shakes the stem. A shaken stem moves in steps, so that it seems to stick again; and it
+    lets go in small slips ahead of its level, so that the likelihood takes it for a stem that
+    slides slowly. What trajectories show beside that stands.
     """
-    if any(effect.slug not in STICKS_AGAIN for effect in hypothesis.effects):
+    if any(not _shaking_explains(effect) for effect in hypothesis.effects):
         return hypothesis
     shaking = find_shaking(hypothesis.evaluator, hypothesis.fitted)
     if shaking is None:
@@ -82,17 +86,25 @@ def _unless_shaken(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     return replace(hypothesis, effects=(), unexplained=True, shaking=shaking)
 
 
+def _shaking_explains(effect: Effect) -> bool:
+    """Whether a stem that is shaken may look like this effect."""
+    return effect.slug in STICKS_AGAIN or effect.evidence.likelihood_gain > 0.0
+
+
 def _unless_stand_in(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     """The hypothesis; with nothing named, and as one that leaves something out, where all that is
-    named are lines of the reading and lags, more than noise is left, and the most likely stem with
-    them is further from the readings than noise is. They bend to what a spring with hysteresis or a
-    wave of friction does.
+    named are lines of the reading and lags, and the most likely stem with them is further from the
+    readings than noise is. They bend to what a spring with hysteresis or a wave of friction does.
+    Asked where runs leave more than noise, and of lines that do not explain nearly all of the rest.
     """
     slugs = {effect.slug for effect in hypothesis.effects}
-    if not slugs or not hypothesis.unexplained or not slugs <= set(STANDS_IN):
+    if not slugs or not slugs <= set(STANDS_IN):
+        return hypothesis
+    weak = max(effect.evidence.mean for effect in hypothesis.effects) < MEAN_OF_A_LINE
+    if not hypothesis.unexplained and not (weak and slugs <= set(STRAIGHT_LINE)):
         return hypothesis
     likelihood, fitted = RecordLikelihood(hypothesis.evaluator), hypothesis.fitted
     found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
     if found.noise <= NOISE_OF_A_NAME * hypothesis.evaluator.problem.sigma:
         return hypothesis
-    return replace(hypothesis, effects=())
+    return replace(hypothesis, effects=(), unexplained=True)

@@ -77,6 +77,9 @@ WIDEST, ALL_OVER = 0.95, 5.0
 LEVELS_OF_LESS_SCATTER, RATIOS_OF_LESS_SCATTER = (0.85, 1.0, 1.15, 1.3, 1.5), (0.05, 0.2, 0.4, 0.7)
 LOOKS_OF_LESS_SCATTER, CLIMBED_OF_LESS_SCATTER = 6, 2
 MORE_THAN_NOISE = 1.5
+# Share of the level by which breakaways may scatter where friction is not one number: five times
+# what simulated stems do at most, four times the limit of the searches.
+OF_NO_STEM = 0.6
 CONTRADICTED = -1.0  # t of the trajectories, below which they speak against a term
 # Difference of two terms, and its t over the blocks, below which neither is more likely.
 AS_LIKELY, AS_GOOD = 4.0, 1.5
@@ -139,6 +142,8 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
             best, others = simpler, [best, *(one for one in others if one is not simpler)]
             break
     if named.needed and best.evidence.strength < BESIDE:
+        return named
+    if not named.needed and scatters_as_no_stem(likelihood, best.rich):
         return named
     dispensable, left = _dispensable(likelihood, named, best)
     if dispensable:
@@ -423,6 +428,17 @@ def leaves_something(at: Likeliest, evaluator: Evaluator, widest: float = SCATTE
 def scatters_most(at: Likeliest, widest: float = SCATTERS[1]) -> bool:
     """Whether the scatter is at its limit, which is ``widest``."""
     return at.scatter > WIDEST * widest
+
+
+def scatters_as_no_stem(likelihood: RecordLikelihood, at: Likeliest) -> bool:
+    """Whether a scatter beyond that of any stem makes the record more likely than ``at`` by as much
+    as a term that is named does. Friction that comes and goes, or a force from outside, is left
+    then, whatever else is there; a smaller scatter elsewhere must not do as well.
+    """
+    if at.scatter <= WIDEST * OF_STEMS:
+        return False
+    wide = replace(likelihood, widest=OF_NO_STEM).again(at)
+    return wide.scatter > at.scatter and evidence_of(wide, at).strength >= 1.0
 
 
 def _is_material(one: Compared, evaluator: Evaluator) -> bool:

@@ -38,15 +38,16 @@ def turned(x: Floats, way: float) -> Floats:
     return h
 
 
-def follows_turns(evaluator: Evaluator, fitted: Fitted) -> bool:
-    """True where ``fitted`` leaves what a spring with hysteresis would, and that is material.
+def follows_turns(evaluator: Evaluator, fitted: Fitted, least_t: float = LEAST_T) -> bool:
+    """True where ``fitted`` leaves what a spring with hysteresis would, and that is material and
+    beyond chance by ``least_t``.
 
     Of a compressing archive most kept values are of moves. A slip that comes a little early or late
     leaves there up to what such an archive keeps open, either way, and that follows the turns too.
     """
     left, swing_percent = hysteresis_left(evaluator, fitted)
     least_swing = max(LEAST_SWING_PERCENT, 2.0 * float(evaluator.slack.max()))
-    return left.mean >= LEAST_MEAN and left.t >= LEAST_T and swing_percent >= least_swing
+    return left.mean >= LEAST_MEAN and left.t >= least_t and swing_percent >= least_swing
 
 
 def hysteresis_left(evaluator: Evaluator, fitted: Fitted) -> tuple[Advantage, float]:
