@@ -63,6 +63,7 @@ from stemwatch.models.mismatch.prepared_recording import (
     problem_of,
     why_not,
 )
+from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.record_effects import (
     MeasuredRecord,
     late_effect,
@@ -97,6 +98,7 @@ BENDS = ("bowed_linkage", "flow_force")
 # Effects that delay the stem by an amount that grows with the speed of its command, as friction
 # does.
 LAGS = ("actuator_lag", "asymmetric_lag", "viscous_drag", "underdamped_positioner")
+STOP = "travel_stop"
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
 
 
@@ -140,7 +142,7 @@ def explain(
     elif curve is not None:
         mismatch = _through_curve(recording, measured, ceiling, curve)
         if mismatch.finding is Finding.UNKNOWN and not curve.given:
-            mismatch = _or_slow(recording, measured, ceiling, mismatch)
+            mismatch = _or_short_of_it(recording, measured, ceiling, mismatch)
     else:
         mismatch = _explained(recording, measured, ceiling)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
@@ -204,18 +206,21 @@ def _through_curve(
     )
 
 
-def _or_slow(
+def _or_short_of_it(
     recording: Recording, measured: MeasuredRecord, ceiling: Floats | None, through_curve: Mismatch
 ) -> Mismatch:
     """What is said ``through_curve``, or what the plain reading says, where that names what slows
-    the stem and follows the unseen part nearer: a stem that never arrives covers less than OP asks
-    for, as one behind a curve does.
+    the stem or stops it and follows the unseen part nearer: a stem that never arrives covers less
+    than OP asks for, as one behind a curve does.
     """
     plain = _explained(recording, measured, ceiling)
-    slow = any(catalogue()[effect.slug].acts_on is ActsOn.COMMAND for effect in plain.effects)
+    short = any(
+        effect.slug == STOP or catalogue()[effect.slug].acts_on is ActsOn.COMMAND
+        for effect in plain.effects
+    )
     fit, fit_by_curve = plain.heldout.fit_extended, through_curve.heldout.fit_extended
     nearer = fit is not None and (fit_by_curve is None or fit > fit_by_curve)
-    return plain if slow and nearer else through_curve
+    return plain if short and nearer else through_curve
 
 
 def _in_op(stiction: Stiction, curve: StrokeCurve) -> Stiction:
@@ -350,7 +355,9 @@ def _but_for_clocks(
     others = tuple(effect for effect in effects if effect is not delay)
     unit_s = evaluator.problem.unit_s
     delay_s = (delay.parameters["theta"].value or 0.0) / unit_s
-    uneven = _uneven_readings(case, hypothesis)
+    again = any(effect.slug in STICKS_AGAIN for effect in others)
+    # The small slips of a stem that sticks again come early or late by chance, as such readings do.
+    uneven = None if again else _uneven_readings(case, hypothesis)
     if uneven is not None:
         age_s = uneven.half_width * evaluator.problem.interval_s
         beyond_s = np.array([delay_s - age_s])
