@@ -43,7 +43,10 @@ from stemwatch.models.mismatch.held_out import (
     on_alternate_blocks,
     slip_by_slip,
 )
-from stemwatch.models.mismatch.named_by_likelihood import named_by_likelihood
+from stemwatch.models.mismatch.named_by_likelihood import (
+    named_by_likelihood,
+    shown_by_likelihood,
+)
 from stemwatch.models.mismatch.prepared_recording import (
     PreparedRecording,
     admissible,
@@ -133,9 +136,9 @@ def of_the_valve(terms: Mapping[str, Term]) -> list[Term]:
 
 
 class _AskedOfTheWhole:
-    """What the record as a whole is asked, once each, where all that was named so far stands. The
-    readings of a flow that stands for the position are not independent of each other, and nothing
-    is asked of them.
+    """What the record as a whole is asked, once each, and the likelihood once more beside what it
+    has shown, where all that was named so far stands. The readings of a flow that stands for the
+    position are not independent of each other, and nothing is asked of them.
     """
 
     def __init__(self, own_reading: bool, terms: Mapping[str, Term]) -> None:
@@ -145,6 +148,7 @@ class _AskedOfTheWhole:
         self.sticking = {slug: terms[slug] for slug in STICKS_AGAIN if slug in terms}
         self._may_stick = own_reading and RESTICK in self.sticking
         self._sliding: Named | None = None
+        self._once_more = False  # whether the likelihood is asked beside what it has shown
 
     def asked(self, named: Named, terms: Mapping[str, Term], stand: AbstractSet[str]) -> Named:
         """``named`` with what is found next, beside the effects that ``stand``; else as it was."""
@@ -155,6 +159,13 @@ class _AskedOfTheWhole:
             # What trajectories dropped may be what they could not show.
             sought = self._all if question is named_by_likelihood else terms
             more = question(named, of_the_valve(sought))
+            if more is not named:
+                # What the likelihood has shown may have hidden another.
+                self._once_more = self._once_more or question is named_by_likelihood
+                return more
+        if self._once_more and shown_by_likelihood(named):
+            self._once_more = False
+            more = named_by_likelihood(named, of_the_valve(self._all))
             if more is not named:
                 return more
         # Last, for a delay or a lag that was not looked for makes a stem seem to stick again.

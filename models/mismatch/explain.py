@@ -64,6 +64,7 @@ from stemwatch.models.mismatch.prepared_recording import (
     problem_of,
     why_not,
 )
+from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.record_effects import (
     MeasuredRecord,
     late_effect,
@@ -99,6 +100,7 @@ BENDS = ("bowed_linkage", "flow_force")
 # Effects that delay the stem by an amount that grows with the speed of its command, as friction
 # does.
 LAGS = ("actuator_lag", "asymmetric_lag", "viscous_drag", "underdamped_positioner")
+STOP = "travel_stop"
 NOTHING_REFUSED: Mapping[str, str] = MappingProxyType({})
 
 
@@ -152,7 +154,7 @@ def explain(
     elif curve is not None:
         mismatch = _through_curve(recording, measured, ceiling, curve, refused)
         if mismatch.finding is Finding.UNKNOWN and not curve.given:
-            mismatch = _or_slow(recording, measured, ceiling, mismatch, refused)
+            mismatch = _or_short_of_it(recording, measured, ceiling, mismatch, refused)
     else:
         mismatch = _explained(recording, measured, ceiling, refused=refused)
     question = on_site(mismatch.open_question, recording, mismatch.stroke_curve)
@@ -244,7 +246,7 @@ def _through_curve(
     )
 
 
-def _or_slow(
+def _or_short_of_it(
     recording: Recording,
     measured: MeasuredRecord,
     ceiling: Floats | None,
@@ -252,14 +254,17 @@ def _or_slow(
     refused: Mapping[str, str],
 ) -> Mismatch:
     """What is said ``through_curve``, or what the plain reading says, where that names what slows
-    the stem and follows the unseen part nearer: a stem that never arrives covers less than OP asks
-    for, as one behind a curve does.
+    the stem or stops it and follows the unseen part nearer: a stem that never arrives covers less
+    than OP asks for, as one behind a curve does.
     """
     plain = _explained(recording, measured, ceiling, refused=refused)
-    slow = any(catalogue()[effect.slug].acts_on is ActsOn.COMMAND for effect in plain.effects)
+    short = any(
+        effect.slug == STOP or catalogue()[effect.slug].acts_on is ActsOn.COMMAND
+        for effect in plain.effects
+    )
     fit, fit_by_curve = plain.heldout.fit_extended, through_curve.heldout.fit_extended
     nearer = fit is not None and (fit_by_curve is None or fit > fit_by_curve)
-    return plain if slow and nearer else through_curve
+    return plain if short and nearer else through_curve
 
 
 def _in_op(stiction: Stiction, curve: StrokeCurve) -> Stiction:
@@ -393,7 +398,9 @@ def _but_for_clocks(
         return effects, ()
     others = tuple(effect for effect in effects if effect is not delay)
     unit_s, delay_s = evaluator.problem.unit_s, _as_dead_time(hypothesis, delay)
-    uneven = _uneven_readings(case, hypothesis)
+    again = any(effect.slug in STICKS_AGAIN for effect in others)
+    # The small slips of a stem that sticks again come early or late by chance, as such readings do.
+    uneven = None if again else _uneven_readings(case, hypothesis)
     if uneven is not None:
         age_s = uneven.half_width * evaluator.problem.interval_s
         beyond_s = np.array([delay_s - age_s])

@@ -153,6 +153,11 @@ def named_by_likelihood(named: Named, terms: Sequence[Term]) -> Named:
     return _with(likelihood, named, members, best.evidence)
 
 
+def shown_by_likelihood(named: Named) -> bool:
+    """Whether the likelihood has shown any of what is named."""
+    return any(needed.likelihood is not None for needed in named.needed)
+
+
 def _with_more_likely(
     passing: Sequence[Compared], tried: Sequence[Compared], evaluator: Evaluator
 ) -> list[Compared]:
@@ -197,6 +202,9 @@ def strongest_by_likelihood(named: Named, terms: Sequence[Term]) -> float:
 def _tried(likelihood: RecordLikelihood, named: Named, terms: Sequence[Term]) -> list[Compared]:
     """The terms by which the record may be more likely, each compared with the record without."""
     evaluator, simple = named.evaluator, named.fitted
+    if shown_by_likelihood(named):
+        # Held near to their most likely, its coordinates could not move as those of a richer one.
+        simple = replace(simple, layout=evaluator.layout(simple.layout.hypothesis))
     sticks_again = named.sticks_again is not None
     sticks_again = sticks_again or any(one.term.slug in STICKS_AGAIN for one in named.needed)
     if sticks_again or len(named.needed) >= MOST_TERMS or not scatter_matters(evaluator, simple):

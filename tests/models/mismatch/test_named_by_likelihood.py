@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -123,6 +124,30 @@ def test_breakaways_that_scatter_most_do_not_hide_a_name() -> None:
 def test_a_stem_that_is_too_slow_to_arrive_is_behind_no_curve() -> None:
     """A limit of 0.5 %/s for a quarter of an hour, which looks like a curve from OP to stroke."""
     assert named_on_drawn(2119, 136) == {("rate_limit",)}
+
+
+def test_a_stem_at_its_stop_is_behind_no_curve() -> None:
+    """The reading drifts as well; a curve that is flat at one end leaves more of both."""
+    assert named_on_drawn(4090, 897) == {("travel_stop",), ("sensor_drift",)}
+
+
+def test_the_likelihood_is_asked_again_beside_what_it_has_shown() -> None:
+    """A positioner that rings, in noise, beside friction at a place that no trajectory shows."""
+    both = {("position_dependent_friction",), ("underdamped_positioner",)}
+    assert named_on_drawn(4090, 71) == both
+
+
+def test_a_dead_time_beside_a_stem_that_sticks_again_is_no_uneven_reading() -> None:
+    """Its small slips come early or late by chance, as readings of uneven age do. Readings are kept
+    to four decimals, as an archive does: with all of them a lag is as good as the dead time.
+    """
+    _, run = simulate_hidden(draw_hidden(1124, 4090)[1123])
+    signals = {
+        role: replace(signal, values=np.round(signal.values, 4))
+        for role, signal in run.recording.signals.items()
+    }
+    mismatch = explain(replace(run.recording, signals=signals))
+    assert {effect.slug for effect in mismatch.effects} == {"low_speed_restick", "dead_time"}
 
 
 def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:
