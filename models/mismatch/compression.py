@@ -110,8 +110,8 @@ def flat_lines(values: Floats, points: StoredPoints) -> Runs:
     lower, upper = np.sort((values[first], values[last]), axis=0)
     low, high = np.nanmin(values) + points.deviation, np.nanmax(values) - points.deviation
     flat = (upper - lower <= 2.0 * points.deviation) & (lower > low) & (upper < high)
-    lines: Runs = np.stack((first, last + 1), axis=1)
-    return lines[flat]
+    flat_ones: Runs = np.stack((first, last + 1), axis=1)[flat]
+    return flat_ones
 
 
 def swinging_door_deviation(values: Floats, stored: Bools) -> float:
