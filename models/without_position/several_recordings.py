@@ -28,13 +28,13 @@ def suspected_together(answers: Sequence[WithoutPosition]) -> bool:
     program had another limit.
     """
     limit = trained_judge().limits.suspected_from
-    suspected = [answer.verdict is Suspicion.SUSPECTED for answer in answers]
     scores = [
-        max(answer.score, limit) if raises else answer.score
-        for answer, raises in zip(answers, suspected, strict=True)
-        if answer.score is not None
+        max(answer.score or 0.0, limit if answer.verdict is Suspicion.SUSPECTED else 0.0)
+        for answer in answers
+        if answer.verdict is Suspicion.SUSPECTED or answer.score is not None
     ]
-    return any(suspected) and log_odds_together(scores) >= float(logit(limit))
+    is_any = any(answer.verdict is Suspicion.SUSPECTED for answer in answers)
+    return is_any and log_odds_together(scores) >= float(logit(limit))
 
 
 def log_odds_together(scores: Sequence[float]) -> float:
