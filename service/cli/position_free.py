@@ -13,8 +13,11 @@ import typer
 from stemwatch.service.cli import options as o
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
     from rich.table import Table
 
+    from stemwatch.models.without_position.suspicion import Judge
+    from stemwatch.service.executors import Executor
     from stemwatch.service.studies.position_free import FamilyRow
     from stemwatch.service.studies.several_recordings import RecordedLoop, TogetherRow
 
@@ -23,7 +26,7 @@ def study_without_position(
     loops: Annotated[
         int, typer.Option(min=20, max=10_000, help="Loops of each family, every other one sticks.")
     ] = 240,
-    seed: o.Seed = 2123,
+    seed: o.Seed = 2126,
     train: Annotated[
         int | None,
         typer.Option(min=100, max=100_000, help="Train anew on so many simulated loops."),
@@ -55,16 +58,12 @@ def study_without_position(
     """
     from rich.progress import Progress
 
-    from stemwatch.models.without_position.suspicion import trained_judge
     from stemwatch.service.cli import views
     from stemwatch.service.executors import choose_executor
     from stemwatch.service.studies.position_free import (
         FAMILIES,
         family_rows,
-        items_of_training,
-        module_of,
         run_position_free,
-        run_training,
     )
     from stemwatch.service.studies.several_recordings import (
         run_several_recordings,
@@ -76,16 +75,7 @@ def study_without_position(
 
     executor = choose_executor(workers)
     with Progress(console=views.err, transient=True) as progress:
-        if train is None:
-            judge = trained_judge()
-        else:
-            total = sum(map(len, items_of_training(train, train_seed)))
-            bar = progress.add_task("training loops", total=total)
-            judge = run_training(
-                train, train_seed, executor, lambda n: progress.update(bar, completed=n)
-            )
-            if save is not None:
-                save.write_text(module_of(judge, train, train_seed), encoding="utf-8")
+        judge = _judge(train, train_seed, save, executor, progress)
         bar = progress.add_task("loops", total=loops * len(FAMILIES))
         answers = run_position_free(
             judge, loops, seed, executor, lambda n: progress.update(bar, completed=n)
@@ -101,6 +91,23 @@ def study_without_position(
         objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
     views.say_read_on("without-position.md")
+
+
+def _judge(
+    train: int | None, train_seed: int, save: Path | None, executor: Executor, progress: Progress
+) -> Judge:
+    """The networks in use, or those that are trained now."""
+    from stemwatch.models.without_position.suspicion import trained_judge
+    from stemwatch.service.studies.position_free import items_of_training, module_of, run_training
+
+    if train is None:
+        return trained_judge()
+    total = sum(map(len, items_of_training(train, train_seed)))
+    bar = progress.add_task("training loops", total=total)
+    judge = run_training(train, train_seed, executor, lambda n: progress.update(bar, completed=n))
+    if save is not None:
+        save.write_text(module_of(judge, train, train_seed), encoding="utf-8")
+    return judge
 
 
 def _table_together(loops: Sequence[RecordedLoop], rows: Sequence[TogetherRow]) -> Table:
