@@ -56,7 +56,9 @@ def test_averages_are_read_once(average_s, step):
 
 def test_a_scan_of_both_is_read_once():
     """Snapshots that are held for five seconds are a recording of a sample every five seconds."""
-    assert 5 == at_refreshes(every(plant(), 5, Role.OP, Role.MV, Role.PV)).period
+    found = at_refreshes(every(plant(), 5, Role.OP, Role.MV, Role.PV))
+    assert found is not None
+    assert found.period == 5
 
 
 def test_a_position_that_moves_between_refreshes_is_kept():
@@ -66,8 +68,8 @@ def test_a_position_that_moves_between_refreshes_is_kept():
     for roles in ((), (Role.OP,), (Role.OP, Role.PV), (Role.MV,)):
         assert at_refreshes(every(plant(), 5, *roles)) is None
     recording = plant()
-    resting = Signal.good(np.full(len(recording), 50.0), "FV-7.ZT")
-    resting = replace(recording, signals={**recording.signals, Role.MV: resting})
+    still = Signal.good(np.full(len(recording), 50.0), "FV-7.ZT")
+    resting = replace(recording, signals={**recording.signals, Role.MV: still})
     assert at_refreshes(every(resting, 5, Role.OP)) is None
 
 
@@ -77,9 +79,9 @@ def test_runs_are_on_the_clock_that_was_read():
     """
     recording = plant(SimulatedArchive(average_s=10.0), S=7.0)
     mismatch = explain(recording)
-    assert Finding.NONE is mismatch.finding
+    assert mismatch.finding is Finding.NONE
     assert len(recording) == mismatch.runs.naive.size == mismatch.runs.extended.size
-    assert 0 == mismatch.runs.heldout_from % 10
+    assert mismatch.runs.heldout_from % 10 == 0
     assert (np.diff(mismatch.runs.naive) != 0.0).nonzero()[0].size < len(recording) // 10
     assert "sampling_jitter" in [effect.slug for effect in mismatch.record_effects]
     refused = {one.slug for one in mismatch.not_testable}
