@@ -1,7 +1,9 @@
 """The last checks of what was accepted, before it is the answer.
 
-A free run must follow the part that was not fitted; nothing outside may shake the stem; and what is
-named must not stand in for physics that is not in the catalogue. What fails is *unknown*.
+Where nothing is named, what runs leave must be more than the likelihood of the whole record leaves,
+or S and J explain it. A free run must follow the part that was not fitted; nothing outside may
+shake the stem; and what is named must not stand in for physics that is not in the catalogue. What
+fails is *unknown*.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from stemwatch.models.mismatch.accepted_hypothesis import (
 )
 from stemwatch.models.mismatch.findings import Effect
 from stemwatch.models.mismatch.likelihood import OF_STEMS, RecordLikelihood
-from stemwatch.models.mismatch.named_by_likelihood import points_at
+from stemwatch.models.mismatch.named_by_likelihood import likeliest_of
 from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
 from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.shaken_stem import find_shaking
@@ -31,7 +33,7 @@ NOISE_OF_A_NAME = 1.2
 
 
 def checked(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
-    """The hypothesis, without the effects that fail one of the checks."""
+    """The hypothesis after all the checks, each of which takes it as the one before left it."""
     return _unless_stand_in(_unless_shaken(_if_followed(_unless_explained(hypothesis))))
 
 
@@ -103,8 +105,7 @@ def _unless_stand_in(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:
     weak = max(effect.evidence.mean for effect in hypothesis.effects) < MEAN_OF_A_LINE
     if not hypothesis.unexplained and not (weak and slugs <= set(STRAIGHT_LINE)):
         return hypothesis
-    likelihood, fitted = RecordLikelihood(hypothesis.evaluator), hypothesis.fitted
-    found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
+    found = likeliest_of(RecordLikelihood(hypothesis.evaluator), hypothesis.fitted)
     if found.noise <= NOISE_OF_A_NAME * hypothesis.evaluator.problem.sigma:
         return hypothesis
     return replace(hypothesis, effects=(), unexplained=True)

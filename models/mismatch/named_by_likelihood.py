@@ -180,7 +180,7 @@ def likelihood_with(named: Named, score: TermScore) -> Compared | None:
     likelihood, simple = RecordLikelihood(named.evaluator), named.fitted
     if not scatter_matters(named.evaluator, simple):
         return None
-    alone = likelihood.maximised(simple.layout, points_at(simple, likelihood.first_of_record))
+    alone = likeliest_of(likelihood, simple)
     points = [
         point
         for of_record in (likelihood.first_of_record, alone.of_record)
@@ -283,6 +283,11 @@ def points_at(fitted: Fitted, of_record: Floats) -> list[Floats]:
     """Points (size + 2,) at the fits to both folds and between them."""
     rows = np.vstack((fitted.candidates, fitted.candidates.mean(axis=0)))
     return [np.append(row, of_record) for row in rows]
+
+
+def likeliest_of(likelihood: RecordLikelihood, fitted: Fitted) -> Likeliest:
+    """Where the record is most likely by the hypothesis that is ``fitted``, begun from its fits."""
+    return likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
 
 
 def _added(look: Likeliest, simple: Fitted) -> str:

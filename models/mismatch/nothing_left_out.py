@@ -28,7 +28,7 @@ from stemwatch.models.mismatch.likelihood import SCATTERS, RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import (
     WIDEST,
     less_scattered,
-    points_at,
+    likeliest_of,
     scatter_matters,
     scatters_as_no_stem,
     scatters_most,
@@ -133,7 +133,7 @@ def _scatters_too_much(evaluator: Evaluator, fitted: Fitted) -> str:
     if left <= usual or not scatter_matters(evaluator, fitted):
         return ""
     likelihood = RecordLikelihood(evaluator)
-    found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
+    found = likeliest_of(likelihood, fitted)
     if not scatters_most(found):
         return ""
     if not scatters_as_no_stem(likelihood, less_scattered(likelihood, found)):
@@ -156,8 +156,7 @@ def likelihood_explains(
     of real stems do: by ``scatter`` at most, a share of their level, and by ``noise`` at most, a
     share of their estimated noise.
     """
-    likelihood = RecordLikelihood(evaluator)
-    found = likelihood.maximised(fitted.layout, points_at(fitted, likelihood.first_of_record))
+    found = likeliest_of(RecordLikelihood(evaluator), fitted)
     near = np.abs(np.array(S_and_J(found.candidate)) - S_and_J(best)) <= ALIKE_PERCENT
     return (
         bool(near.all())

@@ -134,7 +134,7 @@ def look_at_loop(recording: Recording) -> SeenLoop:
     unusable = _unusable(recording)
     if unusable is not None:
         return SeenLoop(unit=unit, doubt=unusable)
-    op, pv, sp, thinned_by = _thinned(*_longest(recording)[1:])
+    op, pv, sp, thinned_by = usable_signals(recording)
     try:
         loop_evidence = evidence(op, pv)
     except ValueError:
@@ -148,6 +148,12 @@ def look_at_loop(recording: Recording) -> SeenLoop:
         windows=cut,
         doubt=_doubt(recording),
     )
+
+
+def usable_signals(recording: Recording) -> tuple[Floats, Floats, Floats | None, int]:
+    """OP, PV and, if it is known throughout, SP of the longest stretch that can be judged, (n,)
+    each, and how many samples of the recording are the mean that is one of these."""
+    return _thinned(*_longest(recording)[1:])
 
 
 def _unit_of_op(op: Signal) -> str:

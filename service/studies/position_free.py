@@ -344,7 +344,6 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
     good, bad = score[sticky], score[~sticky]
     alarm = np.array([answer.alarm for answer in answers])
     alarms = alarm[sticky], alarm[~sticky]
-    better = (good[:, None] > bad[None]) + 0.5 * (good[:, None] == bad[None])
     right = [a for a in answers if a.sticky and a.apparent_S is not None]
     errors = [abs(a.apparent_S[0] - a.S) for a in right if a.apparent_S]
     covered = sum(a.apparent_S[1] <= a.S <= a.apparent_S[2] for a in right if a.apparent_S)
@@ -361,14 +360,20 @@ def _family_row(family: str, answers: Sequence[StudiedLoop]) -> FamilyRow:
         no_sign=count(Suspicion.NO_SIGN),
         cannot_tell=count(Suspicion.CANNOT_TELL),
         missed=sum(answer.should_have_shown for answer in answers),
-        auc=float(better.mean()),
-        sensitivity=(_sensitivity(good, bad, 0.02), _sensitivity(good, bad, 0.05)),
-        found=(_sensitivity(*alarms, 0.02), _sensitivity(*alarms, 0.05)),
+        auc=auc(good, bad),
+        sensitivity=(sensitivity(good, bad, 0.02), sensitivity(good, bad, 0.05)),
+        found=(sensitivity(*alarms, 0.02), sensitivity(*alarms, 0.05)),
         error=float(np.median(errors)) if errors else float("nan"),
         held=(int(covered), len(right)),
     )
 
 
-def _sensitivity(good: Floats, bad: Floats, alarms: float) -> float:
+def auc(good: Floats, bad: Floats) -> float:
+    """The probability that one of ``good`` (n,) scores higher than one of ``bad`` (m,): the area
+    under the ROC curve."""
+    return float(np.mean((good[:, None] > bad) + 0.5 * (good[:, None] == bad)))
+
+
+def sensitivity(good: Floats, bad: Floats, alarms: float) -> float:
     """The share of ``good`` above all but a share ``alarms`` of ``bad``."""
     return float(np.mean(good > max(float(np.quantile(bad, 1.0 - alarms)), 0.0)))

@@ -31,7 +31,7 @@ from stemwatch.models.studies.loops.stem_filter import (
     wave_of,
 )
 from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
-from stemwatch.service.studies.position_free import LoopToDraw, look_item, studied
+from stemwatch.service.studies.position_free import LoopToDraw, auc, look_item, studied
 
 LEFT_OUT = "sensor"  # loops whose sensor has play: behind it PV is not Gaussian
 SWINGS, SIZES = (0.0, 5.0, 8.0, np.inf), (1.0, 2.0, 4.0, 8.0)
@@ -143,9 +143,8 @@ def rows(loops: Sequence[Compared]) -> Iterator[tuple[str, list[Compared]]]:
 
 def found(sticks: Floats, sound: Floats) -> str:
     """AUC, and the share found at 2 and 5 % false alarms."""
-    auc = np.mean((sticks[:, None] > sound) + 0.5 * (sticks[:, None] == sound))
     at = [np.mean(sticks > np.quantile(sound, 1.0 - share)) for share in ALARMS]
-    return f"{auc:.2f}; {at[0]:.2f}, {at[1]:.2f}"
+    return f"{auc(sticks, sound):.2f}; {at[0]:.2f}, {at[1]:.2f}"
 
 
 SCORES: dict[str, Callable[[Compared], float]] = {

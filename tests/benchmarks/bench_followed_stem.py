@@ -24,15 +24,14 @@ from stemwatch.models.without_position.network import LoopScore
 from stemwatch.models.without_position.no_sign import logit
 from stemwatch.models.without_position.suspicion import (
     LEAST_S_PERCENT,
-    _longest,
-    _thinned,
     estimated_S,
     look_at_loop,
     predicts_better,
     sticking_score,
     trained_judge,
+    usable_signals,
 )
-from stemwatch.service.studies.position_free import FAMILIES, LoopToDraw
+from stemwatch.service.studies.position_free import FAMILIES, LoopToDraw, auc, sensitivity
 
 ENSEMBLE, HIDDEN, BATCH, PASSES = 8, 16, 128, 40
 FARTHEST, NOISE = 3.0, 0.1  # standard deviations of an input
@@ -59,7 +58,7 @@ def look(item: LoopToDraw) -> Weighed | None:
     if seen.shown is None or seen.windows is None or seen.doubt is not None:
         return None
     answer = trained_judge().network.answer(seen.shown.values, seen.windows)
-    op, pv, _, _ = _thinned(*_longest(recording)[1:])
+    op, pv, _, _ = usable_signals(recording)
     S_said = estimated_S(seen.shown, answer)
     return Weighed(
         family=item.family,
@@ -125,11 +124,11 @@ def table(loops: list[Weighed], scores: dict[str, Floats]) -> Iterator[str]:
         of_family = np.array([loop.family == family for loop in loops])
         good, bad = of_family & sticks, of_family & ~sticks
         for name, score in scores.items():
-            higher, alarm = score[good][:, None] - score[bad], np.where(may, score, 0.0)
-            auc = np.mean((higher > 0.0) + 0.5 * (higher == 0.0))
-            at = [np.mean(alarm[good] > np.quantile(alarm[bad], 1.0 - share)) for share in ALARMS]
-            yield f"| {family}, {good.sum()} + {bad.sum()} | {name} | {auc:.2f} | " + (
-                f"{at[0]:.2f}, {at[1]:.2f} |"
+            alarm = np.where(may, score, 0.0)
+            at = [sensitivity(alarm[good], alarm[bad], share) for share in ALARMS]
+            yield (
+                f"| {family}, {good.sum()} + {bad.sum()} | {name} "
+                f"| {auc(score[good], score[bad]):.2f} | {at[0]:.2f}, {at[1]:.2f} |"
             )
 
 

@@ -35,9 +35,16 @@ def test_what_follows_the_turns_is_not_explained_either() -> None:
     assert "each turn of the stem" in mismatch.sentence
 
 
-def test_no_name_that_leaves_breakaways_scattered_as_those_of_no_stem() -> None:
-    """A wave of friction makes drag more likely, and leaves most of itself over."""
-    mismatch = explained(4090, 28)
+@pytest.mark.parametrize(
+    "number",
+    [
+        28,  # a wave of friction makes drag more likely, and leaves most of itself over
+        68,  # a spring in a quarter of an hour: a weak line, and runs leave no more than noise
+    ],
+)
+def test_no_name_that_leaves_more_than_noise_or_scatter_of_a_stem(number: int) -> None:
+    """The likelihood sees what runs do not."""
+    mismatch = explained(4090, number)
     assert mismatch.finding is Finding.UNKNOWN
     assert mismatch.effects == ()
 
@@ -48,10 +55,3 @@ def test_drag_is_not_named_of_a_stem_that_is_shaken() -> None:
     mismatch = explained(4090, 1128)
     assert mismatch.finding is Finding.UNKNOWN
     assert "14.2 s" in mismatch.sentence
-
-
-def test_a_weak_line_of_the_reading_does_not_stand_for_a_spring() -> None:
-    """In a quarter of an hour, where runs leave no more than noise and the likelihood does."""
-    mismatch = explained(4090, 68)
-    assert mismatch.finding is Finding.UNKNOWN
-    assert mismatch.effects == ()
