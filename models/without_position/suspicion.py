@@ -79,6 +79,8 @@ class WithoutPosition:
     ``score`` (0 to 1) is that of ``sticking_score``; ``likeness`` that of the networks alone,
     whatever S; ``apparent_S`` in percent of OP; ``shows_from`` the S from which sticking would have
     been detected in nine cases of ten; ``rivals`` other causes that the data cannot exclude.
+    Where earlier ``recordings`` of the loop count too (``several_recordings.of_loop``), ``score``
+    is that of all together, and ``alone`` is what this recording says by itself.
     """
 
     verdict: Suspicion
@@ -90,6 +92,8 @@ class WithoutPosition:
     shows_from: float | None = None
     rivals: tuple[str, ...] = ()
     traces: ElementTraces | None = None  # of what is suspected
+    recordings: int = 1
+    alone: WithoutPosition | None = None
 
     @property
     def leaves_nothing_to_do(self) -> bool:

@@ -15,12 +15,14 @@ from enum import Enum
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.evidence_over_windows import OF_FRICTION, LastingFinding
 from stemwatch.models.verdict import Shape, Verdict
+from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.alerts.when_over import begins, is_over, may_still_stick, same_since
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.advice import after_first_step, first_step
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.finding import baseline_left, stiction_grown
 from stemwatch.service.presenter.plant_path import levels_of
+from stemwatch.service.presenter.suspicion_words import HOW_SURE
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.presenter.unexplained_fall import UnexplainedFall
 from stemwatch.service.presenter.work_decision import DEPARTED, STICTION, WATCH
@@ -118,6 +120,17 @@ def alert_decision(present: Sequence[bool | None], rules: AlertRules) -> AlertDe
 
 def apply_rules(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert], list[str]]:
     """What to raise, and the causes to close, of one valve."""
+    raised, closed = _by_verdicts(record, rules)
+    suspected = _suspicion(record, rules)
+    if isinstance(suspected, RaisedAlert):
+        raised.append(suspected)
+    elif suspected is AlertDecision.CLEAR:
+        closed.append(cause(AlertKind.SUSPECTED, record.valve.id))
+    return raised, closed
+
+
+def _by_verdicts(record: ValveRecord, rules: AlertRules) -> tuple[list[RaisedAlert], list[str]]:
+    """What to raise, and the causes to close, by the windows with a verdict."""
     judged = [
         screening
         for screening in record.screenings
@@ -197,6 +210,39 @@ def _of_weeks(
     return AlertDecision.LEAVE if foreseen is None else AlertDecision.RAISE
 
 
+def _suspicion(record: ValveRecord, rules: AlertRules) -> RaisedAlert | AlertDecision:
+    """The alert, or what else to do, about sticking that OP and PV alone let suspect in windows
+    without a verdict; a verdict says more. Without the user's wish there is none."""
+    if not rules.sticking_suspected:
+        return AlertDecision.CLEAR
+    answers = [
+        None if _worked_on(record, screening) else _is_suspected(screening)
+        for screening in record.screenings
+    ]
+    decision = alert_decision(answers, rules)
+    if decision is AlertDecision.RAISE:
+        newest = record.screenings[0]
+        told = newest.without_position
+        assert told is not None
+        words = AlertWords(found=told.reason, first_step=told.advice, then=HOW_SURE)
+        return _raised(record.valve, AlertKind.SUSPECTED, words, newest)
+    if decision is AlertDecision.CLEAR and not is_over(
+        record.screenings, answers, record.began, rules.clear_after_runs
+    ):
+        return AlertDecision.LEAVE
+    return decision
+
+
+def _is_suspected(screening: JudgedScreening) -> bool | None:
+    """Whether OP and PV alone let sticking be suspected; ``None`` where they cannot tell."""
+    if screening.verdict is not Verdict.UNDETERMINED:
+        return False
+    told = screening.without_position
+    if told is None or told.verdict is Suspicion.CANNOT_TELL:
+        return None
+    return told.verdict is Suspicion.SUSPECTED
+
+
 def _of_physics(
     record: ValveRecord, answers: Sequence[bool | None], by_runs: AlertDecision
 ) -> AlertDecision:
@@ -222,6 +268,7 @@ LEADS = (
     AlertKind.FORESEEN,
     AlertKind.GROWN,
     AlertKind.BASELINE,
+    AlertKind.SUSPECTED,
 )
 FOLLOWS = {
     AlertKind.FORESEEN: (AlertKind.STICKY,),
@@ -232,6 +279,7 @@ FOLLOWS = {
         AlertKind.FORESEEN,
         AlertKind.GROWN,
     ),
+    AlertKind.SUSPECTED: (AlertKind.STICKY,),
 }
 
 

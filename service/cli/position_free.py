@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stemwatch.models.without_position.suspicion import Judge
     from stemwatch.service.executors import Executor
     from stemwatch.service.studies.position_free import FamilyRow
-    from stemwatch.service.studies.several_recordings import RecordedLoop, TogetherRow
+    from stemwatch.service.studies.several_recordings import InOrderRow, RecordedLoop, TogetherRow
 
 
 def study_without_position(
@@ -66,6 +66,7 @@ def study_without_position(
         run_position_free,
     )
     from stemwatch.service.studies.several_recordings import (
+        in_order_rows,
         run_several_recordings,
         together_rows,
     )
@@ -87,6 +88,7 @@ def study_without_position(
     for table in _tables(seed, list(family_rows(answers))):
         views.out.print(table)
     views.out.print(_table_together(recorded, list(together_rows(recorded))))
+    views.out.print(_table_in_order(recordings, list(in_order_rows(recorded))))
     if json_file is not None:
         objects = [{**asdict(answer), "verdict": answer.verdict.value} for answer in answers]
         json_file.write_text(json.dumps(objects, indent=1) + "\n", encoding="utf-8")
@@ -119,6 +121,17 @@ def _table_together(loops: Sequence[RecordedLoop], rows: Sequence[TogetherRow]) 
     for row in rows:
         counts = (row.together, row.any_one, row.half)
         table.add_row(str(row.recordings), *(f"{found} + {false}" for found, false in counts))
+    return table
+
+
+def _table_in_order(recordings: int, rows: Sequence[InOrderRow]) -> Table:
+    from stemwatch.service.cli.prove_tables import plain_table
+
+    title = f"The same loops, suspected where {recordings} recordings come one after the other"
+    table = plain_table(title, ("by",), ("after the last", "at some time"))
+    for row in rows:
+        counts = (row.at_the_end, row.at_some_time)
+        table.add_row(row.by, *(f"{found} + {false}" for found, false in counts))
     return table
 
 

@@ -101,6 +101,7 @@ class AlertRules(TomlTable):
     foreseen_within_weeks: Annotated[float, Field(ge=0, le=52)] = Field(
         default=8.0, description="weeks, 0 to 52; 0 for no alert of this kind"
     )
+    sticking_suspected: bool = Field(default=False, description="true or false")
     silent_after_s: Positive = Field(
         default=900.0, description="seconds without a good sample, above 0"
     )

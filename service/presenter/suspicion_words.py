@@ -11,7 +11,10 @@ from typing import Protocol
 from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.models.without_position.several_recordings import suspected_together
+from stemwatch.models.without_position.several_recordings import (
+    not_borne_out,
+    suspected_together,
+)
 from stemwatch.models.without_position.suspicion import (
     NOTHING_TO_DO,
     Suspicion,
@@ -190,19 +193,10 @@ def _of_most(
         most_like_sticking = max(suspicions, key=lambda answer: finite(answer.score) or 0.0)
         return _sameness(most_like_sticking), most_like_sticking
     open_ones = [answer for answer in answers if answer.verdict is Suspicion.CANNOT_TELL]
-    open_ones += [_contradicted(one, len(suspicions), len(answers)) for one in suspicions[:1]]
+    open_ones += [not_borne_out(one, len(suspicions), len(answers)) for one in suspicions[:1]]
     others = open_ones or [one for one in answers if not one.leaves_nothing_to_do] or answers
     ((same, _),) = Counter(_sameness(answer) for answer in others).most_common(1)
     return same, next(answer for answer in others if _sameness(answer) == same)
-
-
-def _contradicted(suspicion: WithoutPosition, alike: int, recordings: int) -> WithoutPosition:
-    """A suspicion that a valve's recordings together do not bear out: nothing can be told by it."""
-    reason = (
-        f"OP and PV cannot tell whether the valve sticks: {alike} of its {recordings} recordings "
-        f"{'looks' if alike == 1 else 'look'} like sticking, and the others do not bear it out."
-    )
-    return replace(suspicion, verdict=Suspicion.CANNOT_TELL, reason=reason)
 
 
 def _sameness(answer: WithoutPosition) -> tuple[Suspicion, str, str]:

@@ -125,6 +125,14 @@ def without_position_object(suspicion: WithoutPosition | None) -> dict[str, Any]
         "rivals": [printable(rival) for rival in suspicion.rivals],
         "reason": printable(suspicion.reason),
         "advice": printable(suspicion.advice),
+        "recordings": suspicion.recordings,
+        "alone": None
+        if suspicion.alone is None
+        else {
+            "verdict": suspicion.alone.verdict.value,
+            "score": finite(suspicion.alone.score),
+            "reason": printable(suspicion.alone.reason),
+        },
     }
 
 

@@ -13,16 +13,24 @@ from stemwatch.service.presenter.work_decision import decide
 from stemwatch.service.run.spill import ResultSpill
 from stemwatch.service.run.task import StoredBaseline, Task
 from stemwatch.service.store.errors import StoreError
-from stemwatch.service.store.screenings.records import Baseline, EarlierCurve
+from stemwatch.service.store.screenings.records import Baseline, EarlierAnswer, EarlierCurve
 from stemwatch.service.store.store import Store
 
 WITH_VERDICT = (Verdict.HEALTHY, Verdict.WATCH, Verdict.STICKY)
 FIRST_WINDOW, FIRST_HEALTHY = "first window with a fit", "first healthy window"
 
 
-def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
+def with_stored_context(
+    tasks: Sequence[Task], store: Store, scheduled_run: int | None = None
+) -> list[Task]:
     """Each task with its valve's baseline network, where the store has one, and with the curves
-    from OP to stroke of its last windows, unless the plant file gives one."""
+    from OP to stroke of its last windows, unless the plant file gives one.
+
+    A ``scheduled_run`` of the service also gets what OP and PV alone said in the windows of the
+    runs before. What a user screens by hand is judged by what was screened together, so that the
+    same files give the same report again.
+    """
+    answers: dict[str, tuple[EarlierAnswer, ...]] = {}
     curves: dict[str, tuple[EarlierCurve, ...]] = {}
     baselines: dict[str, StoredBaseline | None] = {}
     for task in tasks:
@@ -42,8 +50,15 @@ def with_stored_context(tasks: Sequence[Task], store: Store) -> list[Task]:
         if valve not in curves:
             curve_is_given = task.given_curve is not None
             curves[valve] = () if curve_is_given else tuple(store.earlier_curves(valve))
+        if valve not in answers and scheduled_run is not None:
+            answers[valve] = tuple(store.earlier_answers(valve, scheduled_run))
     return [
-        replace(task, baseline=baselines[task.tags.valve], earlier_curves=curves[task.tags.valve])
+        replace(
+            task,
+            baseline=baselines[task.tags.valve],
+            earlier_curves=curves[task.tags.valve],
+            earlier_answers=answers.get(task.tags.valve, ()),
+        )
         for task in tasks
     ]
 

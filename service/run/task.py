@@ -27,7 +27,7 @@ from stemwatch.models.recording import Provenance, Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip.stroke_curve import KnownCurve
 from stemwatch.service.store import DatabaseUrl, StoreError
-from stemwatch.service.store.screenings.records import EarlierCurve
+from stemwatch.service.store.screenings.records import EarlierAnswer, EarlierCurve
 
 if TYPE_CHECKING:  # numba comes with the fits, plots with the report: both are imported late
     from stemwatch.models.screening import Case
@@ -72,6 +72,7 @@ class Task:
     given_curve: KnownCurve | None = None  # from OP to stroke, as the plant file gives it
     target_band: float | None = None  # of PV about SP, as the plant file gives it
     earlier_curves: tuple[EarlierCurve, ...] = ()  # from OP to stroke, found in earlier windows
+    earlier_answers: tuple[EarlierAnswer, ...] = ()  # of OP and PV alone, the last first
     reason: str = ""  # why there is nothing to screen, and what to do about it
     file_remarks: tuple[str, ...] = ()  # on a readable file in which no valve was recognised
 
@@ -205,7 +206,22 @@ def screen_tasks(
         if not isinstance(case, Screening):
             cases.append(case)
     screened = iter(screen(cases, Options(limits=limits, narx=networks)))
-    return [result if result is not None else next(screened) for result in results]
+    return [
+        _with_earlier_answers(next(screened), task) if result is None else result
+        for task, result in zip(tasks, results, strict=True)
+    ]
+
+
+def _with_earlier_answers(screening: Screening, task: Task) -> Screening:
+    """What OP and PV alone say with the valve's windows before this one counted too; a recording
+    without dates has none."""
+    from stemwatch.models.without_position.several_recordings import of_loop
+
+    start, newest = screening.window[0], screening.without_position
+    if start is None or newest is None:
+        return screening
+    earlier = [before.answer for before in task.earlier_answers if before.end <= start]
+    return replace(screening, without_position=of_loop(newest, earlier))
 
 
 def given_up(task: Task, reason: str) -> Screening:

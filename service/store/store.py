@@ -59,6 +59,7 @@ from stemwatch.service.store.screenings import (
     restored,
     screenings,
 )
+from stemwatch.service.store.screenings.earlier_answers import read_earlier_answers
 from stemwatch.service.store.screenings.false_discoveries import StandingMark, TestedScreening
 from stemwatch.service.store.screenings.feedback import Feedback, Judgement
 from stemwatch.service.store.screenings.history import BaselineMark, HistoryPoint
@@ -73,6 +74,7 @@ from stemwatch.service.store.screenings.ranking import (
 from stemwatch.service.store.screenings.records import (
     Baseline,
     DescribedValve,
+    EarlierAnswer,
     EarlierCurve,
     RecentOfValve,
     Remark,
@@ -311,6 +313,12 @@ class Store:
         first."""
         with self.transactions.reading() as session:
             return screenings.read_curves(session, valve, limit)
+
+    def earlier_answers(self, valve: str, run_id: int) -> list[EarlierAnswer]:
+        """What OP and PV alone said in the valve's last windows of other runs than ``run_id``, the
+        last first; those since its last maintenance that share no samples."""
+        with self.transactions.reading() as session:
+            return read_earlier_answers(session, valve, run_id)
 
     def worst_of_run(self, run_id: int, limit: int) -> list[str]:
         """The valves of a run, the one to work on first at the front."""

@@ -6,7 +6,11 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from stemwatch.models.studies.loops.draws import draw_recordings
-from stemwatch.models.without_position.several_recordings import suspected_together
+from stemwatch.models.without_position.several_recordings import (
+    LAST_THAT_COUNT,
+    of_loop,
+    suspected_together,
+)
 from stemwatch.models.without_position.suspicion import (
     Suspicion,
     WithoutPosition,
@@ -47,6 +51,16 @@ class TogetherRow:
     half: tuple[int, int]
 
 
+@dataclass(frozen=True, kw_only=True)
+class InOrderRow:
+    """How many loops, sticking and sound, are suspected where their recordings come one after the
+    other: after the last, and after any of them."""
+
+    by: str
+    at_the_end: tuple[int, int]
+    at_some_time: tuple[int, int]
+
+
 def record_item(item: LoopToRecord) -> list[RecordedLoop]:
     """Draw the recordings of one loop, and ask of each."""
     judge = trained_judge()
@@ -67,8 +81,7 @@ def together_rows(loops: Sequence[RecordedLoop]) -> Iterator[TogetherRow]:
     """A row for each of ``NUMBERS`` up to as many recordings as there are."""
 
     def suspected(by: Callable[[Sequence[WithoutPosition]], bool], count: int) -> tuple[int, int]:
-        found = [loop.sticky for loop in loops if by(loop.answers[:count])]
-        return sum(found), len(found) - sum(found)
+        return _counts(loops, [by(loop.answers[:count]) for loop in loops])
 
     for count in NUMBERS:
         if count <= min(len(loop.answers) for loop in loops):
@@ -78,6 +91,33 @@ def together_rows(loops: Sequence[RecordedLoop]) -> Iterator[TogetherRow]:
                 any_one=suspected(lambda answers: _suspicions(answers) > 0, count),
                 half=suspected(lambda answers: 2 * _suspicions(answers) >= len(answers), count),
             )
+
+
+def in_order_rows(loops: Sequence[RecordedLoop]) -> Iterator[InOrderRow]:
+    """By the newest recording alone, and by the last ones together, as the service counts."""
+    alone = [[answer.verdict for answer in loop.answers] for loop in loops]
+    together = [
+        [
+            of_loop(newest, loop.answers[:place][::-1]).verdict
+            for place, newest in enumerate(loop.answers)
+        ]
+        for loop in loops
+    ]
+    for by, verdicts in (
+        ("the newest alone", alone),
+        (f"the last {LAST_THAT_COUNT} together", together),
+    ):
+        at_the_end = [each[-1] is Suspicion.SUSPECTED for each in verdicts]
+        at_some_time = [Suspicion.SUSPECTED in each for each in verdicts]
+        yield InOrderRow(
+            by=by, at_the_end=_counts(loops, at_the_end), at_some_time=_counts(loops, at_some_time)
+        )
+
+
+def _counts(loops: Sequence[RecordedLoop], found: Sequence[bool]) -> tuple[int, int]:
+    """How many of the ``found`` loops stick, and how many are sound."""
+    sticky = [loop.sticky for loop, is_found in zip(loops, found, strict=True) if is_found]
+    return sum(sticky), len(sticky) - sum(sticky)
 
 
 def _suspicions(answers: Sequence[WithoutPosition]) -> int:

@@ -58,7 +58,7 @@ def _of_part(session: Session, valves: Sequence[str]) -> dict[str, list[WindowEv
         table.at >= min(begins[valve] for valve in valves_named),
         table.mismatch_finding.is_not(None),
     )
-    work = _last_work(session, sorted(valves_named))
+    work = last_work(session, sorted(valves_named))
     windows: dict[str, list[WindowEvidence]] = defaultdict(list)
     for row in session.execute(statement.order_by(table.valve, table.at, table.id)):
         counts = row.at >= begins[row.valve]
@@ -79,7 +79,8 @@ def _begins(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
     return {valve: window_end - timedelta(weeks=WEEKS) for valve, window_end in rows}
 
 
-def _last_work(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
+def last_work(session: Session, valves: Sequence[str]) -> dict[str, datetime]:
+    """The last work on each of ``valves`` that was worked on."""
     work = select(MaintenanceRow.valve, func.max(MaintenanceRow.at))
     work = work.where(MaintenanceRow.valve.in_(valves)).group_by(MaintenanceRow.valve)
     return {valve: work_time for valve, work_time in session.execute(work)}

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import and_, select
+from sqlalchemy import and_, case, select
 from sqlalchemy.orm import Session
 
 from stemwatch.models.estimate import Estimate
@@ -18,6 +18,7 @@ from stemwatch.service.store.screenings.baselines import BASELINE
 from stemwatch.service.store.screenings.mismatch_json import mismatch_of
 from stemwatch.service.store.screenings.named_effects import standing_columns, standing_defects
 from stemwatch.service.store.screenings.records import JudgedScreening, RecentOfValve
+from stemwatch.service.store.screenings.rows import without_position_of
 from stemwatch.service.store.screenings.screenings import latest_screening_id, read_indicator
 from stemwatch.service.store.screenings.tables import (
     MaintenanceRow,
@@ -47,6 +48,9 @@ _COLUMNS = (
     ScreeningRow.mismatch_finding,
     ScreeningRow.mismatch_slugs,
     *standing_columns(),
+    case((ScreeningRow.verdict == Verdict.UNDETERMINED.value, ScreeningRow.without_position)).label(
+        "suspicion"
+    ),
 )
 
 
@@ -148,6 +152,7 @@ def _judged(row: Any, mismatch: Mismatch | None) -> JudgedScreening:
         shape=None if row.shape is None else Shape(row.shape),
         named=row.mismatch_finding == _NAMED and bool(standing_defects(row)),
         mismatch=mismatch,
+        without_position=without_position_of(row.suspicion),
     )
 
 

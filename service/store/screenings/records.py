@@ -121,6 +121,15 @@ class EarlierCurve:
 
 
 @dataclass(frozen=True, kw_only=True)
+class EarlierAnswer:
+    """What OP and PV alone said of the loop in one window (UTC)."""
+
+    start: datetime
+    end: datetime
+    answer: WithoutPosition
+
+
+@dataclass(frozen=True, kw_only=True)
 class StoredScreening:
     """A ``Screening`` as it was saved: everything except samples, traces and the network.
 
@@ -165,7 +174,8 @@ class JudgedScreening:
     """What the alert rules need of a stored screening. ``S`` and ``J`` in percent of OP span.
 
     ``named``: an effect beside S and J was named, and a defect stands among all valves of the run;
-    ``mismatch`` describes it, and is read for the newest screening only.
+    ``mismatch`` describes it, and is read for the newest screening only. ``without_position`` is
+    read where there is no verdict.
     """
 
     id: int
@@ -180,6 +190,7 @@ class JudgedScreening:
     shape: Shape | None = None
     named: bool = False
     mismatch: Mismatch | None = None
+    without_position: WithoutPosition | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

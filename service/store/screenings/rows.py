@@ -161,6 +161,8 @@ def _without_position_json(suspicion: WithoutPosition | None) -> dict[str, Any] 
         "S_reason": S.reason,
         "shows_from": finite(suspicion.shows_from),
         "rivals": list(suspicion.rivals),
+        "recordings": suspicion.recordings,
+        "alone": _without_position_json(suspicion.alone),
     }
 
 
@@ -179,6 +181,8 @@ def without_position_of(stored: dict[str, Any] | None) -> WithoutPosition | None
         ),
         shows_from=stored["shows_from"],
         rivals=tuple(stored["rivals"]),
+        recordings=stored.get("recordings", 1),  # an older version counted one, the newest
+        alone=without_position_of(stored.get("alone")),
     )
 
 

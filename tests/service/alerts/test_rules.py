@@ -34,9 +34,11 @@ from stemwatch.service.alerts.rules import (
 from stemwatch.service.config.service_schema import AlertRules
 from stemwatch.service.presenter.advice import first_step, steps_for
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks, evidence_of_weeks
+from stemwatch.service.presenter.suspicion_words import HOW_SURE
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
 from stemwatch.service.store.alerts.alerts import AlertKind, AlertSeverity
 from stemwatch.service.store.screenings.records import JudgedScreening, StoredValve
+from tests.service.report.test_without_position import cannot_tell, no_sign, suspected
 
 NOW = datetime(2026, 3, 2, tzinfo=UTC)
 RULES = AlertRules()
@@ -113,6 +115,52 @@ def test_nothing_is_raised_and_closed_at_once(present, n: int, more: int, k: int
         assert sum(present[: n + more]) >= n
     if result is AlertDecision.CLEAR:
         assert not any(present[:k])
+
+
+SUSPECTED, NO_SIGN, OPEN = suspected(), no_sign(), cannot_tell("OP hardly moved")
+
+
+@pytest.mark.parametrize(
+    ("answers", "raised", "closed"),
+    [
+        ([SUSPECTED], False, False),
+        ([SUSPECTED, SUSPECTED], True, False),
+        ([SUSPECTED, OPEN, SUSPECTED], True, False),  # nobody could tell in between
+        ([OPEN, SUSPECTED, SUSPECTED], False, False),
+        ([NO_SIGN, SUSPECTED, SUSPECTED], False, False),
+        ([NO_SIGN, NO_SIGN, NO_SIGN, NO_SIGN, NO_SIGN], False, True),
+        ([None, None, None], False, True),  # windows with a verdict say more
+    ],
+)
+def test_a_suspicion_is_an_alert_where_the_plant_asks_for_it(answers, raised, closed) -> None:
+    """By the same counts as a verdict; and never without being asked for."""
+    screenings = [
+        screening(99 - at, WELL if answer is None else DUMB, without_position=answer)
+        for at, answer in enumerate(answers)
+    ]
+    record = ValveRecord(valve=VALVE, screenings=screenings)
+    found, over = apply_rules(record, AlertRules(sticking_suspected=True))
+    assert ([AlertKind.SUSPECTED] == [one.kind for one in found]) is raised
+    assert ("suspected:FIC-1" in over) is closed
+    unasked, over = apply_rules(record, AlertRules())
+    assert unasked == []
+    assert "suspected:FIC-1" in over  # one that was raised before the plant file was changed
+
+
+def test_an_alert_of_a_suspicion_says_how_sure_it_is_and_what_to_do() -> None:
+    """In the words of report and page; where the stem was found to stick, that alert speaks for
+    both."""
+    record = ValveRecord(
+        valve=VALVE,
+        screenings=[screening(n, DUMB, without_position=SUSPECTED) for n in (9, 8)],
+    )
+    (alert,), _ = apply_rules(record, AlertRules(sticking_suspected=True))
+    assert alert.text == f"FIC-1 (Feed): {SUSPECTED.reason}"
+    assert alert.severity is AlertSeverity.MEDIUM  # of a valve that the plant can least do without
+    assert alert.evidence["first_step"] == SUSPECTED.advice
+    assert alert.evidence["then"] == HOW_SURE
+    assert one_per_cause([alert], set())[0] == [alert]
+    assert one_per_cause([alert], {"sticky:FIC-1"}) == ([], ["suspected:FIC-1"])
 
 
 @pytest.mark.parametrize(

@@ -9,17 +9,22 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
 from sqlalchemy import text
 
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.config import Plant
 from stemwatch.service.run.queue_worker import UNKNOWN, QueueWorker
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
+from tests.service.report.conftest import screening
+from tests.service.report.test_without_position import suspected
 
 pytestmark = pytest.mark.early
 
@@ -68,6 +73,36 @@ def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None
     assert screening.run_id == second
     assert screening.baseline_id == plant_store.baseline(STICKY).id
     assert not QueueWorker(plant_store, plant).once(threading.Event())
+
+
+def test_what_earlier_runs_said_of_a_loop_counts_with_the_newest(
+    make_plant, plant_store: Store
+) -> None:
+    """A scheduled run has what OP and PV alone said in the windows before; the same run again gives
+    the same."""
+    plant = make_plant()
+    put(plant_store, who="Ann")
+    work(plant_store, plant)
+    (first,) = plant_store.screenings(STICKY)
+    start, end = first.window
+    assert start is not None
+    assert first.without_position is not None
+    assert first.without_position.alone is None
+    earlier_run = plant_store.begin_run(software_version="1")
+    for days in (1, 2, 3):
+        blind = screening(STICKY, Verdict.UNDETERMINED, samples=60)
+        recording = replace(blind.recording, start=start - timedelta(days=days))
+        window = replace(blind, recording=recording, without_position=suspected(0.97))
+        plant_store.save(window, earlier_run)
+    for _ in range(2):
+        put(plant_store, valves=(STICKY,), who="Ann")
+        work(plant_store, plant)
+        newest = plant_store.screenings(STICKY)[0]
+        assert newest.window == (start, end)
+        assert newest.without_position is not None
+        assert newest.without_position.verdict is Suspicion.SUSPECTED
+        assert newest.without_position.recordings == 4
+        assert newest.without_position.alone == first.without_position
 
 
 def test_a_valve_that_is_not_there_is_set_aside(make_plant, plant_store: Store) -> None:

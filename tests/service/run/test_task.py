@@ -15,6 +15,7 @@ from stemwatch.models.recording import Role
 from stemwatch.models.screening import Case
 from stemwatch.models.stickslip.stroke_curve import KnownCurve, StrokeCurve
 from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.run.execute import SPLIT_UP_TO_BYTES, make_batches
 from stemwatch.service.run.task import (
     InStore,
@@ -26,7 +27,8 @@ from stemwatch.service.run.task import (
     screen_tasks,
 )
 from stemwatch.service.store.database_url import DatabaseUrl
-from stemwatch.service.store.screenings.records import EarlierCurve
+from stemwatch.service.store.screenings.records import EarlierAnswer, EarlierCurve
+from tests.service.report.test_without_position import suspected
 
 
 def task(path: Path, op: str = "FIC-104.OP", **more: Any) -> Task:
@@ -122,6 +124,28 @@ def test_the_curve_of_the_window_before_is_known(one_valve: Path) -> None:
     assert known_curve(replace(requested, given_curve=result), recording) == result
     assert known_curve(replace(requested, earlier_curves=kept[:2]), recording) is None
     assert known_curve(requested, replace(recording, start=None)) is None
+
+
+def test_windows_before_this_one_count_in_what_op_and_pv_say(one_valve: Path) -> None:
+    """Those that ended before it begins; of a recording that shares samples none does."""
+    recording = open_file(str(one_valve), ReadOptions()).read(task(one_valve).tags)
+    assert recording.start is not None
+    day = timedelta(days=1)
+
+    def before(days: int) -> EarlierAnswer:
+        start, end = recording.start - days * day, recording.end - days * day
+        return EarlierAnswer(start=start, end=end, answer=suspected(0.97))
+
+    (result,) = screen_tasks([task(one_valve, earlier_answers=(before(1), before(2)))], Limits())
+    assert result.without_position is not None
+    assert result.without_position.verdict is Suspicion.SUSPECTED
+    assert result.without_position.recordings == 3
+    assert result.without_position.alone is not None
+    assert "PV is not in this recording" in result.without_position.alone.reason
+    (alone,) = screen_tasks([task(one_valve, earlier_answers=(before(0), before(-1)))], Limits())
+    assert alone.without_position is not None
+    assert alone.without_position.verdict is Suspicion.CANNOT_TELL
+    assert alone.without_position.recordings == 1
 
 
 def test_valves_of_one_small_file_are_dealt_to_all_workers(tmp_path: Path) -> None:

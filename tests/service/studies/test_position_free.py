@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from stemwatch.models.without_position.suspicion import Suspicion
+from stemwatch.models.without_position.suspicion import Suspicion, trained_judge
 from stemwatch.service.cli.position_free import _tables
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies.position_free import (
@@ -23,6 +23,8 @@ from stemwatch.service.studies.position_free import (
     run_position_free,
     run_training,
 )
+from stemwatch.service.studies.several_recordings import RecordedLoop, in_order_rows
+from tests.service.report.test_without_position import no_sign, suspected
 
 
 @pytest.fixture(scope="module")
@@ -143,3 +145,16 @@ def printed(table: Table) -> str:
     shown = StringIO()
     Console(width=80, file=shown).print(table)
     return shown.getvalue()
+
+
+def test_recordings_in_a_row_are_counted_as_the_service_counts_them() -> None:
+    """A sound loop that looked like sticking once is suspected at some time by the newest alone and
+    not by the last ones together; a sticking one whose last recording shows nothing is."""
+    sticking = RecordedLoop(
+        sticky=True, answers=(suspected(0.95), suspected(0.95), suspected(0.95), no_sign())
+    )
+    limit = trained_judge().limits.suspected_from
+    sound = RecordedLoop(sticky=False, answers=(no_sign(), no_sign(), suspected(limit), no_sign()))
+    alone, together = in_order_rows([sticking, sound])
+    assert (alone.at_the_end, alone.at_some_time) == ((0, 0), (1, 1))
+    assert (together.at_the_end, together.at_some_time) == ((1, 0), (1, 0))
