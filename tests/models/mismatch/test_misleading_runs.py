@@ -1,4 +1,4 @@
-"""An effect that only single breakaways of a free run speak against stands; a wrong one does not."""
+"""An effect stands where single breakaways of a free run speak against it; a wrong one does not."""
 
 from __future__ import annotations
 
