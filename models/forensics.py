@@ -50,6 +50,7 @@ LEAST_WINDOWS = 5
 COARSE_PERCENT = 0.1  # a finer step of a recorder is not mentioned
 MOST_REPEATS = 0.93  # share of repeats, up to which a signal shows its recorder's step
 MANY_CHANGES = 100  # from which on it does so however long it rests between them, as a stuck stem
+LEAST_SIZES = 5  # of the changes of a position, that are no slips of one size
 
 
 def quiet_sigma(values: Floats, window: int = 30, share: float = 0.2) -> float:
@@ -108,6 +109,22 @@ def coarse_step(values: Floats) -> float:
     # Round numbers that an operator set by hand from time to time do not show the recorder's step.
     often = np.count_nonzero(_steps(values)) >= MANY_CHANGES or repeat_share(values) <= MOST_REPEATS
     return step if step >= COARSE_PERCENT and often and noise_sigma(values) <= 2.0 * step else 0.0
+
+
+def position_step(values: Floats) -> float:
+    """The recorder's step of a position (n,) in percent as ``coarse_step`` tells it, 0 without one.
+
+    Nobody sets a position by hand. So the few changes of a stem that sticks show a step too, if
+    they are of several sizes: the slips of a stem that is read without noise may all be alike.
+    """
+    step = coarse_step(values)
+    if step > 0.0:
+        return step
+    step = quantum(values)
+    if step < COARSE_PERCENT or noise_sigma(values) > 2.0 * step:
+        return 0.0
+    sizes = np.unique(np.round(np.abs(_steps(values)) / step))
+    return step if np.count_nonzero(sizes) >= LEAST_SIZES else 0.0
 
 
 def turns_like_noise(values: Floats, runs: NDArray[np.int64], least: int) -> bool:

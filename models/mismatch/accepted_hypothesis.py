@@ -43,6 +43,7 @@ from stemwatch.models.mismatch.held_out import (
     on_alternate_blocks,
     slip_by_slip,
 )
+from stemwatch.models.mismatch.misleading_runs import runs_mislead
 from stemwatch.models.mismatch.named_by_likelihood import (
     named_by_likelihood,
     shown_by_likelihood,
@@ -203,7 +204,7 @@ def accepted_hypothesis(case: PreparedRecording) -> AcceptedHypothesis:
             continue
         spring = spring or hypothesis.spring
         stand = {effect.slug for effect in hypothesis.effects}
-        if stand and not _predicts_as_well(hypothesis):
+        if stand and not (_predicts_as_well(hypothesis) or _stands_all_the_same(hypothesis)):
             if named.sticks_again is not None:
                 named = whole.sliding(named)
                 continue
@@ -376,6 +377,16 @@ def _predicts_as_well(hypothesis: AcceptedHypothesis) -> bool:
     if hypothesis.named.sticks_again is not None or _by_likelihood_alone(hypothesis):
         return heldout.gain_high > 0.0
     return heldout.gain_low > 0.0 if heldout.slip_by_slip else heldout.improves
+
+
+def _stands_all_the_same(hypothesis: AcceptedHypothesis) -> bool:
+    """Whether the likelihood shows the effects where a free run does not; a motor with its load has
+    none.
+    """
+    evaluator, fitted = hypothesis.evaluator, hypothesis.fitted
+    return DRIVE not in hypothesis.layout.places and runs_mislead(
+        evaluator, fitted, hypothesis.best, hypothesis.named.base
+    )
 
 
 def _by_likelihood_alone(hypothesis: AcceptedHypothesis) -> bool:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import quantum
+from stemwatch.models.forensics import COARSE_PERCENT, quantum
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.runs_of_samples import Runs, long_runs, runs_of
 
@@ -27,6 +27,12 @@ LEAST_DEVIATION, FINE_DEVIATION = 0.05, 0.3  # percent
 JUST_ABOVE = 0.3  # share of the reports within 30 % of the smallest
 IMPOSSIBLE = 0.03  # share of the reports that no stem could have caused
 NARROWEST_DOOR, WIDEST_DOOR = 0.05, 0.5  # percent
+DOOR_NOISE = 0.17  # of the deviation: least noise of a signal that is known to within it
+# White noise through a swinging door (40,000 samples each): the share that is kept, and the noise,
+# in deviations. Where less is kept, the moves of the stem may be what keeps it.
+KEPT_OF_NOISE = (0.20, 0.24, 0.33, 0.45, 0.53, 0.60, 0.65, 0.72, 0.81)
+NOISE_OF_KEPT = (0.46, 0.50, 0.60, 0.80, 1.00, 1.25, 1.50, 2.00, 3.00)
+DOOR_WINDOW = 60  # samples, over which the kept share is taken
 _RELATIVE_ZERO = 1e-9
 
 
@@ -82,15 +88,19 @@ def drawn_lines(values: Floats, other: Floats) -> StoredPoints | None:
     inner = np.isfinite(bend) & ~(straight & ~sloped)
     if np.count_nonzero(inner) < LEAST_SAMPLES or drawn_here.sum() < LEAST_DRAWN * inner.sum():
         return None
-    if len(runs_of(drawn_here)) < LEAST_LINES or _one_speed(slope[drawn_here]):
+    if len(runs_of(drawn_here)) < LEAST_LINES:
+        return None
+    # Short and flat lines are the archive's as well.
+    stored = finite & ~straight
+    # No stem at its top speed turns at the recorder's steps alone and passes between them.
+    between_steps = quantum(values[stored]) >= COARSE_PERCENT and quantum(values) == 0.0
+    if _one_speed(slope[drawn_here]) and not between_steps:
         return None
     kinks = np.abs(bend[np.isfinite(bend) & ~straight])
     # A smooth signal printed with few digits bends a little everywhere; an interpolated one bends
     # at its knots only.
     if digit > 0.0 and kinks.size and float(np.median(kinks)) < SHARP * 2.0 * digit:
         return None
-    # Short and flat lines are the archive's as well.
-    stored = finite & ~straight
     kept_share = float(stored.sum() / finite.sum())
     return StoredPoints(
         stored=stored,
@@ -129,6 +139,24 @@ def swinging_door_deviation(values: Floats, stored: Bools) -> float:
     close = bend[last - first == 2]
     least = float(close.min()) if close.size else WIDEST_DOOR
     return float(np.clip(min(least, float(np.median(bend))), NARROWEST_DOOR, WIDEST_DOOR))
+
+
+def noise_behind_door(stored: Bools, deviation: float) -> float:
+    """The noise of a signal, in its own unit, of which a swinging door kept the samples ``stored``
+    (n,); the ``deviation`` of the door is in the same unit.
+
+    Stored points do not show it directly: they are stored where the signal bends. But noise beyond
+    a third of the deviation gets through the door by itself, and the more of it the more samples
+    are kept: their share in the median window of 60 samples tells how much.
+    """
+    least, count = DOOR_NOISE * deviation, stored.size // DOOR_WINDOW
+    if not count:
+        return least
+    windows = stored[: count * DOOR_WINDOW].reshape(count, DOOR_WINDOW)
+    kept = float(np.median(windows.mean(axis=1)))
+    if kept < KEPT_OF_NOISE[0]:
+        return least
+    return max(least, deviation * float(np.interp(kept, KEPT_OF_NOISE, NOISE_OF_KEPT)))
 
 
 def _one_speed(slopes: Floats) -> bool:

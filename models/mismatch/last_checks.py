@@ -19,17 +19,15 @@ from stemwatch.models.mismatch.accepted_hypothesis import (
 )
 from stemwatch.models.mismatch.findings import Effect
 from stemwatch.models.mismatch.likelihood import OF_STEMS, RecordLikelihood
+from stemwatch.models.mismatch.misleading_runs import NOISE_OF_A_NAME
 from stemwatch.models.mismatch.named_by_likelihood import likeliest_of
 from stemwatch.models.mismatch.nothing_left_out import likelihood_explains
 from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.shaken_stem import find_shaking
 
 NEAR_NOISE = 2.0  # noise floors, rmse up to which a stem that hardly moves is followed
-# What physics that is not in the catalogue was taken for, and the share of the noise up to which
-# readings lie about the most likely stem if it is right: at most 1.0 on 15 development valves with
-# one or two of them, 1.26 and 1.27 on two with a spring with hysteresis and a wave of friction.
+# What physics that is not in the catalogue was taken for.
 STANDS_IN = (*STRAIGHT_LINE, "actuator_lag", "asymmetric_lag")
-NOISE_OF_A_NAME = 1.2
 
 
 def checked(hypothesis: AcceptedHypothesis) -> AcceptedHypothesis:

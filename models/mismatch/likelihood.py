@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from stemwatch.models.forensics import coarse_step
+from stemwatch.models.forensics import position_step
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.breakaway_filter import GIVEN_UP, log_likelihood
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
@@ -105,7 +105,7 @@ class RecordLikelihood:
         evaluator = self.evaluator
         if evaluator.slack.any():
             return 0.0
-        return coarse_step(evaluator.problem.mv[evaluator.measured])
+        return position_step(evaluator.problem.mv[evaluator.measured])
 
     @cached_property
     def _filled(self) -> Bools:

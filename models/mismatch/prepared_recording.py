@@ -16,6 +16,7 @@ from stemwatch.models.mismatch.base_fit import (
 )
 from stemwatch.models.mismatch.between_samples import MAY_BE_REPORTS
 from stemwatch.models.mismatch.breakaway_levels import DWELL, LEAST_SIZE
+from stemwatch.models.mismatch.compression import noise_behind_door
 from stemwatch.models.mismatch.drive import NOT_RESOLVED
 from stemwatch.models.mismatch.drive import TERMS as OF_A_DRIVE
 from stemwatch.models.mismatch.force_balance import ForceBalance, force_balance
@@ -31,7 +32,6 @@ FEWEST_SAMPLES = 60
 MOST_S = 10.0  # percent; limits a wrong base fit, so that it does not decide what was exercised
 READING = ("zero_shift", "span_error", "sensor_drift")
 LEAST_SIGMA = 1e-3  # percent
-DOOR_NOISE = 0.17  # of the archive's deviation
 # Cross-fitting needs blocks; of a short record they are shorter.
 FEWEST_BLOCKS, LEAST_BLOCK_SAMPLES = 16, 40
 
@@ -76,11 +76,9 @@ def problem_of(recording: Recording, measured: MeasuredRecord) -> FitProblem:
 
 
 def _noise(recording: Recording, measured: MeasuredRecord) -> float:
-    """Noise of MV, percent. Stored knots do not show it: an archive stores them where the signal
-    bends.
-    """
+    """Noise of MV, percent; of a position behind a swinging door, what its kept samples tell."""
     if measured.slack.any():
-        return DOOR_NOISE * float(measured.slack.max())
+        return noise_behind_door(measured.real, float(measured.slack.max()))
     return quiet_sigma(_measured(recording, measured))
 
 

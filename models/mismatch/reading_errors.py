@@ -22,6 +22,7 @@ from stemwatch.models.mismatch.bend_or_slope import BOW, SPAN, bent_instead
 from stemwatch.models.mismatch.crossfit import CAREFUL, Fitted, gain, refit, scored
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.sag_or_zero import SAG, ZERO, sags_instead
+from stemwatch.models.mismatch.span_or_zero import WHAT_TELLS, leans
 from stemwatch.models.mismatch.term import Term
 from stemwatch.models.mismatch.term_selection import AS_GOOD
 from stemwatch.models.mismatch.terms.flow_force import OWN_SLOPE
@@ -85,6 +86,7 @@ def findings(
     The gain goes first: away from mid-travel, a gain that noise has bent looks like a zero error.
     """
     offs: list[ReadingError] = []
+    leaning = None if BOW in fitted.layout.places or FLOW in fitted.layout.places else fitted
     for slug, (coordinate, largest) in COORDINATES.items():
         if slug not in terms or (slug == "zero_shift" and _explained(fitted, offs)):
             continue
@@ -97,7 +99,8 @@ def findings(
             at_every_speed = _at_every_speed(evaluator, fitted, reading_error, terms)
             if _is_material(evaluator, fitted, at_every_speed.term):
                 bent = _or_bent(evaluator, fitted, at_every_speed, terms)
-                offs.append(_or_sagging(evaluator, fitted, bent, terms))
+                sagging = _or_sagging(evaluator, fitted, bent, terms)
+                offs.append(_or_leaning(evaluator, fitted, leaning, sagging))
         elif slug == SPAN:
             fitted = without_error(evaluator, fitted, coordinate, largest)
     return offs, fitted
@@ -177,6 +180,21 @@ def _or_sagging(
     if found.term.slug != ZERO or sag is None or not sags_instead(evaluator, fitted, sag):
         return found
     return replace(found, beside=(SAG,))
+
+
+def _or_leaning(
+    evaluator: Evaluator, fitted: Fitted, leaning: Fitted | None, found: ReadingError
+) -> ReadingError:
+    """``found``, and a span error beside a zero error that the record cannot tell from it;
+    ``leaning`` is the hypothesis with a free gain, without a force that may have a slope itself.
+    """
+    if found.term.slug != ZERO or leaning is None:
+        return found
+    # Where the stem moved too little for a span error, its gain is free in what was fitted.
+    level = without_error(evaluator, fitted, *COORDINATES[SPAN]) if fitted is leaning else fitted
+    if not leans(evaluator, level, leaning):
+        return found
+    return replace(found, beside=(*found.beside, SPAN), tells=WHAT_TELLS)
 
 
 def _dropped(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import coarse_step
+from stemwatch.models.forensics import COARSE_PERCENT, coarse_step, position_step, quantum
 from stemwatch.models.frozen import frozen_samples
 from stemwatch.models.mismatch.between_samples import Archive
 from stemwatch.models.mismatch.compression import (
@@ -112,7 +112,7 @@ def measured_record(recording: Recording) -> MeasuredRecord:
     stored = of_mv.stored if of_mv is not None else real
     lines = flat_lines(mv, of_mv) if of_mv is not None and not of_mv.held else None
     frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None, lines=lines)
-    step = coarse_step(mv[stored & ~frozen])
+    step = _step_of_position(mv[stored & ~frozen], of_mv)
     op_step = coarse_step(op[of_op.stored] if of_op is not None else op)
     period, refreshed = _refreshed(recording)
     spacing_s = period * recording.interval_s
@@ -136,6 +136,17 @@ def measured_record(recording: Recording) -> MeasuredRecord:
         reported_by=max(deviation, op_deviation),
         frozen=frozen,
     )
+
+
+def _step_of_position(measured: Floats, of_mv: StoredPoints | None) -> float:
+    """The recorder's step of the ``measured`` values (m,) of a position, percent, 0 without one.
+
+    Where an archive drew lines, its stored points are the bends, which is no sign of noise.
+    """
+    if of_mv is None or of_mv.held:
+        return position_step(measured)
+    step = quantum(measured)
+    return step if step >= COARSE_PERCENT else 0.0
 
 
 def _thinned(values: Floats, other: Floats) -> StoredPoints | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from stemwatch.models.forensics import coarse_step
+from stemwatch.models.forensics import position_step
 from stemwatch.models.mismatch.breakaway_levels import DWELL
 from stemwatch.models.mismatch.findings import FreeRuns, Mismatch
 from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
@@ -88,7 +88,7 @@ def _moves_at(position: Floats, period: int, phase: int) -> bool:
     if not still.size:
         return False
     noise = float(np.percentile(still, 50.0)) / MEDIAN_STEP
-    moves = steps > max(MOVES * noise, 1.5 * coarse_step(position[np.isfinite(position)]))
+    moves = steps > max(MOVES * noise, 1.5 * position_step(position[np.isfinite(position)]))
     on_time = np.count_nonzero(moves & ~between)
     return bool(on_time >= max(LEAST_MOVES, ON_TIME * np.count_nonzero(moves)))
 

@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
-from stemwatch.models.forensics import coarse_step
+from stemwatch.models.forensics import position_step
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.onsets import Samples, least_departure, onsets
 from stemwatch.models.stickslip.problem import FitProblem
@@ -293,7 +293,7 @@ def seen_breakaways(
     if found_breakaways.scatter < ALIKE:
         return None
     found_breakaways = replace(found_breakaways, least_seen=least_departure(sigma))
-    step = coarse_step(problem.mv)
+    step = position_step(problem.mv)
     if not step:
         return found_breakaways
     places = np.unique(np.round(found_onsets.place / step)).size

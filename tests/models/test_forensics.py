@@ -12,6 +12,7 @@ from stemwatch.models.forensics import (
     interpolated,
     longest_repeat,
     noise_sigma,
+    position_step,
     quantum,
     repeat_share,
 )
@@ -104,6 +105,18 @@ def test_a_stem_that_rests_long_shows_its_recorders_step():
     assert repeat_share(places) > 0.95
     assert coarse_step(places) == pytest.approx(0.5)
     assert coarse_step(places[: 30 * 40]) == 0.0
+
+
+def test_few_changes_of_a_position_show_its_recorders_step():
+    """Forty changes of several sizes on a lattice are the recorder's step, for nobody sets a
+    position by hand; slips that are all alike, and a signal without a lattice, show none."""
+    slips = np.round(np.abs(NOISE[:40]) * 3.0) + 1.0
+    places = np.repeat(np.cumsum(0.5 * slips * np.where(np.arange(40) % 2, 1.0, -1.0)), 30)
+    assert coarse_step(places) == 0.0
+    assert position_step(places) == pytest.approx(0.5)
+    alike = np.repeat(np.where(np.arange(40) % 2, 52.0, 50.0), 30)
+    assert position_step(alike) == 0.0
+    assert position_step(WALK) == 0.0
 
 
 def test_repeats():

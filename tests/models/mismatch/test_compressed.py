@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 from stemwatch.models.mismatch.acceptance_limits import convincing
 from stemwatch.models.mismatch.base_fit import base_bounds, first_scatter
 from stemwatch.models.mismatch.compression import (
+    DOOR_NOISE,
     NARROWEST_DOOR,
     WIDEST_DOOR,
+    noise_behind_door,
     swinging_door_deviation,
 )
 from stemwatch.models.mismatch.evaluator import make_evaluator
@@ -64,6 +66,37 @@ def test_every_dropped_value_lies_in_the_corridor(deviation, noise, seed):
     assert NARROWEST_DOOR <= result <= WIDEST_DOOR
     error = np.abs(recording.mv.values - true.mv.values)
     assert np.mean(error > result) < 0.02
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 1.2, 2.0])
+def test_noise_gets_through_a_door(share):
+    """The share of samples that a door keeps of a stem that jumps and rests tells the noise, which
+    the stored points do not show, to a quarter."""
+    rng = np.random.default_rng(4090)
+    stem = np.repeat(rng.normal(50.0, 5.0, 90), 40)
+    stored = swinging_door(stem + share * DEVIATION * rng.normal(size=stem.size), DEVIATION)
+    found = noise_behind_door(stored, DEVIATION)
+    assert found == pytest.approx(share * DEVIATION, rel=0.25)
+
+
+def test_little_noise_behind_a_door_is_not_seen():
+    """Where hardly anything but the moves is kept, the noise is taken to be its least."""
+    rng = np.random.default_rng(4090)
+    stem = np.repeat(rng.normal(50.0, 5.0, 90), 40)
+    stored = swinging_door(stem + 0.1 * DEVIATION * rng.normal(size=stem.size), DEVIATION)
+    assert noise_behind_door(stored, DEVIATION) == DOOR_NOISE * DEVIATION
+
+
+@pytest.mark.parametrize("step", [0.2, 0.25])
+def test_a_door_over_coarse_steps_is_seen(step):
+    """Lines of few slopes between stored points that lie on the recorder's steps are an archive's,
+    and no stem at its top speed: the noise is at least that of the rounding."""
+    recording = simulated_by_chain(noise=0.03)
+    rounded = rescaled(recording, step * np.round(recording.mv.values / step))
+    drawn, _ = archived(rounded)
+    measured = measured_record(rescaled(recording, drawn.mv.values))
+    assert {"quantisation", "historian_compression"} <= {one.slug for one in measured.effects}
+    assert problem_of(drawn, measured).sigma >= step / np.sqrt(12.0)
 
 
 def test_only_interpolated_values_have_slack():
