@@ -252,7 +252,7 @@ def _branch(
     crept: float,
 ) -> int:
     """Write what may become in a sample of the courses of a ``span`` to places from ``m`` on;
-    returns where that ended. A stem at rest has ``crept`` so far.
+    returns where that ended. ``crept``: how far a stem at rest creeps in a sample.
     """
     for i in range(span[0], span[1]):
         weight, goes_on, read = s[_WEIGHT + i], s[_GOES_ON + i], s[_Z + i]
@@ -294,8 +294,9 @@ def _alone(
     of the likelihood on the way.
 
     Of stems without tables, growth and drift. ``readings``: their offset, the coarse step, and 1
-    over the scale, which is 0 where they do not count. ``slides`` as of ``_branch``; ``rests``: how
-    far the stem creeps in a sample, and the share of its level up to which it surely holds.
+    over the scale, which is 0 where they do not count. ``slides``: the share of its gap that a stem
+    covers in a sample, and the fourth power of the gap at which it sticks; ``rests``: how far it
+    creeps in a sample, and the share of its level up to which it surely holds.
     """
     (begin, end), (offset, step, per_sigma) = span, readings
     (share, least4), (crept, _) = slides, rests
