@@ -407,12 +407,19 @@ class Evaluator:
         of_force = candidate[None, layout.of_force]
         row = self._forces.of([(layout.shaping, of_force)])[0]
         self._fill([(layout, candidate[None])])
+        return self._forces.rows[row], *self._first_stem
+
+    @cached_property
+    def _first_stem(self) -> tuple[Floats, Tables]:
+        """Numbers (18,) and tables of the first stem."""
         numbers, tables = self._stems.first(1)
-        return self._forces.rows[row], numbers[0], tables
+        return numbers[0], tables
 
     def _fill(self, pieces: Sequence[Piece]) -> None:
         """Write the stems of the candidates, in their order, into ``_stems``."""
-        base = np.concatenate([candidates[:, :N_BASE] for _, candidates in pieces])
+        base = pieces[0][1][:, :N_BASE]
+        if len(pieces) > 1:
+            base = np.concatenate([candidates[:, :N_BASE] for _, candidates in pieces])
         count = base.shape[0]
         stem_of_each, q = self._stems.each[:count], self._stems.numbers[:count]
         self._stems.clear(count)

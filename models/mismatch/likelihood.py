@@ -64,10 +64,16 @@ class Likeliest:
     point: Floats
     by_block: Floats
 
-    @property
+    @cached_property
     def total(self) -> float:
         """The logarithm of the likelihood of the record."""
         return float(self.by_block.sum())
+
+    @cached_property
+    def far_behind(self) -> Floats:
+        """(blocks,) the logarithm of the likelihood up to the end of each block, less what a run
+        may fall behind it."""
+        return np.asarray(np.cumsum(self.by_block) - BEHIND)
 
     @property
     def candidate(self) -> Floats:
@@ -121,6 +127,15 @@ class RecordLikelihood:
         return np.empty(self.evaluator.problem.n_blocks)
 
     @cached_property
+    def _no_least(self) -> Floats:
+        return np.full(self._by_block.size, -np.inf)
+
+    @cached_property
+    def _latest_limits(self) -> list[tuple[CoordinateLayout, tuple[Floats, Floats]]]:
+        """The layout that was asked for last, and its limits."""
+        return []
+
+    @cached_property
     def first_of_record(self) -> Floats:
         """(2,) noise and scatter to begin with, as logarithms."""
         sigma = self.evaluator.problem.sigma
@@ -130,6 +145,12 @@ class RecordLikelihood:
 
     def limits(self, layout: CoordinateLayout) -> tuple[Floats, Floats]:
         """The least and the largest point (size + 2,)."""
+        latest = self._latest_limits
+        if not latest or latest[0][0] is not layout:
+            latest[:] = [(layout, self._limits(layout))]
+        return latest[0][1]
+
+    def _limits(self, layout: CoordinateLayout) -> tuple[Floats, Floats]:
         sigma = self.evaluator.problem.sigma
         # Values that were drawn between stored ones are as near as the archive draws them.
         least = 1.0 if self.evaluator.slack.any() else SIGMAS[0]
@@ -143,9 +164,10 @@ class RecordLikelihood:
         """(filled blocks,) the logarithm of the likelihood of each block that is scored; far less
         where a point falls far behind the one ``beside`` it.
         """
-        evaluator, least = self.evaluator, np.full(self._by_block.size, -np.inf)
+        evaluator, least = self.evaluator, self._no_least
         if beside is not None:
-            least[self._filled] = np.cumsum(beside.by_block) - BEHIND
+            least = least.copy()
+            least[self._filled] = beside.far_behind
         force, numbers, tables = evaluator.laid_out(layout, point[:-OF_RECORD])
         sigma, scatter = np.exp(point[-OF_RECORD:])
         log_likelihood(
@@ -169,7 +191,8 @@ class RecordLikelihood:
     ) -> Likeliest:
         """A point, within its limits, and its likelihood, which is of no use where it falls far
         behind the one ``beside`` it."""
-        point = np.clip(point, *self.limits(layout))
+        low, high = self.limits(layout)
+        point = np.minimum(np.maximum(point, low), high)
         return Likeliest(layout, point, self.of_blocks(layout, point, beside))
 
     def ranked(self, layout: CoordinateLayout, points: Iterable[Floats]) -> list[Likeliest]:
