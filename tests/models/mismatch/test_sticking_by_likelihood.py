@@ -26,17 +26,16 @@ from tests.models.mismatch.fitted_chain import (
 
 
 @cache
-def zero_and_sticking():
-    """Coarse readings of a stem that sticks again, with a zero that is off; and what is said."""
-    case, run = simulate_hidden(draw_hidden(400, 2114)[383])
+def sagging_and_sticking():
+    """A stem that sticks again, behind air that sags; and what is said."""
+    case, run = simulate_hidden(draw_hidden(324, 2114)[323])
     return case, run, explain(run.recording)
 
 
 def test_both_are_named() -> None:
-    """The zero error, which trajectories show, and the stem that sticks again, with the evidence of
-    the whole record in words."""
-    case, run, mismatch = zero_and_sticking()
-    assert set(case.hidden) == {"zero_shift", "low_speed_restick"}
+    """The sag and the stem that sticks again, with the evidence of the whole record in words."""
+    case, run, mismatch = sagging_and_sticking()
+    assert set(case.hidden) == {"supply_sag", "low_speed_restick"}
     names = {member for effect in mismatch.effects for member in effect.members}
     assert set(case.hidden) <= names
     sticking = next(effect for effect in mismatch.effects if effect.slug in STICKS_AGAIN)
