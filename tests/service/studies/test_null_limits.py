@@ -106,8 +106,8 @@ def test_the_page_has_the_counts_of_the_file(kept) -> None:
 
 @pytest.mark.long
 def test_the_file_is_what_the_command_writes(stemwatch, tmp_path, kept) -> None:
-    """The valves that are drawn first, term by term, but for one at most: on a processor that rounds
-    otherwise, the search of a valve may end elsewhere.
+    """The valves that are drawn first, term by term, but for one at most: on a processor that
+    rounds otherwise, the search of a valve may end elsewhere.
     """
     file = tmp_path / "nulls.json"
     options = ("--cases", FIRST, "--seed", kept["seed"], "--workers", 1, "--json", file)
