@@ -12,6 +12,7 @@ from typing import Any, overload
 
 from stemwatch.models.oscillation_groups.plant_groups import ThinnedLoop
 from stemwatch.models.screening_result import Screening
+from stemwatch.service.interruption import interrupts_held
 from stemwatch.service.presenter.urgency import UrgencyKey
 from stemwatch.service.report.charts.valve_plots import ValvePlots
 from stemwatch.service.report.ranking import provisional_urgency
@@ -40,8 +41,9 @@ class ResultSpill(Sequence[Screening]):
     """
 
     def __init__(self, plotted: int, criticality_of: Callable[[str], str] = lambda _: "") -> None:
-        self._file = tempfile.TemporaryFile(prefix="stemwatch-")  # noqa: SIM115  # see below
-        weakref.finalize(self, self._file.close)  # its disk space is freed with the last reference
+        with interrupts_held():  # between the two lines Ctrl-C would leave the file open
+            self._file = tempfile.TemporaryFile(prefix="stemwatch-")  # noqa: SIM115  # see below
+            weakref.finalize(self, self._file.close)  # with the last reference disk space is freed
         self._plotted = plotted
         self._criticality_of = criticality_of
         self._where: dict[int, int] = {}  # place -> offset of the screening

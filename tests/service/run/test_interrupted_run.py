@@ -17,6 +17,7 @@ from unittest.mock import patch
 import pytest
 
 from stemwatch.models.recording import Role
+from stemwatch.service import interruption
 from stemwatch.service.executors.executor import Answer, Failure, Item, Result
 from stemwatch.service.interruption import (
     SAME_REQUEST_S,
@@ -60,18 +61,22 @@ class SignalAtLine:
     number: int
     sent: signal.Signals = signal.SIGINT
     lines: list[str] = field(default_factory=list)
-    ended_before: bool = False  # the run's end was being stored when it came
+    ended_before: bool = False  # the run was over by itself when it came
     dropped: bool = False  # it came in a finaliser, and was asked for again
-    _ended: bool = False
+    _over: bool = False  # its own error is on its way to where it is stored
+    _stored: bool = False  # or was, or is being, stored
 
     def __call__(self, frame: FrameType, event: str, _arg: Any) -> Any:
         if not self.lines and frame.f_code.co_name != "begin_run":
             return self
-        self._ended = self._ended or frame.f_code.co_name == "_note_end"
+        name = frame.f_code.co_name
+        self._over = self._over or (event == "return" and name == "_screen_planned")
+        self._stored = self._stored or name == "_note_end"
         if event == "line":
             self.lines.append(frame.f_code.co_filename)
             if len(self.lines) == self.number:
-                self.ended_before = self._ended
+                waits = interruption._interrupts.held
+                self.ended_before = self._stored or (self._over and waits)
                 signal.raise_signal(self.sent)
         return self
 
