@@ -92,21 +92,26 @@ def not_borne_out(suspicion: WithoutPosition, alike: int, recordings: int) -> Wi
 def _borne_out(
     newest: WithoutPosition, suspicions: Sequence[WithoutPosition], recordings: int
 ) -> WithoutPosition:
-    """The clearest of ``suspicions``, that of the ``newest`` where it is one of them, with the
+    """The clearest of ``suspicions``, or that of the ``newest`` where it is one of them, with the
     words that all recordings bear it out."""
-    alike = _look_alike(len(suspicions), recordings)
+    borne_out = f"{_look_alike(len(suspicions), recordings)}, and together they bear it out"
     if newest.verdict is Suspicion.SUSPECTED:
-        return replace(newest, reason=f"{newest.reason} {alike}, and together they bear it out.")
+        return replace(newest, reason=f"{newest.reason} Taken with earlier ones: {borne_out}.")
     clearest = max(suspicions, key=lambda answer: answer.score or 0.0)
-    S = clearest.apparent_S
-    assert S.value is not None  # of a suspicion it is known
-    between = "" if S.low is None or S.high is None else f" ({S.low:.1f} to {S.high:.1f})"
     reason = (
-        f"Sticking is suspected by earlier recordings: {alike}, the clearest like a valve that "
-        f"sticks by about {S.value:.1f} {S.unit} of OP{between}, and together they bear it out. "
-        f"By itself this is no verdict. By the newest alone: {newest.reason}"
+        f"Sticking is suspected from earlier recordings: {borne_out}.{_how_far(clearest)} By "
+        f"itself this is no verdict. The newest recording alone: {newest.reason}"
     )
     return replace(clearest, reason=reason)
+
+
+def _how_far(clearest: WithoutPosition) -> str:
+    """By how much the valve sticks in the clearest recording; empty where that is not known."""
+    S = clearest.apparent_S
+    if S.value is None:
+        return ""
+    between = "" if S.low is None or S.high is None else f" ({S.low:.1f} to {S.high:.1f})"
+    return f" In the clearest it sticks by about {S.value:.1f} {S.unit} of OP{between}."
 
 
 def _look_alike(alike: int, recordings: int) -> str:

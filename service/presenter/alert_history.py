@@ -14,6 +14,7 @@ _KIND_WORDS = {
     "grown": "friction has grown",
     "baseline": "moves differently from its baseline",
     "mismatch": "an effect beside friction",
+    "suspected": "sticking is suspected",
     "no_data": "no data",
     "common": "several valves at once",
 }

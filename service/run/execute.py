@@ -108,8 +108,8 @@ class Run:
     rank_by: RankBy = RankBy.VERDICT  # the order of its report
 
     @property
-    def scheduled(self) -> int | None:
-        """Its number where it is one in a row of the service's runs."""
+    def queue_number(self) -> int | None:
+        """The number of a run from the queue of the service; ``None`` of the command line's."""
         return self.number if self.queued else None
 
 
@@ -143,7 +143,7 @@ def execute(
     out, but not of a queued run, each of whose valves gets a result. Ends early when ``stop`` is
     set.
     """
-    tasks = with_stored_context(tasks, run.store, run.scheduled)
+    tasks = with_stored_context(tasks, run.store, run.queue_number)
     # Twice as many as the page draws: the order is provisional until the run is over.
     results = ResultSpill(2 * MOST_PLOTTED, partial(_criticality_of, run.plant))
     saving = Saving(
@@ -194,7 +194,7 @@ def _is_left_out(run: Run, outcome: ScreenedTask, outside_window: OutsideWindow)
 def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threading.Event) -> None:
     """Screen tasks again whose results are in the store, to get their plots; nothing is saved."""
     first = len(executed.results)
-    for finished in _screened(run, with_stored_context(tasks, run.store, run.scheduled), stop):
+    for finished in _screened(run, with_stored_context(tasks, run.store, run.queue_number), stop):
         for outcome in finished:
             result = _put(executed.results, outcome, first)
             previous = run.store.previous_finding(result.screening, run.started)

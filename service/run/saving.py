@@ -21,13 +21,13 @@ FIRST_WINDOW, FIRST_HEALTHY = "first window with a fit", "first healthy window"
 
 
 def with_stored_context(
-    tasks: Sequence[Task], store: Store, scheduled_run: int | None = None
+    tasks: Sequence[Task], store: Store, queued_run: int | None = None
 ) -> list[Task]:
     """Each task with its valve's baseline network, where the store has one, and with the curves
     from OP to stroke of its last windows, unless the plant file gives one.
 
-    A ``scheduled_run`` of the service also gets what OP and PV alone said in the windows of the
-    runs before. What a user screens by hand is judged by what was screened together, so that the
+    The tasks of a ``queued_run`` of the service also get what OP and PV alone said in the windows
+    of earlier runs. What a user screens by hand is judged by what is screened together, so that the
     same files give the same report again.
     """
     answers: dict[str, tuple[EarlierAnswer, ...]] = {}
@@ -50,8 +50,8 @@ def with_stored_context(
         if valve not in curves:
             curve_is_given = task.given_curve is not None
             curves[valve] = () if curve_is_given else tuple(store.earlier_curves(valve))
-        if valve not in answers and scheduled_run is not None:
-            answers[valve] = tuple(store.earlier_answers(valve, scheduled_run))
+        if valve not in answers and queued_run is not None:
+            answers[valve] = tuple(store.earlier_answers(valve, queued_run))
     return [
         replace(
             task,

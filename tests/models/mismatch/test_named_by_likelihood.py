@@ -163,9 +163,8 @@ def test_a_dead_time_beside_a_stem_that_sticks_again_is_no_uneven_reading() -> N
     """Its small slips come early or late by chance, as readings of uneven age do. A lag is as good
     as the dead time there, and an overshoot as that stem.
     """
-    of_reading, of_stem = (set(effect.members) for effect in explained(4090, 857).effects)
-    assert "dead_time" in of_reading
-    assert "low_speed_restick" in of_stem
+    late = ("actuator_lag", "asymmetric_lag", "dead_time")
+    assert named_on_drawn(4090, 857) == {late, ("slip_overshoot", "low_speed_restick")}
 
 
 def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:

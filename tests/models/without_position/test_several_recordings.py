@@ -93,7 +93,8 @@ def test_a_newest_suspicion_that_others_bear_out_says_so() -> None:
     together = of_loop(told(0.9), [told(0.95), told(0.9), told(0.05)])
     assert together.verdict is Suspicion.SUSPECTED
     assert together.reason.endswith(
-        "3 of its 4 recordings look like sticking, and together they bear it out."
+        "Taken with earlier ones: 3 of its 4 recordings look like sticking, and together they bear "
+        "it out."
     )
     assert together.apparent_S == told(0.9).apparent_S
     assert together.recordings == 4
@@ -107,8 +108,8 @@ def test_earlier_recordings_raise_the_suspicion_that_the_newest_does_not() -> No
     together = of_loop(told(0.05), [told(0.9), clearest, told(0.9)])
     assert together.verdict is Suspicion.SUSPECTED
     assert (together.apparent_S.value, together.advice) == (3.0, "Do a bump test.")
-    assert "like a valve that sticks by about 3.0 % of OP (2.0 to 4.0)" in together.reason
-    assert together.reason.endswith("By the newest alone: No sign.")
+    assert "In the clearest it sticks by about 3.0 % of OP (2.0 to 4.0)." in together.reason
+    assert together.reason.endswith("The newest recording alone: No sign.")
     assert together.alone == told(0.05)
     unread = replace(answer(None), reason="OP and PV cannot tell: PV is not in this recording.")
     assert of_loop(unread, [told(0.9), told(0.9)]).verdict is Suspicion.SUSPECTED
