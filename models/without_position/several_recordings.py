@@ -56,7 +56,7 @@ def of_loop(newest: WithoutPosition, earlier: Sequence[WithoutPosition]) -> With
     if not suspicions or len(by_itself) == 1:
         return newest
     if suspected_together(by_itself):
-        together = _borne_out(newest, suspicions, len(by_itself))
+        together = _borne_out(by_itself, len(suspicions))
     elif newest.score is None and newest.verdict is Suspicion.CANNOT_TELL:
         together = newest  # with a reason of its own, which says what to mend
     else:
@@ -89,25 +89,34 @@ def not_borne_out(suspicion: WithoutPosition, alike: int, recordings: int) -> Wi
     )
 
 
-def _borne_out(
-    newest: WithoutPosition, suspicions: Sequence[WithoutPosition], recordings: int
-) -> WithoutPosition:
-    """The clearest of ``suspicions``, or that of the ``newest`` where it is one of them, with the
-    words that all recordings bear it out."""
-    borne_out = f"{_look_alike(len(suspicions), recordings)}, and together they bear it out"
-    if newest.verdict is Suspicion.SUSPECTED:
+def clearest(answers: Sequence[WithoutPosition]) -> int | None:
+    """Which of ``answers``, the newest first, shows best that the valve may stick: the newest if it
+    is suspected, else the suspicion with the highest score; ``None`` where none is suspected."""
+    by_itself = [answer.alone or answer for answer in answers]
+    suspected = [k for k, one in enumerate(by_itself) if one.verdict is Suspicion.SUSPECTED]
+    if not suspected or suspected[0] == 0:
+        return suspected[0] if suspected else None
+    return max(suspected, key=lambda k: by_itself[k].score or 0.0)
+
+
+def _borne_out(by_itself: Sequence[WithoutPosition], alike: int) -> WithoutPosition:
+    """The clearest suspicion of answers, the newest first, ``alike`` of which look like sticking,
+    with the words that all bear it out."""
+    borne_out = f"{_look_alike(alike, len(by_itself))}, and together they bear it out"
+    newest, shown = by_itself[0], clearest(by_itself)
+    if not shown:
         return replace(newest, reason=f"{newest.reason} Taken with earlier ones: {borne_out}.")
-    clearest = max(suspicions, key=lambda answer: answer.score or 0.0)
+    suspicion = by_itself[shown]
     reason = (
-        f"Sticking is suspected from earlier recordings: {borne_out}.{_how_far(clearest)} By "
+        f"Sticking is suspected from earlier recordings: {borne_out}.{_how_far(suspicion)} By "
         f"itself this is no verdict. The newest recording alone: {newest.reason}"
     )
-    return replace(clearest, reason=reason)
+    return replace(suspicion, reason=reason)
 
 
-def _how_far(clearest: WithoutPosition) -> str:
+def _how_far(suspicion: WithoutPosition) -> str:
     """By how much the valve sticks in the clearest recording; empty where that is not known."""
-    S = clearest.apparent_S
+    S = suspicion.apparent_S
     if S.value is None:
         return ""
     between = "" if S.low is None or S.high is None else f" ({S.low:.1f} to {S.high:.1f})"

@@ -38,6 +38,8 @@ from stemwatch.service.report.charts.traces import (
 )
 
 SUSPECTED_STEM = "suspected stem"
+BY_LINEAR_LOOP, BY_STICKING_VALVE = "PV by a linear loop", "PV by a sticking valve"
+NOBODY_MEASURED = "Nobody has measured this stem: it is the one with which PV is predicted best."
 # The loop of a whole record is a cloud with an outline; its stretch is drawn sample by sample.
 LOOP_POINTS = 800
 
@@ -65,14 +67,14 @@ def _travel(screening: Screening, recording: Recording, frame: ChartFrame) -> Ch
     if screening.traces.stiction is not None:
         label = "stick-slip model"
         traces.append(series("stiction", label, screening.traces.stiction, frame))
-    suspicion = _suspected(screening)
+    suspicion = suspected_element(screening)
     if suspicion is not None:
         traces.append(series("stiction", SUSPECTED_STEM, suspicion.stem, frame))
     title = "Controller output and stem" if len(traces) > 1 else "Controller output"
     return panel("travel", title, "%", traces)
 
 
-def _suspected(screening: Screening) -> ElementTraces | None:
+def suspected_element(screening: Screening) -> ElementTraces | None:
     """The traces of the suspicion from OP and PV, where the stem was not measured."""
     suspicion = screening.without_position
     has_stiction_fit = screening.traces.stiction is not None or suspicion is None
@@ -86,15 +88,19 @@ def _process(screening: Screening, recording: Recording, frame: ChartFrame) -> C
     if pv is None:
         return None
     traces = [series(role, role.upper(), signal.values, frame) for role, signal in signals]
-    suspicion, measured = _suspected(screening), recording.get(Role.PV)
+    suspicion, measured = suspected_element(screening), recording.get(Role.PV)
     if suspicion is not None and measured is not None:
-        for role, label, values in (
-            ("naive", "PV by a linear loop", suspicion.linear),
-            ("extended", "PV by a sticking valve", suspicion.sticking),
-        ):
-            predicted = replace(measured, values=values).in_process_unit()
-            traces.append(series(role, label, predicted.values, frame))
+        linear, sticking = predicted_pv(measured, suspicion)
+        traces.append(series("naive", BY_LINEAR_LOOP, linear.values, frame))
+        traces.append(series("extended", BY_STICKING_VALVE, sticking.values, frame))
     return panel("process", "Process", pv.unit, traces)
+
+
+def predicted_pv(pv: Signal, element: ElementTraces) -> tuple[Signal, Signal]:
+    """``pv`` in its engineering unit as the linear model and as the one with a sticking valve
+    predict it."""
+    linear = replace(pv, values=element.linear).in_process_unit()
+    return linear, replace(pv, values=element.sticking).in_process_unit()
 
 
 def _in_process_unit(recording: Recording, role: Role) -> Signal | None:
@@ -123,7 +129,7 @@ def _residuals(screening: Screening, recording: Recording, frame: ChartFrame) ->
 def _loop(screening: Screening, recording: Recording) -> Chart | None:
     """The recorded points and the simulated path against OP; PV stands in where MV is absent."""
     vertical, name = recording.mv, "MV"
-    suspicion = _suspected(screening)
+    suspicion = suspected_element(screening)
     if vertical is None and suspicion is not None:
         return _suspected_loop(recording, suspicion)
     if vertical is None:
@@ -170,7 +176,7 @@ def _suspected_loop(recording: Recording, element: ElementTraces) -> Chart:
         "op": packed(op[kept_samples]),
         "traces": [trace],
         "shapes": [],
-        "says": "Nobody has measured this stem: it is the one with which PV is predicted best.",
+        "says": NOBODY_MEASURED,
     }
 
 

@@ -1,5 +1,6 @@
 """The pictures kept of a window for when its samples are gone: MV against OP over a typical
-stretch, and the pictures of named effects. Some KB for each window."""
+stretch, and the pictures of named effects and of a suspicion from OP and PV. Some KB for each
+window."""
 
 from __future__ import annotations
 
@@ -15,9 +16,11 @@ from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.screening_result import Screening
 from stemwatch.service.report.charts.effect_pictures import Picture, effect_pictures
 from stemwatch.service.report.charts.small_plot import Note, PlottedLine, SmallPlot
+from stemwatch.service.report.charts.suspicion_pictures import suspicion_pictures
 from stemwatch.service.report.charts.thinning import extreme_samples
 from stemwatch.service.report.charts.traces import packed, unpacked
 from stemwatch.service.report.charts.typical_stretch import typical_stretch
+from stemwatch.service.report.charts.valve_charts import suspected_element
 
 VERSION = 2  # the first held the steps of its lines as lists
 LOOP_POINTS = 300
@@ -35,10 +38,11 @@ class WindowLoop:
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WindowPictures:
     """``loop`` is ``None`` where there is no position; ``effects`` are empty where nothing was
-    named."""
+    named, ``suspicion`` where OP and PV alone raise none."""
 
     loop: WindowLoop | None = None
     effects: tuple[Picture, ...] = ()
+    suspicion: tuple[Picture, ...] = ()
 
     def __eq__(self, other: object) -> bool:
         """Whether the same is drawn: arrays are compared as they are stored."""
@@ -50,9 +54,13 @@ class WindowPictures:
 def window_pictures(screening: Screening) -> WindowPictures:
     """The pictures of a screening that still has its samples."""
     recording, mismatch = screening.recording, screening.mismatch
+    if recording is None:
+        return WindowPictures()
+    element = suspected_element(screening)
     return WindowPictures(
-        loop=None if recording is None else _loop(screening, recording),
+        loop=_loop(screening, recording),
         effects=() if mismatch is None else effect_pictures(recording, mismatch),
+        suspicion=() if element is None else suspicion_pictures(recording, element),
     )
 
 
@@ -84,13 +92,14 @@ def before_and_after(before: WindowLoop, after: WindowLoop) -> SmallPlot:
 
 def pack_pictures(pictures: WindowPictures) -> bytes:
     """As bytes for the store; empty where there is nothing to draw."""
-    if pictures.loop is None and not pictures.effects:
+    if pictures.loop is None and not pictures.effects and not pictures.suspicion:
         return b""
     loop = pictures.loop
     as_json = {
         "version": VERSION,
         "loop": None if loop is None else {"op": packed(loop.op), "mv": packed(loop.mv)},
         "effects": [_picture_as_json(picture) for picture in pictures.effects],
+        "suspicion": [_picture_as_json(picture) for picture in pictures.suspicion],
     }
     return zlib.compress(json.dumps(as_json, separators=(",", ":"), allow_nan=False).encode(), 9)
 
@@ -106,6 +115,8 @@ def unpack_pictures(packed_bytes: bytes) -> WindowPictures:
     return WindowPictures(
         loop=None if loop is None else WindowLoop(unpacked(loop["op"]), unpacked(loop["mv"])),
         effects=tuple(_picture(picture) for picture in as_json["effects"]),
+        # Windows of earlier versions have none.
+        suspicion=tuple(_picture(picture) for picture in as_json.get("suspicion", ())),
     )
 
 

@@ -24,7 +24,9 @@ def read_earlier_answers(session: Session, valve: str, run_id: int) -> list[Earl
     with a later one, nor what is older than ``WEEKS``.
     """
     table = ScreeningRow
-    statement = select(table.window_start, table.window_end, table.without_position).where(
+    statement = select(
+        table.id, table.window_start, table.window_end, table.without_position
+    ).where(
         table.valve == valve,
         table.run_id != run_id,
         table.window_start.is_not(None),
@@ -34,11 +36,11 @@ def read_earlier_answers(session: Session, valve: str, run_id: int) -> list[Earl
         statement = statement.where(table.window_start >= worked_at)
     statement = statement.order_by(table.at.desc(), table.id.desc()).limit(_MOST_ROWS)
     answers: list[EarlierAnswer] = []
-    for start, end, stored in session.execute(statement):
+    for screening, start, end, stored in session.execute(statement):
         answer = without_position_of(stored)
         if answer is None or (answers and end > answers[-1].start):
             continue
         if answers and end < answers[0].end - timedelta(weeks=WEEKS):
             break
-        answers.append(EarlierAnswer(start=start, end=end, answer=answer))
+        answers.append(EarlierAnswer(screening=screening, start=start, end=end, answer=answer))
     return answers[:LAST_THAT_COUNT]

@@ -122,8 +122,9 @@ class EarlierCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class EarlierAnswer:
-    """What OP and PV alone said of the loop in one window (UTC)."""
+    """What OP and PV alone said of the loop in one window (UTC), and in which screening of it."""
 
+    screening: int
     start: datetime
     end: datetime
     answer: WithoutPosition

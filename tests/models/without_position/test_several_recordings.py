@@ -14,6 +14,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.studies.loops.draws import draw_recordings
 from stemwatch.models.without_position.several_recordings import (
     LAST_THAT_COUNT,
+    clearest,
     log_odds_together,
     of_loop,
     suspected_together,
@@ -86,6 +87,15 @@ def test_where_no_recording_looks_like_sticking_the_newest_answers() -> None:
     newest = told(0.05)
     assert of_loop(newest, [told(0.1)] * 7) is newest
     assert of_loop(told(0.9), []) == told(0.9)
+
+
+def test_the_newest_suspicion_is_shown_or_else_the_clearest() -> None:
+    """Of answers that counted others too, what each says alone decides."""
+    assert clearest([told(0.9), told(0.99)]) == 0
+    assert clearest([told(0.05), told(0.9), told(0.99), told(0.95)]) == 2
+    pooled = replace(told(0.9), recordings=3, alone=told(0.05))
+    assert clearest([pooled, told(0.95)]) == 1
+    assert clearest([told(0.05), told(0.1)]) is None
 
 
 def test_a_newest_suspicion_that_others_bear_out_says_so() -> None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
+from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.picture import ElementTraces
@@ -26,6 +27,12 @@ from stemwatch.service.presenter.suspicion_words import (
     suspected_sentence,
 )
 from stemwatch.service.report.charts.valve_charts import chart_of
+from stemwatch.service.report.charts.window_pictures import (
+    WindowPictures,
+    pack_pictures,
+    unpack_pictures,
+    window_pictures,
+)
 from stemwatch.service.report.html_page import html_bytes
 from stemwatch.service.report.json_contract import to_contract
 from stemwatch.service.report.ranking import rank_valves
@@ -138,25 +145,53 @@ def test_the_suspected_come_first_of_those_without_a_verdict(make_screening, mak
     assert loops_to_test(ranking.next_steps) == ("C", "B")
 
 
+def with_suspected_stem(valve: Screening, answer: WithoutPosition) -> Screening:
+    """``valve`` without a position, and with a stem that keeps to steps of 2 % of OP."""
+    assert valve.recording is not None
+    signals = {role: s for role, s in valve.recording.signals.items() if role is not Role.MV}
+    recording = replace(valve.recording, signals=signals)
+    stem = 2.0 * np.round(recording.op.values / 2.0)
+    traces = ElementTraces(stem=stem, linear=stem + 1.0, sticking=stem + 2.0)
+    return replace(valve, recording=recording, without_position=replace(answer, traces=traces))
+
+
 def test_the_chart_shows_the_suspected_stem_between_op_and_pv(make_screening):
     """OP and the stem, PV and what both models make of it, the stem against OP."""
-    valve = make_screening("FV-1", Verdict.UNDETERMINED)
-    recording = valve.recording
-    signals = {role: s for role, s in recording.signals.items() if role.value != "mv"}
-    recording = replace(recording, signals=signals)
-    flat = np.full(len(recording), 50.0)
-    changed = replace(
-        suspected(), traces=ElementTraces(stem=flat, linear=flat + 1.0, sticking=flat + 2.0)
-    )
-    chart = chart_of(replace(valve, recording=recording, without_position=changed))
+    valve = with_suspected_stem(make_screening("FV-1", Verdict.UNDETERMINED), suspected())
+    chart = chart_of(valve)
     labels = [trace["label"] for panel in chart["panels"] for trace in panel["series"]]
     assert "suspected stem" in labels
     assert {"PV by a linear loop", "PV by a sticking valve"} <= set(labels)
     assert chart["loop"]["title"] == "The suspected stem against OP"
     assert "Nobody has measured" in chart["loop"]["says"]
-    short = replace(valve, recording=recording, without_position=changed).excerpt(5, 25)
+    short = valve.excerpt(5, 25)
     assert short.without_position.traces.stem.size == 20
     assert short.without_samples().without_position.traces is None
+
+
+def test_the_pictures_of_a_suspicion_outlive_the_samples(make_screening):
+    """The stem over time, PV by both models, the stem against OP: kept in some KB, and drawn again
+    as they were; where nothing is suspected nothing is kept."""
+    valve = with_suspected_stem(make_screening("FV-1", Verdict.UNDETERMINED), suspected())
+    pictures = window_pictures(valve)
+    kept = pack_pictures(pictures)
+    assert 500 < len(kept) < 20_000
+    back = unpack_pictures(kept)
+    titles = ["OP and the suspected stem", "PV by both models", "The suspected stem against OP"]
+    assert [picture.title for picture in back.suspicion] == titles
+    stem, pv, _ = back.suspicion
+    assert [line.label for line in stem.plot.lines] == ["OP", "suspected stem"]
+    assert pv.plot.lines[0].label == "PV, recorded"
+    assert re.search(
+        r"the linear loop misses PV by [\d.]+ m³/h rms, the sticking valve by", pv.caption
+    )
+    for drawn, again in zip(pictures.suspicion, back.suspicion, strict=True):
+        assert drawn.caption == again.caption
+        for line, repeated in zip(drawn.plot.lines, again.plot.lines, strict=True):
+            np.testing.assert_allclose(repeated.y, line.y, atol=0.02)
+    sound = replace(valve, without_position=no_sign())
+    assert window_pictures(sound) == WindowPictures()
+    assert pack_pictures(window_pictures(sound)) == b""
 
 
 def test_json_and_tables_say_it_too(make_screening, make_context):

@@ -134,7 +134,7 @@ def test_windows_before_this_one_count_in_what_op_and_pv_say(one_valve: Path) ->
 
     def before(days: int) -> EarlierAnswer:
         start, end = recording.start - days * day, recording.end - days * day
-        return EarlierAnswer(start=start, end=end, answer=suspected(0.97))
+        return EarlierAnswer(screening=days, start=start, end=end, answer=suspected(0.97))
 
     (result,) = screen_tasks([task(one_valve, earlier_answers=(before(1), before(2)))], Limits())
     assert result.without_position is not None

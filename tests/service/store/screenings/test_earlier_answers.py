@@ -44,6 +44,7 @@ def test_the_last_windows_come_first_with_what_they_said(store: Store) -> None:
     run = save(store, at(BEGAN + 3 * DAY, no_sign()))
     newest, _, first = store.earlier_answers("FIC-1", run_id=0)
     assert (newest.start, newest.answer) == (BEGAN + 3 * DAY, no_sign())
+    assert newest.screening == store.screenings("FIC-1", 1)[0].id
     assert (first.start, first.answer) == (BEGAN, suspected(0.9))
     assert starts(store, run) == [BEGAN + 2 * DAY, BEGAN]
     assert store.earlier_answers("FIC-2", run_id=0) == []

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from datetime import timedelta
 
 import pytest
 
+from stemwatch.models.verdict import Verdict
+from stemwatch.models.without_position.suspicion import WithoutPosition
 from stemwatch.service.report.charts.window_pictures import pack_pictures, window_pictures
 from tests.service.maintenance.example_work_list import with_effects
 from tests.service.report.conftest import screening as with_samples
-from tests.service.web.example_plant import NOW, STICKY, screening, serving
+from tests.service.report.test_without_position import (
+    cannot_tell,
+    no_sign,
+    suspected,
+    with_suspected_stem,
+)
+from tests.service.web.example_plant import BLIND, NOW, STICKY, screening, serving
 from tests.service.web.pages.test_pages_browser import DESK, PHONE, Opened
 from tests.service.web.signed_in import cookie_of
 
@@ -48,6 +57,36 @@ def test_the_page_lays_the_loops_before_and_after_work_over_each_other(live, cli
     assert "J 2.00 → 0.00 %" in text
     assert part.count('class="small-plot"') == 1
     assert 'href="#work"' in page
+
+
+def test_the_page_shows_what_raises_a_suspicion(live, client) -> None:
+    """The pictures of the latest window where that is suspected by itself; else those of the
+    clearest of the windows that count with it, and of which window they are; none where all
+    together do not bear it out."""
+
+    def save(hours: int, answer: WithoutPosition, pictures: bool) -> None:
+        at = NOW + timedelta(hours=hours)
+        window = screening(BLIND, Verdict.UNDETERMINED, None, None, at=at, without_position=answer)
+        suspicion = with_suspected_stem(with_samples(BLIND, Verdict.UNDETERMINED), answer)
+        packed = pack_pictures(window_pictures(suspicion)) if pictures else b""
+        run = live.store.begin_run(software_version="1")
+        live.store.save(window, run, packed_pictures=packed)
+
+    def page() -> str:
+        return str(client.get("/valve", params={"id": BLIND}).text)
+
+    save(1, no_sign(), pictures=False)
+    assert "What raises the suspicion" not in page()
+    save(2, suspected(0.99), pictures=True)
+    assert page().count('class="small-plot"') == 3
+    assert "From the window until" not in page()
+    save(3, suspected(0.9), pictures=True)
+    earlier = replace(suspected(0.97), recordings=3, alone=no_sign())
+    save(4, earlier, pictures=False)
+    assert page().count('class="small-plot"') == 3
+    assert "From the window until 2026-03-30 16:00" in page()
+    save(5, replace(cannot_tell("they do not bear it out"), recordings=4), pictures=True)
+    assert "What raises the suspicion" not in page()
 
 
 @pytest.mark.browser
