@@ -642,3 +642,46 @@ def log_likelihood(
         k, total = until, total + likely
     if current >= 0:
         by_block[current] = total + _made_one(s, (now, end))
+
+
+@never_raises
+def log_likelihoods(
+    forces: Floats,
+    rows: NDArray[np.int64],
+    numbers: Floats,
+    tables: Tables,
+    record: Record,
+    block: NDArray[np.int64],
+    slack: Floats,
+    step: float,
+    scales: Floats,
+    most: int,
+    behind: float,
+    best: float,
+    least: Floats,
+    by_block: Floats,
+) -> float:
+    """``log_likelihood`` of several stems, one after the other, into ``by_block`` (m, n_blocks).
+
+    ``rows`` (m,) are those of ``forces`` (r, n); ``numbers`` (m, 18) and ``tables`` are of the
+    stems, ``scales`` (m, 2) of the readings and of the levels. A run that falls ``behind`` the
+    ``best`` so far, of which ``least`` (n_blocks,) says what that leaves at the end of each block,
+    is given up; both are kept for more stems, and the best is returned. No run is given up where
+    ``behind`` is infinite.
+    """
+    friction, pushing, breakaway, wander = tables
+    for i in range(rows.size):
+        end, likely = i + 1, 0.0
+        own = Tables(friction[i:end], pushing[i:end], breakaway[i:end], wander[i:end])
+        log_likelihood(
+            forces[rows[i]], numbers[i], own, record, block, slack, step,
+            scales[i, 0], scales[i, 1], most, least, by_block[i],
+        )  # fmt: skip
+        for b in range(least.size):
+            likely += by_block[i, b]
+        if behind < np.inf and likely > best:
+            best, so_far = likely, 0.0
+            for b in range(least.size):
+                so_far += by_block[i, b]
+                least[b] = so_far - behind
+    return best

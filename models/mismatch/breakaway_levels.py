@@ -29,7 +29,7 @@ the model lets go too: a stem that slides slowly behind its noise seems to rest 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -132,6 +132,7 @@ class BreakawayEvidence:
 def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEvidence]:
     """What the breakaways tell of dwell and play beside what is ``fitted``, the higher score first.
 
+    One that is not convincing alone is not sought beside the other, nor what the rate does to it.
     Empty with fewer than eight breakaways, and where an archive drew lines, so that the time of a
     breakaway is not known well enough. Without dwell where all rests are about as long.
     """
@@ -149,32 +150,47 @@ def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEv
     starts = [start for _, start in found]
     with_dwell, of_dwell = _best_of(rests, level, starts, (_BY_RATE, _BY_REST))
     with_play, of_play = _best_of(rests, level, starts, (_BY_RATE, _BY_WAY))
-    both = (_BY_RATE, _BY_REST, _BY_WAY)
-    with_both, of_both = _best_of(rests, level, [of_dwell, of_play], both)
     rested = rests.rest[rests.last]
-    usual, spread = float(np.mean(rested)), float(np.ptp(np.percentile(rested, (5.0, 95.0))))
-    count = int(rests.side.size)
-    goes_on = int(np.count_nonzero(rests.side == rests.before))
+    spread = float(np.ptp(np.percentile(rested, (5.0, 95.0))))
+    count, goes_on = rests.side.size, np.count_nonzero(rests.side == rests.before)
+    tells_way = min(goes_on, count - goes_on) >= FEWEST_EACH_WAY
+    found_of = {DWELL: (_BY_REST, with_dwell, of_dwell), PLAY: (_BY_WAY, with_play, of_play)}
     answers = [
         BreakawayEvidence(
             slug,
-            float(alone[place]),
-            min(
-                _z(with_it - neither, float(alone[place])),
-                _z(with_both - without, float(of_both[place])),
-            ),
-            usual,
-            count,
-            _rate_z(rests, level, alone, with_it, place),
+            float(numbers[place]),
+            _z(with_it - neither, float(numbers[place])),
+            float(np.mean(rested)),
+            int(count),
+            0.0,
         )
-        for slug, place, with_it, without, alone in (
-            (DWELL, _BY_REST, with_dwell, with_play, of_dwell),
-            (PLAY, _BY_WAY, with_play, with_dwell, of_play),
-        )
-        if (slug == DWELL and spread >= LEAST_SPREAD)
-        or (slug == PLAY and min(goes_on, count - goes_on) >= FEWEST_EACH_WAY)
+        for slug, (place, with_it, numbers) in found_of.items()
+        if (spread >= LEAST_SPREAD if slug == DWELL else tells_way)
     ]
+    answers = [_beside(rests, level, found_of, one) if one.convincing else one for one in answers]
     return sorted(answers, key=lambda answer: -answer.z)
+
+
+def _beside(
+    rests: _Rests,
+    level: float,
+    found_of: Mapping[str, tuple[int, float, Floats]],
+    answer: BreakawayEvidence,
+) -> BreakawayEvidence:
+    """An ``answer`` with its score beside the other effect as well, and with that of the rate;
+    ``found_of`` has, for either effect, its place among the numbers, the best log likelihood with
+    it alone, and the numbers (7,) of that.
+    """
+    both = (_BY_RATE, _BY_REST, _BY_WAY)
+    starts = [numbers for _, _, numbers in found_of.values()]
+    with_both, of_both = _best_of(rests, level, starts, both)
+    place, with_it, numbers = found_of[answer.slug]
+    (without,) = (value for slug, (_, value, _) in found_of.items() if slug != answer.slug)
+    return replace(
+        answer,
+        z=min(answer.z, _z(with_both - without, float(of_both[place]))),
+        rate_z=_rate_z(rests, level, numbers, with_it, place),
+    )
 
 
 def _rate_z(rests: _Rests, level: float, numbers: Floats, value: float, place: int) -> float:
@@ -302,22 +318,21 @@ def _below(score: float) -> float:
 
 
 @njit(cache=True)
-def _log_likelihood(
+def _asked_of(
     numbers: Floats,
     first: Samples,
     last: Samples,
-    side: Floats,
     before: Floats,
     distance: Floats,
     levels: Floats,
     rest: Floats,
     rate: Floats,
-) -> float:
-    """Of all rests: each level held up to two samples before the breakaway, and the one to its side
-    gave way then; the sampling of OP does not tell it better."""
-    up, down, total = 1.0 / numbers[_UP], 1.0 / numbers[_DOWN], 0.0
-    wide = math.exp(-numbers[_SCATTER])
-    for i in range(side.size):
+    asked: Floats,
+) -> None:
+    """The largest force that each rest has asked for, beyond what its levels were raised by, into
+    ``asked`` (m, 6): at its first sample, up to two samples before the breakaway, and with it,
+    rising and falling, percent. The levels and their scatter are not asked for."""
+    for i in range(first.size):
         play = 0.5 * numbers[_BY_WAY] * before[i]
         rose = fell = held_up = held_down = begun_up = begun_down = -1e9
         for k in range(first[i], last[i] + 1):
@@ -325,12 +340,27 @@ def _log_likelihood(
                 held_up, held_down = rose, fell
             sooner = min(numbers[_BY_RATE] * rate[k], numbers[_MOST_BY_RATE])
             raised = levels[k] + numbers[_BY_REST] * rest[k] - sooner
-            rose = max(rose, (distance[k] - raised - play) * up - 1.0)
-            fell = max(fell, (play - distance[k] - raised) * down - 1.0)
+            rose = max(rose, distance[k] - raised - play)
+            fell = max(fell, play - distance[k] - raised)
             if k == first[i]:
                 begun_up, begun_down = rose, fell
-        total += _of_one_way(rose, max(held_up, begun_up), begun_up, wide, side[i] > 0.0)
-        total += _of_one_way(fell, max(held_down, begun_down), begun_down, wide, side[i] < 0.0)
+        asked[i, 0], asked[i, 1], asked[i, 2] = begun_up, max(held_up, begun_up), rose
+        asked[i, 3], asked[i, 4], asked[i, 5] = begun_down, max(held_down, begun_down), fell
+
+
+@njit(cache=True)
+def _log_likelihood(numbers: Floats, side: Floats, asked: Floats) -> float:
+    """Of all rests: each level held up to two samples before the breakaway, and the one to its side
+    gave way then; the sampling of OP does not tell it better. ``asked`` as of ``_asked_of``."""
+    up, down, total = 1.0 / numbers[_UP], 1.0 / numbers[_DOWN], 0.0
+    wide = math.exp(-numbers[_SCATTER])
+    for i in range(side.size):
+        begun, held, most = asked[i, 0] * up, asked[i, 1] * up, asked[i, 2] * up
+        gave_way = side[i] > 0.0
+        total += _of_one_way(most - 1.0, held - 1.0, begun - 1.0, wide, gave_way)
+        begun, held, most = asked[i, 3] * down, asked[i, 4] * down, asked[i, 5] * down
+        gave_way = side[i] < 0.0
+        total += _of_one_way(most - 1.0, held - 1.0, begun - 1.0, wide, gave_way)
     return total
 
 
@@ -361,11 +391,17 @@ def _with_slope(
     rate: Floats,
 ) -> tuple[float, Floats]:
     """The log likelihood, and its slopes along the ``free`` numbers by differences."""
-    value = _log_likelihood(numbers, first, last, side, before, distance, levels, rest, rate)
+    asked, other = np.empty((side.size, 6)), np.empty((side.size, 6))
+    _asked_of(numbers, first, last, before, distance, levels, rest, rate, asked)
+    value = _log_likelihood(numbers, side, asked)
     slope, moved = np.empty(free.size), numbers.copy()
     for i in range(free.size):
         moved[free[i]] += STEP
-        beside = _log_likelihood(moved, first, last, side, before, distance, levels, rest, rate)
+        if free[i] > _SCATTER:
+            _asked_of(moved, first, last, before, distance, levels, rest, rate, other)
+            beside = _log_likelihood(moved, side, other)
+        else:  # levels and scatter ask for nothing else
+            beside = _log_likelihood(moved, side, asked)
         slope[i] = (beside - value) / STEP
         moved[free[i]] = numbers[free[i]]
     return value, slope

@@ -409,6 +409,22 @@ class Evaluator:
         self._fill([(layout, candidate[None])])
         return self._forces.rows[row], *self._first_stem
 
+    def laid_out_each(
+        self, layout: CoordinateLayout, candidates: Floats
+    ) -> tuple[Floats, Samples, Floats, Tables]:
+        """As ``laid_out`` of up to LANES candidates (m, size): all forces that are kept (r, n), the
+        row of each candidate's (m,), numbers (m, 18) and tables.
+        """
+        rows = self._forces.of([(layout.shaping, candidates[:, layout.of_force])])
+        self._fill([(layout, candidates)])
+        return self._forces.rows, rows, *self._stems.first(rows.size)
+
+    @cached_property
+    def likelihoods(self) -> dict[tuple[tuple[str, ...], int, bytes], Floats]:
+        """The logarithms of the likelihood that are known, by terms, courses and point: searches
+        that begin alike come to the same points again."""
+        return {}
+
     @cached_property
     def _first_stem(self) -> tuple[Floats, Tables]:
         """Numbers (18,) and tables of the first stem."""

@@ -18,9 +18,14 @@ import numpy as np
 
 from stemwatch.models.forensics import position_step
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.breakaway_filter import GIVEN_UP, log_likelihood
+from stemwatch.models.mismatch.breakaway_filter import (
+    GIVEN_UP,
+    log_likelihood,
+    log_likelihoods,
+)
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.kernel import Record
+from stemwatch.models.mismatch.lane_rows import LANES
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.onsets import Samples
 
@@ -43,6 +48,16 @@ SHORTER, LONGER = 0.4, 1.6  # steps along a coordinate, after a loss and after a
 # Least gain of the logarithm of the likelihood by which a term is named, least t of its blocks, and
 # least product of the two.
 LEAST_GAIN, LEAST_T, LEAST_PRODUCT = 24.0, 1.3, 90.0
+
+
+def _is_whole(by_block: Floats) -> bool:
+    """Whether a run was followed to its end."""
+    return bool((by_block > GIVEN_UP).all())
+
+
+def _falls_behind(by_block: Floats, far_behind: Floats) -> bool:
+    """Whether a run is so much less likely at the end of some block that it is given up there."""
+    return bool((np.cumsum(by_block) < far_behind).any())
 
 
 @dataclass(frozen=True)
@@ -165,6 +180,10 @@ class RecordLikelihood:
         where a point falls far behind the one ``beside`` it.
         """
         evaluator, least = self.evaluator, self._no_least
+        key = layout.hypothesis.slugs, self.courses, point.tobytes()
+        known = evaluator.likelihoods.get(key)
+        if known is not None and (beside is None or not _falls_behind(known, beside.far_behind)):
+            return known
         if beside is not None:
             least = least.copy()
             least[self._filled] = beside.far_behind
@@ -184,7 +203,49 @@ class RecordLikelihood:
             least,
             self._by_block,
         )
-        return self._by_block[self._filled]
+        found = self._by_block[self._filled]
+        if _is_whole(found):
+            evaluator.likelihoods[key] = found
+        return found
+
+    def of_blocks_each(
+        self, layout: CoordinateLayout, points: Floats, behind: float = np.inf
+    ) -> Floats:
+        """(m, filled blocks) what ``of_blocks`` gives of each of ``points`` (m, size + 2); far less
+        where one falls ``behind`` the best before it.
+        """
+        known, slugs = self.evaluator.likelihoods, layout.hypothesis.slugs
+        keys = [(slugs, self.courses, point.tobytes()) for point in points]
+        if behind < np.inf:  # each is compared with those before it
+            new = np.arange(len(keys))
+        else:
+            new = np.array([i for i, key in enumerate(keys) if key not in known], dtype=np.int64)
+        found = self._run_each(layout, points[new], behind)
+        at = dict(zip(new.tolist(), found, strict=True))
+        known |= {keys[i]: row for i, row in at.items() if _is_whole(row)}
+        return np.array([at[i] if i in at else known[key] for i, key in enumerate(keys)])
+
+    def _run_each(self, layout: CoordinateLayout, points: Floats, behind: float) -> Floats:
+        """``of_blocks_each``, whatever is known."""
+        evaluator, least, best = self.evaluator, self._no_least.copy(), -np.inf
+        by_block = np.empty((points.shape[0], least.size))
+        scales = np.exp(points[:, -OF_RECORD:])
+        for first in range(0, points.shape[0], LANES):
+            part = slice(first, first + LANES)
+            best = log_likelihoods(
+                *evaluator.laid_out_each(layout, points[part, :-OF_RECORD]),
+                self._record,
+                evaluator.problem.block,
+                evaluator.slack,
+                self._step,
+                scales[part],
+                self.courses,
+                behind,
+                best,
+                least,
+                by_block[part],
+            )
+        return np.asarray(by_block[:, self._filled])
 
     def at(
         self, layout: CoordinateLayout, point: Floats, beside: Likeliest | None = None
@@ -197,10 +258,10 @@ class RecordLikelihood:
 
     def ranked(self, layout: CoordinateLayout, points: Iterable[Floats]) -> list[Likeliest]:
         """Points (size + 2,) that do not fall far behind, the most likely first."""
-        best, found = None, list[Likeliest]()
-        for point in points:
-            found.append(self.at(layout, point, best))
-            best = found[-1] if best is None or found[-1].total > best.total else best
+        low, high = self.limits(layout)
+        within = np.minimum(np.maximum(np.array(list(points)), low), high)
+        by_block = self.of_blocks_each(layout, within, BEHIND)
+        found = (Likeliest(layout, *both) for both in zip(within, by_block, strict=True))
         followed = (one for one in found if one.total > GIVEN_UP)
         return sorted(followed, key=lambda one: -one.total)
 
@@ -247,11 +308,9 @@ class RecordLikelihood:
         """
         steps = self._steps(at.layout, at.point)
         free = np.flatnonzero(steps)
-        slopes = np.empty((at.by_block.size, free.size))
-        for column, place in enumerate(free):
-            beside = at.point.copy()
-            beside[place] += steps[place]
-            slopes[:, column] = self.of_blocks(at.layout, beside) - at.by_block
+        beside = np.tile(at.point, (free.size, 1))
+        beside[np.arange(free.size), free] += steps[free]
+        slopes = (self.of_blocks_each(at.layout, beside) - at.by_block).T
         return free, steps[free], slopes
 
     def standard_errors(self, at: Likeliest) -> Floats:

@@ -65,7 +65,11 @@ FEW_COURSES = 4  # of a first look
 # Starts of a term, about, beside where its trajectories ended; of them with another S and J than
 # before, at least.
 STARTS, FROM_OTHERS = 20, 8
-AHEAD, MORE_ROUNDS = 6, 2  # terms that are looked at longer
+# Terms that are climbed from their best start: the most likely, of those that begin no further
+# below what S and J alone reach; and how many rounds after the first. Of 120 valves (`draw_hidden`,
+# seed 4090) every term that was strong enough in the end was among the first four by its start, and
+# began 62 below at most: on the even ones, which chose this, and on the odd ones.
+AHEAD, MOST_BELOW, MORE_ROUNDS = 6, 100.0, 2
 WORTH, MOST = 8.0, 4  # least gain at the first look, and how many terms are looked at again
 EXCHANGES = 2
 BEATEN = 30.0  # a term that is so much less likely than one that passes is not searched on
@@ -298,22 +302,25 @@ def _added(look: Likeliest, simple: Fitted) -> str:
 def _worth_a_search(
     likelihood: RecordLikelihood, alone: Likeliest, named: Named, terms: Sequence[Term]
 ) -> list[Likeliest]:
-    """The terms by which the record may be more likely, the most likely first: one step from the
-    best start of each, and some more of those that are ahead then.
+    """The terms by which the record may be more likely, the most likely first: some steps from the
+    best start of each of those that are ahead by it.
     """
     nothing = likelihood.at(alone.layout, alone.point).total
-    begun = [_looked_at(likelihood, alone, named, term) for term in terms]
-    ahead = sorted(begun, key=lambda one: -one.total)[:AHEAD]
+    begun = [_best_start(likelihood, alone, named, term) for term in terms]
+    hopeful = (one for one in begun if one.total >= nothing - MOST_BELOW)
+    ahead = sorted(hopeful, key=lambda one: -one.total)[:AHEAD]
+    stepped = (likelihood.climbed(one, 1) for one in ahead)
+    # Begun anew, for the first step may have been a short one.
     looks = sorted(
-        (likelihood.climbed(one, MORE_ROUNDS) for one in ahead), key=lambda one: -one.total
+        (likelihood.climbed(one, MORE_ROUNDS) for one in stepped), key=lambda one: -one.total
     )
     return [look for look in looks[:MOST] if look.total - nothing >= WORTH]
 
 
-def _looked_at(
+def _best_start(
     likelihood: RecordLikelihood, alone: Likeliest, named: Named, term: Term
 ) -> Likeliest:
-    """A first look at one more term, from a start of its search or from where that ended."""
+    """The most likely start of one more term: of its search, or from where that ended."""
     evaluator, simple = likelihood.evaluator, on_both(alone.layout, alone.candidate)
     rich = named.fitted.layout.hypothesis.plus(term)
     layout = evaluator.layout(rich)
@@ -329,7 +336,7 @@ def _looked_at(
     # alone ends where they stand for it.
     begun = likelihood.ranked(layout, [np.append(row, likelihood.first_of_record) for row in rows])
     again = likelihood.at(layout, np.append(begun[0].candidate, alone.of_record))
-    return likelihood.climbed(max(begun[0], again, key=lambda one: one.total), 1)
+    return max(begun[0], again, key=lambda one: one.total)
 
 
 def _spread(rows: Floats, sizes: int) -> Floats:

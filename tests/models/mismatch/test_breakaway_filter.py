@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.breakaway_filter import GIVEN_UP, above, log_likelihood
+from stemwatch.models.mismatch.breakaway_filter import (
+    GIVEN_UP,
+    above,
+    log_likelihood,
+    log_likelihoods,
+)
 from stemwatch.models.mismatch.kernel import Record
 from stemwatch.models.mismatch.stem import Stem, Tables
 
@@ -154,3 +159,44 @@ def test_a_run_that_has_fallen_behind_is_given_up() -> None:
     left = likelihood(op, mv, q, tables, block=block, least=limits)
     assert left[:3] == pytest.approx(whole[:3])
     assert np.all(left[3:] == GIVEN_UP)
+
+
+@pytest.mark.parametrize("behind", [np.inf, 30.0])
+def test_several_stems_are_as_likely_as_each_alone(behind: float) -> None:
+    """One after the other, each over its own force; what falls far behind the best is given up."""
+    force = 50.0 + 8.0 * np.sin(np.arange(600) / 40.0)
+    forces = np.stack((force, force + 0.5))
+    block, none, marks = np.arange(600) // 100, np.empty(0, dtype=np.int64), np.zeros(600, np.uint8)
+    marks[0] = 1
+    stems = [stem_of(600, S=S) for S in (4.0, 4.2, 12.0)]
+    numbers = np.stack([q for q, _ in stems])
+    tables = Tables(*(np.concatenate(each) for each in zip(*(t for _, t in stems), strict=True)))
+    mv = force + 0.05 * np.random.default_rng(5).standard_normal(600)
+    rows, scales = np.array([0, 1, 0]), np.array([[0.1, 0.08], [0.2, 0.08], [0.1, 0.05]])
+    by_block = np.empty((3, 6))
+    best = log_likelihoods(
+        forces,
+        rows,
+        numbers,
+        tables,
+        Record(mv, marks, none, none, 1.0, 0.0),
+        block,
+        np.zeros(600),
+        0.0,
+        scales,
+        COURSES,
+        behind,
+        -np.inf,
+        np.full(6, -np.inf),
+        by_block,
+    )
+    alone = [
+        likelihood(forces[row], mv, *stem, sigma=sigma, scatter=scatter, block=block)
+        for stem, row, (sigma, scatter) in zip(stems, rows, scales, strict=True)
+    ]
+    assert np.array_equal(by_block[0], alone[0])
+    given_up = by_block[2, -1] == GIVEN_UP
+    assert given_up == (behind < np.inf)
+    assert given_up or np.array_equal(by_block[2], alone[2])
+    assert alone[2].sum() < alone[0].sum() - 30.0
+    assert behind == np.inf or best == pytest.approx(max(one.sum() for one in alone))
