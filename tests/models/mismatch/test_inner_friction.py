@@ -5,18 +5,32 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stemwatch.models.mismatch.inner_friction import REACHES, dragged, held_back, way_through
+from stemwatch.models.mismatch.inner_friction import (
+    REACHES,
+    Anchors,
+    dragged,
+    first_anchor,
+    held_back,
+    way_through,
+)
+from stemwatch.models.recording import Floats
 
 WAY = 8.0
 
 
-def along(places):
+def moved_to(x: float, anchors: Anchors) -> Anchors:
+    """Where the anchors are with the stem at ``x``."""
+    short, middle, long = (
+        dragged(anchor, x, WAY, reach) for anchor, reach in zip(anchors, REACHES, strict=True)
+    )
+    return short, middle, long
+
+
+def along(places: list[float]) -> Floats:
     """What is held back at each of some places, from rest at the first."""
-    anchors, shares = (places[0],) * 3, []
+    anchors, shares = (places[0], places[0], places[0]), []
     for x in places:
-        anchors = tuple(
-            dragged(anchor, x, WAY, reach) for anchor, reach in zip(anchors, REACHES, strict=True)
-        )
+        anchors = moved_to(x, anchors)
         shares.append(held_back(anchors, x, WAY))
     return np.array(shares)
 
@@ -44,6 +58,12 @@ def test_noise_within_its_reach_leaves_no_trace() -> None:
     assert shares[-1] == pytest.approx(shares[2], abs=0.1)
 
 
+def test_a_record_begins_with_the_share_of_its_force() -> None:
+    """Anchored so that each element holds back the share that it is told."""
+    short, middle, long = (first_anchor(50.0, WAY, reach, -0.6) for reach in REACHES)
+    assert held_back((short, middle, long), 50.0, WAY) == pytest.approx(-0.6)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("gap", [0.3, 2.0, 5.0, 15.0])
 @pytest.mark.parametrize("hysteresis", [0.5, 4.0])
@@ -52,6 +72,5 @@ def test_it_slides_until_spring_and_friction_close_the_gap(side, gap, hysteresis
     anchors, x = (50.5, 51.0, 47.0), 51.5
     u = way_through(anchors, x, side, gap, hysteresis, WAY)
     there = x + side * u
-    after = tuple(dragged(a, there, WAY, reach) for a, reach in zip(anchors, REACHES, strict=True))
-    more = side * (held_back(after, there, WAY) - held_back(anchors, x, WAY))
+    more = side * (held_back(moved_to(there, anchors), there, WAY) - held_back(anchors, x, WAY))
     assert u + hysteresis * more == pytest.approx(gap)
