@@ -147,6 +147,8 @@ CHAIN_PARAMETERS = (
     _tunable("load_linear", "%", "Load over travel, coefficient of z = (x - 50)/50", 0.0, None),
     _tunable("load_square", "%", "Load over travel, coefficient of z squared", 0.0, None),
     _tunable("load_cube", "%", "Load over travel, coefficient of z cubed", 0.0, None),
+    _tunable("spring_hysteresis", "%", "What the spring holds back of a turn, to either side"),
+    _tunable("spring_way", "%", "Travel by which its inner friction has half turned", 6.0, 1e-6),
     _tunable(
         "dwell_breakaway", "%", "Rise of the breakaway each time the rest is 2.7 times longer"
     ),
@@ -201,6 +203,7 @@ _OF_TERM: Mapping[str, tuple[tuple[str, str], ...]] = {
     "flow_force": (("flow_force", "%"),),
     "load_by_position": (("load_linear", "%"), ("load_square", "%"), ("load_cube", "%")),
     "bowed_linkage": (("bow", "%"),),
+    "spring_hysteresis": (("spring_hysteresis", "%"), ("spring_way", "%")),
     "dwell_dependent_breakaway": (("dwell_breakaway", "%"),),
     "lost_motion": (("play", "%"),),
     "growing_stiction": (("friction_growth", ""),),

@@ -26,6 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.inner_friction import (
+    REACHES,
+    dragged,
+    first_anchor,
+    held_back,
+    way_through,
+)
 from stemwatch.models.mismatch.kernel import Record, share_and_least, table_slope, table_value
 from stemwatch.models.mismatch.lanes import never_raises
 from stemwatch.models.mismatch.stem import Tables
@@ -405,23 +412,69 @@ def _rest_together(
 def _weigh(
     s: Floats,
     span: tuple[int, int],
-    gain: float,
+    q: Floats,
     reading: tuple[float, float, float, float],
+    spring: Floats,
 ) -> None:
     """Weigh the courses of a ``span`` by a reading: its value less the offset, its slack, the
     coarse step, and 1 over its scale, which is 0 where it does not count.
     """
-    value, slack, step, per_sigma = reading
+    (value, slack, step, per_sigma), gain, read = reading, q[stem_number.GAIN], _Z
+    if q[stem_number.HYSTERESIS] != 0.0:
+        read = _held_by_spring(s, span, q, spring)
+        _drag(spring, q, value / gain + 50.0)
     if per_sigma == 0.0:
         return
     if step > 0.0 and slack == 0.0:
         for j in range(span[0], span[1]):
-            off = abs(value - gain * (s[_Z + j] - 50.0))
+            off = abs(value - gain * (s[read + j] - 50.0))
             s[_WEIGHT + j] *= _in_step(off, step, per_sigma)
         return
     for j in range(span[0], span[0] + _whole_vectors(span)):
-        off = max(abs(value - gain * (s[_Z + j] - 50.0)) - slack, 0.0)
+        off = max(abs(value - gain * (s[read + j] - 50.0)) - slack, 0.0)
         s[_WEIGHT + j] *= _about(off, per_sigma)
+
+
+@never_raises
+def _held_by_spring(s: Floats, span: tuple[int, int], q: Floats, spring: Floats) -> int:
+    """Write where the courses of a ``span`` stand with what the spring's inner friction holds back
+    after the readings so far, and return the row.
+
+    A course is that of ``x + H h``, which is what the command moves; ``spring`` (4,) are the
+    anchors of the elements and the last place.
+    """
+    hysteresis, way, last = q[stem_number.HYSTERESIS], q[stem_number.WAY], spring[3]
+    anchors = spring[0], spring[1], spring[2]
+    moved = last + hysteresis * held_back(anchors, last, way)
+    for j in range(span[0], span[1]):
+        gap = s[_Z + j] - moved
+        side = 1.0 if gap > 0.0 else -1.0
+        s[_OFF_TO + j] = last + side * way_through(anchors, last, side, abs(gap), hysteresis, way)
+    return _OFF_TO
+
+
+@never_raises
+def _begin_spring(
+    s: Floats, c: int, q: Floats, force: float, grown: float, spring: Floats
+) -> None:
+    """Anchor the spring's elements of course ``c``, which has just begun at its place."""
+    hysteresis, way, place = q[stem_number.HYSTERESIS], q[stem_number.WAY], s[_X + c]
+    band = 0.5 * abs(q[stem_number.S] + q[stem_number.J]) * grown + 0.5 * q[stem_number.PLAY]
+    share = min(max((force - place) / (band + hysteresis + _LEAST_LEVEL), -1.0), 1.0)
+    for i in range(3):
+        spring[i] = first_anchor(place, way, REACHES[i], share)
+    spring[3] = place
+    s[_X + c] += hysteresis * share
+    s[_Z + c] += hysteresis * share
+
+
+@never_raises
+def _drag(spring: Floats, q: Floats, place: float) -> None:
+    """Take the anchors of the spring's elements to a ``place`` that was read, if it was."""
+    if place == place:
+        for i in range(3):
+            spring[i] = dragged(spring[i], place, q[stem_number.WAY], REACHES[i])
+        spring[3] = place
 
 
 @never_raises
@@ -531,6 +584,7 @@ def _followed(
     slides: tuple[float, float],
     scales: tuple[float, float, float, float],
     alike: tuple[float, float],
+    spring: Floats,
 ) -> tuple[int, int, float]:
     """Follow the courses of a ``span`` through the ``samples`` of one stretch; returns where they
     are then, and the logarithm of the likelihood on the way. The courses and what becomes of them
@@ -563,7 +617,7 @@ def _followed(
         new = both - now
         _weigh_chances(s, (now, end), q, (force[k], grown, scatter))
         m = _branch(s, (now, end), new, q, force[k], rests[0])
-        _weigh(s, (new, m), q[stem_number.GAIN], (mv[k] - offset, slack[k], step, per_sigma))
+        _weigh(s, (new, m), q, (mv[k] - offset, slack[k], step, per_sigma), spring)
         now, (end, joined) = new, _keep(s, (new, m), alike[0], alike[1], most)
         apart = steady and not joined and rests[0] == 0.0
         if not _SMALL < s[_WEIGHT + now] < _LARGE:
@@ -598,7 +652,7 @@ def log_likelihood(
 ) -> None:
     """Write the logarithm of the likelihood of each block (n_blocks,) to ``by_block``.
 
-    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (18,) and ``tables``
+    ``force`` (n,) is the command that reaches the stem, percent; ``numbers`` (20,) and ``tables``
     (of one stem) as in ``stem``, without inertia. The stem is set to its reading where ``record``
     is marked as a start. ``block`` and ``slack`` (n,) as in ``kernel.Scoring``; ``step`` is that of
     coarse readings, else 0, ``sigma`` the scale of the readings, both percent, and ``scatter`` that
@@ -615,7 +669,7 @@ def log_likelihood(
     both = _U(_CHILDREN * min(most, MOST_COURSES))
     q, now, end = numbers, _U(0), _U(0)
     (s, slides), alike = _no_courses(dt, q), (_ALIKE_PLACE * sigma, _ALIKE_FORCE * scatter)
-    by_block[:] = 0.0
+    by_block[:], spring = 0.0, np.empty(4)
     while k < n:
         if block[k] != current:
             likely = _made_one(s, (now, end))
@@ -631,13 +685,14 @@ def log_likelihood(
             offset, grown = _offset_and_growth(q, wander, k, n)
             place = (mv[k] - offset) / q[stem_number.GAIN] + 50.0
             end = _begin(s, now, q, place, force[k], grown)
+            _begin_spring(s, now, q, force[k], grown, spring)
             k += 1
             continue
         until = _end_of_stretch(block, marks, k)
         scales = step, 1.0 / sigma if current >= 0 else 0.0, scatter, dt
         now, end, likely = _followed(
             s, (now, end), both, q, friction, pushing, breakaway, wander, force, mv, slack,
-            (k, until), slides, scales, alike,
+            (k, until), slides, scales, alike, spring,
         )  # fmt: skip
         k, total = until, total + likely
     if current >= 0:

@@ -19,6 +19,7 @@ from stemwatch.models.mismatch.findings import NO_TOP_SPEED
 from stemwatch.models.mismatch.terms.bowed_linkage import shape as bowed
 from stemwatch.models.recording import Bools, Floats
 
+LEAST_TURN = 0.5  # percent of travel; noise turns by less
 MOST_SHIFT = 4.0  # times the dead time, up to which the correlation is tried
 SHIFTS = 61  # delays tried
 # The time over which a speed is taken: shares of a lag, and of the time that OP's swing takes.
@@ -276,6 +277,31 @@ def _bow(moves: Moves) -> EffectSignature:
     return _by_place(moves, "The reading is off along a bow over the stroke, both ways.", law)
 
 
+def _friction_after_a_turn(moves: Moves) -> EffectSignature:
+    return replace(
+        _by_place(
+            moves,
+            "The farther the stem has gone since it turned, the more it lags behind OP, until the "
+            "spring has turned as well.",
+        ),
+        x_label="travel since the turn, %",
+        x=_since_turn(moves.mv),
+    )
+
+
+def _since_turn(mv: Floats) -> Floats:
+    """(n,) how far the stem is from where it last turned, percent; turns within ``LEAST_TURN`` are
+    none."""
+    since, turn, farthest, way = np.full(mv.size, np.nan), np.nan, np.nan, 1.0
+    for k in np.flatnonzero(np.isfinite(mv)):
+        turn, farthest = (mv[k], mv[k]) if np.isnan(turn) else (turn, farthest)
+        if way * (farthest - mv[k]) > LEAST_TURN:
+            turn, farthest, way = farthest, mv[k], -way
+        farthest = max(farthest, mv[k]) if way > 0.0 else min(farthest, mv[k])
+        since[k] = way * (mv[k] - turn)
+    return since
+
+
 def _stopped(moves: Moves) -> EffectSignature:
     op = later(moves.op, moves.late_s, moves.interval_s)
     ends = np.array(_ends(op))
@@ -370,6 +396,7 @@ _SIGNATURES: Mapping[str, Callable[[Moves], EffectSignature | None]] = MappingPr
         "flow_force": _force_by_place,
         "load_by_position": _force_by_place,
         "bowed_linkage": _bow,
+        "spring_hysteresis": _friction_after_a_turn,
         "zero_shift": _zero,
         "span_error": _span,
         "travel_stop": _stopped,

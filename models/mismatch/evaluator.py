@@ -82,7 +82,7 @@ def _means(losses: Floats, blocks: Bools, counts: Floats) -> Floats:
 
 @njit(cache=True)
 def _fill_base(base: Floats, restick: float, numbers: Floats) -> None:
-    """The base's coordinates (m, 6) into the numbers (m, 18) of the stems; ``restick`` is the speed
+    """The base's coordinates (m, 6) into the numbers (m, 20) of the stems; ``restick`` is the speed
     of sticking again of those that have none of their own.
     """
     for row in range(base.shape[0]):
@@ -401,7 +401,7 @@ class Evaluator:
     def laid_out(
         self, layout: CoordinateLayout, candidate: Floats
     ) -> tuple[Floats, Floats, Tables]:
-        """The force (n,) on the stem of a candidate (size,), its numbers (18,) and its tables.
+        """The force (n,) on the stem of a candidate (size,), its numbers (20,) and its tables.
         Buffers: what runs next writes over them.
         """
         of_force = candidate[None, layout.of_force]
@@ -427,7 +427,7 @@ class Evaluator:
 
     @cached_property
     def _first_stem(self) -> tuple[Floats, Tables]:
-        """Numbers (18,) and tables of the first stem."""
+        """Numbers (20,) and tables of the first stem."""
         numbers, tables = self._stems.first(1)
         return numbers[0], tables
 

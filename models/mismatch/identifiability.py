@@ -41,6 +41,7 @@ PHYSICS = (
     "zero_shift",
     "span_error",
     "bowed_linkage",
+    "spring_hysteresis",
     "lost_motion",
     "travel_stop",
     "underdamped_positioner",
@@ -402,6 +403,7 @@ def _travel(motion: Exercised) -> Refusals:
     for slug, least in (
         ("span_error", SPAN_TRAVEL),
         ("bowed_linkage", SPAN_TRAVEL),
+        ("spring_hysteresis", SPAN_TRAVEL),
         ("flow_force", FLOW_TRAVEL),
         ("position_dependent_friction", FRICTION_TRAVEL),
     ):

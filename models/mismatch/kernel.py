@@ -25,6 +25,13 @@ from numpy.typing import NDArray
 
 from stemwatch.models.mismatch import lane_rows as row
 from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.inner_friction import (
+    REACHES,
+    dragged,
+    first_anchor,
+    held_back,
+    way_through,
+)
 from stemwatch.models.mismatch.lane_rows import LANES
 from stemwatch.models.mismatch.lanes import (
     AHEAD,
@@ -313,17 +320,55 @@ def _look_up(
     friction: Floats,
     force: Floats,
     dt: float,
+    forces: Floats,
 ) -> None:
-    """Friction and force by place, of those lanes ``placed`` that moved, and how far they slide."""
+    """Friction and force by place, of those lanes ``placed`` that moved, and how far they slide.
+
+    ``forces`` (lanes,) at this sample.
+    """
     for lane in placed:
-        i = np.uint64(lane)
+        i, q = np.uint64(lane), numbers[lane]
         x = s[row.X + i]
         if x != s[row.LOOKED_UP_AT + i]:
             s[row.LOOKED_UP_AT + i] = x
             s[row.FRICTION + i] = table_value(friction, lane, x)
             s[row.FORCE + i] = table_value(force, lane, x)
             slope = table_slope(force, lane, x)
-            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, numbers[lane], slope)
+            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, q, slope)
+            if q[stem_number.HYSTERESIS] != 0.0:
+                s[row.FORCE + i] += _drag_anchors(s, i, q, x)
+        if q[stem_number.HYSTERESIS] != 0.0:
+            slope = table_slope(force, lane, x)
+            slope += _stiffened(s, i, q, forces[lane] - x - s[row.FORCE + i])
+            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, q, slope)
+
+
+@never_raises
+def _drag_anchors(s: Floats, i: np.uint64, q: Floats, x: float) -> float:
+    """Move the anchors of lane ``i`` to its place ``x``; returns the force of its spring's inner
+    friction there."""
+    way = q[stem_number.WAY]
+    short = dragged(s[row.SHORT_ANCHOR + i], x, way, REACHES[0])
+    middle = dragged(s[row.MIDDLE_ANCHOR + i], x, way, REACHES[1])
+    long = dragged(s[row.LONG_ANCHOR + i], x, way, REACHES[2])
+    s[row.SHORT_ANCHOR + i], s[row.MIDDLE_ANCHOR + i] = short, middle
+    s[row.LONG_ANCHOR + i] = long
+    force: float = q[stem_number.HYSTERESIS] * held_back((short, middle, long), x, way)
+    return force
+
+
+@never_raises
+def _stiffened(s: Floats, i: np.uint64, q: Floats, f: float) -> float:
+    """The mean rise of the inner friction of lane ``i`` over a percent of the travel by which the
+    force ``f`` on the stem slides it; 0 where it does not."""
+    gap = abs(f) - (s[row.HALF_S + i] - s[row.HALF_J + i])
+    if gap <= 0.0:
+        return 0.0
+    anchors = s[row.SHORT_ANCHOR + i], s[row.MIDDLE_ANCHOR + i], s[row.LONG_ANCHOR + i]
+    side, hysteresis = 1.0 if f > 0.0 else -1.0, q[stem_number.HYSTERESIS]
+    slides = way_through(anchors, s[row.X + i], side, gap, hysteresis, q[stem_number.WAY])
+    rise: float = gap / slides - 1.0
+    return rise
 
 
 @never_raises
@@ -370,7 +415,7 @@ def _slide_varied(
     for k in range(begin, end):
         o, t, full = np.uint64(k % AHEAD) * lanes, k - half_way, 0
         measured, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
-        _look_up(s, numbers, placed, friction, pushing, dt)
+        _look_up(s, numbers, placed, friction, pushing, dt, forces[o:])
         for lane in resting:
             at = np.uint64(lane)
             rested = 0.0 if s[row.GOING + at] != 0.0 else s[row.RESTED + at]
@@ -476,11 +521,18 @@ def _wander_and_rest(
         band = level * (1.0 + abs(s[row.GROWTH + i]) * k) + half
         if q[stem_number.BY_PLACE] != 0.0:
             band += abs(table_value(friction, lane, z)) + abs(table_value(force, lane, z))
+            band += q[stem_number.HYSTERESIS]
         z = min(max(z, laid_out[lane] - band), laid_out[lane] + band)
         # At a RESYNC it rests within the play of its reading.
         s[row.X + i] = z if start else min(max(s[row.X + i], z - half), z + half)
         s[row.Z + i], s[row.MOVING + i], s[row.SPEED + i] = z, 0.0, 0.0
         s[row.RESTED + i] = 0.0 if start else s[row.RESTED + i]
+        if start and q[stem_number.HYSTERESIS] != 0.0:
+            share, way = (laid_out[lane] - z) / band, q[stem_number.WAY]
+            s[row.SHORT_ANCHOR + i] = first_anchor(z, way, REACHES[0], share)
+            s[row.MIDDLE_ANCHOR + i] = first_anchor(z, way, REACHES[1], share)
+            s[row.LONG_ANCHOR + i] = first_anchor(z, way, REACHES[2], share)
+            s[row.LOOKED_UP_AT + i] = np.nan
 
 
 @never_raises
@@ -531,7 +583,7 @@ def follow(
     out: Floats,
     early_late: Floats,
 ) -> None:
-    """Run ``m <= LANES`` stems of ``numbers`` (m, 18), each over a row of ``force`` (r, n).
+    """Run ``m <= LANES`` stems of ``numbers`` (m, 20), each over a row of ``force`` (r, n).
 
     ``rows`` (m,) says which; forces must be finite, percent. ``losses`` (m, blocks) receives the
     sums of the loss, ``out`` (n, m) the readings sample by sample, percent of MV, and
@@ -583,7 +635,7 @@ def follow(
                     current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
-                _look_up(s, numbers, placed, friction, pushing, dt)
+                _look_up(s, numbers, placed, friction, pushing, dt, laid_out[k % AHEAD * lanes :])
                 _rise(s, rested, breakaway)
                 _set_levels(s, all_lanes, k)
             if timed:

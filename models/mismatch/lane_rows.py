@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 LANES = 32  # candidates that run side by side at most
-COUNT = 36  # rows
+COUNT = 39  # rows
 _rows = (np.uint64(row * LANES) for row in range(COUNT))
 
 # State of the stem.
@@ -53,6 +53,11 @@ PRODUCT = next(_rows)  # of the samples' loss factors since it was last settled
 FRICTION = next(_rows)  # to both levels, by place
 BREAKAWAY = next(_rows)  # to the breakaway, by the rest before
 LOOKED_UP_AT = next(_rows)  # the place at which friction and force were looked up
+
+# A spring with inner friction: where its three elements are anchored (``inner_friction``).
+SHORT_ANCHOR = next(_rows)
+MIDDLE_ANCHOR = next(_rows)
+LONG_ANCHOR = next(_rows)
 
 # A stem with inertia.
 SPEED = next(_rows)  # percent per second

@@ -2,8 +2,9 @@
 
 A spring or diaphragm with inner friction resists each turn, by ``H h`` percent of span:
 ``dh = (dx - |dx| h) / w`` (Dahl 1968), ``h`` from -1 to 1, reached within some times ``w`` percent
-of travel. Short moves come out too short, as with a span error, but long ones do not. No term of
-the catalogue does that; a span error or a zero error must not stand in for it.
+of travel. Short moves come out too short, as with a span error, but long ones do not. Where the
+term of that name (``terms.spring_hysteresis``, by another law of friction) is not found, a span
+error or a zero error must not stand in for it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import Advantage, advantage
 
+SPRING = "spring_hysteresis"  # its term
 WAYS = (3.0, 6.0, 12.0)  # ``w`` that are tried, percent of travel
 # What takes its place: errors of the reading, and play.
 IMITATED = ("zero_shift", "span_error", "bowed_linkage", "lost_motion")

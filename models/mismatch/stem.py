@@ -11,7 +11,8 @@ doi:10.1016/j.conengprac.2004.05.005): levels ``fs = (S + J)/2`` and ``fd = (S -
 - friction may depend on place (``friction``, added to both levels), on the rest before
   (``breakaway``, added to ``fs``), on direction (``ASYMMETRY``: J (1 + a) rising, J (1 - a)
   falling) and on time (``GROWTH``: both levels times 1 + g t/T),
-- a force may depend on place (``force``), a resting stem may creep, stops may hold it,
+- a force may depend on place (``force``), and on the way since a turn (``HYSTERESIS``, ``WAY``: see
+  ``inner_friction``); a resting stem may creep, stops may hold it,
 - a stem with inertia (``RUN_UP_S`` > 0, where a drive is sampled fast enough to show it) is moved
   by its force balance, ``DRAG_S (RUN_UP_S dv/dt + v) = d F - fd``, ``0 <= v <= TOP_SPEED``; it
   rests where its speed has come to 0 and the force is within ``fs``,
@@ -29,7 +30,7 @@ from numba import njit
 
 from stemwatch.models.recording import Floats
 
-# Order of the numbers (18,) of a stem. They and the places are compiled into ``kernel``, whose
+# Order of the numbers (20,) of a stem. They and the places are compiled into ``kernel``, whose
 # cache does not notice a change here: clear it, or save ``kernel`` as well.
 (
     S,
@@ -50,8 +51,10 @@ from stemwatch.models.recording import Floats
     BY_TIME,
     RUN_UP_S,
     TOP_SPEED,
-) = range(18)
-N_NUMBERS = 18
+    HYSTERESIS,
+    WAY,
+) = range(20)
+N_NUMBERS = 20
 PLACE_LOW, PLACE_HIGH, PLACES = -20.0, 120.0, 141
 
 _NEUTRAL = np.zeros(N_NUMBERS)
@@ -75,7 +78,7 @@ class Tables(NamedTuple):
 
 @dataclass
 class Stem:
-    """Numbers (18,) and tables of one run.
+    """Numbers (20,) and tables of one run.
 
     ``friction`` and ``force`` (141,) over place, ``breakaway`` (n + 1,) over the samples rested,
     ``wander`` (n + 1,) of the reading over time, all in percent of span. A term that fills a table
@@ -99,7 +102,7 @@ class Stem:
 def _clear(
     numbers: Floats, friction: Floats, force: Floats, breakaway: Floats, wander: Floats
 ) -> None:
-    """Reset the stems of ``numbers`` (m, 18) to neutral, and the tables that their flags name."""
+    """Reset the stems of ``numbers`` (m, 20) to neutral, and the tables that their flags name."""
     for row in range(numbers.shape[0]):
         if numbers[row, BY_PLACE] != 0.0:
             friction[row], force[row] = 0.0, 0.0
@@ -112,7 +115,7 @@ def _clear(
 
 @dataclass(frozen=True)
 class Stems:
-    """Stems that run side by side: each is a view of a row of ``numbers`` (m, 18) and tables."""
+    """Stems that run side by side: each is a view of a row of ``numbers`` (m, 20) and tables."""
 
     numbers: Floats
     tables: Tables

@@ -76,6 +76,8 @@ CLIMBED = 4  # points by the truth from which the likelihood is climbed
 RESTICKS = (0.02, 0.2, 1.0)  # %/s
 # Shares of the drawn speed, at which friction has fallen, at which a stem may stick again.
 OF_STRIBECK = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 1.6)
+# Elements that slip one by one turn over a way of their own.
+OF_WAY = (0.6, 0.85, 1.2)
 # A rise that settles, over that of the logarithm which it reaches after three minutes.
 SETTLES = 3.5
 NAMED, NOTHING, LITTLE = "named", "gains nothing", "too little"
@@ -112,6 +114,9 @@ SIZES: dict[str, Callable[[Sizes], list[list[float]]]] = {
     "lost_motion": lambda of: [[of["play_percent"]]],
     "sensor_drift": lambda of: [[of["drift_percent"], 0.0, 0.0, 0.0]],
     "bowed_linkage": lambda of: either_sign(of["bow_percent"]),
+    "spring_hysteresis": lambda of: [
+        [of["hysteresis_percent"], k * of["hysteresis_way_percent"]] for k in OF_WAY
+    ],
 }
 
 

@@ -32,6 +32,7 @@ enum {
 #define PLACE_LOW (-20.0)
 #define PI 3.141592653589793
 #define MOTOR_PARTS 4       /* of a sample, in which a stem with inertia is moved */
+#define ELEMENTS 3          /* of a spring with inner friction */
 #define LONGEST_DELAY 10000000.0 /* samples */
 
 typedef struct {
@@ -51,6 +52,7 @@ typedef struct {
     double lagged, rung, rung_speed, limited, step, air, before_air;
     /* The stem: its place, where its reading stands, the way and speed it moves, how long it rested. */
     double x, z, way, speed;
+    double anchor[ELEMENTS]; /* of the elements of the spring's inner friction */
     bool moving;
     double rested;
     double age; /* samples since the start */
@@ -173,7 +175,10 @@ static bool restart(Valve *v)
     double band = fabs(0.5 * (v->q[S] + v->q[J]) * per_op) + 0.5 * v->q[PLAY];
     double z = (v->q[POSITION_START] - reading_at_50(v)) / v->q[READING_GAIN] + 50.0;
     band += fabs(table_at(v->friction, z)) + fabs(table_at(v->force, z));
+    band += v->q[SPRING_HYSTERESIS];
     v->x = v->z = clipped(z, command - band, command + band);
+    double reach = v->q[SPRING_WAY] / 4.0, share = (command - v->x) / fmax(band, ROUNDING);
+    for (int i = 0; i < ELEMENTS; i++, reach *= 2.0) v->anchor[i] = v->x - share * reach;
     v->position = reading(v);
     return true;
 }
@@ -269,12 +274,44 @@ static void move_with_inertia(Valve *v, double force, Levels at)
     v->moving = v->speed > 0.0;
 }
 
+/* What the inner friction of the spring holds back where the stem is. Its elements slip at their
+   reach, a quarter, a half and the whole of spring_way, and their anchors are dragged along. */
+static double held_back(Valve *v)
+{
+    double shares = 0.0, reach = v->q[SPRING_WAY] / 4.0;
+    for (int i = 0; i < ELEMENTS; i++, reach *= 2.0) {
+        v->anchor[i] = clipped(v->anchor[i], v->x - reach, v->x + reach);
+        shares += (v->x - v->anchor[i]) / reach;
+    }
+    return v->q[SPRING_HYSTERESIS] * shares / ELEMENTS;
+}
+
+/* The mean rise of the inner friction over a percent of the travel that closes a gap. */
+static double stiffened(const Valve *v, double side, double gap)
+{
+    double slides = 0.0;
+    if (v->q[SPRING_HYSTERESIS] <= 0.0 || gap <= 0.0) return 0.0;
+    for (int round = 0; round <= ELEMENTS; round++) {
+        double slope = 1.0, closed = 0.0, reach = v->q[SPRING_WAY] / 4.0;
+        for (int i = 0; i < ELEMENTS; i++, reach *= 2.0) {
+            double room = reach - side * (v->x - v->anchor[i]);
+            double rise = v->q[SPRING_HYSTERESIS] / (ELEMENTS * reach);
+            if (room > slides) slope += rise;
+            else closed += rise * fmax(room, 0.0);
+        }
+        slides = (gap - closed) / slope;
+    }
+    return gap / slides - 1.0;
+}
+
 /* The share of the gap that the stem covers in a sample: a force that rises over the travel closes
    the gap on the way, as a stiffer spring would. */
-static double slide_share(const Valve *v)
+static double slide_share(const Valve *v, double force)
 {
     int i = (int)clipped(v->x - PLACE_LOW, 0.0, PLACES - 1.000001);
-    double stiffness = fmax(1.0 + v->force[i + 1] - v->force[i], SOFTEST);
+    double f = force - v->x, sliding = 0.5 * (v->q[S] - v->q[J]) * fabs(v->q[TRAVEL_PER_OP]);
+    double stiffness = 1.0 + v->force[i + 1] - v->force[i];
+    stiffness = fmax(stiffness + stiffened(v, f > 0.0 ? 1.0 : -1.0, fabs(f) - sliding), SOFTEST);
     return share_of(v->q[SAMPLE_TIME] * stiffness, v->q[DRAG]) / stiffness;
 }
 
@@ -291,7 +328,7 @@ static double least_gap(const Valve *v, double share)
 static void move(Valve *v, double force, Levels at)
 {
     const double *q = v->q;
-    double share = slide_share(v);
+    double share = slide_share(v, force);
     double f = force - v->x, sliding = v->way > 0.0 ? at.slides_up : at.slides_down;
     bool rises = f > at.breaks_up, falls = -f > at.breaks_down;
     bool goes_on = ONE_ACTUATOR ? v->way * v->step > q[RESTICK_SPEED] * q[SAMPLE_TIME]
@@ -317,7 +354,7 @@ static void advance(Valve *v)
     double force = force_of(v), half = 0.5 * v->q[PLAY];
     v->age += 1.0;
     Levels at = levels_of(v);
-    force -= table_at(v->force, v->x);
+    force -= table_at(v->force, v->x) + held_back(v);
     v->rested = v->moving ? 1.0 : v->rested + 1.0;
     if (v->q[RUN_UP] > 0.0) move_with_inertia(v, force, at);
     else move(v, force, at);

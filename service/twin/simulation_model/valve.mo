@@ -34,6 +34,7 @@ protected
   discrete Real command, lagged, rung, ring_speed, limited, step, air, before_air, force;
   discrete Real x "The stem, %";
   discrete Real z "Where its reading stands, %";
+  discrete Real anchor[3] "Of the elements of the spring's inner friction, which slip at their reach, %";
   discrete Real way "1 rising, -1 falling";
   discrete Real speed "Of a stem with inertia, %/s";
   discrete Real rested "Samples";
@@ -41,7 +42,7 @@ protected
   discrete Real course "How much of record_time is over, 0 to 1";
   discrete Real reading_at_50 "What is read where the stem is at 50 % of travel";
   discrete Boolean moving;
-  Real error, part, f, level, jump, up, down, rise, sliding, gap, share, place, off, pushed, least, stiffness;
+  Real error, part, f, level, jump, up, down, rise, sliding, gap, share, place, off, pushed, least, stiffness, reach, slides;
   Boolean begun(start = false, fixed = true);
 
 algorithm
@@ -109,9 +110,14 @@ algorithm
     stiffness := max(stiffness, 0.5);
 
     if level >= 0 then
-      level := level + abs(off) + abs(pushed);
+      level := level + abs(off) + abs(pushed) + spring_hysteresis;
       x := min(max(z, command - level), command + level);
       z := x;
+      reach := spring_way / 4;
+      for i in 1:3 loop
+        anchor[i] := x - (command - x) / max(level, rounding) * reach;
+        reach := 2 * reach;
+      end for;
     else
       if one_actuator then
         error := command - limited;
@@ -140,6 +146,12 @@ algorithm
       share := if supply_sag > 0 then 1 else -1;
       air := max(1 - sample_time / supply_recovery, 0) * air + abs(supply_sag) / 100 * max(share * (limited - before_air), 0);
       before_air := limited;
+      reach := spring_way / 4;
+      for i in 1:3 loop
+        anchor[i] := min(max(anchor[i], x - reach), x + reach);
+        pushed := pushed + spring_hysteresis * (x - anchor[i]) / (3 * reach);
+        reach := 2 * reach;
+      end for;
       force := limited - share * air - pushed;
 
       level := 0.5 * S * abs(travel_per_op) * (1 + friction_growth * course) + off;
@@ -165,6 +177,25 @@ algorithm
         moving := speed > 0;
       else
         f := force - x;
+        part := if f > 0 then 1 else -1;
+        gap := abs(f) - 0.5 * (S - J) * abs(travel_per_op);
+        if spring_hysteresis > 0 and gap > 0 then
+          // As stiff as spring and inner friction are over the way that closes the gap.
+          slides := 0;
+          for i in 1:4 loop
+            place := 1;
+            least := 0;
+            reach := spring_way / 4;
+            for j in 1:3 loop
+              share := reach - part * (x - anchor[j]);
+              place := place + (if share > slides then spring_hysteresis / (3 * reach) else 0);
+              least := least + (if share > slides then 0 else spring_hysteresis / (3 * reach) * max(share, 0));
+              reach := 2 * reach;
+            end for;
+            slides := (gap - least) / place;
+          end for;
+          stiffness := max(stiffness + gap / slides - 1, 0.5);
+        end if;
         share := (if drag > 1e-3 * unit_s then 1 - exp(-sample_time * stiffness / drag) else 1) / stiffness;
         least := if restick_speed < 0 then -rounding else max(max(restick_speed, if drag > 1e-3 * unit_s then 0.01 / unit_s else 0) * sample_time / share, rounding);
         sliding := level - (if way > 0 then up else down);

@@ -66,7 +66,15 @@ def test_the_tail_is_that_of_students_distribution() -> None:
 
 @pytest.mark.parametrize(
     "numbers",
-    [{}, {"RESTICK": 0.6}, {"PLAY": 1.0}, {"ASYMMETRY": 0.4}, {"CREEP": 0.2}, {"DRAG_S": 2.0}],
+    [
+        {},
+        {"RESTICK": 0.6},
+        {"PLAY": 1.0},
+        {"ASYMMETRY": 0.4},
+        {"CREEP": 0.2},
+        {"DRAG_S": 2.0},
+        {"HYSTERESIS": 1.5, "WAY": 3.0, "BY_PLACE": 1.0},
+    ],
     ids=str,
 )
 def test_the_probabilities_of_all_readings_sum_to_one(numbers) -> None:

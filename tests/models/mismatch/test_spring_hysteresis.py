@@ -70,8 +70,21 @@ def test_as_much_as_an_archive_keeps_open_is_no_spring():
 @pytest.mark.long
 @pytest.mark.parametrize("place", [17, 18])
 def test_a_simulated_spring_with_hysteresis_is_no_span_error(place: int) -> None:
-    """Both valves were once named a span error."""
+    """Both valves were once named a span error; it has its own name, and S is near the true one."""
     case = draw_effect("spring_hysteresis", place + 1, 4060, "routine")[place]
     found = explain(simulate_hidden(case)[1].recording)
+    assert [effect.members for effect in found.effects] == [("spring_hysteresis",)]
+    size = case.sizes["spring_hysteresis.hysteresis_percent"]
+    assert found.effects[0].parameters["H"].value == pytest.approx(size, rel=0.35)
+    assert found.restated.S.value == pytest.approx(case.loop.valve.S, rel=0.1)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("place", [17, 18])
+def test_without_its_term_the_spring_is_unknown(place: int) -> None:
+    """No error of the reading stands in for it."""
+    case = draw_effect("spring_hysteresis", place + 1, 4060, "routine")[place]
+    recording = simulate_hidden(case)[1].recording
+    found = explain(recording, refused={"spring_hysteresis": "it is not looked for here"})
     assert found.finding is Finding.UNKNOWN
     assert found.effects == ()

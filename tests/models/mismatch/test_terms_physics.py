@@ -95,6 +95,8 @@ class Chain:
     sag_tau: float = 30.0
     U: float = 0.0
     bow: float = 0.0
+    H: float = 0.0
+    way: float = 1.0
     a: float = 0.0
     A: float = 0.0
     c: float = 50.0
@@ -113,6 +115,7 @@ class Chain:
     by_speed: bool = False
     air: float = field(default=0.0, init=False)
     velocity: float = field(default=0.0, init=False)
+    anchors: list[float] = field(default_factory=list, init=False)
 
     def actuator(self, p: float, u: float, dt: float) -> float:
         """The force after one sample of the command ``u``."""
@@ -147,10 +150,24 @@ class Chain:
         bent = 1.5 * math.sqrt(3.0) * self.bow * (w - w**3)
         return self.U * (4.0 * share * (1.0 - share) - 1.0) - bent
 
+    def settled(self, x: float) -> float:
+        """Where a spring with inner friction holds the stem that would stand at ``x`` without."""
+        reaches = [0.25 * self.way, 0.5 * self.way, self.way]
+        self.anchors = self.anchors or [x, x, x]
+        low, high = x - self.H, x + self.H
+        for _ in range(60):
+            y = 0.5 * (low + high)
+            shares = [(y - a) / r for a, r in zip(self.anchors, reaches, strict=True)]
+            held = self.H / 3.0 * sum(min(max(share, -1.0), 1.0) for share in shares)
+            low, high = (y, high) if y + held < x else (low, y)
+        pairs = zip(self.anchors, reaches, strict=True)
+        self.anchors = [min(max(a, y - r), y + r) for a, r in pairs]
+        return y
+
     def run(self, u: Floats, dt: float) -> Floats:
         """(n,) MV, from a reading equal to the command."""
         n, rate = len(u), dt / self.tau_v if self.tau_v > 0.0 else math.inf
-        x = z = (u[0] - self.zero + 0.5 * self.D - 50.0) / self.gain + 50.0
+        x = z = self.settled((u[0] - self.zero + 0.5 * self.D - 50.0) / self.gain + 50.0)
         p = before = float(u[0])
         moving, d, rest = False, 1.0, 0.0
         complete = int(self.theta / dt)
@@ -181,7 +198,8 @@ class Chain:
             if moving and d * F > fd:
                 x += shares * (F - d * fd)
             x = min(max(x, self.low), self.high)
-            z = min(max(z, x - 0.5 * self.b), x + 0.5 * self.b)
+            y = self.settled(x)
+            z = min(max(z, y - 0.5 * self.b), y + 0.5 * self.b)
             out.append(self.gain * (z - 50.0) + 50.0 + self.zero + self.D * (k / n - 0.5))
             before = seen
         return np.array(out)
@@ -208,6 +226,7 @@ EXACT = [
     ("sensor_drift", [-1.8], Chain(D=-1.8)),
     ("zero_shift", [1.1], Chain(zero=1.1)),
     ("span_error", [-0.07], Chain(gain=0.93)),
+    ("spring_hysteresis", [1.5, 6.0], Chain(H=1.5, way=6.0)),
 ]
 # The speed of the stem decides whether it sticks; a table is linear between its places.
 CLOSE = [
@@ -252,9 +271,12 @@ def test_a_force_that_is_linear_in_travel_is_a_gain_of_the_reading(rise, drag_s)
     assert np.sqrt(np.mean((mv - simulated(op, drag)) ** 2)) > 0.3
 
 
+STATES = ("air", "velocity", "anchors")
+
+
 def settings_of(chain: Chain) -> dict[str, float]:
     """A chain's parameters, so that each test runs one without history."""
-    return {name: value for name, value in vars(chain).items() if name not in ("air", "velocity")}
+    return {name: value for name, value in vars(chain).items() if name not in STATES}
 
 
 @pytest.mark.parametrize("slug", sorted(CATALOGUE))

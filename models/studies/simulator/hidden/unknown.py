@@ -75,5 +75,5 @@ RARE = {
         HiddenEffect(slug="spring_hysteresis", draw=_hysteresis, apply=by_name(with_body)),
     )
 }
-NAMED_SINCE = ("bowed_linkage",)
+NAMED_SINCE = ("bowed_linkage", "spring_hysteresis")
 UNKNOWN = {slug: effect for slug, effect in RARE.items() if slug not in NAMED_SINCE}
