@@ -23,7 +23,6 @@ from stemwatch.models.studies.simulator.hidden import (
     draw_effect,
     draw_hidden,
     draw_nulls,
-    simulate_hidden,
 )
 
 ASKED_S = 1.0
@@ -37,10 +36,7 @@ def recordings(count: int, seed: int) -> dict[str, list[Recording]]:
         "one effect": [draw_effect(PHYSICS[n % len(PHYSICS)], 1, seed)[0] for n in range(count)],
         "two effects": [case for case in pairs if case.concealment == "routine"][:count],
     }
-    return {
-        name: [simulate_hidden(case)[1].recording for case in cases]
-        for name, cases in kinds.items()
-    }
+    return {name: [case.simulated().recording for case in cases] for name, cases in kinds.items()}
 
 
 def measure(count: int, seed: int) -> list[dict[str, object]]:

@@ -24,7 +24,7 @@ from stemwatch.models.own_clock import (
 from stemwatch.models.quality import assess
 from stemwatch.models.recording import ClockFacts, Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect
 
 FACTORS = (0.001, 0.01, 5.0, 60.0)
 FAST, SLOW = FACTORS[0], FACTORS[-1]  # of which the short run tries one in each test
@@ -35,7 +35,7 @@ HIDDEN = ("dead_time", "rate_limit")
 @cache
 def lasting(slug):
     """An hour at 1 s of a loop with one effect hidden in it."""
-    return simulate_hidden(draw_effect(slug, 1, 4001)[0])[1].recording
+    return draw_effect(slug, 1, 4001)[0].simulated().recording
 
 
 def slower(recording, factor):

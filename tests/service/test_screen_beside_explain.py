@@ -12,7 +12,7 @@ from stemwatch.models.limits import Limits
 from stemwatch.models.recording import Recording
 from stemwatch.models.screening import Case, Options, screen
 from stemwatch.models.screening_result import Screening
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.studies.simulator.loop import PlantLoop
 from stemwatch.models.studies.simulator.simulate import simulate_loop
 from stemwatch.models.studies.simulator.valve import SimulatedValve
@@ -42,7 +42,7 @@ def blind() -> Recording:
 def hidden(slug: str, seed: int) -> Recording:
     """A recording with one effect hidden, or none."""
     case = draw_nulls(1, seed)[0] if slug == "null" else draw_effect(slug, 1, seed)[0]
-    return simulate_hidden(case)[1].recording
+    return case.simulated().recording
 
 
 KINDS = {

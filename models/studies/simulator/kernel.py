@@ -1,7 +1,8 @@
 """The compiled kernel of a closed loop in continuous time, in small fixed steps.
 
 Order within a step: archive, controller, air, stem, process. SI units inside the valve, percent
-outside it.
+outside it. What is called at each step is inlined, because passing all these numbers would take
+longer than the step.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def friction_level(speed: float, breakaway_n: float, kinetic_n: float, stem: Ste
     return kinetic_n + (breakaway_n - kinetic_n) * math.exp(-ratio * ratio)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def stem_speed(
     force: float,
     speed: float,
@@ -96,7 +97,7 @@ def bristle_speed(
     return speed, deflection_m, travel_m
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def packing_levels(
     opening: float,
     x: float,
@@ -122,7 +123,7 @@ def packing_levels(
     return max(breakaway, kinetic), kinetic
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def plug_force(x: float, hysteresis: float, stem: StemNumbers, body: BodyNumbers) -> float:
     """Force on the stem in newton from the fluid, ``U (1 - sin(pi (x/stroke)^power))``, least where
     the plug takes the most flow; and from the inner friction of spring and diaphragm.
@@ -134,7 +135,7 @@ def plug_force(x: float, hysteresis: float, stem: StemNumbers, body: BodyNumbers
     return force
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def moved_stem(
     force: float,
     x: float,
@@ -174,7 +175,7 @@ def moved_stem(
     return new, moved
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def air_step(pressure: float, command: float, position: float, dt: float, air: AirNumbers) -> float:
     """Chamber pressure after one step, Pa; ``command`` and ``position`` in percent."""
     target = demanded_pressure(command, position, air)
@@ -183,7 +184,7 @@ def air_step(pressure: float, command: float, position: float, dt: float, air: A
     return pressure + dt / air.lag_s * (target - pressure)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def demanded_pressure(command: float, position: float, air: AirNumbers) -> float:
     """The pressure that I/P or positioner demand, Pa, between 0 and the supply's."""
     demanded = command + air.positioner_gain * (command - position)
@@ -191,7 +192,7 @@ def demanded_pressure(command: float, position: float, air: AirNumbers) -> float
     return min(max(target, 0.0), air.supply_pa)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def air_line_step(
     pressure: float,
     command: float,
@@ -245,7 +246,7 @@ def controller_scan(
     return output, integral
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def process_step(
     inflow: float, first: float, second: float, dt: float, process: ProcessNumbers
 ) -> tuple[float, float]:
@@ -257,7 +258,7 @@ def process_step(
     return first, second + dt / process.second_lag_s * (first - second)
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def within_stroke(x: float, moved: float, stroke_m: float) -> tuple[float, float]:
     """Position and speed after the mechanical stops, which take all speed."""
     if x <= 0.0 or x >= stroke_m:
@@ -265,14 +266,13 @@ def within_stroke(x: float, moved: float, stroke_m: float) -> tuple[float, float
     return x, moved
 
 
-@njit(cache=True)
+@njit(cache=True, inline="always")
 def between(values: Floats, step: int, steps: int) -> float:
     """``values``, one per ``steps`` steps, on the straight line at ``step``."""
     index = min(step // steps, values.size - 2)
     return float(values[index] + (step / steps - index) * (values[index + 1] - values[index]))
 
 
-# Inlined, because passing all these numbers at each step takes longer than the step.
 @njit(cache=True, inline="always")
 def valve_step(
     command: float,

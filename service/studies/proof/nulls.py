@@ -23,7 +23,7 @@ from stemwatch.models.mismatch.acceptance_limits import (
 )
 from stemwatch.models.mismatch.explain import explain, scores
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import HiddenCase, draw_nulls
 from stemwatch.service.executors import Executor, map_items
 
 QUANTILES = (0.5, 0.9, 0.95, 0.97, 0.99, 1.0)
@@ -261,7 +261,7 @@ def _scored(batch: Sequence[HiddenCase]) -> list[NullValve]:
 
 
 def _null(case: HiddenCase) -> NullValve:
-    recording = simulate_hidden(case)[1].recording
+    recording = case.simulated().recording
     null_scores, effects = scores(recording), explain(recording).effects
     valve = case.loop.valve
     return NullValve(

@@ -263,11 +263,13 @@ KINDS = ("quoted", "cp1252", "packed")
 VALVES = 24
 TAG_NAMES = [f"V{n}.{role}" for n in range(VALVES) for role in ("OP", "MV")]
 
+WHICH_HOUR = b"yyyy-mm-ddThh"
 
-def hour_of(kind: str, hour: int, rows: list[list[str]]) -> str:
-    """An hour at 1 s, as text."""
-    started = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=hour)
-    stamps = [f"{started:%Y-%m-%dT%H}:{s // 60:02d}:{s % 60:02d}Z" for s in range(3600)]
+
+def any_hour(kind: str, rows: list[list[str]]) -> str:
+    """An hour at 1 s, as text, with ``WHICH_HOUR`` where each time says which."""
+    hour = WHICH_HOUR.decode()
+    stamps = [f"{hour}:{s // 60:02d}:{s % 60:02d}Z" for s in range(3600)]
     if kind in ("narrow", "AVEVA Insight"):
         form = "{};{};{}\n" if kind == "narrow" else "{},{},{},192\n"
         return "".join(
@@ -292,11 +294,13 @@ def write_hours(path: Path, kind: str, megabytes: int) -> int:
         "AVEVA Insight": "TagName,DateTime,Value,OpcQuality",
         "cp1252": ",".join(["Zeit in °", *TAG_NAMES]),
     }.get(kind, ",".join(["Time", *TAG_NAMES]))
+    hour_text = any_hour(kind, rows).encode()
     hours = written = 0
     with gzip.open(path, "wb", 1) if kind == "packed" else path.open("wb") as file:
         file.write((header + "\n").encode("cp1252"))
         while written < megabytes * 10**6:
-            written += file.write(hour_of(kind, hours, rows).encode())
+            hour = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(hours=hours)
+            written += file.write(hour_text.replace(WHICH_HOUR, f"{hour:%Y-%m-%dT%H}".encode()))
             hours += 1
     return 3600 * hours
 

@@ -27,7 +27,7 @@ from stemwatch.models.mismatch.term_selection import neutral
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.studies.simulator import simulate_loop
 from stemwatch.models.studies.simulator.defects import PackingDefects
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,
@@ -48,7 +48,8 @@ def base_of(recording, S=4.0, J=1.2):
 @cache
 def simulated(place):
     """A valve of the plant with hidden dwell: the recording, S, J, and the rise."""
-    case, run = simulate_hidden(draw_effect(DWELL, place + 1, 4021)[place])
+    case = draw_effect(DWELL, place + 1, 4021)[place]
+    run = case.simulated()
     return run.recording, run.truth.S, run.truth.J, case.sizes[f"{DWELL}.percent"]
 
 
@@ -159,7 +160,7 @@ def test_hidden_dwell_is_named_with_its_events(place):
 
 def test_dwell_that_does_not_improve_unseen_samples_is_reported_but_not_named():
     """The breakaways show it, but the free run does not improve: the disagreement is reported."""
-    _, run = simulate_hidden(draw_effect(DWELL, 2, 4097, "quiet")[1])
+    run = draw_effect(DWELL, 2, 4097, "quiet")[1].simulated()
     explanation = explain(run.recording)
     assert Finding.UNKNOWN is explanation.finding
     assert () == explanation.effects
@@ -170,5 +171,5 @@ def test_dwell_that_does_not_improve_unseen_samples_is_reported_but_not_named():
 @pytest.mark.parametrize("place", [1, pytest.param(7, marks=pytest.mark.long)])
 def test_scatter_is_not_dwell(place):
     """With 12 % scatter a late breakaway has rested longer, but that is not dwell."""
-    _, run = simulate_hidden(draw_nulls(place + 1, 4022)[place])
+    run = draw_nulls(place + 1, 4022)[place].simulated()
     assert not explain(run.recording).effects

@@ -9,7 +9,7 @@ from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.breakaway_levels import DWELL, breakaway_evidence
 from stemwatch.models.mismatch.crossfit import scored
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.studies.simulator.hidden import draw_hidden, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_hidden
 from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,
@@ -20,7 +20,8 @@ from tests.models.mismatch.fitted_chain import (
 
 def hidden(place, seed):
     """A valve of the plant, and what is said of it."""
-    case, run = simulate_hidden(draw_hidden(400, seed)[place])
+    case = draw_hidden(400, seed)[place]
+    run = case.simulated()
     return case, run, explain(run.recording)
 
 

@@ -154,7 +154,7 @@ def test_where_free_runs_miss_breakaways_both_models_are_judged_slip_by_slip():
     """In a quiet loop one missed breakaway is an error until the next. What explains the recording
     by far is named all the same, with a fit that grows and is said to be slip by slip."""
     case = draw_effect("growing_stiction", 2, 4075, "quiet")[1]
-    case, run = simulate_hidden(case)
+    run = case.simulated()
     answer = explain(run.recording)
     sound(answer, len(run.recording))
     assert ["growing_stiction"] == [effect.slug for effect in answer.effects]
@@ -167,7 +167,8 @@ def test_where_free_runs_miss_breakaways_both_models_are_judged_slip_by_slip():
 def test_what_no_first_part_can_foretell_is_judged_on_alternate_blocks():
     """How a drift that wanders goes on cannot be told from its beginning. Over the blocks between
     those that were fitted it is, and S and J are restated with it."""
-    case, run = simulate_hidden(draw_hidden(253, 2108)[252])
+    case = draw_hidden(253, 2108)[252]
+    run = case.simulated()
     answer = explain(run.recording)
     sound(answer, len(run.recording))
     assert ["sensor_drift"] == [effect.slug for effect in answer.effects]
@@ -179,7 +180,8 @@ def test_what_no_first_part_can_foretell_is_judged_on_alternate_blocks():
 
 def test_a_stop_that_acts_in_few_blocks_explains_what_is_left():
     """Where much is left, what removes most of it stands, however few blocks it acts in."""
-    case, run = simulate_hidden(draw_hidden(70, 2108)[69])
+    case = draw_hidden(70, 2108)[69]
+    run = case.simulated()
     answer = explain(run.recording)
     assert ["travel_stop"] == [effect.slug for effect in answer.effects]
     assert off(answer.restated, case.loop.valve) < off(answer.naive, case.loop.valve)
@@ -189,7 +191,8 @@ def test_a_stop_that_acts_in_few_blocks_explains_what_is_left():
 def test_noise_that_hides_slips_makes_no_unknown_of_a_plain_valve(place):
     """Fitted slip by slip, S is a fifth to a quarter too small in such noise, and contradicts that
     of free runs; but the free run leaves no more than the noise."""
-    case, run = simulate_hidden(draw_hidden(27, 2114)[place])
+    case = draw_hidden(27, 2114)[place]
+    run = case.simulated()
     assert case.hidden == ()
     assert explain(run.recording).finding is Finding.NONE
 
@@ -198,14 +201,16 @@ def test_noise_that_hides_slips_makes_no_unknown_of_a_plain_valve(place):
 def test_pushes_by_hand_are_unknown_behind_noise_and_behind_an_archive(place):
     """In noise less is left where nothing is hidden; behind an archive that drew lines, hardly
     anything."""
-    case, run = simulate_hidden(draw_hidden(256, 2114)[place])
+    case = draw_hidden(256, 2114)[place]
+    run = case.simulated()
     assert case.hidden == ("handwheel",)
     assert explain(run.recording).finding is Finding.UNKNOWN
 
 
 def test_a_bow_that_a_flow_force_may_have_is_no_bowed_linkage():
     """The force of this plug is largest at 54 % of travel, so that its shape is a little bent."""
-    case, run = simulate_hidden(draw_effect("flow_force", 12, 4071, "rich")[11])
+    case = draw_effect("flow_force", 12, 4071, "rich")[11]
+    run = case.simulated()
     answer = explain(run.recording)
     sound(answer, len(run.recording))
     assert ["flow_force"] == [effect.slug for effect in answer.effects]
@@ -216,14 +221,14 @@ def test_what_is_too_small_on_the_whole_record_is_not_named():
     """A positioner that overshoots by a hundredth of each move was large enough where it was found;
     fitted to all of the record it is how good ones are made."""
     case = draw_nulls(17, 4076, "quiet")[16]
-    assert explain(simulate_hidden(case)[1].recording).effects == ()
+    assert explain(case.simulated().recording).effects == ()
 
 
 @pytest.mark.long
 def test_slip_by_slip_nothing_is_named_in_quiet_loops_that_hide_nothing():
     """The second comparison is no second chance for what is not there."""
     for case in draw_nulls(12, 4075, "quiet"):
-        assert explain(simulate_hidden(case)[1].recording).effects == ()
+        assert explain(case.simulated().recording).effects == ()
 
 
 @hidden

@@ -13,7 +13,7 @@ from stemwatch.models.mismatch.prepared_recording import problem_of
 from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.own_clock import on_own_clock
 from stemwatch.models.recording import Role
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from tests.models.mismatch.simulated_drive import drive
 
 
@@ -86,7 +86,7 @@ def test_a_process_valve_shows_none(slug):
     """Its stem slips between two samples, or is slow without any inertia that shows."""
     cases = draw_nulls(1, 6161) if slug == "null" else draw_effect(slug, 1, 6161)
     for case in cases:
-        _, run = simulate_hidden(case)
+        run = case.simulated()
         result, _ = balanced(run.recording)
         assert result is None
 

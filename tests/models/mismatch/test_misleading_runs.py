@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.studies.simulator.hidden import draw_hidden, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_hidden
 
 
 def named(place):
     """What is hidden in a quiet loop of seed 4090, and what is named first, if anything."""
     case = draw_hidden(place + 1, 4090)[place]
-    effects = explain(simulate_hidden(case)[1].recording).effects
+    effects = explain(case.simulated().recording).effects
     return case.hidden, effects[0].slug if effects else ""
 
 

@@ -15,7 +15,6 @@ from stemwatch.models.studies.simulator.hidden import (
     draw_effect,
     draw_hidden,
     draw_nulls,
-    simulate_hidden,
 )
 from tests.models.mismatch.fitted_chain import (
     candidate,
@@ -52,7 +51,7 @@ def test_a_richer_hypothesis_at_its_neutral_values_is_as_likely() -> None:
 @cache
 def hidden_delay():
     """A quarter of an hour whose trajectories show nothing, and what is said of it."""
-    _, run = simulate_hidden(draw_effect("dead_time", 14, 4064, "short")[13])
+    run = draw_effect("dead_time", 14, 4064, "short")[13].simulated()
     return run, explain(run.recording)
 
 
@@ -77,7 +76,7 @@ def test_what_is_named_predicts_unseen_samples_better() -> None:
 
 def test_with_nothing_hidden_nothing_is_named() -> None:
     """By the same search."""
-    _, run = simulate_hidden(draw_nulls(7, 4064)[6])
+    run = draw_nulls(7, 4064)[6].simulated()
     mismatch = explain(run.recording)
     assert mismatch.effects == ()
     assert mismatch.finding is Finding.NONE
@@ -85,7 +84,7 @@ def test_with_nothing_hidden_nothing_is_named() -> None:
 
 def explained(seed: int, number: int) -> Mismatch:
     """What is said of a valve of the proof's draw."""
-    _, run = simulate_hidden(draw_hidden(number + 1, seed)[number])
+    run = draw_hidden(number + 1, seed)[number].simulated()
     return explain(run.recording)
 
 
@@ -169,7 +168,7 @@ def test_a_dead_time_beside_a_stem_that_sticks_again_is_no_uneven_reading() -> N
 
 def test_slips_of_one_way_that_are_too_small_to_see_are_compared() -> None:
     """The stem moves as often the other way, and slips there."""
-    _, run = simulate_hidden(draw_hidden(366, 2119)[365])
+    run = draw_hidden(366, 2119)[365].simulated()
     refused = {untestable.slug for untestable in explain(run.recording).not_testable}
     assert "asymmetric_slip" not in refused
 
@@ -196,7 +195,7 @@ def test_a_second_effect_stands_beside_one_that_the_likelihood_shows(
 
 def test_two_fits_that_contradict_are_no_doubt_where_the_record_as_a_whole_has_none() -> None:
     """S and J alone miss slips and end at twice the true S; the likelihood follows them all."""
-    _, run = simulate_hidden(draw_hidden(81, 2116)[80])
+    run = draw_hidden(81, 2116)[80].simulated()
     mismatch = explain(run.recording)
     assert mismatch.finding is Finding.NONE
     assert mismatch.naive.S.value > 2.0 * run.truth.S

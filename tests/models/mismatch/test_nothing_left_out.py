@@ -6,12 +6,12 @@ import pytest
 
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding, Mismatch
-from stemwatch.models.studies.simulator.hidden import draw_hidden, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_hidden
 
 
 def explained(seed: int, number: int) -> Mismatch:
     """A valve of the proof's draw, explained."""
-    return explain(simulate_hidden(draw_hidden(number + 1, seed)[number])[1].recording)
+    return explain(draw_hidden(number + 1, seed)[number].simulated().recording)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from stemwatch.models.mismatch.term import RecordingSummary
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.recording import Role
 from stemwatch.models.studies.simulator import demo_plant, simulate_loop
-from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_hidden, draw_nulls
 from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain
 
 LOOK = RecordingSummary(
@@ -89,7 +89,8 @@ def test_a_ring_between_a_few_samples_is_no_ringing_positioner():
 def test_manual_steps_and_ramps_do_not_bias_S(place):
     """Nothing is hidden; breakaways under an operator's steps tell another S than every fit, by a
     third, and are not taken."""
-    case, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
+    case = draw_nulls(place + 1, 6161)[place]
+    run = case.simulated()
     assert case.concealment == "rich"
     explanation = explain(run.recording)
     assert explanation.finding is Finding.NONE
@@ -101,7 +102,7 @@ def test_missed_slips_of_a_free_run_are_not_an_unknown_effect(place):
     """In quiet or short records with nothing hidden, the error of a missed slip is not an
     effect.
     """
-    _, run = simulate_hidden(draw_nulls(place + 1, 6161)[place])
+    run = draw_nulls(place + 1, 6161)[place].simulated()
     explanation = explain(run.recording)
     assert explanation.finding is Finding.NONE
     assert explanation.heldout.fit_extended < 50.0
@@ -109,7 +110,7 @@ def test_missed_slips_of_a_free_run_are_not_an_unknown_effect(place):
 
 def test_a_lag_under_a_stem_that_hardly_jumps_is_found_and_is_no_dwell():
     """A stem that sticks at a turn alone creeps on with a command that only comes near its end."""
-    _, run = simulate_hidden(draw_hidden(2, 8383)[1])
+    run = draw_hidden(2, 8383)[1].simulated()
     explanation = explain(run.recording)
     assert [effect.slug for effect in explanation.effects] == ["actuator_lag"]
     assert explanation.effects[0].parameters["tau"].value == pytest.approx(2.7, abs=0.3)
@@ -125,7 +126,7 @@ def test_a_lag_under_a_stem_that_hardly_jumps_is_found_and_is_no_dwell():
 )
 def test_what_bends_to_other_physics_is_not_named_for_it(number: int) -> None:
     """More is left than noise, and the likeliest stem is further from the readings than noise."""
-    _, run = simulate_hidden(draw_hidden(number + 1, 2119)[number])
+    run = draw_hidden(number + 1, 2119)[number].simulated()
     found = explain(run.recording)
     assert found.finding is Finding.UNKNOWN
     assert found.effects == ()

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden
 
 
 def members(case):
     """The class of each effect that is named, its slug first."""
-    return [effect.members for effect in explain(simulate_hidden(case)[1].recording).effects]
+    return [effect.members for effect in explain(case.simulated().recording).effects]
 
 
 def test_a_sag_in_a_short_record_is_given_beside_the_zero_error():

@@ -12,7 +12,7 @@ from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.recording import Role
 from stemwatch.models.screening import Case, Options, screen
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.verdict import Verdict
 from tests.models.mismatch.fitted_chain import rescaled, simulated_by_chain
 
@@ -24,7 +24,7 @@ BLIND = Options(narx=False, mismatch=False)
 def simulated(slug, seed):
     """A recording and the valve that made it."""
     case = draw_nulls(1, seed)[0] if slug == "null" else draw_effect(slug, 1, seed)[0]
-    return simulate_hidden(case)[1].recording, case.loop.valve
+    return case.simulated().recording, case.loop.valve
 
 
 @cache

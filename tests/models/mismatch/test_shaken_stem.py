@@ -11,13 +11,12 @@ from stemwatch.models.mismatch.shaken_stem import LEAST_POWER, power, spectrum
 from stemwatch.models.studies.simulator.hidden import (
     draw_nulls,
     draw_unknown,
-    simulate_hidden,
 )
 
 
 def explained(case):
     """The recording of a hidden case, explained."""
-    return explain(simulate_hidden(case)[1].recording)
+    return explain(case.simulated().recording)
 
 
 def test_breakaways_in_time_have_their_power_at_that_frequency():

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 
 from stemwatch.models.mismatch.explain import explain
-from stemwatch.models.studies.simulator.hidden import draw_hidden, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_hidden
 
 
 def classes(place):
     """The class of each effect that is named on a valve of seed 4090, its slug first."""
     case = draw_hidden(place + 1, 4090)[place]
-    named = [effect.members for effect in explain(simulate_hidden(case)[1].recording).effects]
+    named = [effect.members for effect in explain(case.simulated().recording).effects]
     return case.hidden, named
 
 

@@ -13,7 +13,7 @@ from stemwatch.models.mismatch.crossfit import CAREFUL, LOOK, crossfit, refit
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.spring_hysteresis import follows_turns, turned
-from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect
 from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,
@@ -72,7 +72,7 @@ def test_as_much_as_an_archive_keeps_open_is_no_spring():
 def test_a_simulated_spring_with_hysteresis_is_no_span_error(place: int) -> None:
     """Both valves were once named a span error; it has its own name, and S is near the true one."""
     case = draw_effect("spring_hysteresis", place + 1, 4060, "routine")[place]
-    found = explain(simulate_hidden(case)[1].recording)
+    found = explain(case.simulated().recording)
     assert [effect.members for effect in found.effects] == [("spring_hysteresis",)]
     size = case.sizes["spring_hysteresis.hysteresis_percent"]
     assert found.effects[0].parameters["H"].value == pytest.approx(size, rel=0.35)
@@ -84,7 +84,7 @@ def test_a_simulated_spring_with_hysteresis_is_no_span_error(place: int) -> None
 def test_without_its_term_the_spring_is_unknown(place: int) -> None:
     """No error of the reading stands in for it."""
     case = draw_effect("spring_hysteresis", place + 1, 4060, "routine")[place]
-    recording = simulate_hidden(case)[1].recording
+    recording = case.simulated().recording
     found = explain(recording, refused={"spring_hysteresis": "it is not looked for here"})
     assert found.finding is Finding.UNKNOWN
     assert found.effects == ()

@@ -16,7 +16,7 @@ from stemwatch.models.mismatch.likelihood import LEAST_GAIN
 from stemwatch.models.mismatch.reading_errors import STICKS_AGAIN
 from stemwatch.models.mismatch.sticking_by_likelihood import sticking_by_likelihood
 from stemwatch.models.mismatch.term_selection import Named
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_hidden
 from tests.models.mismatch.fitted_chain import (
     candidate,
     evaluator_of,
@@ -28,7 +28,8 @@ from tests.models.mismatch.fitted_chain import (
 @cache
 def sagging_and_sticking():
     """A stem that sticks again, behind air that sags; and what is said."""
-    case, run = simulate_hidden(draw_hidden(324, 2114)[323])
+    case = draw_hidden(324, 2114)[323]
+    run = case.simulated()
     return case, run, explain(run.recording)
 
 
@@ -64,7 +65,8 @@ def test_a_stem_that_slides_on_is_no_such_stem(noise) -> None:
 def test_a_stem_that_is_shaken_is_no_such_stem(place) -> None:
     """Its readings lie about the stem by more than their noise, or the gain is that of few
     blocks."""
-    case, run = simulate_hidden(draw_effect("vibration", place + 1, 4063)[place])
+    case = draw_effect("vibration", place + 1, 4063)[place]
+    run = case.simulated()
     mismatch = explain(run.recording)
     assert case.hidden == ("vibration",)
     assert not {effect.slug for effect in mismatch.effects} & set(STICKS_AGAIN)

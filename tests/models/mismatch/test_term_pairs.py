@@ -20,7 +20,7 @@ from stemwatch.models.mismatch.term_pairs import best_pairs, with_pair
 from stemwatch.models.mismatch.term_selection import SelectionStage, TermScore, name_terms
 from stemwatch.models.mismatch.terms import catalogue
 from stemwatch.models.stickslip.fit import Advantage
-from stemwatch.models.studies.simulator.hidden import draw_hidden, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_hidden
 from tests.models.mismatch.fitted_chain import simulated_by_chain
 
 TERMS = [term for term in catalogue().values() if term.acts_on is not ActsOn.READING]
@@ -118,7 +118,8 @@ def test_a_rival_of_one_of_the_pair_is_kept_beside_it(monkeypatch):
 def test_two_effects_that_gain_nothing_alone_are_both_named(seed, index):
     """Cases of development seeds, of which no term alone passes the limits. S comes within 0.7 %,
     or three times as near as that of S and J alone, and its interval holds the truth."""
-    case, run = simulate_hidden(draw_hidden(index + 1, seed)[index])
+    case = draw_hidden(index + 1, seed)[index]
+    run = case.simulated()
     explanation = explain(run.recording)
     assert {effect.slug for effect in explanation.effects} == set(case.hidden)
     assert explanation.heldout.improves

@@ -11,7 +11,7 @@ from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
 from stemwatch.models.mismatch.uneven_readings import HALF_WIDTHS, find_uneven_readings
 from stemwatch.models.recording import Floats
-from stemwatch.models.studies.simulator.hidden import draw_effect, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect
 
 SIGMA = 0.05
 SAMPLES = 1800
@@ -90,7 +90,7 @@ def test_readings_of_uneven_age_are_no_dead_time(valves, said_of):
     polled = [one for one in drawn if one.sizes["sampling_jitter.jitter_s"] > 1.5]
     said = []
     for case in polled[:valves]:
-        answer = explain(simulate_hidden(case)[1].recording)
+        answer = explain(case.simulated().recording)
         assert answer.effects == ()
         latest_s = case.sizes["sampling_jitter.jitter_s"]
         said += [(one, latest_s) for one in answer.record_effects if one.slug == "sampling_jitter"]
@@ -103,7 +103,7 @@ def test_readings_of_uneven_age_are_no_dead_time(valves, said_of):
 
 def test_a_dead_time_stays_a_dead_time():
     """All samples of all moves are late by the same."""
-    _, run = simulate_hidden(draw_effect("dead_time", 1, 4000)[0])
+    run = draw_effect("dead_time", 1, 4000)[0].simulated()
     answer = explain(run.recording)
     assert "dead_time" in answer.effects[0].members
     assert all(one.slug != "sampling_jitter" for one in answer.record_effects)
@@ -117,5 +117,5 @@ def test_nothing_quicker_than_its_averages_is_named(valves):
     averaged = [one for one in drawn if one.sizes["sampling_jitter.average_s"] == 3.0]
     assert len(averaged) >= 4
     for case in averaged[:valves]:
-        answer = explain(simulate_hidden(case)[1].recording)
+        answer = explain(case.simulated().recording)
         assert answer.effects == ()

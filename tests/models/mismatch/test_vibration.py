@@ -15,7 +15,7 @@ from stemwatch.models.mismatch.record_effects import measured_record
 from stemwatch.models.mismatch.vibration import find_vibration, without_vibration
 from stemwatch.models.recording import Recording, Role
 from stemwatch.models.studies.simulator import PlantLoop, SimulatedValve, simulate_loop
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.studies.simulator.loop import Load, LoadKind, Transmitters
 
 NOISE = 0.1
@@ -126,7 +126,7 @@ def test_valves_with_nothing_hidden_show_no_vibration(each_kind, ringing):
         *draw_effect("underdamped_positioner", 3, 5151)[:ringing],
     ]
     for case in cases:
-        recording = simulate_hidden(case)[1].recording
+        recording = case.simulated().recording
         assert found(recording) is None, case
 
 

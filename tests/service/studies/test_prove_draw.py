@@ -72,7 +72,7 @@ def test_the_reader_finds_the_recording_that_was_simulated(written, drawn) -> No
     source = HistorianFile(folder / truth.file)
     (tags,) = propose_valves(source)
     recording = source.read(tags)
-    _, simulated = simulate_hidden(drawn[1])
+    simulated = drawn[1].simulated()
     assert 1.0 == recording.interval_s
     for role in (Role.OP, Role.MV, Role.PV, Role.SP):
         ours, theirs = recording.get(role), simulated.recording.get(role)

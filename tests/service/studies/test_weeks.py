@@ -10,7 +10,7 @@ import pytest
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.evidence_over_windows import WindowEvidence
 from stemwatch.models.mismatch.findings import EffectScore
-from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls, simulate_hidden
+from stemwatch.models.studies.simulator.hidden import draw_effect, draw_nulls
 from stemwatch.models.studies.simulator.hidden.draws import windows_of
 from stemwatch.service.executors import InProcess
 from stemwatch.service.studies import weeks
@@ -129,7 +129,7 @@ def test_a_late_command_is_confirmed_and_nothing_else(stemwatch):
     counts = count_over(followed, 3)
     assert (counts.false, counts.nulls) == (0, 1)
     assert (counts.found, counts.valves) == (1, 1)
-    assert simulate_hidden(windows_of(draw_nulls(1, 5151)[0], 2)[1])[1].recording.mv is not None
+    assert windows_of(draw_nulls(1, 5151)[0], 2)[1].simulated().recording.mv is not None
     outcome = stemwatch(
         "prove-weeks", "--nulls", 1, "--days", 2, "--valves", 0, "--seed", 5151, "--workers", 1
     )
