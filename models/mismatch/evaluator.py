@@ -413,7 +413,7 @@ class Evaluator:
         self, layout: CoordinateLayout, candidates: Floats
     ) -> tuple[Floats, Samples, Floats, Tables]:
         """As ``laid_out`` of up to LANES candidates (m, size): all forces that are kept (r, n), the
-        row of each candidate's (m,), numbers (m, 18) and tables.
+        row of each candidate's (m,), numbers (m, 20) and tables.
         """
         rows = self._forces.of([(layout.shaping, candidates[:, layout.of_force])])
         self._fill([(layout, candidates)])

@@ -10,12 +10,12 @@ import pytest
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.breakaway_filter import (
     GIVEN_UP,
-    above,
     log_likelihood,
     log_likelihoods,
 )
 from stemwatch.models.mismatch.kernel import Record
 from stemwatch.models.mismatch.stem import Stem, Tables
+from stemwatch.models.mismatch.stem_courses import above
 
 COURSES = 48
 

@@ -32,7 +32,7 @@ def test_what_follows_the_turns_is_not_explained_either() -> None:
     """A spring with hysteresis in a quiet loop, of which no error of the reading is named, where
     its own term is not looked for."""
     case = draw_hidden(909, 4090)[908]
-    recording = simulate_hidden(case)[1].recording
+    recording = case.simulated().recording
     mismatch = explain(recording, refused={"spring_hysteresis": "it is not looked for here"})
     assert mismatch.finding is Finding.UNKNOWN
     assert "each turn of the stem" in mismatch.sentence
