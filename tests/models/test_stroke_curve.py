@@ -17,6 +17,7 @@ from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.prepared_command import prepare_command
 from stemwatch.models.recording import Recording, Role, Signal
 from stemwatch.models.screening import Case, Options, screen
+from stemwatch.models.screening_result import Screening
 from stemwatch.models.stickslip.find_stroke_curve import (
     curve_suspected,
     find_stroke_curve,
@@ -106,6 +107,13 @@ def curve_of(way: str, S: float, J: float) -> StrokeCurve:
     curve = find_stroke_curve(stored(way, S, J))
     assert curve is not None
     return curve
+
+
+@cache
+def screened_on_half_of_op() -> Screening:
+    """What is said of the sticking valve whose OP is the upper half of a split range."""
+    (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    return result
 
 
 @cache
@@ -262,7 +270,7 @@ def test_verdicts_survive_how_op_was_stored(way):
 
 def test_S_and_J_are_in_percent_of_op():
     """On half of OP the same sticking is half as wide in OP, and the interval holds it."""
-    (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    result = screened_on_half_of_op()
     assert result.S.low <= 2.5 <= result.S.high
     assert result.J.low <= 0.75 <= result.J.high
     assert result.S.high - result.S.low < 1.0
@@ -276,7 +284,7 @@ def test_a_reversed_position_is_said_to_be_read_the_other_way_round():
 
 def test_a_split_range_is_said_in_one_sentence():
     """The curve is told where the recording's decisions are, with what strokes the valve."""
-    (result,) = screen([Case(recording=stored("upper half of a split range", *STICKING))], QUICK)
+    result = screened_on_half_of_op()
     (text,) = [s for s in result.provenance.decisions if "stroked" in s]
     assert "nearly linear: as if OP 50 to 100 % stroked 0 to 100 %" in text
     assert result.mismatch.sentence.startswith(text)

@@ -149,15 +149,8 @@ def write_small_plant(folder: Path, tags: Sequence[str], minutes: float) -> Path
 
 @pytest.fixture(scope="session")
 def small_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """plant.toml of a healthy, a sticking and an unmeasured valve: half an hour at 1 s."""
-    folder = tmp_path_factory.mktemp("plant")
-    return write_small_plant(folder, (HEALTHY, STICKY, BLIND), minutes=30)
-
-
-@pytest.fixture(scope="session")
-def short_plant(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """plant.toml of the same three valves, a quarter of an hour."""
-    return _made_plant(tmp_path_factory, "quarter_hour", (HEALTHY, STICKY, BLIND), minutes=15)
+    """plant.toml of a healthy, a sticking and an unmeasured valve: a quarter of an hour at 1 s."""
+    return _made_plant(tmp_path_factory, "small_plant", (HEALTHY, STICKY, BLIND), minutes=15)
 
 
 @pytest.fixture(scope="session")

@@ -74,12 +74,12 @@ def test_a_bare_time_is_in_the_plants_zone(stemwatch, plant: Path, tmp_path: Pat
     """With a plant file, a bare time is the plant's local time."""
     file = tmp_path / "found.json"
     outcome = stemwatch(
-        "screen", "--plant", plant, "--from", "2026-03-02T07:15", "--out", tmp_path / "out",
+        "screen", "--plant", plant, "--from", "2026-03-02T07:05", "--out", tmp_path / "out",
         "--json", file, "--workers", 1,
     )  # fmt: skip
     assert outcome.status == 0, outcome.said
     starts = {v["window"]["start"] for v in json.loads(file.read_text(encoding="utf-8"))}
-    assert starts == {"2026-03-02T06:15:00+00:00"}
+    assert starts == {"2026-03-02T06:05:00+00:00"}
 
 
 def test_a_window_outside_the_export_says_what_the_export_holds(

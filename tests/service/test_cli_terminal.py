@@ -88,11 +88,11 @@ def test_inspect_lets_no_control_code_out(
 
 
 def test_a_narrow_terminal_without_colours(
-    stemwatch_process, short_plant: Path, tmp_path: Path
+    stemwatch_process, small_plant: Path, tmp_path: Path
 ) -> None:
     """At 60 columns and with NO_COLOR every valve is still listed, within the width, in plain."""
     outcome = stemwatch_process(
-        "screen", short_plant.parent / "export" / "historian.csv", "--out", "r",
+        "screen", small_plant.parent / "export" / "historian.csv", "--out", "r",
         "--executor", "in-process",
         cwd=tmp_path, env={"COLUMNS": "60", "NO_COLOR": "1", "TERM": "xterm"},
     )  # fmt: skip

@@ -13,32 +13,29 @@ from typing import Any
 
 import pytest
 
-from tests.service.conftest import plant_with_database
+from tests.service.conftest import BLIND, STICKY, plant_with_database, write_small_plant
 
 EARLY = ("--to", "2026-03-02T06:15Z")
 LATE = ("--from", "2026-03-02T06:15Z")
-STICKY = "FIC-104"
-
-
-def without_healthy(plant: Path) -> Path:
-    """``plant`` without its healthy valve."""
-    parts = plant.read_text(encoding="utf-8").split("\n[[valves]]\n")
-    kept = [part for part in parts if 'id = "FIC-107"' not in part]
-    plant.write_text("\n[[valves]]\n".join(kept), encoding="utf-8")
-    return plant
-
-
-@pytest.fixture
-def plant(plant: Path) -> Path:
-    """The small plant without its healthy valve."""
-    return without_healthy(plant)
 
 
 @pytest.fixture(scope="module")
-def first_run(stemwatch, small_plant: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def half_hour(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """plant.toml of the sticking and the unmeasured valve: both windows, half an hour."""
+    return write_small_plant(tmp_path_factory.mktemp("half_hour"), (STICKY, BLIND), minutes=30)
+
+
+@pytest.fixture
+def plant(half_hour: Path, tmp_path: Path) -> Path:
+    """A plant file of its own, with a database of its own, that names the shared export."""
+    return plant_with_database(half_hour, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def first_run(stemwatch, half_hour: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder with plant file, database and results after a run over the first window."""
     folder = tmp_path_factory.mktemp("first_run")
-    plant = without_healthy(plant_with_database(small_plant, folder))
+    plant = plant_with_database(half_hour, folder)
     out = folder / "out"
     outcome = stemwatch("screen", "--plant", plant, *EARLY, "--out", out, "--workers", 1)
     assert outcome.status == 0, outcome.said

@@ -44,10 +44,10 @@ class LastFirst:
 
 
 @pytest.fixture
-def result(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def result(small_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Screens the small plant with an executor, in the fewest chunks that keep it busy."""
     monkeypatch.setattr(execute, "PER_WORKER", 1)
-    export = short_plant.parent / "export" / "historian.csv"
+    export = small_plant.parent / "export" / "historian.csv"
 
     def screen(executor: Executor, name: str) -> tuple[list[Any], list[tuple[str, int, int]]]:
         answer: list[tuple[str, int, int]] = []

@@ -40,7 +40,7 @@ class Kept:
 
 
 @pytest.fixture
-def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Kept]:
+def kept(small_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Kept]:
     """Runs a schedule with one line in ``[service]``, in a folder of its own."""
     monkeypatch.setattr(execute, "PER_WORKER", 1)
 
@@ -49,8 +49,8 @@ def kept(short_plant: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
         folder.mkdir()
         file = folder / "plant.toml"
         schedule = '[[schedules]]\nname = "hourly"\nevery_s = 3600\n'
-        export = (short_plant.parent / "export").as_posix()
-        described = short_plant.read_text(encoding="utf-8").replace('"export/', f'"{export}/')
+        export = (small_plant.parent / "export").as_posix()
+        described = small_plant.read_text(encoding="utf-8").replace('"export/', f'"{export}/')
         file.write_text(f"[service]\n{service}\n{schedule}\n{described}", encoding="utf-8")
         loaded = load_plant(file, environment={})
         with open_store(loaded.storage) as store:

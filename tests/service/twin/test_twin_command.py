@@ -77,19 +77,16 @@ def test_the_study_holds_twins_to_the_plant() -> None:
     assert errors[len(errors) // 2] < 0.2
 
 
-def test_a_price_in_the_plant_file_becomes_money(
-    stemwatch, small_plant: Path, tmp_path: Path
-) -> None:
+def test_a_price_in_the_plant_file_becomes_money(stemwatch, plant: Path, tmp_path: Path) -> None:
     """In the report's head, the valve's section and JSON alike; a wrong price is named."""
-    text = small_plant.read_text(encoding="utf-8")
+    text = plant.read_text(encoding="utf-8")
     unpriced = re.sub(r"(?m)^(currency|price_per_unit_hour) = .*\n", "", text)
     priced = unpriced.replace("[plant]", '[plant]\ncurrency = "EUR"').replace(
         f'id = "{STICKY}"', f'id = "{STICKY}"\nprice_per_unit_hour = 12.5\ntarget_band = 1.0'
     )
-    file = small_plant.with_name("priced.toml")
-    file.write_text(priced, encoding="utf-8")
+    plant.write_text(priced, encoding="utf-8")
     out = tmp_path / "report"
-    assert stemwatch("screen", "--plant", file, "--out", out, "--workers", "1").status == 0
+    assert stemwatch("screen", "--plant", plant, "--out", out, "--workers", "1").status == 0
     found = {one["valve"]: one for one in json.loads((out / "valves.json").read_text())}
     cost = found[STICKY]["cost_of_sticking"]
     assert cost["money_per_month"]["unit"] == "EUR"
@@ -98,8 +95,8 @@ def test_a_price_in_the_plant_file_becomes_money(
     page = (out / "report.html").read_text().replace("\N{NO-BREAK SPACE}", " ")
     assert "The sticking of 1 loop costs about" in page
     assert cost["sentence"] in page
-    file.write_text(priced.replace("12.5", "-1"), encoding="utf-8")
-    refused = stemwatch("screen", "--plant", file, "--out", out, "--workers", "1")
+    plant.write_text(priced.replace("12.5", "-1"), encoding="utf-8")
+    refused = stemwatch("screen", "--plant", plant, "--out", out, "--workers", "1")
     assert "price_per_unit_hour" in refused.said
 
 
