@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.inner_friction import (
-    REACHES,
-    dragged,
-    first_anchor,
+    anchor_at,
+    drag_to,
     held_back,
     way_through,
 )
@@ -417,12 +416,13 @@ def _weigh(
     spring: Floats,
 ) -> None:
     """Weigh the courses of a ``span`` by a reading: its value less the offset, its slack, the
-    coarse step, and 1 over its scale, which is 0 where it does not count.
+    coarse step, and 1 over its scale, which is 0 where it does not count. ``spring`` as of
+    ``_held_by_spring``; the reading then moves it.
     """
     (value, slack, step, per_sigma), gain, read = reading, q[stem_number.GAIN], _Z
     if q[stem_number.HYSTERESIS] != 0.0:
         read = _held_by_spring(s, span, q, spring)
-        _drag(spring, q, value / gain + 50.0)
+        drag_to(spring, value / gain + 50.0, q[stem_number.WAY])
     if per_sigma == 0.0:
         return
     if step > 0.0 and slack == 0.0:
@@ -454,27 +454,14 @@ def _held_by_spring(s: Floats, span: tuple[int, int], q: Floats, spring: Floats)
 
 
 @never_raises
-def _begin_spring(
-    s: Floats, c: int, q: Floats, force: float, grown: float, spring: Floats
-) -> None:
+def _begin_spring(s: Floats, c: int, q: Floats, force: float, grown: float, spring: Floats) -> None:
     """Anchor the spring's elements of course ``c``, which has just begun at its place."""
     hysteresis, way, place = q[stem_number.HYSTERESIS], q[stem_number.WAY], s[_X + c]
     band = 0.5 * abs(q[stem_number.S] + q[stem_number.J]) * grown + 0.5 * q[stem_number.PLAY]
     share = min(max((force - place) / (band + hysteresis + _LEAST_LEVEL), -1.0), 1.0)
-    for i in range(3):
-        spring[i] = first_anchor(place, way, REACHES[i], share)
-    spring[3] = place
+    anchor_at(spring, place, way, share)
     s[_X + c] += hysteresis * share
     s[_Z + c] += hysteresis * share
-
-
-@never_raises
-def _drag(spring: Floats, q: Floats, place: float) -> None:
-    """Take the anchors of the spring's elements to a ``place`` that was read, if it was."""
-    if place == place:
-        for i in range(3):
-            spring[i] = dragged(spring[i], place, q[stem_number.WAY], REACHES[i])
-        spring[3] = place
 
 
 @never_raises
