@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch import stem_courses as course
+from stemwatch.models.mismatch.inner_friction import drag_to
 from stemwatch.models.mismatch.kernel import Record
 from stemwatch.models.mismatch.lanes import never_raises
 from stemwatch.models.mismatch.stem import Tables
@@ -181,12 +182,13 @@ def _weigh(
     spring: Floats,
 ) -> None:
     """Weigh the courses of a ``span`` by a reading: its value less the offset, its slack, the
-    coarse step, and 1 over its scale, which is 0 where it does not count.
+    coarse step, and 1 over its scale, which is 0 where it does not count. ``spring`` as of
+    ``course.held_by_spring``; the reading then moves it.
     """
     (value, slack, step, per_sigma), gain, read = reading, q[stem_number.GAIN], course.Z
     if q[stem_number.HYSTERESIS] != 0.0:
         read = course.held_by_spring(s, span, q, spring)
-        course.drag(spring, q, value / gain + 50.0)
+        drag_to(spring, value / gain + 50.0, q[stem_number.WAY])
     if per_sigma == 0.0:
         return
     if step > 0.0 and slack == 0.0:

@@ -14,7 +14,10 @@ and small loops close.
 
 from __future__ import annotations
 
+import numpy as np
+
 from stemwatch.models.mismatch.lanes import never_raises
+from stemwatch.models.recording import Floats
 
 REACHES = 0.25, 0.5, 1.0  # of the elements, in ways ``w``
 Anchors = tuple[float, float, float]  # of the elements, percent of travel
@@ -32,6 +35,24 @@ def first_anchor(x: float, way: float, reach: float, share: float) -> float:
     stem at ``x``. What a stem at rest was doing before a record begins shows in the force on it: it
     lags behind the command by friction and spring together, and each has its share."""
     return x - share * reach * way
+
+
+@never_raises
+def anchor_at(spring: Floats, place: float, way: float, share: float) -> None:
+    """Write the anchors of elements that hold back a ``share`` at a ``place``, and the place, to
+    ``spring`` (4,)."""
+    for i in range(3):
+        spring[i] = first_anchor(place, way, REACHES[i], share)
+    spring[3] = place
+
+
+@never_raises
+def drag_to(spring: Floats, place: float, way: float) -> None:
+    """Drag the anchors of ``spring`` (4,) to a new ``place``, unless that is NaN."""
+    if not np.isnan(place):
+        for i in range(3):
+            spring[i] = dragged(spring[i], place, way, REACHES[i])
+        spring[3] = place
 
 
 @never_raises

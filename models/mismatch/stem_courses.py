@@ -14,9 +14,7 @@ import numpy as np
 
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.inner_friction import (
-    REACHES,
-    dragged,
-    first_anchor,
+    anchor_at,
     held_back,
     way_through,
 )
@@ -138,20 +136,9 @@ def begin_spring(s: Floats, c: int, q: Floats, force: float, grown: float, sprin
     hysteresis, way, place = q[stem_number.HYSTERESIS], q[stem_number.WAY], s[X + c]
     band = 0.5 * abs(q[stem_number.S] + q[stem_number.J]) * grown + 0.5 * q[stem_number.PLAY]
     share = min(max((force - place) / (band + hysteresis + _LEAST_LEVEL), -1.0), 1.0)
-    for i in range(3):
-        spring[i] = first_anchor(place, way, REACHES[i], share)
-    spring[3] = place
+    anchor_at(spring, place, way, share)
     s[X + c] += hysteresis * share
     s[Z + c] += hysteresis * share
-
-
-@never_raises
-def drag(spring: Floats, q: Floats, place: float) -> None:
-    """Take the anchors of the spring's elements to a ``place`` that was read, if it was."""
-    if place == place:
-        for i in range(3):
-            spring[i] = dragged(spring[i], place, q[stem_number.WAY], REACHES[i])
-        spring[3] = place
 
 
 @never_raises
