@@ -70,8 +70,8 @@ class SpringHysteresis(StemTerm):
         )
 
     def starts(self, summary: RecordingSummary) -> Floats:
-        """From 0.7 to 2 % of span, over short and long ways."""
-        return grid((0.7, 1.3, 2.0), (4.0, 7.0, 12.0))
+        """Weak and strong, over short and long ways."""
+        return grid((0.8, 1.8), (5.0, 11.0))
 
     def fill(self, stem: Stem, values: Floats) -> None:
         """Size and way."""
