@@ -120,8 +120,8 @@ def block_of(chain: ValveChain) -> tuple[dict[str, Any], Callable[[dict[str, Any
             variables[name] = eval(in_python(binding(symbol)), names, {"v": variables})
         else:  # a size that is not a number is given by what is assigned
             sizes = [one for part in symbol.dimensions for one in part]
-            of_number = [int(one.value) for one in sizes if getattr(one, "value", None)]
-            variables |= {name: [math.nan] * size for size in of_number}
+            if sizes and getattr(sizes[0], "value", None):
+                variables[name] = [math.nan] * int(sizes[0].value)
     variables |= {"begun": False, "x": 0.0}
     (when,) = block.statements
     assert isinstance(when, ast.WhenStatement)
