@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from stemwatch.models.estimate import Estimate
-from stemwatch.models.excitation import jumps_from_rest, swing
+from stemwatch.models.excitation import jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.findings import NO_TOP_SPEED
 from stemwatch.models.mismatch.terms.bowed_linkage import shape as bowed
 from stemwatch.models.recording import Bools, Floats
@@ -278,28 +278,30 @@ def _bow(moves: Moves) -> EffectSignature:
 
 
 def _friction_after_a_turn(moves: Moves) -> EffectSignature:
-    return replace(
-        _by_place(
-            moves,
-            "The farther the stem has gone since it turned, the more it lags behind OP, until the "
-            "spring has turned as well.",
-        ),
+    since, way = _since_turn(moves.mv)
+    return EffectSignature(
         x_label="travel since the turn, %",
-        x=_since_turn(moves.mv),
+        y_label="behind OP, %",
+        x=since,
+        y=-way * _difference(moves),
+        rising=way > 0.0,
+        caption="The farther the stem has gone since it turned, the more it lags behind OP, until "
+        "the spring has turned as well.",
     )
 
 
-def _since_turn(mv: Floats) -> Floats:
-    """(n,) how far the stem is from where it last turned, percent; turns within ``LEAST_TURN`` are
-    none."""
-    since, turn, farthest, way = np.full(mv.size, np.nan), np.nan, np.nan, 1.0
-    for k in np.flatnonzero(np.isfinite(mv)):
-        turn, farthest = (mv[k], mv[k]) if np.isnan(turn) else (turn, farthest)
-        if way * (farthest - mv[k]) > LEAST_TURN:
-            turn, farthest, way = farthest, mv[k], -way
-        farthest = max(farthest, mv[k]) if way > 0.0 else min(farthest, mv[k])
-        since[k] = way * (mv[k] - turn)
-    return since
+def _since_turn(mv: Floats) -> tuple[Floats, Floats]:
+    """(n,) how far the stem is from where it last turned, percent, and 1 where it has risen since,
+    -1 where it has fallen; turns within ``LEAST_TURN`` are none. NaN before the first."""
+    since, way = np.full(mv.size, np.nan), np.full(mv.size, np.nan)
+    finite = np.flatnonzero(np.isfinite(mv))
+    turns = reversals(mv[finite], LEAST_TURN)
+    if turns.size:
+        after = finite[turns[0] :]
+        last = np.searchsorted(turns, np.arange(turns[0], finite.size), side="right") - 1
+        moved = mv[after] - mv[finite][turns[last]]
+        since[after], way[after] = np.abs(moved), np.sign(moved)
+    return since, way
 
 
 def _stopped(moves: Moves) -> EffectSignature:

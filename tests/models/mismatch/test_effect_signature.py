@@ -49,6 +49,23 @@ def test_a_lag_is_a_slope_of_its_time_constant():
     assert np.all(np.diff(law.y) > 0.0)
 
 
+def test_a_spring_with_hysteresis_is_behind_by_more_the_farther_it_has_gone_since_the_turn():
+    """Rising and falling alike, from the first turn on."""
+    place = np.concatenate([np.linspace(40, 60, 81), np.linspace(59.75, 40, 80)] * 2)
+    since = np.concatenate([place[:81] - 40, 60 - place[81:161]] * 2)
+    way = np.concatenate([np.ones(81), -np.ones(80)] * 2)
+    behind = 1.5 * np.minimum(since / 6.0, 1.0)
+    moves = Moves(place + way * behind, place, 1.0, 0.0, {})
+    shown = effect_signature("spring_hysteresis", moves)
+    assert shown is not None
+    after_turn = shown.x > 0.25
+    assert np.count_nonzero(after_turn) > 200
+    np.testing.assert_allclose(
+        shown.y[after_turn], 1.5 * np.minimum(shown.x[after_turn] / 6.0, 1.0)
+    )
+    assert set(shown.rising[after_turn].tolist()) == {True, False}
+
+
 def test_the_moves_are_most_alike_at_the_dead_time():
     """The correlation peaks at the delay."""
     op = np.cumsum(np.random.default_rng(5).normal(0.0, 1.0, N)) + 50.0
