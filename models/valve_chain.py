@@ -148,7 +148,7 @@ CHAIN_PARAMETERS = (
     _tunable("load_square", "%", "Load over travel, coefficient of z squared", 0.0, None),
     _tunable("load_cube", "%", "Load over travel, coefficient of z cubed", 0.0, None),
     _tunable("spring_hysteresis", "%", "What the spring holds back of a turn, to either side"),
-    _tunable("spring_way", "%", "Travel by which its inner friction has half turned", 6.0, 1e-6),
+    _tunable("spring_way", "%", "Travel over which its inner friction turns", 6.0, 1e-6),
     _tunable(
         "dwell_breakaway", "%", "Rise of the breakaway each time the rest is 2.7 times longer"
     ),

@@ -36,6 +36,7 @@ from stemwatch.models.mismatch.drive import is_refuted, name_drive, starts_of_fi
 from stemwatch.models.mismatch.dwell_beside import with_dwell
 from stemwatch.models.mismatch.evaluator import DRIVE, CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.findings import Effect, HeldOutFit
+from stemwatch.models.mismatch.follows_turns import IMITATED, SPRING, follows_turns
 from stemwatch.models.mismatch.held_out import (
     FirstPart,
     HeldOutComparison,
@@ -64,7 +65,6 @@ from stemwatch.models.mismatch.reading_errors import (
     without_error,
 )
 from stemwatch.models.mismatch.shaken_stem import Shaking
-from stemwatch.models.mismatch.spring_hysteresis import IMITATED, SPRING, follows_turns
 from stemwatch.models.mismatch.sticking_by_likelihood import sticking_by_likelihood
 from stemwatch.models.mismatch.term import ActsOn, Term
 from stemwatch.models.mismatch.term_pairs import with_pair

@@ -167,7 +167,11 @@ def breakaway_evidence(evaluator: Evaluator, fitted: Fitted) -> list[BreakawayEv
         for slug, (place, with_it, numbers) in found_of.items()
         if (spread >= LEAST_SPREAD if slug == DWELL else tells_way)
     ]
-    answers = [_beside(rests, level, found_of, one) if one.convincing else one for one in answers]
+    if any(answer.convincing for answer in answers):
+        both = _best_of(rests, level, [of_dwell, of_play], (_BY_RATE, _BY_REST, _BY_WAY))
+        answers = [
+            _beside(rests, level, found_of, both, one) if one.convincing else one for one in answers
+        ]
     return sorted(answers, key=lambda answer: -answer.z)
 
 
@@ -175,15 +179,14 @@ def _beside(
     rests: _Rests,
     level: float,
     found_of: Mapping[str, tuple[int, float, Floats]],
+    both: tuple[float, Floats],
     answer: BreakawayEvidence,
 ) -> BreakawayEvidence:
     """An ``answer`` with its score beside the other effect as well, and with that of the rate;
     ``found_of`` has, for either effect, its place among the numbers, the best log likelihood with
-    it alone, and the numbers (7,) of that.
+    it alone, and the numbers (7,) of that; ``both`` the likelihood and numbers with both.
     """
-    both = (_BY_RATE, _BY_REST, _BY_WAY)
-    starts = [numbers for _, _, numbers in found_of.values()]
-    with_both, of_both = _best_of(rests, level, starts, both)
+    with_both, of_both = both
     place, with_it, numbers = found_of[answer.slug]
     (without,) = (value for slug, (_, value, _) in found_of.items() if slug != answer.slug)
     return replace(
@@ -228,7 +231,8 @@ class _FittedStem(NamedTuple):
     @classmethod
     def of(cls, evaluator: Evaluator, fitted: Fitted, candidate: Floats, reading: Floats) -> Self:
         """That of a ``candidate`` (size,) where the stem is read at ``reading`` (n,), percent."""
-        force, q, tables = evaluator.laid_out(fitted.layout, candidate)
+        forces, (row,), (q,), tables = evaluator.laid_out(fitted.layout, candidate[None])
+        force = forces[row]
         since = np.arange(reading.size) / reading.size
         offset = q[stem_number.ZERO] + q[stem_number.DRIFT] * (since - 0.5)
         if q[stem_number.BY_TIME] != 0.0:

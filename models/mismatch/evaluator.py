@@ -399,21 +399,10 @@ class Evaluator:
         )
 
     def laid_out(
-        self, layout: CoordinateLayout, candidate: Floats
-    ) -> tuple[Floats, Floats, Tables]:
-        """The force (n,) on the stem of a candidate (size,), its numbers (20,) and its tables.
-        Buffers: what runs next writes over them.
-        """
-        of_force = candidate[None, layout.of_force]
-        row = self._forces.of([(layout.shaping, of_force)])[0]
-        self._fill([(layout, candidate[None])])
-        return self._forces.rows[row], *self._first_stem
-
-    def laid_out_each(
         self, layout: CoordinateLayout, candidates: Floats
     ) -> tuple[Floats, Samples, Floats, Tables]:
-        """As ``laid_out`` of up to LANES candidates (m, size): all forces that are kept (r, n), the
-        row of each candidate's (m,), numbers (m, 20) and tables.
+        """Of up to LANES candidates (m, size): all forces that are kept (r, n), the row of each
+        candidate's (m,), numbers (m, 20) and tables. Buffers: what runs next writes over them.
         """
         rows = self._forces.of([(layout.shaping, candidates[:, layout.of_force])])
         self._fill([(layout, candidates)])
@@ -424,12 +413,6 @@ class Evaluator:
         """The logarithms of the likelihood that are known, by terms, courses and point: searches
         that begin alike come to the same points again."""
         return {}
-
-    @cached_property
-    def _first_stem(self) -> tuple[Floats, Tables]:
-        """Numbers (20,) and tables of the first stem."""
-        numbers, tables = self._stems.first(1)
-        return numbers[0], tables
 
     def _fill(self, pieces: Sequence[Piece]) -> None:
         """Write the stems of the candidates, in their order, into ``_stems``."""

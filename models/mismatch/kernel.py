@@ -25,12 +25,11 @@ from numpy.typing import NDArray
 
 from stemwatch.models.mismatch import lane_rows as row
 from stemwatch.models.mismatch import stem as stem_number
-from stemwatch.models.mismatch.inner_friction import (
-    REACHES,
-    dragged,
-    first_anchor,
-    held_back,
-    way_through,
+from stemwatch.models.mismatch.by_place import (
+    anchor,
+    look_up,
+    share_and_least,
+    table_value,
 )
 from stemwatch.models.mismatch.lane_rows import LANES
 from stemwatch.models.mismatch.lanes import (
@@ -89,56 +88,10 @@ class Scoring(NamedTuple):
 
 
 _START, _RESYNC = 1, 2
-_ROUNDING = 1e-9  # percent; a smaller step of the force is a held command
-# A stem that drags towards its end of travel never quite arrives; below this speed it stands.
-_STANDS_BELOW = 0.01  # percent per second
-_SOFTEST = 0.5  # least rise of spring and force together over a percent of travel, percent
 _PATIENCE_S = 120.0  # how long an assimilated run waits for a breakaway that the recording shows
 # numba types a plain 0 as the literal 0, so all that is called with it would be compiled twice.
 _I = cast("type[int]", np.int64)
 _PARTS = 4  # of a sample, in which a stem with inertia is moved
-
-
-@never_raises
-def table_value(tables: Floats, lane: int, x: float) -> float:
-    """The table of ``lane`` at place ``x``, linear between its entries and constant beyond."""
-    table_place = (x - stem_number.PLACE_LOW) * (
-        (stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW)
-    )
-    table_place = min(max(table_place, 0.0), stem_number.PLACES - 1.000001)
-    i = int(table_place)
-    value_here, value_next = tables[lane, i], tables[lane, i + 1]
-    value: float = value_here + (table_place - i) * (value_next - value_here)
-    return value
-
-
-@never_raises
-def table_slope(tables: Floats, lane: int, x: float) -> float:
-    """The rise of the table of ``lane`` over a percent of travel at place ``x``."""
-    table_place = (x - stem_number.PLACE_LOW) * (
-        (stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW)
-    )
-    i = int(min(max(table_place, 0.0), stem_number.PLACES - 1.000001))
-    rise: float = tables[lane, i + 1] - tables[lane, i]
-    return rise * ((stem_number.PLACES - 1) / (stem_number.PLACE_HIGH - stem_number.PLACE_LOW))
-
-
-@never_raises
-def share_and_least(dt: float, q: Floats, slope: float) -> tuple[float, float]:
-    """The share of the gap that a stem covers in a sample, and the gap below which it sticks; with
-    a negative one only a turn stops it.
-
-    A force that rises by ``slope`` over a percent of travel closes the gap on the way, as a stiffer
-    spring would: it comes to rest after ``gap / (1 + slope)``.
-    """
-    stiffness = max(1.0 + slope, _SOFTEST)
-    drags = q[stem_number.DRAG_S] > 1e-3
-    share = 1.0 - np.exp(-dt * stiffness / q[stem_number.DRAG_S]) if drags else 1.0
-    share /= stiffness
-    if q[stem_number.RESTICK] < 0.0:
-        return share, -_ROUNDING
-    speed = max(q[stem_number.RESTICK], _STANDS_BELOW if drags else 0.0)
-    return share, max(speed * dt / share, _ROUNDING)
 
 
 @never_raises
@@ -313,65 +266,6 @@ def _tabled(
 
 
 @never_raises
-def _look_up(
-    s: Floats,
-    numbers: Floats,
-    placed: NDArray[np.int64],
-    friction: Floats,
-    force: Floats,
-    dt: float,
-    forces: Floats,
-) -> None:
-    """Friction and force by place, of those lanes ``placed`` that moved, and how far they slide.
-
-    ``forces`` (lanes,) at this sample.
-    """
-    for lane in placed:
-        i, q = np.uint64(lane), numbers[lane]
-        x = s[row.X + i]
-        if x != s[row.LOOKED_UP_AT + i]:
-            s[row.LOOKED_UP_AT + i] = x
-            s[row.FRICTION + i] = table_value(friction, lane, x)
-            s[row.FORCE + i] = table_value(force, lane, x)
-            slope = table_slope(force, lane, x)
-            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, q, slope)
-            if q[stem_number.HYSTERESIS] != 0.0:
-                s[row.FORCE + i] += _drag_anchors(s, i, q, x)
-        if q[stem_number.HYSTERESIS] != 0.0:
-            slope = table_slope(force, lane, x)
-            slope += _stiffened(s, i, q, forces[lane] - x - s[row.FORCE + i])
-            s[row.SHARE + i], s[row.LEAST_GAP + i] = share_and_least(dt, q, slope)
-
-
-@never_raises
-def _drag_anchors(s: Floats, i: np.uint64, q: Floats, x: float) -> float:
-    """Move the anchors of lane ``i`` to its place ``x``; returns the force of its spring's inner
-    friction there."""
-    way = q[stem_number.WAY]
-    short = dragged(s[row.SHORT_ANCHOR + i], x, way, REACHES[0])
-    middle = dragged(s[row.MIDDLE_ANCHOR + i], x, way, REACHES[1])
-    long = dragged(s[row.LONG_ANCHOR + i], x, way, REACHES[2])
-    s[row.SHORT_ANCHOR + i], s[row.MIDDLE_ANCHOR + i] = short, middle
-    s[row.LONG_ANCHOR + i] = long
-    force: float = q[stem_number.HYSTERESIS] * held_back((short, middle, long), x, way)
-    return force
-
-
-@never_raises
-def _stiffened(s: Floats, i: np.uint64, q: Floats, f: float) -> float:
-    """The mean rise of the inner friction of lane ``i`` over a percent of the travel by which the
-    force ``f`` on the stem slides it; 0 where it does not."""
-    gap = abs(f) - (s[row.HALF_S + i] - s[row.HALF_J + i])
-    if gap <= 0.0:
-        return 0.0
-    anchors = s[row.SHORT_ANCHOR + i], s[row.MIDDLE_ANCHOR + i], s[row.LONG_ANCHOR + i]
-    side, hysteresis = 1.0 if f > 0.0 else -1.0, q[stem_number.HYSTERESIS]
-    slides = way_through(anchors, s[row.X + i], side, gap, hysteresis, q[stem_number.WAY])
-    rise: float = gap / slides - 1.0
-    return rise
-
-
-@never_raises
 def _rise(s: Floats, resting: NDArray[np.int64], breakaway: Floats) -> None:
     """Look up what the rest before adds to the breakaway of some lanes."""
     for lane in resting:
@@ -415,7 +309,7 @@ def _slide_varied(
     for k in range(begin, end):
         o, t, full = np.uint64(k % AHEAD) * lanes, k - half_way, 0
         measured, free = (mv[k], slack[k]) if scale > 0.0 else (0.0, 0.0)
-        _look_up(s, numbers, placed, friction, pushing, dt, forces[o:])
+        look_up(s, numbers, placed, friction, pushing, dt, forces[o:])
         for lane in resting:
             at = np.uint64(lane)
             rested = 0.0 if s[row.GOING + at] != 0.0 else s[row.RESTED + at]
@@ -528,11 +422,7 @@ def _wander_and_rest(
         s[row.Z + i], s[row.MOVING + i], s[row.SPEED + i] = z, 0.0, 0.0
         s[row.RESTED + i] = 0.0 if start else s[row.RESTED + i]
         if start and q[stem_number.HYSTERESIS] != 0.0:
-            share, way = (laid_out[lane] - z) / band, q[stem_number.WAY]
-            s[row.SHORT_ANCHOR + i] = first_anchor(z, way, REACHES[0], share)
-            s[row.MIDDLE_ANCHOR + i] = first_anchor(z, way, REACHES[1], share)
-            s[row.LONG_ANCHOR + i] = first_anchor(z, way, REACHES[2], share)
-            s[row.LOOKED_UP_AT + i] = np.nan
+            anchor(s, i, q, z, (laid_out[lane] - z) / band)
 
 
 @never_raises
@@ -635,7 +525,7 @@ def follow(
                     current, losses)  # fmt: skip
         while k < end and charged_more == 0:
             if varied:  # not one function: passing all tables takes as long as using them
-                _look_up(s, numbers, placed, friction, pushing, dt, laid_out[k % AHEAD * lanes :])
+                look_up(s, numbers, placed, friction, pushing, dt, laid_out[k % AHEAD * lanes :])
                 _rise(s, rested, breakaway)
                 _set_levels(s, all_lanes, k)
             if timed:

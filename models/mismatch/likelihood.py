@@ -18,11 +18,7 @@ import numpy as np
 
 from stemwatch.models.forensics import position_step
 from stemwatch.models.mismatch import evaluator as base_coordinate
-from stemwatch.models.mismatch.breakaway_filter import (
-    GIVEN_UP,
-    log_likelihood,
-    log_likelihoods,
-)
+from stemwatch.models.mismatch.breakaway_filter import GIVEN_UP, log_likelihoods
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator
 from stemwatch.models.mismatch.kernel import Record
 from stemwatch.models.mismatch.lane_rows import LANES
@@ -138,12 +134,8 @@ class RecordLikelihood:
         return Record(problem.mv, problem.start, none, none, problem.interval_s, 0.0)
 
     @cached_property
-    def _by_block(self) -> Floats:
-        return np.empty(self.evaluator.problem.n_blocks)
-
-    @cached_property
     def _no_least(self) -> Floats:
-        return np.full(self._by_block.size, -np.inf)
+        return np.full(self.evaluator.problem.n_blocks, -np.inf)
 
     @cached_property
     def _latest_limits(self) -> list[tuple[CoordinateLayout, tuple[Floats, Floats]]]:
@@ -179,33 +171,17 @@ class RecordLikelihood:
         """(filled blocks,) the logarithm of the likelihood of each block that is scored; far less
         where a point falls far behind the one ``beside`` it.
         """
-        evaluator, least = self.evaluator, self._no_least
+        known_of, least = self.evaluator.likelihoods, self._no_least
         key = layout.hypothesis.slugs, self.courses, point.tobytes()
-        known = evaluator.likelihoods.get(key)
+        known = known_of.get(key)
         if known is not None and (beside is None or not _falls_behind(known, beside.far_behind)):
             return known
         if beside is not None:
             least = least.copy()
             least[self._filled] = beside.far_behind
-        force, numbers, tables = evaluator.laid_out(layout, point[:-OF_RECORD])
-        sigma, scatter = np.exp(point[-OF_RECORD:])
-        log_likelihood(
-            force,
-            numbers,
-            tables,
-            self._record,
-            evaluator.problem.block,
-            evaluator.slack,
-            self._step,
-            float(sigma),
-            float(scatter),
-            self.courses,
-            least,
-            self._by_block,
-        )
-        found = self._by_block[self._filled]
+        found: Floats = self._run(layout, point[None], least)[0]
         if _is_whole(found):
-            evaluator.likelihoods[key] = found
+            known_of[key] = found
         return found
 
     def of_blocks_each(
@@ -220,20 +196,24 @@ class RecordLikelihood:
             new = np.arange(len(keys))
         else:
             new = np.array([i for i, key in enumerate(keys) if key not in known], dtype=np.int64)
-        found = self._run_each(layout, points[new], behind)
+        found = self._run(layout, points[new], self._no_least, behind)
         at = dict(zip(new.tolist(), found, strict=True))
         known |= {keys[i]: row for i, row in at.items() if _is_whole(row)}
         return np.array([at[i] if i in at else known[key] for i, key in enumerate(keys)])
 
-    def _run_each(self, layout: CoordinateLayout, points: Floats, behind: float) -> Floats:
-        """``of_blocks_each``, whatever is known."""
-        evaluator, least, best = self.evaluator, self._no_least.copy(), -np.inf
+    def _run(
+        self, layout: CoordinateLayout, points: Floats, least: Floats, behind: float = np.inf
+    ) -> Floats:
+        """(m, filled blocks) of ``points`` (m, size + 2), whatever is known; given up below
+        ``least`` (blocks,), or where one falls ``behind`` the best before it.
+        """
+        evaluator, least, best = self.evaluator, least.copy(), -np.inf
         by_block = np.empty((points.shape[0], least.size))
         scales = np.exp(points[:, -OF_RECORD:])
         for first in range(0, points.shape[0], LANES):
             part = slice(first, first + LANES)
             best = log_likelihoods(
-                *evaluator.laid_out_each(layout, points[part, :-OF_RECORD]),
+                *evaluator.laid_out(layout, points[part, :-OF_RECORD]),
                 self._record,
                 evaluator.problem.block,
                 evaluator.slack,

@@ -23,6 +23,7 @@ from stemwatch.models.mismatch.base_fit import naive_evaluator, naive_layout
 from stemwatch.models.mismatch.crossfit import Fitted
 from stemwatch.models.mismatch.evaluator import Evaluator, S_and_J
 from stemwatch.models.mismatch.findings import Stiction
+from stemwatch.models.mismatch.follows_turns import follows_turns
 from stemwatch.models.mismatch.held_out import HeldOutComparison
 from stemwatch.models.mismatch.likelihood import SCATTERS, RecordLikelihood
 from stemwatch.models.mismatch.named_by_likelihood import (
@@ -33,7 +34,6 @@ from stemwatch.models.mismatch.named_by_likelihood import (
     scatters_as_no_stem,
     scatters_most,
 )
-from stemwatch.models.mismatch.spring_hysteresis import follows_turns
 from stemwatch.models.mismatch.term_selection import AS_GOOD
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.fit import advantage

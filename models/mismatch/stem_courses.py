@@ -13,12 +13,12 @@ from typing import cast
 import numpy as np
 
 from stemwatch.models.mismatch import stem as stem_number
+from stemwatch.models.mismatch.by_place import share_and_least, table_slope, table_value
 from stemwatch.models.mismatch.inner_friction import (
     anchor_at,
     held_back,
     way_through,
 )
-from stemwatch.models.mismatch.kernel import share_and_least, table_slope, table_value
 from stemwatch.models.mismatch.lanes import never_raises
 from stemwatch.models.recording import Floats
 

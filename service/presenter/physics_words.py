@@ -91,7 +91,7 @@ PARAMETERS = {
     "tau_rising": "time constant rising",
     "tau_v": "time constant of the slide",
     "theta": "dead time",
-    "way": "travel by which the spring has turned",
+    "way": "travel over which it turns",
     "v_c": "speed below which it sticks again",
     "width": "half width",
     "wn": "natural frequency",

@@ -12,7 +12,7 @@ from stemwatch.models.mismatch.batched_search import conclude
 from stemwatch.models.mismatch.crossfit import CAREFUL, LOOK, crossfit, refit
 from stemwatch.models.mismatch.explain import explain
 from stemwatch.models.mismatch.findings import Finding
-from stemwatch.models.mismatch.spring_hysteresis import follows_turns, turned
+from stemwatch.models.mismatch.follows_turns import follows_turns, turned
 from stemwatch.models.studies.simulator.hidden import draw_effect
 from tests.models.mismatch.fitted_chain import (
     candidate,
