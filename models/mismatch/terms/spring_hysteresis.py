@@ -31,7 +31,7 @@ class SpringHysteresis(StemTerm):
     slug = "spring_hysteresis"
     order = 11
     words = Words(
-        plain="spring or diaphragm have friction of their own and hold back each turn of the stem",
+        plain="the spring or diaphragm has friction of its own and holds back the stem at turns",
         decide=(
             "Step OP by 1 % with holds over 20 % of travel and back, and note each step of the "
             "stem. After the turn a packing takes S once, then every step is whole; here the "
@@ -90,8 +90,9 @@ class SpringHysteresis(StemTerm):
 
     def sentence(self, parameters: Mapping[str, Estimate], rising: str, falling: str) -> str:
         return (
-            f"Spring or diaphragm hold the stem back after each turn, by up to {parameters['H']} "
-            f"of span to either side, which they reach over some {parameters['way']} of travel."
+            f"The spring or diaphragm holds the stem back after each turn, by up to "
+            f"{parameters['H']} of span either way, reached over some {parameters['way']} of "
+            "travel."
         )
 
     def field_test(self, parameters: Mapping[str, Estimate]) -> FieldTest:

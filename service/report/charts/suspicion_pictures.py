@@ -94,8 +94,8 @@ def _misses(recording: Recording, element: ElementTraces) -> str:
     )
     unit = f" {printable(measured.unit)}" if measured.unit else ""
     return (
-        f" In the whole record the linear loop misses PV by {linear}{unit} rms, the sticking valve "
-        f"by {sticking}{unit}."
+        f" Over the whole record the linear loop misses PV by {linear}{unit} rms, the sticking "
+        f"valve by {sticking}{unit}."
     )
 
 
@@ -117,7 +117,7 @@ def _both_models(recording: Recording, pv: Signal, element: ElementTraces, misse
         width=WIDE,
     )
     return Picture(
-        title="PV by both models",
+        title="PV as both models predict it",
         plot=plot,
         caption=f"Each predicts one step ahead, on stretches that it was not fitted to.{misses}",
     )

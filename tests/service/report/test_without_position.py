@@ -177,7 +177,11 @@ def test_the_pictures_of_a_suspicion_outlive_the_samples(make_screening):
     kept = pack_pictures(pictures)
     assert 500 < len(kept) < 20_000
     back = unpack_pictures(kept)
-    titles = ["OP and the suspected stem", "PV by both models", "The suspected stem against OP"]
+    titles = [
+        "OP and the suspected stem",
+        "PV as both models predict it",
+        "The suspected stem against OP",
+    ]
     assert [picture.title for picture in back.suspicion] == titles
     stem, pv, _ = back.suspicion
     assert [line.label for line in stem.plot.lines] == ["OP", "suspected stem"]

@@ -79,12 +79,12 @@ def test_the_page_shows_what_raises_a_suspicion(live, client) -> None:
     assert "What raises the suspicion" not in page()
     save(2, suspected(0.99), pictures=True)
     assert page().count('class="small-plot"') == 3
-    assert "From the window until" not in page()
+    assert "From the window that ended" not in page()
     save(3, suspected(0.9), pictures=True)
     earlier = replace(suspected(0.97), recordings=3, alone=no_sign())
     save(4, earlier, pictures=False)
     assert page().count('class="small-plot"') == 3
-    assert "From the window until 2026-03-30 16:00" in page()
+    assert "From the window that ended 2026-03-30 16:00" in page()
     save(5, replace(cannot_tell("they do not bear it out"), recordings=4), pictures=True)
     assert "What raises the suspicion" not in page()
 
