@@ -271,7 +271,7 @@ def test_advice_names_things_to_look_at_and_a_test(slug):
         ("asymmetric_slip", [-0.5], "jumps when closing are 3.00 (2.86 to 3.16) times those"),
         ("bowed_linkage", [1.0], "1.00 (0.95 to 1.05) % of span too high at 79 % of travel and"),
         ("bowed_linkage", [-1.0], "% of span too high at 21 % of travel and too low at 79 %"),
-        ("spring_hysteresis", [1.0, 8.0], "by up to 1.00 (0.95 to 1.05) % of span to either"),
+        ("spring_hysteresis", [1.0, 8.0], "by up to 1.00 (0.95 to 1.05) % of span either way"),
         ("flow_force", [-3.0], "by 3.00 (2.85 to 3.15) % of span more towards opening"),
         ("growing_stiction", [0.8], "grew by 80.0 (76.0 to 84.0) % over the record"),
         ("growing_stiction", [-0.3], "shrank by 30.0 (28.5 to 31.5) % over"),
