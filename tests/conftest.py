@@ -34,6 +34,9 @@ BESIDE_THE_CHECKOUT = REPOSITORY.parent / "shared" / "recordings"
 # installation of the package, and not the checkout, is what the tests run.
 sys.path[:] = [index for index in sys.path if Path(index or ".").resolve() != REPOSITORY.resolve()]
 sys.path.append(str(REPOSITORY))
+# Nor do programs that tests start take it from the folder they are started in: of the checkout's
+# copy they would compile every kernel once more.
+os.environ["PYTHONSAFEPATH"] = "1"
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

@@ -15,6 +15,7 @@ from stemwatch.service.presenter.cost_of_sticking import Prices, RankBy
 from stemwatch.service.presenter.evidence_of_weeks import EvidenceOfWeeks
 from stemwatch.service.presenter.plant_path import PlantPath
 from stemwatch.service.presenter.trend_over_weeks import TrendOverWeeks
+from stemwatch.service.report.charts.suspicion_pictures import ShownSuspicion
 
 
 def software_name() -> str:
@@ -28,8 +29,9 @@ class ValveFacts(PlantPath):
 
     ``stroke`` is its full travel with the unit, such as "40 mm"; empty where it is not known.
     ``previous`` is what was said of it before, ``weeks`` how its S changes, ``by_window`` what its
-    windows of the last weeks say together of effects beside friction, ``prices`` what a deviation
-    of its loop costs.
+    windows of the last weeks say together of effects beside friction, ``earlier_suspicion`` what
+    shows best that it may stick, where its latest window shows little by itself, ``prices`` what a
+    deviation of its loop costs.
     """
 
     description: str = ""
@@ -38,6 +40,7 @@ class ValveFacts(PlantPath):
     previous: PreviousFinding | None = None
     weeks: TrendOverWeeks | None = None
     by_window: EvidenceOfWeeks | None = None
+    earlier_suspicion: ShownSuspicion | None = None
     prices: Prices | None = None
 
 

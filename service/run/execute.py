@@ -16,9 +16,11 @@ from stemwatch.models.screening_result import PreviousFinding, Screening
 from stemwatch.service.config import Plant
 from stemwatch.service.executors import Executor, Outcome, outcomes
 from stemwatch.service.presenter.cost_of_sticking import RankBy
+from stemwatch.service.report.charts.suspicion_pictures import ShownSuspicion
 from stemwatch.service.report.charts.valve_plots import ValvePlots, plots_instead_of_samples
 from stemwatch.service.report.charts.window_pictures import pack_pictures
 from stemwatch.service.report.html_page import MOST_PLOTTED
+from stemwatch.service.run.clearest_suspicion import of_earlier_window
 from stemwatch.service.run.outside_window import OutsideWindow
 from stemwatch.service.run.saving import (
     PlacedScreening,
@@ -116,11 +118,13 @@ class Run:
 @dataclass(frozen=True, kw_only=True)
 class Executed:
     """The results of the tasks in their order, without samples (valves that may need work keep an
-    excerpt); ``previous`` is each valve's result in the window before; ``outside_window`` is what
-    was left out, with a sentence that says so."""
+    excerpt); ``previous`` is each valve's result in the window before; ``earlier_suspicions`` are
+    of valves that are suspected to stick from earlier windows; ``outside_window`` is what was left
+    out, with a sentence that says so."""
 
     results: ResultSpill
     previous: dict[str, PreviousFinding | None]
+    earlier_suspicions: dict[str, ShownSuspicion] = field(default_factory=dict)
     not_saved: Sequence[tuple[str, str]] = ()
     outside_window: OutsideWindow = field(
         default_factory=lambda: OutsideWindow((), must_appear=False)
@@ -156,6 +160,7 @@ def execute(
         on_valve_done=on_valve_done,
     )
     outside_window = OutsideWindow(tasks, must_appear=run.plant is not None)
+    suspicions: dict[str, ShownSuspicion] = {}
     done = 0
     for finished in _screened(run, tasks, stop):
         arrived = []
@@ -164,6 +169,7 @@ def execute(
                 saving.skip(outcome.index, outcome.item.tags.valve, results)
             else:
                 arrived.append(_put(results, outcome))
+                _note_suspicion(run, suspicions, outcome.item, arrived[-1].screening)
         saving.take(arrived, results)
         done += len(finished) - len(arrived)
         for result in arrived:
@@ -172,6 +178,7 @@ def execute(
     return Executed(
         results=results,
         previous=saving.previous,
+        earlier_suspicions=suspicions,
         not_saved=tuple(saving.not_saved),
         outside_window=outside_window,
     )
@@ -199,6 +206,19 @@ def add_unsaved(run: Run, executed: Executed, tasks: Sequence[Task], stop: threa
             result = _put(executed.results, outcome, first)
             previous = run.store.previous_finding(result.screening, run.started)
             executed.previous[result.screening.valve] = previous
+            _note_suspicion(run, executed.earlier_suspicions, outcome.item, result.screening)
+
+
+def _note_suspicion(
+    run: Run, suspicions: dict[str, ShownSuspicion], task: Task, screening: Screening
+) -> None:
+    """Keep for the report what shows best that the valve may stick, where the windows before this
+    one raise the suspicion."""
+    told, start = screening.without_position, screening.window[0]
+    answers, packed_pictures = task.earlier_answers, run.store.packed_pictures
+    shown = of_earlier_window(told, start, answers, packed_pictures)
+    if shown is not None:
+        suspicions[screening.valve] = shown
 
 
 def _screened(

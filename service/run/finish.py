@@ -218,6 +218,7 @@ def _context(run: Run, executed: Executed, not_read: NotRead) -> ReportContext:
                 plant_facts(plant, valve, before),
                 weeks=weeks.get(valve),
                 by_window=by_window.get(valve),
+                earlier_suspicion=executed.earlier_suspicions.get(valve),
             )
             for valve, before in executed.previous.items()
         },

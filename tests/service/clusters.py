@@ -17,8 +17,9 @@ from typing import Any, TypeVar
 
 from distributed import Client
 
+from tests.own_process import environment
+
 Found = TypeVar("Found")
-ROOT = Path(__file__).parent.parent.parent
 PATIENCE_S = 60.0
 # A cluster that waits for work samples its own stack a hundred times a second and its clock fifty
 # times: 7 % of a core for as long as the tests last, and with these 2 %.
@@ -104,10 +105,9 @@ def dask_cluster(folder: Path, workers: int) -> Iterator[Cluster]:
 
 def _dask(*arguments: str, **variables: str) -> subprocess.Popen[bytes]:
     """A process of Dask that can import the tests."""
-    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
         [sys.executable, "-m", "dask", *arguments],
-        env={**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", **AT_REST, **variables},
+        env={**environment(), "OMP_NUM_THREADS": "1", **AT_REST, **variables},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )

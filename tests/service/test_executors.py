@@ -38,6 +38,7 @@ from stemwatch.service.executors.dask_cluster import (
     DaskCluster,
     in_worker,
 )
+from tests.own_process import REPOSITORY
 from tests.service import clusters
 from tests.service.worker_jobs import (
     double,
@@ -296,7 +297,7 @@ def test_ctrl_c_ends_the_workers(tmp_path: Path) -> None:
     program = (
         "import sys\n"
         "from pathlib import Path\n"
-        f"sys.path.insert(0, {str(clusters.ROOT)!r})\n"
+        f"sys.path.append({str(REPOSITORY)!r})\n"
         "from tests.service.worker_jobs import note_and_wait\n"
         "from stemwatch.service.executors import LocalProcesses, map_items\n"
         "if __name__ == '__main__':\n"

@@ -3,6 +3,9 @@ or not."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from datetime import datetime
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +27,15 @@ from stemwatch.service.report.charts.valve_charts import (
 MOST_POINTS = 400  # of all lines of a picture
 WIDE = 740
 _UNITS_OF_TIME = ((3 * 3600.0, 3600.0, "h"), (600.0, 60.0, "min"), (0.0, 1.0, "s"))
+
+
+@dataclass(frozen=True)
+class ShownSuspicion:
+    """The pictures of a suspicion from OP and PV; ``until`` is the end of the earlier window that
+    they are of, ``None`` for the latest."""
+
+    pictures: tuple[Picture, ...]
+    until: datetime | None = None
 
 
 def suspicion_pictures(recording: Recording, element: ElementTraces) -> tuple[Picture, ...]:

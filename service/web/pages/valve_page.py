@@ -15,7 +15,6 @@ from stemwatch.models.oscillation_groups.plant_groups import OscillationGroup
 from stemwatch.models.recording import Role
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.verdict import Verdict
-from stemwatch.models.without_position.several_recordings import clearest
 from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.maintenance.maintenance_html import page_anchor
 from stemwatch.service.maintenance.work_compared import compare
@@ -28,8 +27,10 @@ from stemwatch.service.presenter.urgency import Priority, priority_of
 from stemwatch.service.report.bars import MODEL_NAMES
 from stemwatch.service.report.change_since_last_run import Change, change_since_last_run
 from stemwatch.service.report.charts.effect_pictures import Picture
+from stemwatch.service.report.charts.suspicion_pictures import ShownSuspicion
 from stemwatch.service.report.charts.window_pictures import unpack_pictures
 from stemwatch.service.report.mismatch_view import MismatchView, mismatch_view
+from stemwatch.service.run.clearest_suspicion import of_earlier_window
 from stemwatch.service.store.alerts.alerts import state_of
 from stemwatch.service.store.samples.tag_quality import BadSamples
 from stemwatch.service.store.screenings.feedback import Judgement
@@ -49,15 +50,6 @@ ANCHOR = "valve"
 SPANS = (("1 h", 3600), ("6 h", 21600), ("1 d", 86400), ("7 d", 604800), ("30 d", 2592000))
 
 router = APIRouter(include_in_schema=False)
-
-
-@dataclass(frozen=True)
-class ShownSuspicion:
-    """The pictures of a suspicion from OP and PV; ``until`` is the end of the earlier window that
-    they are of, ``None`` for the latest."""
-
-    pictures: tuple[Picture, ...]
-    until: datetime | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,21 +232,14 @@ def _shown_screening(
 def _shown_suspicion(
     deps: Dependencies, stored: StoredScreening, of_latest: tuple[Picture, ...]
 ) -> ShownSuspicion | None:
-    """The pictures of the window that shows best that the valve may stick: the latest where it is
-    suspected by itself, else the clearest of those that count with it."""
-    told, start = stored.without_position, stored.window[0]
+    """The pictures of the window that shows best that the valve may stick."""
+    told = stored.without_position
     if told is None or told.verdict is not Suspicion.SUSPECTED:
         return None
-    if of_latest or start is None:
-        return ShownSuspicion(of_latest) if of_latest else None
+    if of_latest:
+        return ShownSuspicion(of_latest)
     answers = deps.store.earlier_answers(stored.valve, stored.run_id)
-    earlier = [before for before in answers if before.end <= start]
-    shown = clearest([told, *(before.answer for before in earlier)])
-    if not shown:
-        return None
-    window = earlier[shown - 1]
-    pictures = unpack_pictures(deps.store.packed_pictures(window.screening)).suspicion
-    return ShownSuspicion(pictures, window.end) if pictures else None
+    return of_earlier_window(told, stored.window[0], answers, deps.store.packed_pictures)
 
 
 def _plan_link(request: Request, shown_screening: ShownScreening | None) -> str:

@@ -17,6 +17,7 @@ import pytest
 
 from stemwatch.service.collector import Collector, Spool, collect
 from stemwatch.service.collector.spool import backlog
+from tests.own_process import environment
 from tests.service.collector.running_collector import (
     EVERY_S,
     RealTable,
@@ -187,7 +188,7 @@ def test_a_killed_collector_loses_at_most_the_poll_it_was_in(tmp_path: Path) -> 
                     str(tmp_path / "spool"),
                     str(database),
                     str(port),
-                    cwd=Path(__file__).parents[3],
+                    env=environment(),
                 )
                 enough = len(served) + 12
                 await until(partial(reached, served, enough))

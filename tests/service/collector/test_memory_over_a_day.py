@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[3]
+from tests.own_process import environment
+
 # A poll every 10 s of the simulated day, each handed over at once; the store is away for an hour.
 A_DAY = """
 import asyncio, gc, sys
@@ -57,7 +58,7 @@ def test_memory_is_flat_over_a_day(tmp_path: Path) -> None:
     """Within 5 % from the fourth hour to the last, with an hour without the store between."""
     process = subprocess.run(
         [sys.executable, "-c", A_DAY, str(tmp_path)],
-        cwd=ROOT,
+        env=environment(),
         check=False,
         capture_output=True,
         text=True,

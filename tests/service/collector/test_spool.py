@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from stemwatch.connectors.modbus.sample_batch import SampleBatch, joined, one_instant
 from stemwatch.service.collector.batch_format import MARK, pack, records
 from stemwatch.service.collector.spool import Position, Spool, SpoolError
+from tests.own_process import environment
 
 SMALL = {"limit_bytes": 8_000, "segment_bytes": 1_000}
 
@@ -238,7 +239,7 @@ def test_what_was_appended_survives_a_kill(tmp_path: Path) -> None:
             [sys.executable, "-c", WRITER, str(tmp_path)],
             stdout=subprocess.PIPE,
             encoding="ascii",
-            cwd=Path(__file__).parents[3],
+            env=environment(),
         )
         lines = []
         for line in process.stdout:

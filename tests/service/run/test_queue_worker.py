@@ -19,12 +19,13 @@ from sqlalchemy import text
 from stemwatch.models.verdict import Verdict
 from stemwatch.models.without_position.suspicion import Suspicion
 from stemwatch.service.config import Plant
+from stemwatch.service.report.charts.window_pictures import pack_pictures, window_pictures
 from stemwatch.service.run.queue_worker import UNKNOWN, QueueWorker
 from stemwatch.service.store.runs.queue import RunToQueue
 from stemwatch.service.store.screenings.records import RunState
 from stemwatch.service.store.store import Store
 from tests.service.report.conftest import screening
-from tests.service.report.test_without_position import suspected
+from tests.service.report.test_without_position import suspected, with_suspected_stem
 
 pytestmark = pytest.mark.early
 
@@ -78,8 +79,8 @@ def test_a_run_screens_saves_and_reports(make_plant, plant_store: Store) -> None
 def test_what_earlier_runs_said_of_a_loop_counts_with_the_newest(
     make_plant, plant_store: Store
 ) -> None:
-    """A scheduled run has what OP and PV alone said in the windows before; the same run again gives
-    the same."""
+    """A scheduled run has what OP and PV alone said in the windows before, and its report shows the
+    clearest of them; the same run again gives the same."""
     plant = make_plant()
     put(plant_store, who="Ann")
     work(plant_store, plant)
@@ -92,8 +93,10 @@ def test_what_earlier_runs_said_of_a_loop_counts_with_the_newest(
     for days in (1, 2, 3):
         blind = screening(STICKY, Verdict.UNDETERMINED, samples=60)
         recording = replace(blind.recording, start=start - timedelta(days=days))
-        window = replace(blind, recording=recording, without_position=suspected(0.97))
-        plant_store.save(window, earlier_run)
+        window = replace(blind, recording=recording)
+        window = with_suspected_stem(window, suspected(0.95 + 0.01 * days))
+        packed = pack_pictures(window_pictures(window))
+        plant_store.save(window, earlier_run, packed_pictures=packed)
     for _ in range(2):
         put(plant_store, valves=(STICKY,), who="Ann")
         work(plant_store, plant)
@@ -103,6 +106,11 @@ def test_what_earlier_runs_said_of_a_loop_counts_with_the_newest(
         assert newest.without_position.verdict is Suspicion.SUSPECTED
         assert newest.without_position.recordings == 4
         assert newest.without_position.alone == first.without_position
+        report = Path(plant_store.run(newest.run_id).report) / "report.html"
+        page = report.read_text(encoding="utf-8")
+        shown = page[page.index("What raises the suspicion") :]
+        assert f"From the window that ended {end - timedelta(days=3):%Y-%m-%d}" in shown
+        assert shown[: shown.index("</section>")].count('class="small-plot"') == 3
 
 
 def test_a_valve_that_is_not_there_is_set_aside(make_plant, plant_store: Store) -> None:
