@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.kept_of_array import kept_of_array
 from stemwatch.models.quantiles import percentiles
 from stemwatch.models.recording import Floats
@@ -18,7 +18,7 @@ LIMIT_MARGIN = 5.0  # percent by which an output may be driven beyond 0 and 100
 LIMIT_TOLERANCE = 1e-6  # percent
 
 
-@njit(cache=True)
+@compiled()
 def _turning_points(values: Floats, threshold: float, out: NDArray[np.int64]) -> int:
     """Zigzag: indices of extremes that are followed by a move of at least ``threshold``."""
     count = high = low = direction = 0

@@ -6,13 +6,13 @@ It is exact for a command that is held between samples.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 
-@njit(cache=True)
+@compiled()
 def lag_by_direction(
     command: Floats, marks: NDArray[np.uint8], dt: float, up_s: float, down_s: float, out: Floats
 ) -> None:

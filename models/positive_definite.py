@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def solve(a: Floats, b: Floats) -> None:
     """The solution of ``a x = b``, ``a`` (k, k) positive definite and ``b`` (k,), in the place of
     ``b``; ``a`` is written over. By elimination without pivots, which such a matrix does not need.

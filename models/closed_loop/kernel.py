@@ -1,15 +1,11 @@
-"""Compiled kernels of a control loop: the process behind the valve, and the loop closed around it.
-
-Compiled kernels and all that they call stay in this file: numba's disk cache does not notice a
-change elsewhere.
-"""
+"""Compiled kernels of a control loop: the process behind the valve, and the loop closed around
+it."""
 
 from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 # Order of the numbers of a loop (N_NUMBERS,) for ``run_loop``. Times in samples.
@@ -39,13 +35,13 @@ from stemwatch.models.recording import Floats
 N_NUMBERS = 21
 
 
-@njit(cache=True)
+@compiled()
 def _share(lag: float) -> float:
     """What a first-order lag of so many samples moves in one."""
     return 1.0 if lag <= 1e-6 else 1.0 - math.exp(-1.0 / lag)
 
 
-@njit(cache=True)
+@compiled()
 def _late(values: Floats, k: int, delay: float) -> float:
     """``values`` at ``delay`` samples before ``k``, interpolated linearly between two samples."""
     whole = int(delay)
@@ -54,7 +50,7 @@ def _late(values: Floats, k: int, delay: float) -> float:
     return later + (delay - whole) * (earlier - later)
 
 
-@njit(cache=True)
+@compiled()
 def process_answer(
     x: Floats, lag: float, second_lag: float, delay: float, integrates: bool, out: Floats
 ) -> None:
@@ -69,7 +65,7 @@ def process_answer(
         behind += second * (first - behind)
 
 
-@njit(cache=True)
+@compiled()
 def whitened(values: Floats, weights: Floats, out: Floats) -> None:
     """``values`` (n,) minus their prediction by ``weights`` (p,) of the samples before, into
     ``out``.
@@ -81,7 +77,7 @@ def whitened(values: Floats, weights: Floats, out: Floats) -> None:
         out[k] = left
 
 
-@njit(cache=True)
+@compiled()
 def later_costs(answer: Floats, pv: Floats, delays: Floats, out: Floats) -> None:
     """What a process leaves of ``pv`` where its answer comes later by whole samples, into ``out``
     (d,): the sum of squares, with the gain that makes it least.
@@ -105,7 +101,7 @@ def later_costs(answer: Floats, pv: Floats, delays: Floats, out: Floats) -> None
         out[place] = whole - with_pv * with_pv / max(spread, 1e-30)
 
 
-@njit(cache=True)
+@compiled()
 def run_loop(
     set_point: Floats,
     disturbance: Floats,

@@ -34,9 +34,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
-from numba import njit
 from scipy.optimize import minimize
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.batched_search import conclude
@@ -315,13 +315,13 @@ def _best(rests: _Rests, level: float, start: Floats, more: Iterable[int]) -> tu
     return -float(found.fun), best
 
 
-@njit(cache=True)
+@compiled()
 def _below(score: float) -> float:
     """The normal distribution function."""
     return 0.5 * math.erfc(-score / 1.4142135623730951)
 
 
-@njit(cache=True)
+@compiled()
 def _asked_of(
     numbers: Floats,
     first: Samples,
@@ -352,7 +352,7 @@ def _asked_of(
         asked[i, 3], asked[i, 4], asked[i, 5] = begun_down, max(held_down, begun_down), fell
 
 
-@njit(cache=True)
+@compiled()
 def _log_likelihood(numbers: Floats, side: Floats, asked: Floats) -> float:
     """Of all rests: each level held up to two samples before the breakaway, and the one to its side
     gave way then; the sampling of OP does not tell it better. ``asked`` as of ``_asked_of``."""
@@ -368,7 +368,7 @@ def _log_likelihood(numbers: Floats, side: Floats, asked: Floats) -> float:
     return total
 
 
-@njit(cache=True)
+@compiled()
 def _of_one_way(most: float, held: float, begun: float, wide: float, gave_way: bool) -> float:
     """The log likelihood of one rest and one direction: where the force over its level, less 1, was
     ``begun`` first, ``held`` before the breakaway and ``most`` with it."""
@@ -381,7 +381,7 @@ def _of_one_way(most: float, held: float, begun: float, wide: float, gave_way: b
     return math.log((1.0 - ODD) * share + ODD * odd)
 
 
-@njit(cache=True)
+@compiled()
 def _with_slope(
     numbers: Floats,
     free: Samples,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip.kernel import Marks
 
@@ -11,7 +10,7 @@ _START = 1
 _CHUNK = 64
 
 
-@njit(cache=True)
+@compiled()
 def _next_start(marks: Marks, k: int) -> int:
     """The first START from ``k`` on, or the end; searched in chunks, so that the compiler uses
     vector instructions.
@@ -29,7 +28,7 @@ def _next_start(marks: Marks, k: int) -> int:
     return k
 
 
-@njit(cache=True)
+@compiled()
 def delayed(command: Floats, marks: Marks, samples: float, out: Floats) -> None:
     """``command`` (n,) later by a delay in samples into ``out`` (n,), another array, percent.
 

@@ -16,8 +16,8 @@ from itertools import accumulate, chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.mismatch.forces import Forces, Shaping
 from stemwatch.models.mismatch.kernel import Record, Scoring, follow, used
@@ -68,7 +68,7 @@ def S_and_J(candidate: Floats) -> tuple[float, float]:
     return S, S * float(candidate[RATIO])
 
 
-@njit(cache=True)
+@compiled()
 def _means(losses: Floats, blocks: Bools, counts: Floats) -> Floats:
     """(m,) the mean loss a sample over some blocks, from the sums ``losses`` (m, n_blocks)."""
     samples, means = 0.0, np.zeros(losses.shape[0])
@@ -80,7 +80,7 @@ def _means(losses: Floats, blocks: Bools, counts: Floats) -> Floats:
     return means / max(samples, 1.0)
 
 
-@njit(cache=True)
+@compiled()
 def _fill_base(base: Floats, restick: float, numbers: Floats) -> None:
     """The base's coordinates (m, 6) into the numbers (m, 20) of the stems; ``restick`` is the speed
     of sticking again of those that have none of their own.

@@ -10,8 +10,8 @@ error or a zero error must not stand in for it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.mismatch.crossfit import Fitted, folds, robust_coefficients
 from stemwatch.models.mismatch.evaluator import Evaluator
 from stemwatch.models.recording import Floats
@@ -29,7 +29,7 @@ LEAST_MEAN, LEAST_T, LEAST_SWING_PERCENT = 0.04, 0.8, 0.3
 FEWEST = 30  # samples of a fold that show anything
 
 
-@njit(cache=True)
+@compiled()
 def turned(x: Floats, way: float) -> Floats:
     """(n,) ``h`` along the places ``x`` (n,) of the stem, percent; 0 at the first."""
     h = np.zeros(x.size)

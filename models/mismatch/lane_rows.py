@@ -2,8 +2,6 @@
 in lane ``i``.
 
 Percent of travel, of the recorded MV where it is the reading's. Symbols are those of ``stem``.
-The rows are compiled into ``kernel``, whose cache does not notice a change here: clear it, or save
-``kernel`` as well.
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
 """How the stems of all lanes move, side by side.
 
 ``lane_rows`` says what each row of their array ``s`` holds. ``slide`` is the common case: friction
-and drag, alike in both directions. ``kernel`` has everything else, and what is rare. Its cache of
-compiled code does not notice a change here: clear it, or save ``kernel`` as well.
+and drag, alike in both directions. ``kernel`` has everything else, and what is rare.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.mismatch import lane_rows as row
 from stemwatch.models.mismatch import stem as stem_number
 from stemwatch.models.recording import Floats
@@ -20,7 +19,7 @@ AHEAD = 64  # samples of the forces that are transposed to lanes at once
 WIDTH = 8  # lanes of a vector; a remainder of lanes would run without vectors
 # Without Python's check for a division by zero: a function that may raise counts array references
 # at each call, which takes as long as its work. Divisors here are never zero.
-never_raises = njit(cache=True, error_model="numpy")
+never_raises = compiled(error_model="numpy")
 
 
 @never_raises

@@ -13,8 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.mismatch import evaluator as base_coordinate
 from stemwatch.models.mismatch.batched_search import Search
 from stemwatch.models.mismatch.evaluator import CoordinateLayout, Evaluator, RunRequest, RunResults
@@ -73,7 +73,7 @@ class _Seen:
     events: Samples
 
 
-@njit(cache=True)
+@compiled()
 def _moved(
     candidate: Floats, index: Samples, low: Floats, high: Floats, usual: Floats
 ) -> tuple[Floats, Floats]:
@@ -97,7 +97,7 @@ def _moved(
     return steps, moved
 
 
-@njit(cache=True)
+@compiled()
 def _residuals(
     simulated: Floats,
     first: int,
@@ -126,7 +126,7 @@ def _residuals(
             rows[j, samples.size + i] = early_late[j, events[i]] * event_scale
 
 
-@njit(cache=True, error_model="numpy")  # a division that may raise is not vectorised
+@compiled(error_model="numpy")  # a division that may raise is not vectorised
 def _weighted(rows: Floats, steps: Floats, m: int, event: float, delta: float) -> None:
     """Rows (1 + k, m + e) of residuals, the first one's and after each step, to differences.
 
@@ -193,7 +193,7 @@ class _Slopes(RunRequest):
             self._rows = np.empty((0, 0))
 
 
-@njit(cache=True)
+@compiled()
 def _trials(
     candidate: Floats,
     normal: Floats,

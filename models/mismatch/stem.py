@@ -26,8 +26,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 # Order of the numbers (20,) of a stem. They and the places are compiled into ``kernel``, whose
@@ -98,7 +98,7 @@ class Stem:
         return Stems.neutral(1, samples, interval_s).each[0]
 
 
-@njit(cache=True)
+@compiled()
 def _clear(
     numbers: Floats, friction: Floats, force: Floats, breakaway: Floats, wander: Floats
 ) -> None:

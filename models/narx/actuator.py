@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.holes import held
 from stemwatch.models.narx.architecture import ACTUATOR
 from stemwatch.models.recording import Floats
@@ -39,7 +39,7 @@ def actuator_output(op: Floats, interval_s: float, actuator: Mapping[str, float]
     return out
 
 
-@njit(cache=True)
+@compiled()
 def _drive(
     op: Floats, delay: float, up: float, down: float, most_up: float, most_down: float, out: Floats
 ) -> None:

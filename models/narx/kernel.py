@@ -19,8 +19,8 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.narx.run_plan import Indices, Plan
 from stemwatch.models.recording import Floats
 
@@ -54,7 +54,7 @@ _ONE_FROM = 20.0  # tanh is 1 there, to the last digit
 _BIAS, _FRACTION_BITS = 1023, 52
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _tanh(x: float) -> float:
     """``(exp(2x) - 1) / (exp(2x) + 1)``, right to 4e-16, with one division and no branch or call.
 
@@ -74,7 +74,7 @@ def _tanh(x: float) -> float:
     return (numerator - denominator) / (numerator + denominator)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def free_run(
     weights: Floats,
     hidden: int,
@@ -117,7 +117,7 @@ def free_run(
                 out[first + i, t] = s[_LAST + i]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def normal_matrix(
     weights: Floats,
     hidden: int,
@@ -168,7 +168,7 @@ def normal_matrix(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _laid_out(weights: Floats, hidden: int) -> Floats:
     """The lanes' array, with the weights (m, P) of m lanes; the others get the first lane's."""
     members, size = weights.shape
@@ -180,7 +180,7 @@ def _laid_out(weights: Floats, hidden: int) -> Floats:
     return s
 
 
-@njit(cache=True)
+@compiled()
 def _longest(lengths: Indices) -> int:
     """The largest of ``lengths``, none negative; NumPy's own would take longer to compile."""
     longest = 0
@@ -189,12 +189,12 @@ def _longest(lengths: Indices) -> int:
     return longest
 
 
-@njit(cache=True)
+@compiled()
 def _whole_vectors(lanes: int) -> np.uint64:
     return _U((lanes + _VECTOR - 1) // _VECTOR * _VECTOR)
 
 
-@njit(cache=True)
+@compiled()
 def _weight_rows(hidden: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Where in the lanes' array value, the inputs' part of it, gate and hidden begin."""
     value = _ROW * _U(_UNITS + 2 * hidden)
@@ -203,7 +203,7 @@ def _weight_rows(hidden: int) -> tuple[np.uint64, np.uint64, np.uint64, np.uint6
     return value, inputs, gate, gate + _ROW * _U(hidden + 1)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _step(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
     """Advance every lane by one sample, from level, move and the last two positions."""
     (error_low, error_high, slowest, fastest, low, high), ratio, edge = frame
@@ -232,7 +232,7 @@ def _step(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
         s[_LAST + i] = high if new > high else new
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _outputs(s: Floats, hidden: int, lanes: np.uint64) -> None:
     """The hidden units, the value and the gate's share, 0 to 1."""
     value, inputs, gate, row = _weight_rows(hidden)
@@ -262,12 +262,12 @@ def _outputs(s: Floats, hidden: int, lanes: np.uint64) -> None:
         s[_SHARE + i] = share
 
 
-@njit(cache=True)
+@compiled()
 def _next_four(row: np.uint64) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     return row + _ROW, row + _ROW * _U(2), row + _ROW * _U(3), row + _ROW * _U(4)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _run_all(
     s: Floats,
     hidden: int,
@@ -305,7 +305,7 @@ def _run_all(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _slopes(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
     """After a step: derivatives of the new position by value, gate, hidden sums and the last two
     positions.
@@ -352,7 +352,7 @@ def _slopes(s: Floats, hidden: int, lanes: np.uint64, frame: _Frame) -> None:
         s[_BY_BEFORE + i] = before
 
 
-@njit(cache=True)
+@compiled()
 def _add_rows(
     s: Floats,
     hidden: int,
@@ -392,7 +392,7 @@ def _add_rows(
     return filled
 
 
-@njit(cache=True)
+@compiled()
 def _gradient(s: Floats, hidden: int, i: int, rows: Floats, column: np.uint64) -> None:
     """Derivatives of one step of lane ``i`` by the weights, into ``rows`` from ``column`` on."""
     by_value, by_gate = s[_BY_VALUE + i], s[_BY_GATE + i]
@@ -411,7 +411,7 @@ def _gradient(s: Floats, hidden: int, i: int, rows: Floats, column: np.uint64) -
         unit += _ROW
 
 
-@njit(cache=True)
+@compiled()
 def _by_inputs(
     rows: Floats,
     column: np.uint64,
@@ -428,7 +428,7 @@ def _by_inputs(
     rows[column + _U(4)] = slope
 
 
-@njit(cache=True)
+@compiled()
 def _carry(
     rows: Floats,
     row: np.uint64,
@@ -451,7 +451,7 @@ def _carry(
         carried[older + k] = value
 
 
-@njit(cache=True)
+@compiled()
 def _add_squares(rows: Floats, filled: int, out: Floats) -> None:
     """Add ``rows' rows`` of the filled rows to ``out``."""
     width = out.shape[0]

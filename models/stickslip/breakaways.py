@@ -26,8 +26,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.forensics import position_step
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.onsets import Samples, least_departure, onsets
@@ -318,7 +318,7 @@ def _unfinished(
     return bool(np.median(((later - pushed) / np.maximum(whole, 1e-9))[slip]) >= UNFINISHED)
 
 
-@njit(cache=True)
+@compiled()
 def distances(
     stem: Floats, command: Floats, at: Samples, side: Floats, rested: Samples, onset_place: Floats
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:

@@ -19,9 +19,6 @@ coarsely recorded commands that seem to hold where the true one does not::
 A search runs many candidates over one recording, side by side, one lane each, sample by sample: one
 recursion alone waits for its own last result, while ``LANES`` of them use the processor's vector
 units. The loops over lanes therefore have no branches.
-
-Compiled kernels and all that they call stay in this file: numba's disk cache does not notice a
-change elsewhere.
 """
 
 from __future__ import annotations
@@ -29,9 +26,9 @@ from __future__ import annotations
 from typing import cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 # Order of the parameter vector (n_parameters,) of every kernel here.
@@ -70,7 +67,7 @@ _TOGETHER, _LARGE, _LARGEST = 16, 1e100, 1e12
 _I = cast("type[int]", np.int64)
 
 
-@njit(cache=True)
+@compiled()
 def _constants(q: Floats, dt: float) -> tuple[float, float, float, float, float, float, int, float]:
     """Constants of a run: levels, smoothing factors, largest steps, delay whole and fraction."""
     fs = 0.5 * (q[0] + q[1])
@@ -81,7 +78,7 @@ def _constants(q: Floats, dt: float) -> tuple[float, float, float, float, float,
     return fs, fd, a_up, a_dn, q[5] * dt, q[6] * dt, whole_samples, q[2] / dt - whole_samples
 
 
-@njit(cache=True)
+@compiled()
 def _advance(
     p: float,
     x: float,
@@ -119,13 +116,13 @@ def _advance(
     return p, x, d, moving
 
 
-@njit(cache=True)
+@compiled()
 def _resting_stem(op: float, mv: float, fs: float, zero: float, gain: float) -> float:
     """Stem position by the measurement, moved into the stick band around the actuator."""
     return min(max((mv - zero) / gain, op - abs(fs)), op + abs(fs))
 
 
-@njit(cache=True)
+@compiled()
 def simulate(op: Floats, mv: Floats, start: Marks, dt: float, q: Floats, out: Floats) -> None:
     """Free run of the chain over ``op`` (n,) into ``out`` (n,), percent.
 
@@ -152,7 +149,7 @@ def simulate(op: Floats, mv: Floats, start: Marks, dt: float, q: Floats, out: Fl
         out[k] = q[8] * x + q[7]
 
 
-@njit(cache=True)
+@compiled()
 def block_losses(
     op: Floats,
     mv: Floats,
@@ -187,7 +184,7 @@ def block_losses(
         _score(op, mv, start, block[:until], dt, delta, chosen, state, commands, rows)
 
 
-@njit(cache=True)
+@compiled()
 def _lay_out(begin: float, candidates: Floats, dt: float, state: Floats) -> None:
     """Copy candidates (at most LANES, 10) into their lanes; spare lanes repeat the last one."""
     for lane in range(LANES):
@@ -200,7 +197,7 @@ def _lay_out(begin: float, candidates: Floats, dt: float, state: Floats) -> None
         state[_PRODUCT + np.uint64(lane)] = 1.0
 
 
-@njit(cache=True)
+@compiled()
 def _score(
     op: Floats,
     mv: Floats,
@@ -243,7 +240,7 @@ def _score(
     _settle(state, losses, current, scale)
 
 
-@njit(cache=True)
+@compiled()
 def _any_above(values: Floats, limit: float) -> bool:
     """Whether one of ``values`` is above ``limit``; NumPy's own would take longer to compile."""
     any_above = False
@@ -252,7 +249,7 @@ def _any_above(values: Floats, limit: float) -> bool:
     return any_above
 
 
-@njit(cache=True)
+@compiled()
 def _settle(state: Floats, losses: Floats, block: int, scale: float) -> None:
     """Add the logarithm of each lane's product of ``1 + (r/delta)^2`` to its loss in ``block``, if
     that is one; one logarithm serves many samples."""
@@ -263,7 +260,7 @@ def _settle(state: Floats, losses: Floats, block: int, scale: float) -> None:
     products[:] = 1.0
 
 
-@njit(cache=True)
+@compiled()
 def _restart(op: float, mv: float, weight: float, lanes: int, s: Floats) -> None:
     """At a START: set the whole state from the measurement."""
     for i in range(np.uint64(lanes)):
@@ -273,7 +270,7 @@ def _restart(op: float, mv: float, weight: float, lanes: int, s: Floats) -> None
         s[_PRODUCT + i] *= _charge(mv - (gain * x + zero), weight)
 
 
-@njit(cache=True)
+@compiled()
 def _resync(mv: float, lanes: int, s: Floats) -> None:
     """At a RESYNC: set the place of a resting stem from the measurement before."""
     for i in range(np.uint64(lanes)):
@@ -281,7 +278,7 @@ def _resync(mv: float, lanes: int, s: Floats) -> None:
             s[_X + i] = _resting_stem(s[_P + i], mv, s[_FS + i], s[_ZERO + i], s[_GAIN + i])
 
 
-@njit(cache=True)
+@compiled()
 def _delay(
     op: Floats, first: int, begin: int, end: int, dt: float, candidates: Floats, commands: Floats
 ) -> None:
@@ -300,14 +297,14 @@ def _delay(
             commands[k - begin, lane] = op[i] + late * (op[max(i - 1, first)] - op[i])
 
 
-@njit(cache=True)
+@compiled()
 def _charge(residual: float, weight: float) -> float:
     """The factor ``1 + (r/delta)^2`` of one ``residual``; ``weight`` = 1/delta^2."""
     share = residual * residual * weight
     return 1.0 + (share if share < _LARGEST else _LARGEST)
 
 
-@njit(cache=True)
+@compiled()
 def _advance_lanes(mv: Floats, commands: Floats, weight: float, lanes: int, s: Floats) -> None:
     """Advance all lanes through some samples without a mark."""
     for k in range(mv.size):

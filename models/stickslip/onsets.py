@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Bools, Floats
 
 REST_S = 3.0  # a stem rests when it has not moved for this long, or for three samples
@@ -37,7 +37,7 @@ def _upcoming(starts: Samples, n: int) -> Samples:
     return np.asarray(padded[np.searchsorted(starts, np.arange(n), side="left")]).astype(np.int64)
 
 
-@njit(cache=True)
+@compiled()
 def _scan(
     mv: Floats,
     usable: Bools,

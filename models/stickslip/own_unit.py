@@ -14,8 +14,8 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.fit_window import choose_fit_window
 from stemwatch.models.recording import Floats, Recording
 from stemwatch.models.stickslip import kernel
@@ -98,7 +98,7 @@ def _stem(S: float, delay: float, lag: float, speed: float) -> Floats:
     return stem
 
 
-@njit(cache=True)
+@compiled()
 def _share_left(stem: Floats, ends: Samples, over: int, mv: Floats) -> float:
     """Standard deviation of moves ``mv`` (m,), centred, about their straight line in those of a
     ``stem`` (n,) over the same ``over`` samples, which end at ``ends`` (m,)."""

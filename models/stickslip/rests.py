@@ -17,9 +17,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.forensics import noise_sigma
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.stickslip.problem import FitProblem
@@ -86,7 +86,7 @@ def _path_length(values: Floats) -> float:
     return float(np.ptp(middle) - np.abs(np.diff(middle)).max())
 
 
-@njit(cache=True)
+@compiled()
 def _runs(values: Floats, usable: Bools, stays: float) -> NDArray[np.int64]:
     """(m,) where each run ends that stays within ``stays``; the next one begins there."""
     ends = np.empty(values.size, dtype=np.int64)

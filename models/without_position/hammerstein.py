@@ -19,9 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.positive_definite import solve
 from stemwatch.models.recording import Floats
 
@@ -57,7 +57,7 @@ class HeldOut:
     curve_of_both: Floats
 
 
-@njit(cache=True)
+@compiled()
 def element(op: Floats, S: float, J: float, x: Floats) -> None:
     """The stem ``x`` (n,) that follows ``op`` (n,) by the element, from rest at ``op[0]``."""
     fs, fd = 0.5 * (S + J), 0.5 * (S - J)
@@ -76,7 +76,7 @@ def element(op: Floats, S: float, J: float, x: Floats) -> None:
         x[k] = stem
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _stem_means(op: Floats, levels: Floats, block_length: int) -> Floats:
     """(c, n // block_length) ``block_means`` of the stems of S and J, ``levels`` (c, 2)."""
     count, stem = op.size // block_length, np.empty(op.size)
@@ -114,7 +114,7 @@ def _fixed_columns(u: Floats, y: Floats, delays: int) -> Floats:
     return np.stack([[*own_past, *past_values(u, first, d), *time] for d in range(delays)])
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@compiled(error_model="numpy", fastmath={"reassoc", "contract"})
 def _product(a: Floats, b: Floats) -> float:
     """The product of two columns (n,), summed in the order that suits the processor."""
     total = 0.0
@@ -123,7 +123,7 @@ def _product(a: Floats, b: Floats) -> float:
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _fold_losses(gram: Floats, columns: NDArray[np.int64], losses: Floats) -> None:
     """Into ``losses`` (FOLDS,) the squared error on each fold of a fit to the others.
 
@@ -150,7 +150,7 @@ def _fold_losses(gram: Floats, columns: NDArray[np.int64], losses: Floats) -> No
         losses[fold] = max(error, _NOTHING)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _fill_losses(
     stems: Floats, fixed: Floats, linear: Floats, sticking: Floats, both: Floats
 ) -> None:

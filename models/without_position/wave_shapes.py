@@ -7,8 +7,8 @@ None of them decides: a trained network weighs them (``models.without_position.n
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.cross_correlation import lagged_products
 from stemwatch.models.recording import Floats
 
@@ -39,7 +39,7 @@ def banded(values: Floats, period: float) -> Floats:
     return np.asarray(filtered / max(float(np.std(filtered)), 1e-9))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def triangle_beside_sine(wave: Floats, period: float) -> float:
     """How much better triangles fit the half cycles than sines do, a log ratio."""
     sine = triangle = 1e-9
@@ -58,7 +58,7 @@ def triangle_beside_sine(wave: Floats, period: float) -> float:
     return float(np.log(sine / triangle))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _misfit(part: Floats, shape: Floats) -> float:
     height = np.sum(part * shape) / np.sum(shape * shape)
     return float(np.sum((part - height * shape) ** 2))

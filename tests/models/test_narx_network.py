@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import pickle
 import struct
@@ -98,7 +99,7 @@ def test_the_kernel_says_the_same_compiled_and_interpreted() -> None:
     plan = plan_run(usable, 30)
     outs = np.full((2, 2, 120), np.nan)
     limits = (-3.0, 3.0, -2.0, 2.0, -6.0, 6.0)
-    for function, out in zip((kernel.free_run, kernel.free_run.py_func), outs, strict=True):
+    for function, out in zip((kernel.free_run, inspect.unwrap(kernel.free_run)), outs, strict=True):
         function(weights, 5, level, move, position, plan, (1, 2, 3), limits, 2.0, 0.01, out)
     np.testing.assert_allclose(outs[0], outs[1], rtol=0, atol=1e-10)
     assert np.isnan(outs[0, :, 40:45]).all()

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import SLOW_POSITIONER, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -28,7 +28,7 @@ AS_BUILT = 2.5  # %/s, as for the rate limit
 MATERIAL_RATIO = 1.5  # below, it is one limit
 
 
-@njit(cache=True)
+@compiled()
 def limited_by_direction(
     command: Floats, marks: Marks, dt: float, up: float, down: float, out: Floats
 ) -> None:

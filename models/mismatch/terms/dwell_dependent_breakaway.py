@@ -12,8 +12,8 @@ from functools import lru_cache
 from math import log
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import STICKING_PACKING, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
@@ -27,7 +27,7 @@ T0_S = 5.0  # seconds; a convention of the formula, which b is stated with
 MATERIAL_PERCENT = 0.1
 
 
-@njit(cache=True)
+@compiled()
 def add_scaled(shape: Floats, factor: float, table: Floats) -> None:
     """Add ``factor`` times ``shape`` (n,) to ``table`` (n,) without a temporary."""
     for i in range(table.size):

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch import stem as stem_number
@@ -25,7 +25,7 @@ MATERIAL_PERCENT = 0.4  # of S/2; the tight spots that fitters find are half a p
 _PLACES = stem_number.places()
 
 
-@njit(cache=True)
+@compiled()
 def add_bump(places: Floats, height: float, centre: float, width: float, table: Floats) -> None:
     """Add ``height exp(-((x - centre)/width)^2)`` over ``places`` (m,) to ``table`` (m,)."""
     for i in range(places.size):

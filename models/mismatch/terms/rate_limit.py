@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import WEAK_AIR, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -26,7 +26,7 @@ STEP_PERCENT = 20.0  # of the test by hand
 AS_BUILT = 2.5  # %/s: large actuators without a booster take up to 40 s for a full stroke
 
 
-@njit(cache=True)
+@compiled()
 def limited(command: Floats, marks: Marks, dt: float, slowness: float, out: Floats) -> None:
     """``command`` (n,) at no more than ``1/slowness`` %/s into ``out`` (n,), percent.
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from numba import njit
-
+from stemwatch.models.compiled import compiled
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import WEAK_AIR, FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -23,7 +22,7 @@ from stemwatch.models.stickslip.kernel import Marks
 MATERIAL_PERCENT = 1.0
 
 
-@njit(cache=True)
+@compiled()
 def sagged(
     command: Floats, marks: Marks, dt: float, share: float, recovery_s: float, out: Floats
 ) -> None:

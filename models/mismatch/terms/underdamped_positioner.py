@@ -13,8 +13,8 @@ from dataclasses import replace
 from math import exp, pi, sqrt
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.estimate import Estimate
 from stemwatch.models.field_advice import FieldAdvice, FieldTest, check_steps
 from stemwatch.models.mismatch.term import Coordinate, RecordingSummary, Term, Words
@@ -27,7 +27,7 @@ MATERIAL_OVERSHOOT = 0.3  # percent of travel on the largest moves
 QUICKEST = 0.5 * pi  # radians between two samples: four samples a period
 
 
-@njit(cache=True)
+@compiled()
 def rung(command: Floats, marks: Marks, dt: float, wn: float, zeta: float, out: Floats) -> None:
     """Second order over ``command`` (n,) into ``out`` (n,), percent; at rest where marked START.
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 # Columns of a loop's numbers.
@@ -21,7 +21,7 @@ GAIN, RESET, LOW, HIGH, PROCESS, LAG, DELAY, INTEGRATING, STICK, JUMP, STEP = ra
 FROM, TO, STRENGTH, LINK_LAG, OF_STEM = range(5)
 
 
-@njit(cache=True)
+@compiled()
 def _moved(stem: float, demanded: float, band: float, jump: float) -> float:
     """A stem that rests until OP is half the band ahead, then jumps and follows behind OP."""
     if band <= 0.0:
@@ -33,7 +33,7 @@ def _moved(stem: float, demanded: float, band: float, jump: float) -> float:
     return demanded - side * max(0.5 * band - jump, 0.0)
 
 
-@njit(cache=True)
+@compiled()
 def run_plant(
     loops: Floats,
     links: Floats,

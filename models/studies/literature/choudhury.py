@@ -9,14 +9,14 @@ stops. The names of the defects, A1 to A10, are those of docs/models.md.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import KernelModel
 from stemwatch.models.studies.literature.shared_parameters import UNREAD, band, jump
 
 
-@njit(cache=True)
+@compiled()
 def run_choudhury(op: Floats, S: float, J: float, y0: float, as_drawn: bool, out: Floats) -> None:
     """Free run over ``op`` (n,) from ``y0`` into ``out`` (n,), percent."""
     fd = 0.5 * (S - J)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import KernelModel, Parameter
 from stemwatch.models.studies.literature.shared_parameters import (
@@ -14,7 +13,7 @@ from stemwatch.models.studies.literature.shared_parameters import (
 )
 
 
-@njit(cache=True)
+@compiled()
 def run_he3(op: Floats, fs: float, fd: float, K: float, y0: float, out: Floats) -> None:
     """Free run over ``op`` (n,) from ``y0`` into ``out`` (n,), percent."""
     y, force = y0, op[0] - y0

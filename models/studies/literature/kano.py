@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import KernelModel
 from stemwatch.models.studies.literature.shared_parameters import UNREAD, band, jump
 
 
-@njit(cache=True)
+@compiled()
 def run_kano(
     op: Floats, S_up: float, J_up: float, S_down: float, J_down: float, y0: float, out: Floats
 ) -> None:

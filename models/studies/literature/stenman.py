@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import KernelModel, Parameter
 from stemwatch.models.studies.literature.shared_parameters import MOST, UNREAD
 
 
-@njit(cache=True)
+@compiled()
 def run_stenman(op: Floats, d: float, y0: float, out: Floats) -> None:
     """Free run over ``op`` (n,) from ``y0`` into ``out`` (n,), percent."""
     y = y0

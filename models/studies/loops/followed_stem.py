@@ -21,9 +21,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.loops.stem_filter import move, resample, stems_at_rest
 from stemwatch.models.without_position.hammerstein import block_means, element
@@ -196,7 +196,7 @@ def _ways(sizes: tuple[float, float], rng: np.random.Generator) -> Floats:
     return np.column_stack([S, np.choose(rng.integers(0, 3, PARTICLES), kinds)])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _filtered(
     force: Floats,
     seen: Floats,
@@ -229,7 +229,7 @@ def _filtered(
     return total, log_S, _traced(places, parents, np.cumsum(weights))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _predict(sums: Floats, gains: Floats, k: int, predicted: Floats) -> None:
     """Into ``predicted`` (particles,) what each stem does to PV, by the sums of its places."""
     predicted[:] = 0.0
@@ -241,7 +241,7 @@ def _predict(sums: Floats, gains: Floats, k: int, predicted: Floats) -> None:
             predicted[i] += gain * (sums[i, newer] - sums[i, older])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _weigh(weights: Floats, errors: Floats) -> float:
     """Weigh by ``errors`` in sizes; ln of what the weights added up to."""
     logarithm = np.log(weights + 1e-300)
@@ -253,7 +253,7 @@ def _weigh(weights: Floats, errors: Floats) -> float:
     return float(math.log(total) + most)
 
 
-@njit(cache=True)
+@compiled()
 def _traced(places: Floats, parents: NDArray[np.int64], reached: Floats) -> Floats:
     """(_PATHS, n) the way of stems that are drawn by their weights at the end."""
     n, count = places.shape

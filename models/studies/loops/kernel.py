@@ -12,8 +12,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 
@@ -50,18 +50,18 @@ class LoopNumbers(NamedTuple):
     gap: float
 
 
-@njit(cache=True)
+@compiled()
 def _rounded(value: float, step: float) -> float:
     return round(value / step) * step if step > 0.0 else value
 
 
-@njit(cache=True)
+@compiled()
 def _with_play(true: float, indicated: float, half_play: float) -> float:
     """What a sensor with lost motion shows."""
     return min(max(indicated, true - half_play), true + half_play)
 
 
-@njit(cache=True)
+@compiled()
 def _controlled(numbers: LoopNumbers, error: float, integral: float) -> tuple[float, float]:
     """OP and the integral part of a PI controller that stops integrating at its limits."""
     if abs(error) < numbers.gap:
@@ -72,7 +72,7 @@ def _controlled(numbers: LoopNumbers, error: float, integral: float) -> tuple[fl
     return op, integral + op - demanded
 
 
-@njit(cache=True)
+@compiled()
 def run_scans(
     numbers: LoopNumbers,
     set_point: Floats,

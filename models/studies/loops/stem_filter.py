@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_lyapunov
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.loops.draws import LoopScans
 from stemwatch.models.studies.loops.kernel import LoopNumbers
@@ -216,7 +216,7 @@ def _process(numbers: LoopNumbers) -> tuple[Floats, Floats]:
     return step, enters
 
 
-@njit(cache=True)
+@compiled()
 def _gains(linear: _Linear, rounding: float) -> tuple[Floats, Floats]:
     """(n, d) what an error corrects, and (n,) its variance; by them every particle is filtered."""
     n, size = linear.load.shape
@@ -233,7 +233,7 @@ def _gains(linear: _Linear, rounding: float) -> tuple[Floats, Floats]:
     return gains, variances
 
 
-@njit(cache=True)
+@compiled()
 def _follow(
     ways: Floats,
     numbers: LoopNumbers,
@@ -269,7 +269,7 @@ def _follow(
     return total, float(np.sum(weights * stems[:, 4]))
 
 
-@njit(cache=True)
+@compiled()
 def stems_at_rest(ways: Floats, force: float, uniforms: Floats) -> Floats:
     """(particles, 7) place, moving, side, breakaway level, S, J/S, and the greatest force since
     they stopped, of stems that stand somewhere about ``force``."""
@@ -282,7 +282,7 @@ def stems_at_rest(ways: Floats, force: float, uniforms: Floats) -> Floats:
     return stems
 
 
-@njit(cache=True)
+@compiled()
 def _weigh(weights: Floats, errors: Floats, variance: float) -> float:
     """Weigh by ``errors``; ln of what the weights added up to."""
     logarithm = np.log(weights) - 0.5 * errors * errors / variance
@@ -293,7 +293,7 @@ def _weigh(weights: Floats, errors: Floats, variance: float) -> float:
     return float(math.log(total) + most - 0.5 * math.log(2.0 * math.pi * variance))
 
 
-@njit(cache=True)
+@compiled()
 def resample(
     weights: Floats,
     stems: Floats,
@@ -325,7 +325,7 @@ def resample(
     return chosen
 
 
-@njit(cache=True)
+@compiled()
 def _breakaway(stem: Floats, scatter: float, normal: float) -> float:
     """The level at which a stem breaks away after a stop."""
     drawn = max(1.0 + scatter * normal, 0.2)
@@ -333,7 +333,7 @@ def _breakaway(stem: Floats, scatter: float, normal: float) -> float:
     return float(max(0.5 * S * (1.0 + ratio) * drawn, 0.5 * S * (1.0 - ratio)))
 
 
-@njit(cache=True)
+@compiled()
 def move(stems: Floats, scatter: float, air: Floats, k: int, normals: Floats, used: int) -> int:
     """One scan of every stem, as the kernel moves it; how many normal numbers are used."""
     force = air[k]
@@ -354,14 +354,14 @@ def move(stems: Floats, scatter: float, air: Floats, k: int, normals: Floats, us
     return used
 
 
-@njit(cache=True)
+@compiled()
 def _pv(state: Floats, waves: tuple[int, int, int]) -> float:
     """What is seen of a state."""
     wave = state[waves[1]] if waves[2] > waves[1] else 0.0
     return float(state[2] + state[waves[0] - 1] + wave)
 
 
-@njit(cache=True)
+@compiled()
 def _pass(state: Floats, entering: float, linear: _Linear, k: int) -> None:
     """The mean of what is behind a stem, one scan on."""
     first, second, end = linear.waves

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 
 LINEAR, TANGENT_SIGMOID, LOG_SIGMOID = 0, 1, 2
@@ -21,7 +21,7 @@ LINEAR, TANGENT_SIGMOID, LOG_SIGMOID = 0, 1, 2
 Indices = NDArray[np.int64]
 
 
-@njit(cache=True)
+@compiled()
 def free_runs(
     weights: Floats,
     sizes: Indices,
@@ -49,7 +49,7 @@ def free_runs(
             out[t, run] = _limited(answer, limit)
 
 
-@njit(cache=True)
+@compiled()
 def jacobian(
     weights: Floats,
     sizes: Indices,
@@ -90,14 +90,14 @@ def jacobian(
                 row[column] = min(max(row[column], -steepest), steepest)
 
 
-@njit(cache=True)
+@compiled()
 def _look_back(u: Floats, y: Floats, t: int, run: int, lags: Floats) -> None:
     """``lags`` (5,) in the order of ``step.LAGS``."""
     lags[0], lags[1], lags[2] = u[t, run], u[t - 1, run], u[t - 2, run]
     lags[3], lags[4] = y[t - 1, run], y[t - 2, run]
 
 
-@njit(cache=True)
+@compiled()
 def _limited(answer: float, limit: float) -> float:
     """``answer`` clamped to ``-limit`` to ``limit``; NaN becomes ``limit``."""
     if math.isnan(answer):
@@ -105,7 +105,7 @@ def _limited(answer: float, limit: float) -> float:
     return min(max(answer, -limit), limit)
 
 
-@njit(cache=True)
+@compiled()
 def _squash(code: int, total: float) -> float:
     """The transfer function ``code`` of a neuron: linear, tanh, or logistic."""
     if code == LINEAR:
@@ -115,7 +115,7 @@ def _squash(code: int, total: float) -> float:
     return 0.5 * (1.0 + math.tanh(0.5 * total))
 
 
-@njit(cache=True)
+@compiled()
 def _slope(code: int, answer: float) -> float:
     """Derivative of the transfer function where its value is ``answer``."""
     if code == LINEAR:
@@ -125,7 +125,7 @@ def _slope(code: int, answer: float) -> float:
     return answer * (1.0 - answer)
 
 
-@njit(cache=True)
+@compiled()
 def _forward(weights: Floats, sizes: Indices, codes: Indices, units: Floats) -> float:
     """The last layer's answer; ``units`` (layers + 1, widest) holds the inputs in its first row."""
     offset = 0
@@ -141,7 +141,7 @@ def _forward(weights: Floats, sizes: Indices, codes: Indices, units: Floats) -> 
     return answer
 
 
-@njit(cache=True)
+@compiled()
 def _backward(
     weights: Floats,
     sizes: Indices,
@@ -171,7 +171,7 @@ def _backward(
                 slopes[layer, index] *= _slope(codes[layer - 1], units[layer, index])
 
 
-@njit(cache=True)
+@compiled()
 def _carry(row: Floats, by_lag: float, earlier: Floats) -> None:
     """Add an earlier position's derivatives times ``by_lag``, except in the residual's column."""
     for column in range(row.shape[0] - 1):

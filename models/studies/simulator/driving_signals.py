@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.defects import Upsets
 from stemwatch.models.studies.simulator.loop import Load, LoadKind, ManualSpan, PlantLoop
@@ -108,7 +108,7 @@ def _unit_noise(times_s: Floats, time_s: float, rng: np.random.Generator) -> Flo
     return _first_order(rng.standard_normal(times_s.size), float(np.sqrt(1.0 - pole**2)), pole)
 
 
-@njit(cache=True)
+@compiled()
 def _first_order(push: Floats, gain: float, pole: float) -> Floats:
     """(n,) ``y[k] = gain push[k] + pole y[k - 1]``, from rest.
 

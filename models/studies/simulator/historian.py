@@ -6,8 +6,8 @@ Noise, rounding, sampling and averaging; compression by swinging door or excepti
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import (
     Bools,
     Floats,
@@ -27,7 +27,7 @@ from stemwatch.models.studies.simulator.loop import (
 )
 
 
-@njit(cache=True)
+@compiled()
 def swinging_door(values: Floats, deviation: float) -> Bools:
     """(n,) True at the samples a swinging door keeps.
 
@@ -56,7 +56,7 @@ def swinging_door(values: Floats, deviation: float) -> Bools:
     return is_kept
 
 
-@njit(cache=True)
+@compiled()
 def exception_report(values: Floats, deviation: float) -> Floats:
     """(n,) the last reported value; a sample is reported when it is more than ``deviation`` away
     from it."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.simulator.kernel_inputs import (
     AirLineNumbers,
@@ -26,7 +26,7 @@ from stemwatch.models.studies.simulator.kernel_inputs import (
 )
 
 
-@njit(cache=True)
+@compiled()
 def friction_level(speed: float, breakaway_n: float, kinetic_n: float, stem: StemNumbers) -> float:
     """Stribeck: ``Fc + (Fs - Fc) exp(-(v/vs)^2)``, newton."""
     ratio = speed / stem.stribeck_m_per_s
@@ -35,7 +35,7 @@ def friction_level(speed: float, breakaway_n: float, kinetic_n: float, stem: Ste
     return kinetic_n + (breakaway_n - kinetic_n) * math.exp(-ratio * ratio)
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def stem_speed(
     force: float,
     speed: float,
@@ -58,7 +58,7 @@ def stem_speed(
     return new
 
 
-@njit(cache=True)
+@compiled()
 def bristle_speed(
     force: float,
     speed: float,
@@ -97,7 +97,7 @@ def bristle_speed(
     return speed, deflection_m, travel_m
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def packing_levels(
     opening: float,
     x: float,
@@ -123,7 +123,7 @@ def packing_levels(
     return max(breakaway, kinetic), kinetic
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def plug_force(x: float, hysteresis: float, stem: StemNumbers, body: BodyNumbers) -> float:
     """Force on the stem in newton from the fluid, ``U (1 - sin(pi (x/stroke)^power))``, least where
     the plug takes the most flow; and from the inner friction of spring and diaphragm.
@@ -135,7 +135,7 @@ def plug_force(x: float, hysteresis: float, stem: StemNumbers, body: BodyNumbers
     return force
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def moved_stem(
     force: float,
     x: float,
@@ -175,7 +175,7 @@ def moved_stem(
     return new, moved
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def air_step(pressure: float, command: float, position: float, dt: float, air: AirNumbers) -> float:
     """Chamber pressure after one step, Pa; ``command`` and ``position`` in percent."""
     target = demanded_pressure(command, position, air)
@@ -184,7 +184,7 @@ def air_step(pressure: float, command: float, position: float, dt: float, air: A
     return pressure + dt / air.lag_s * (target - pressure)
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def demanded_pressure(command: float, position: float, air: AirNumbers) -> float:
     """The pressure that I/P or positioner demand, Pa, between 0 and the supply's."""
     demanded = command + air.positioner_gain * (command - position)
@@ -192,7 +192,7 @@ def demanded_pressure(command: float, position: float, air: AirNumbers) -> float
     return min(max(target, 0.0), air.supply_pa)
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def air_line_step(
     pressure: float,
     command: float,
@@ -221,7 +221,7 @@ def air_line_step(
     return float(pressure + change)
 
 
-@njit(cache=True)
+@compiled()
 def controller_scan(
     error: float,
     slope: float,
@@ -246,7 +246,7 @@ def controller_scan(
     return output, integral
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def process_step(
     inflow: float, first: float, second: float, dt: float, process: ProcessNumbers
 ) -> tuple[float, float]:
@@ -258,7 +258,7 @@ def process_step(
     return first, second + dt / process.second_lag_s * (first - second)
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def within_stroke(x: float, moved: float, stroke_m: float) -> tuple[float, float]:
     """Position and speed after the mechanical stops, which take all speed."""
     if x <= 0.0 or x >= stroke_m:
@@ -266,14 +266,14 @@ def within_stroke(x: float, moved: float, stroke_m: float) -> tuple[float, float
     return x, moved
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def between(values: Floats, step: int, steps: int) -> float:
     """``values``, one per ``steps`` steps, on the straight line at ``step``."""
     index = min(step // steps, values.size - 2)
     return float(values[index] + (step / steps - index) * (values[index + 1] - values[index]))
 
 
-@njit(cache=True, inline="always")
+@compiled(inline="always")
 def valve_step(
     command: float,
     push_n: float,
@@ -307,7 +307,7 @@ def valve_step(
     return pressure, x, moved
 
 
-@njit(cache=True)
+@compiled()
 def controller_reading(
     pv: float, filtered: float, c: ControllerNumbers
 ) -> tuple[float, float, float]:
@@ -318,7 +318,7 @@ def controller_reading(
     return read, slope, filtered + blend * (read - filtered)
 
 
-@njit(cache=True)
+@compiled()
 def run_loop(
     dt: float,
     steps: Steps,

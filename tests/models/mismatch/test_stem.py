@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -407,7 +409,7 @@ def test_compiled_is_interpreted(seed):
     p, stems, record, scoring = drawn_runs(rng, 3, 90)
     rows = np.arange(3)
     matching = []
-    for function in (follow, follow.py_func):
+    for function in (follow, inspect.unwrap(follow)):
         losses, out, late = np.empty((3, 4)), np.zeros((90, 3)), np.zeros((3, 90))
         function(p, rows, *stems.first(3), record, scoring, losses, out, late)
         matching.append((losses, out, late))

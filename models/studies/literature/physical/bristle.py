@@ -16,8 +16,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import Run
 from stemwatch.models.studies.literature.physical import bristle
@@ -30,7 +30,7 @@ TOLERANCE, FORCE, FORCE_PER_PERCENT = range(8, 11)
 N_CONSTANTS = 11
 
 
-@njit(cache=True)
+@compiled()
 def _euler(
     x: float, v: float, z: float, h: float, force: float, c: Floats
 ) -> tuple[float, float, float]:
@@ -53,7 +53,7 @@ def _euler(
     return x + h * (v + dv), v + dv, z + dz
 
 
-@njit(cache=True)
+@compiled()
 def _interval(
     x: float, v: float, z: float, h: float, f0: float, rate: float, length: float, c: Floats
 ) -> tuple[float, float, float, float]:
@@ -78,7 +78,7 @@ def _interval(
     return x, v, z, h
 
 
-@njit(cache=True)
+@compiled()
 def run_bristle(
     op: Floats, interval_s: float, stroke_m: float, y0: float, c: Floats, out: Floats
 ) -> None:

@@ -16,8 +16,8 @@ per percent of u. All in SI units.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from stemwatch.models.compiled import compiled
 from stemwatch.models.recording import Floats
 from stemwatch.models.studies.literature.model import Run
 from stemwatch.models.studies.literature.physical import coulomb
@@ -33,7 +33,7 @@ BAND, STOP_LOW, STOP_HIGH, TOLERANCE, FORCE, FORCE_PER_PERCENT = range(6, 12)
 N_CONSTANTS = 12
 
 
-@njit(cache=True)
+@compiled()
 def _euler(
     x: float, v: float, h: float, force: float, side: float, c: Floats
 ) -> tuple[float, float]:
@@ -47,7 +47,7 @@ def _euler(
     return x + h * (v + dv), v + dv
 
 
-@njit(cache=True)
+@compiled()
 def _step(
     x: float, v: float, h: float, f0: float, rate: float, side: float, c: Floats
 ) -> tuple[float, float, float]:
@@ -61,7 +61,7 @@ def _step(
     return 2.0 * x2 - x1, 2.0 * v2 - v1, error
 
 
-@njit(cache=True)
+@compiled()
 def _rests_for(x: float, f0: float, rate: float, c: Floats) -> float:
     """Seconds until a resting stem lets go, 0 if at once, infinity if never."""
     net = f0 - c[1] * x
@@ -77,7 +77,7 @@ def _rests_for(x: float, f0: float, rate: float, c: Floats) -> float:
     return float(max(wait_s, 0.0))
 
 
-@njit(cache=True)
+@compiled()
 def _interval(
     x: float, v: float, f0: float, rate: float, length: float, c: Floats
 ) -> tuple[float, float]:
@@ -115,7 +115,7 @@ def _interval(
     return x, v
 
 
-@njit(cache=True)
+@compiled()
 def run_coulomb(
     pressure: Floats, interval_s: float, stroke_m: float, y0: float, c: Floats, out: Floats
 ) -> None:
@@ -132,7 +132,7 @@ def run_coulomb(
         out[k] = 100.0 * x / stroke_m
 
 
-@njit(cache=True)
+@compiled()
 def air_lag(op: Floats, interval_s: float, lag_s: float, out: Floats) -> None:
     """First-order lag of the air, exact at the samples for an OP that is straight between them.
 
