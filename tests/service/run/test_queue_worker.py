@@ -84,23 +84,23 @@ def test_what_earlier_runs_said_of_a_loop_counts_with_the_newest(
     plant = make_plant()
     put(plant_store, who="Ann")
     work(plant_store, plant)
-    (first,) = plant_store.screenings(STICKY)
+    (first,) = plant_store.screenings(HEALTHY)
     start, end = first.window
     assert start is not None
     assert first.without_position is not None
     assert first.without_position.alone is None
     earlier_run = plant_store.begin_run(software_version="1")
     for days in (1, 2, 3):
-        blind = screening(STICKY, Verdict.UNDETERMINED, samples=60)
+        blind = screening(HEALTHY, Verdict.UNDETERMINED, samples=60)
         recording = replace(blind.recording, start=start - timedelta(days=days))
         window = replace(blind, recording=recording)
         window = with_suspected_stem(window, suspected(0.95 + 0.01 * days))
         packed = pack_pictures(window_pictures(window))
         plant_store.save(window, earlier_run, packed_pictures=packed)
     for _ in range(2):
-        put(plant_store, valves=(STICKY,), who="Ann")
+        put(plant_store, valves=(HEALTHY,), who="Ann")
         work(plant_store, plant)
-        newest = plant_store.screenings(STICKY)[0]
+        newest = plant_store.screenings(HEALTHY)[0]
         assert newest.window == (start, end)
         assert newest.without_position is not None
         assert newest.without_position.verdict is Suspicion.SUSPECTED
