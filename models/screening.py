@@ -46,6 +46,7 @@ from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.prepared_command import prepare_command
+from stemwatch.models.own_swing import OwnSwing, own_swing
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import facts_without_verdict
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
@@ -505,6 +506,7 @@ def _with_verdict(
         both_in=range_of_both(fitted.case.recording),
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
+        swings=_own_swing(fit, mismatch),
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
@@ -528,6 +530,14 @@ def _with_verdict(
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),
     )
+
+
+def _own_swing(fit: StickSlipFit, mismatch: Mismatch | None) -> OwnSwing | None:
+    """The swing of the position that its command does not have, where nothing was named that may
+    be its cause."""
+    if mismatch is not None and mismatch.effects:
+        return None
+    return own_swing(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate, resynced=True))
 
 
 def _movement(fitted: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[Indicator]:

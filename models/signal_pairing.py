@@ -49,7 +49,13 @@ def _pairs(recording: Recording) -> tuple[Floats, Floats]:
 
 
 def is_copy(recording: Recording) -> bool:
-    """True where the "position" is OP under another name: equal, rounded, or a scan or two late."""
+    """True where the "position" is OP under another name: equal, rounded, or a scan or two late.
+
+    A switch at the middle of OP is OP rounded to whole strokes, and no copy.
+    """
+    op = recording.op.values[recording.op.usable]
+    if is_limit_switch(recording) and np.unique(op).size > TWO_PLACES:
+        return False
     return copied_share(recording) > COPIED_SHARE
 
 
