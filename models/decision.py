@@ -317,6 +317,16 @@ def _moved_away(evidence: DecisionEvidence, limits: Limits) -> bool:
     return ratio > limits.baseline_ratio_watch and residual.rmse > NEGLIGIBLE_PERCENT
 
 
+def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | None:
+    """No verdict where S is small and something else moves the stem; ``None`` where nothing does."""
+    if evidence.swings is not None and evidence.swings.percent >= limits.watch_S_percent:
+        return _hunts(evidence.swings, evidence.unit_s)
+    not_followed = _not_followed(evidence, limits)
+    if not_followed is not None:
+        return _cannot_tell(not_followed, STEPPED, numbers_hold=False)
+    return None
+
+
 def _hunts(swings: OwnSwing, unit_s: float) -> Decision:
     """No verdict on a stem that does not stick, and does not stand where its command stands."""
     return _cannot_tell(
@@ -382,12 +392,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
             f"S is probably {_percent(S)} but may be {_percent(high)}{because}",
             FASTER if because else LONGER,
         )
-    if evidence.swings is not None and evidence.swings.percent >= limits.watch_S_percent:
-        return _hunts(evidence.swings, evidence.unit_s)
-    not_followed = _not_followed(evidence, limits)
-    if not_followed is not None:
-        return _cannot_tell(not_followed, STEPPED, numbers_hold=False)
-    return _healthy(evidence, limits)
+    return _moved_otherwise(evidence, limits) or _healthy(evidence, limits)
 
 
 def slowness(fit: StickSlipFit) -> str:

@@ -44,9 +44,9 @@ from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
+from stemwatch.models.own_swing import OwnSwing, own_swing
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.prepared_command import prepare_command
-from stemwatch.models.own_swing import OwnSwing, own_swing
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
 from stemwatch.models.record_facts import facts_without_verdict
 from stemwatch.models.recording import PERCENT, Floats, Provenance, Recording
