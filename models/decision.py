@@ -318,7 +318,7 @@ def _moved_away(evidence: DecisionEvidence, limits: Limits) -> bool:
 
 
 def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | None:
-    """No verdict where S is small and something else moves the stem; ``None`` where nothing does."""
+    """No verdict where S is small and something else moves the stem, else ``None``."""
     if evidence.swings is not None and evidence.swings.percent >= limits.watch_S_percent:
         return _hunts(evidence.swings, evidence.unit_s)
     not_followed = _not_followed(evidence, limits)
