@@ -429,8 +429,11 @@ def _stiction(
     S, J, S_draws = _stiction_alone(fitted, fit, sample)
     if mismatch is not None and _lag_is_doubtful(fitted, fit, mismatch, S, J):
         # Only this fit needs the lag, and the recording does not show which of the two is right.
+        # Breakaways that were read with the lag, and not by a run of their own, say nothing then.
         naive, restated = mismatch.naive, mismatch.restated
-        S, J = restated.S.holding(S, naive.S), restated.J.holding(J, naive.J)
+        by_a_run = fit.breakaways is None
+        S = restated.S.holding(*((S, naive.S) if by_a_run else (naive.S,)))
+        J = restated.J.holding(*((J, naive.J) if by_a_run else (naive.J,)))
         S_draws = spread_of(S)
     return S, J, S_draws
 
@@ -455,7 +458,7 @@ def _lag_is_doubtful(
     """Whether a lag fitted beside friction has taken part of S or J although the whole record is
     explained without it: S and J of an assimilated fit contradict it.
     """
-    if fit.hypothesis != "both" or fit.breakaways is not None or fitted.archive is not None:
+    if fit.hypothesis != "both" or fitted.archive is not None:
         return False
     explained = mismatch.finding is Finding.NONE
     restated = mismatch.restated

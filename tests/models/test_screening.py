@@ -289,3 +289,18 @@ def test_the_scans_of_both_tags_stand_among_the_decisions():
     sentences = [decision for decision in scanned.provenance.decisions if "scan" in decision]
     assert sentences == ["OP changes every 1 s, the position every 3 s: each has its own scan."]
     assert not any("scan" in decision for decision in plain.provenance.decisions)
+
+
+def test_a_dead_band_on_ramps_of_one_speed_is_no_lag():
+    """On ramps of one speed a lag of some seconds stands for most of a dead band; breakaways that
+    are read with such a lag do not count where the whole record needs none."""
+    seconds = np.arange(1800.0)
+    op = 50.0 + 15.25 * 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * seconds / 183.4))
+    stem, pressure, position = np.empty(op.size), op[0], op[0]
+    for k, command in enumerate(np.concatenate((op[:1], op[:-1]))):  # a sample late
+        pressure += (command - pressure) * (1.0 - np.exp(-1.0 / 0.4))
+        position = min(max(position, pressure - 2.0), pressure + 2.0)
+        stem[k] = position
+    (valve,) = quick(recorded(op, stem + 0.04 * np.random.default_rng(4).standard_normal(op.size)))
+    assert valve.verdict is Verdict.STICKY
+    assert valve.S.low <= 4.0 <= valve.S.high
