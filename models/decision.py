@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from stemwatch.models.estimate import Estimate
 from stemwatch.models.limits import Limits
 from stemwatch.models.mismatch.findings import Mismatch
 from stemwatch.models.own_clock import duration, period, rate
+from stemwatch.models.own_swing import OwnSwing
 from stemwatch.models.quality import Obstacle
 from stemwatch.models.recording import Bools, Floats
 from stemwatch.models.screening_result import Residual
@@ -96,6 +97,7 @@ class DecisionEvidence:
     unit_s: float = 1.0  # seconds in the unit of that, see ``own_clock``
     both_in: StoredRange | None = None  # in which OP and position may both be stored, unscaled
     sampling: str = ""  # why the sampling is too slow to show how the stem moved, or empty
+    swings: OwnSwing | None = None  # of the position alone, without its command
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -246,7 +248,8 @@ def _some_friction(evidence: DecisionEvidence, low: float, high: float, limits: 
     if high > 3.0 * limits.sticky_S_percent and low < limits.watch_S_percent:
         return _cannot_tell(f"S lies anywhere between {_percent(low)} and {_percent(high)}", LONGER)
     share = _share(evidence.S_draws >= limits.watch_S_percent)
-    return _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
+    decision = _watch(evidence, limits, f"Some friction: S is {_width(evidence)}.", share)
+    return _unless_stored_so(decision, evidence, limits.sticky_S_percent)
 
 
 def _not_followed(evidence: DecisionEvidence, limits: Limits) -> str | None:
@@ -273,26 +276,36 @@ def _healthy(evidence: DecisionEvidence, limits: Limits) -> Decision:
         cycle_text = period(evidence.cycling_s, evidence.unit_s)
         text += f" The loop oscillates nevertheless, every {cycle_text}."
         advice = "Look for the cause in the controller's tuning or in a disturbance upstream."
-    S = float(evidence.S.value or 0.0)
-    confidence, stored = _share(evidence.S_draws < limits.sticky_S_percent), evidence.both_in
-    if stored is not None and stored.times * S >= limits.watch_S_percent:
-        in_range = f"{stored.low:g} to {stored.high:g}"
-        text += (
-            f" OP and position both stay within {in_range}: if they are stored in {stored.unit}, S "
-            f"is {_percent(stored.times * S)}."
-        )
-        advice = (
-            f"See whether OP and position are in percent. If they are in {stored.unit}, give low = "
-            f"{stored.low:g}, high = {stored.high:g} for both in the plant file, else low = 0, "
-            f"high = 100. {advice}"
-        )
-        confidence = min(confidence, EITHER_RANGE)
-    return Decision(
+    decision = Decision(
         verdict=Verdict.HEALTHY,
         reason=text,
         advice=advice,
-        severity=10.0 * min(S / limits.watch_S_percent, 1.0),
-        confidence=confidence,
+        severity=10.0 * min(float(evidence.S.value or 0.0) / limits.watch_S_percent, 1.0),
+        confidence=_share(evidence.S_draws < limits.sticky_S_percent),
+    )
+    return _unless_stored_so(decision, evidence, limits.watch_S_percent)
+
+
+def _unless_stored_so(decision: Decision, evidence: DecisionEvidence, limit: float) -> Decision:
+    """``decision`` with half the confidence at most, and with the ranges to give, where OP and
+    position may both be stored in another range, in which S reaches ``limit``, percent.
+    """
+    stored, S = evidence.both_in, float(evidence.S.value or 0.0)
+    if stored is None or decision.confidence is None or stored.times * S < limit:
+        return decision
+    return replace(
+        decision,
+        reason=(
+            f"{decision.reason} OP and position both stay within {stored.low:g} to "
+            f"{stored.high:g}: if they are stored in {stored.unit}, S is "
+            f"{_percent(stored.times * S)}."
+        ),
+        advice=(
+            f"See whether OP and position are in percent. If they are in {stored.unit}, give low = "
+            f"{stored.low:g}, high = {stored.high:g} for both in the plant file, else low = 0, "
+            f"high = 100. {decision.advice}"
+        ),
+        confidence=min(decision.confidence, EITHER_RANGE),
     )
 
 
@@ -302,6 +315,29 @@ def _moved_away(evidence: DecisionEvidence, limits: Limits) -> bool:
     if ratio is None or residual is None:
         return False
     return ratio > limits.baseline_ratio_watch and residual.rmse > NEGLIGIBLE_PERCENT
+
+
+def _moved_otherwise(evidence: DecisionEvidence, limits: Limits) -> Decision | None:
+    """No verdict where S is small and something else moves the stem, else ``None``."""
+    if evidence.swings is not None and evidence.swings.percent >= limits.watch_S_percent:
+        return _hunts(evidence.swings, evidence.unit_s)
+    not_followed = _not_followed(evidence, limits)
+    if not_followed is not None:
+        return _cannot_tell(not_followed, STEPPED, numbers_hold=False)
+    return None
+
+
+def _hunts(swings: OwnSwing, unit_s: float) -> Decision:
+    """No verdict on a stem that does not stick, and does not stand where its command stands."""
+    return _cannot_tell(
+        f"the position swings by {_percent(swings.percent)} from peak to peak every "
+        f"{period(swings.period_s, unit_s)} while OP does not: the positioner hunts, or something "
+        "shakes the stem or its transmitter, and S and J would mean nothing beside that",
+        "Set the loop to manual, hold OP and watch the stem itself. If it swings on, lower the "
+        "positioner's gain and integral action or tune it anew, then check its air supply and the "
+        "packing; if the stem rests, look at the bracket of the position transmitter.",
+        numbers_hold=False,
+    )
 
 
 def _cannot_tell(reason: str, advice: str, *, numbers_hold: bool = True) -> Decision:
@@ -320,7 +356,8 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
     sticky: even the low end of S reaches the limit, and a valve without friction fits worse on data
     that neither model was fitted to. watch: S itself reaches the lower limit, or the valve has
     moved away from its baseline. healthy: even the high end of S stays below the sticky limit, and
-    a free run follows the part that was not fitted, or its residual has a named cause.
+    a free run follows the part that was not fitted, or its residual has a named cause, and the
+    position does not swing by itself.
     """
     unexplained = _unexplained(evidence, limits)
     if unexplained is not None:
@@ -355,10 +392,7 @@ def decide(evidence: DecisionEvidence, limits: Limits) -> Decision:
             f"S is probably {_percent(S)} but may be {_percent(high)}{because}",
             FASTER if because else LONGER,
         )
-    not_followed = _not_followed(evidence, limits)
-    if not_followed is not None:
-        return _cannot_tell(not_followed, STEPPED, numbers_hold=False)
-    return _healthy(evidence, limits)
+    return _moved_otherwise(evidence, limits) or _healthy(evidence, limits)
 
 
 def slowness(fit: StickSlipFit) -> str:

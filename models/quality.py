@@ -15,6 +15,7 @@ from stemwatch.models.excitation import at_limits
 from stemwatch.models.forensics import interpolated, quantum
 from stemwatch.models.frozen import after_the_first, frozen_runs, without_frozen
 from stemwatch.models.limits import Limits
+from stemwatch.models.op_in_steps import op_is_set_in_steps
 from stemwatch.models.own_clock import duration
 from stemwatch.models.percent import without_impossible_values
 from stemwatch.models.recording import PERCENT, Recording
@@ -96,7 +97,7 @@ def _quality_remarks(
         )
     for signal, name in ((recording.op, "OP"), (recording.mv, "position")):
         step = quantum(signal.values) if signal is not None else 0.0
-        if step > 0.2:
+        if step > 0.2 and not (name == "OP" and op_is_set_in_steps(recording)):
             found_remarks.append(
                 ("C" if step > 0.6 else "B", f"{name} is recorded in steps of {step:.2g} %")
             )

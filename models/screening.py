@@ -44,6 +44,7 @@ from stemwatch.models.narx.example import NarxExample, NarxFit, NarxSettings
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.oscillation import signal_oscillation
 from stemwatch.models.own_clock import off_own_clock, on_own_clock
+from stemwatch.models.own_swing import OwnSwing, own_swing
 from stemwatch.models.position_histograms import position_histograms
 from stemwatch.models.prepared_command import prepare_command
 from stemwatch.models.quality import Assessment, Obstacle, assess, with_obstacles
@@ -428,8 +429,11 @@ def _stiction(
     S, J, S_draws = _stiction_alone(fitted, fit, sample)
     if mismatch is not None and _lag_is_doubtful(fitted, fit, mismatch, S, J):
         # Only this fit needs the lag, and the recording does not show which of the two is right.
+        # Breakaways that were read with the lag, and not by a run of their own, say nothing then.
         naive, restated = mismatch.naive, mismatch.restated
-        S, J = restated.S.holding(S, naive.S), restated.J.holding(J, naive.J)
+        by_a_run = fit.breakaways is None
+        S = restated.S.holding(*((S, naive.S) if by_a_run else (naive.S,)))
+        J = restated.J.holding(*((J, naive.J) if by_a_run else (naive.J,)))
         S_draws = spread_of(S)
     return S, J, S_draws
 
@@ -454,7 +458,7 @@ def _lag_is_doubtful(
     """Whether a lag fitted beside friction has taken part of S or J although the whole record is
     explained without it: S and J of an assimilated fit contradict it.
     """
-    if fit.hypothesis != "both" or fit.breakaways is not None or fitted.archive is not None:
+    if fit.hypothesis != "both" or fitted.archive is not None:
         return False
     explained = mismatch.finding is Finding.NONE
     restated = mismatch.restated
@@ -505,6 +509,7 @@ def _with_verdict(
         both_in=range_of_both(fitted.case.recording),
         sampling=fitted.archive.reason if fitted.archive is not None else "",
         unit_s=fitted.recording.unit_s,
+        swings=_own_swing(fit, mismatch),
     )
     judgement = decide(evidence, limits)
     if not judgement.numbers_hold:
@@ -528,6 +533,14 @@ def _with_verdict(
         network=network.network if network is not None else None,
         traces=_traces(fitted, fit, network),
     )
+
+
+def _own_swing(fit: StickSlipFit, mismatch: Mismatch | None) -> OwnSwing | None:
+    """The swing of the position that its command does not have, where nothing was named that may
+    be its cause."""
+    if mismatch is not None and mismatch.effects:
+        return None
+    return own_swing(fit.evaluator.problem, fit.evaluator.simulate(fit.candidate, resynced=True))
 
 
 def _movement(fitted: _Fitted, fit: StickSlipFit, events: SlipEvents) -> list[Indicator]:

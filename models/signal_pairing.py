@@ -11,7 +11,7 @@ from stemwatch.models.excitation import swing, travel
 from stemwatch.models.first_order_lag import first_order_lag
 from stemwatch.models.forensics import noise_sigma, quantum
 from stemwatch.models.quantiles import percentiles
-from stemwatch.models.recording import Floats, Recording, Role, kept
+from stemwatch.models.recording import Floats, Recording, Role, Signal, kept
 from stemwatch.models.runs_of_samples import equal_runs
 
 LONGEST_DELAY_S = 120.0
@@ -50,7 +50,16 @@ def _pairs(recording: Recording) -> tuple[Floats, Floats]:
 
 def is_copy(recording: Recording) -> bool:
     """True where the "position" is OP under another name: equal, rounded, or a scan or two late."""
+    if _is_switch_on(recording, recording.op):
+        return False
     return copied_share(recording) > COPIED_SHARE
+
+
+def _is_switch_on(recording: Recording, source: Signal) -> bool:
+    """Whether the position knows two or three values, and ``source`` more. A switch at the middle
+    of OP is OP rounded to whole strokes, and no copy."""
+    several = np.unique(source.values[source.usable]).size > TWO_PLACES
+    return bool(several and is_limit_switch(recording))
 
 
 def copied_share(recording: Recording) -> float:
@@ -75,7 +84,7 @@ def copied_from(recording: Recording) -> Role | None:
     usable = np.zeros(0, dtype=bool)
     for role in (Role.OP, Role.PV, Role.SP):
         source = recording.get(role)
-        if source is None:
+        if source is None or _is_switch_on(recording, source):
             continue
         both = mv.usable & source.usable
         if not np.array_equal(both, usable):

@@ -29,6 +29,7 @@ from stemwatch.models.signal_pairing import (
 from stemwatch.models.stickslip.best_pairing import Pairing
 from stemwatch.models.stickslip.find_stroke_curve import AGAINST
 from stemwatch.models.stickslip.problem import LONGEST_BRIDGE_SAMPLES, WARM_UP_S, scored_samples
+from stemwatch.models.stickslip.stored_range import may_be_stored_in
 from stemwatch.models.words import share, times
 
 # Where the plant file does not set how long a recording must last.
@@ -354,6 +355,18 @@ def movement_obstacles(recording: Recording, limits: Limits) -> list[Obstacle]:
     )
     if op_swing < 2.0 * limits.watch_S_percent:
         reason = f"{manual}OP moved over {op_swing:.1f} % only, so a sticking stem would not show"
+        stored = may_be_stored_in(recording.op)
+        if stored is not None and stored.times * op_swing >= 2.0 * limits.watch_S_percent:
+            in_range = f"{stored.low:g} to {stored.high:g}{f' {stored.unit}'.rstrip()}"
+            reason += (
+                f"; it stays within {in_range}, and if it is stored so it moved over "
+                f"{stored.times * op_swing:.0f} %"
+            )
+            remedy = (
+                f"See whether OP is in percent. If it is stored as {in_range}, give low = "
+                f"{stored.low:g}, high = {stored.high:g} for it in the plant file, and the range "
+                f"of the position likewise. If it is in percent: {remedy}"
+            )
         return [Obstacle("manual" if manual else "op_still", reason, remedy)]
     if turns < limits.min_reversals:
         reason = f"{manual}OP turned round only {times(turns)}; stiction shows at reversals"

@@ -76,7 +76,13 @@ from stemwatch.models.mismatch.record_effects import (
 from stemwatch.models.mismatch.refined_curve import refined
 from stemwatch.models.mismatch.refreshes import AtRefreshes, at_refreshes
 from stemwatch.models.mismatch.rivals import left_open, on_site
-from stemwatch.models.mismatch.stiction import holding_no_jump, of_balance, of_candidate, stiction
+from stemwatch.models.mismatch.stiction import (
+    holding_no_jump,
+    jump_within_a_step,
+    of_balance,
+    of_candidate,
+    stiction,
+)
 from stemwatch.models.mismatch.term import ActsOn
 from stemwatch.models.mismatch.term_pairs import strongest_pair
 from stemwatch.models.mismatch.term_selection import TermScore, lacking, name_terms
@@ -504,7 +510,7 @@ def _stictions(
     )
     if case.balance is not None and DRIVE in hypothesis.layout.places:
         refitted = of_balance(case.balance, refitted)
-    if effects and not elements:
+    if effects and (not elements or jump_within_a_step(evaluator.problem, refitted)):
         refitted = holding_no_jump(evaluator, hypothesis.fitted, refitted)
     for S, J in of_rivals(hypothesis):
         # The rivals cannot be separated, so the intervals must hold the S and J of each of them.

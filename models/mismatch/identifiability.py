@@ -19,7 +19,7 @@ from stemwatch.models.excitation import Jumps, jumps_from_rest, reversals, swing
 from stemwatch.models.mismatch.conditioning import moving_stem, rests
 from stemwatch.models.own_clock import duration, is_of_seconds, long_time, rate
 from stemwatch.models.recording import Bools, Floats
-from stemwatch.models.runs_of_samples import runs_of
+from stemwatch.models.runs_of_samples import equal_runs, runs_of
 from stemwatch.models.words import only_times, share, times
 
 QUICK_S, OPENING_S, SLOW_S = 5.0, 10.0, 20.0  # windows of a quick move, an opening, a slow ramp
@@ -73,6 +73,7 @@ _BETWEEN_SAMPLES = ("low_speed_restick", "slip_overshoot", "dwell_dependent_brea
 # and 0.039 at 10 s.
 SHARP_BEND = 0.1
 BENDS_UNSEEN, MOST_BENDS = 0.015, 0.035
+HELD = 10  # samples of one value: where OP leaves or reaches such a hold, it does not turn
 # A command that bends at nearly every sample is dithered, and shows quick effects all the time: of
 # 64 simulated loops at 5 to 60 s none bends at more than 0.64 of its samples.
 DITHERED = 0.7
@@ -110,7 +111,8 @@ class Exercised:
     0.2 %/s over 5 s each way, ``openings`` its rises by 2 % or more within 10 s; ``restarts``
     starts in the direction of the motion before; ``slow_s`` the time of ramps slower than 0.25 %/s;
     ``rests`` (m,) lengths in seconds; ``passes`` the most through any band of travel. ``bends`` is
-    the share of the samples at which OP bends by more than a tenth of its swing, and ``noisy``
+    the share of the samples at which OP bends by more than a tenth of its swing and does not rest
+    before or after (the corners of a step that is held hide no turn), and ``noisy``
     whether its noise explains these bends; ``at_low`` and ``at_high`` tell whether MV stands at
     that end while OP goes further.
     """
@@ -172,10 +174,20 @@ def exercised(
         passes=_passes(mv, sigma),
         at_low=_at_end(-op, -mv, sigma, S, J),
         at_high=_at_end(op, mv, sigma, S, J),
-        bends=float(np.mean(np.abs(np.diff(op, 2)) > SHARP_BEND * swing(op))),
+        bends=_bends(op),
         noisy=correlation_of_steps(op) < NOISE,
         unit_s=unit_s,
     )
+
+
+def _bends(op: Floats) -> float:
+    """The share of the samples of OP (n,) at which it bends and does not rest on either side."""
+    bends = np.abs(np.diff(op, 2)) > SHARP_BEND * swing(op)
+    runs = equal_runs(op)
+    held = runs[runs[:, 1] - runs[:, 0] >= HELD]
+    corners = np.concatenate((held[:, 0], held[:, 1] - 1)) - 1  # a bend is at its middle sample
+    bends[corners[(corners >= 0) & (corners < bends.size)]] = False
+    return float(np.mean(bends))
 
 
 def correlation_of_steps(op: Floats) -> float:

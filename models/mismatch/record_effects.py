@@ -22,6 +22,7 @@ from stemwatch.models.mismatch.compression import (
     held_reports,
 )
 from stemwatch.models.mismatch.findings import RecordEffect
+from stemwatch.models.op_in_steps import op_is_set_in_steps
 from stemwatch.models.own_clock import duration, seconds_of
 from stemwatch.models.recording import Bools, Floats, Recording, Role
 from stemwatch.models.runs_of_samples import runs_of
@@ -114,6 +115,8 @@ def measured_record(recording: Recording) -> MeasuredRecord:
     frozen = frozen_samples(op, mv, recording.interval_s, compressed=of_mv is not None, lines=lines)
     step = _step_of_position(mv[stored & ~frozen], of_mv)
     op_step = coarse_step(op[of_op.stored] if of_op is not None else op)
+    if op_step and op_is_set_in_steps(recording):
+        op_step = 0.0
     period, refreshed = _refreshed(recording)
     spacing_s = period * recording.interval_s
     door = of_mv.deviation if of_mv is not None and not of_mv.held else 0.0
@@ -340,7 +343,7 @@ def scan_sentence(recording: Recording) -> str:
     """A sentence on how often OP and position are refreshed, where each has a scan of its own; else
     empty. An OP that its controller holds between scans is the true command, and no record effect.
     """
-    if recording.mv is None:
+    if recording.mv is None or op_is_set_in_steps(recording):
         return ""
     op, position = (refresh_period(signal.values)[0] for signal in (recording.op, recording.mv))
     if op == position:

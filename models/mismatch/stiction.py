@@ -24,7 +24,7 @@ from stemwatch.models.mismatch.reading_errors import without_error
 from stemwatch.models.mismatch.uncertainty import estimate
 from stemwatch.models.recording import PERCENT, Floats
 from stemwatch.models.stickslip.breakaways import LEAST_J, Breakaways, breakaways
-from stemwatch.models.stickslip.interval import REPLICATES, with_untold_jumps
+from stemwatch.models.stickslip.interval import REPLICATES, way_in_a_sample, with_untold_jumps
 from stemwatch.models.stickslip.problem import FitProblem
 
 # Standard error: no stem is exactly the element, and a little lag looks like a little dead band.
@@ -102,18 +102,30 @@ def of_candidate(candidate: Floats) -> tuple[Estimate, Estimate]:
 
 def holding_no_jump(evaluator: Evaluator, fitted: Fitted, told: Stiction) -> Stiction:
     """``told``, the S and J of a fit with effects beside friction, with intervals that include a
-    stem without a jump where unseen blocks do not need a jump.
+    stem without a jump where unseen blocks do not need a jump. Where OP goes as far in a sample as
+    the stem jumps, a stem without a jump is what is told, and the jump is left to the intervals.
 
     Every step of a staircase moves the stem, whatever its breakaway level is, so that the level is
-    only bounded; and a jump can take up the error in the shape of a lag or drag.
+    only bounded; and a jump can take up the error in the shape of a lag or drag, on unseen steps as
+    well as on those that were fitted.
     """
     if not (told.J.low or 0.0) > 0.0:
         return told
     without = without_error(evaluator, fitted, base_coordinate.RATIO, 0.0)
-    if gain(evaluator, without, fitted).t >= JUMP_ASKED:
+    in_steps = jump_within_a_step(evaluator.problem, told)
+    if not in_steps and gain(evaluator, without, fitted).t >= JUMP_ASKED:
         return told
     S, J = of_candidate(without.candidates.mean(axis=0))
-    return Stiction(S=told.S.holding(S), J=told.J.holding(J))
+    both = Stiction(S=told.S.holding(S), J=told.J.holding(J))
+    if not in_steps:
+        return both
+    return Stiction(S=replace(both.S, value=S.value), J=replace(both.J, value=J.value))
+
+
+def jump_within_a_step(problem: FitProblem, told: Stiction) -> bool:
+    """Whether OP goes as far in a sample as the stem is said to jump, so that no sample shows
+    where the stem let go."""
+    return way_in_a_sample(problem) >= (told.J.value or 0.0)
 
 
 def of_balance(balance: ForceBalance, fitted: Stiction) -> Stiction:

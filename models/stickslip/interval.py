@@ -20,6 +20,7 @@ from stemwatch.models.recording import Floats
 from stemwatch.models.stickslip import parameters as coordinate
 from stemwatch.models.stickslip.breakaways import LEAST_J
 from stemwatch.models.stickslip.fit import BOTH, STICKING, StickSlipFit
+from stemwatch.models.stickslip.problem import FitProblem
 
 REPLICATES = 300
 CLOUD = 400
@@ -95,7 +96,7 @@ def bootstrap(fit: StickSlipFit, *, peaks_kept: bool = True) -> StickSlipSample:
     S = draws[:, coordinate.S_PERCENT]
     J = S * draws[:, coordinate.RATIO]
     if fit.J < LEAST_J:
-        within_sample = _way_in_a_sample(fit) if peaks_kept else 0.0
+        within_sample = way_in_a_sample(fit.evaluator.problem) if peaks_kept else 0.0
         largest = max(LEAST_J if fit.unneeded is None else fit.unneeded.J, LEAST_J, within_sample)
         raised = with_untold_jumps(S, J, largest)
         if within_sample > LEAST_J:
@@ -135,12 +136,12 @@ def _with_friction_alone(sample: StickSlipSample, fit: StickSlipFit) -> StickSli
 def _command_step(fit: StickSlipFit) -> float:
     """How far OP goes in a sample, shared among its reversals, percent."""
     turns = reversals(fit.evaluator.problem.op, 0.1 * fit.evaluator.problem.swing).size
-    return float(_way_in_a_sample(fit) / np.sqrt(1.0 + turns / 10.0))
+    return float(way_in_a_sample(fit.evaluator.problem) / np.sqrt(1.0 + turns / 10.0))
 
 
-def _way_in_a_sample(fit: StickSlipFit) -> float:
+def way_in_a_sample(problem: FitProblem) -> float:
     """Median step of OP between samples where it moves, percent."""
-    moving = np.abs(np.diff(fit.evaluator.problem.op))
+    moving = np.abs(np.diff(problem.op))
     moving = moving[moving > 0]
     return float(np.median(moving)) if moving.size else 0.0
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stemwatch.models.forensics import COARSE_PERCENT, quantum
+from stemwatch.models.op_in_steps import op_is_set_in_steps
 from stemwatch.models.recording import Bools, Floats, Recording, Role
 from stemwatch.models.stickslip.fit import FirstLook, advantage, sticking_grid
 
@@ -57,8 +58,9 @@ def op_within_steps(recording: Recording) -> OpWithinSteps | None:
     """OP within its coarse steps; ``None`` where it has none, where PV and set point do not
     determine it, or where the stem follows the steps.
     """
-    # Whatever the rate of change: the stem follows steps that an operator made.
     step = quantum(recording.op.values[recording.op.usable])
+    if step >= COARSE_PERCENT and op_is_set_in_steps(recording):
+        return None
     moves = _moves_by_law(recording, step) if step >= COARSE_PERCENT else None
     if moves is None:
         return None

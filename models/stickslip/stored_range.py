@@ -74,13 +74,14 @@ class StoredRange:
         )
 
 
+FRACTION = StoredRange(0.0, 1.0, "")
 FORWARD = (
     StoredRange(4.0, 20.0, "mA"),
     StoredRange(0.0, 20.0, "mA"),
     StoredRange(0.0, 10.0, "V"),
     StoredRange(0.0, 5.0, "V"),
     StoredRange(1.0, 5.0, "V"),
-    StoredRange(0.0, 1.0, ""),
+    FRACTION,
     StoredRange(0.2, 1.0, "bar"),
     StoredRange(3.0, 15.0, "psi"),
     StoredRange(0.0, 1000.0, ""),
@@ -147,6 +148,14 @@ def range_of_both(recording: Recording) -> StoredRange | None:
         return None
     both = (stored for stored in LIVE_ZERO if stored.holds(recording.op) and stored.holds(mv))
     return next(both, None)
+
+
+def may_be_stored_in(signal: Signal) -> StoredRange | None:
+    """The range with a live zero, or that of a fraction, within which a signal stays that is taken
+    as percent; ``None`` where there is none, or where its range was given."""
+    if signal.scaled:
+        return None
+    return next((stored for stored in (FRACTION, *LIVE_ZERO) if stored.holds(signal)), None)
 
 
 def _moves(recording: Recording) -> bool:

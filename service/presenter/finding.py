@@ -84,6 +84,12 @@ class PresentedEffect:
         return f"{self.sentence} {self.check}".strip()
 
 
+NAMED_BY_CHANCE = (
+    "What is said beside friction is held back: among all valves of this run chance alone may have "
+    "named it."
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class PresentedFinding:
     """What is said of one valve. Texts are as they came; who lays them out makes them printable.
@@ -136,7 +142,7 @@ def present(
         decision=decision,
         title=advice_for(decision.kinds[0]).title,
         meaning=VERDICT_MEANING[decision.verdict],
-        found=_found_sentences(screening, decision),
+        found=_found_sentences(screening, decision, stands),
         still_seen=_still_seen(screening),
         next_step=_next_step(screening, decision, groups),
         beside_friction=_measured_beside(screening),
@@ -196,9 +202,11 @@ def _evidence(effect: Effect) -> str:
     return f"{evidence.note} {squared} {share(evidence.share)}.".lstrip()
 
 
-def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str, ...]:
-    """The screening's reason, each effect that stands, effects that other windows confirm, and
-    which of them are no defects."""
+def _found_sentences(
+    screening: Screening, decision: WorkDecision, stands: bool | None
+) -> tuple[str, ...]:
+    """The screening's reason, each effect that stands, effects that other windows confirm, which of
+    them are no defects, and that those the reason has besides are held back."""
     sentences, named_effects = [screening.reason], (*decision.effects, *decision.inherent)
     sentences += not_yet_said((effect.sentence for effect in named_effects), screening.reason)
     if decision.lasting:
@@ -208,6 +216,9 @@ def _found_sentences(screening: Screening, decision: WorkDecision) -> tuple[str,
     mismatch = screening.mismatch
     if mismatch is not None and mismatch.finding is Finding.UNKNOWN:
         sentences += not_yet_said([mismatch.sentence], screening.reason)
+    effects = () if mismatch is None or stands is not False else mismatch.effects
+    if any(effect.sentence in screening.reason for effect in effects):
+        sentences.append(NAMED_BY_CHANCE)
     return tuple(sentences)
 
 

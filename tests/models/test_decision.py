@@ -215,6 +215,16 @@ def test_a_healthy_valve_that_may_be_stored_in_milliamperes_is_not_sure(S, doubt
     assert ("low = 4, high = 20" in decision.advice) == doubted
 
 
+def test_some_friction_that_may_be_stored_in_milliamperes_is_not_sure():
+    """Both stay within 4 to 20: an S of 1 % of percent would be a sticky 6.2 % of milliamperes."""
+    decision = decide(evidence(1.0, 0.1, both_in=StoredRange(4.0, 20.0, "mA")), LIMITS)
+    assert decision.verdict is Verdict.WATCH
+    assert decision.confidence == 0.5
+    assert "if they are stored in mA, S is 6.2 %" in decision.reason
+    assert "low = 4, high = 20" in decision.advice
+    assert decide(evidence(1.0, 0.1), LIMITS).confidence == 0.99
+
+
 def test_limits_in_order():
     """A watch limit above the sticky one is refused with both numbers."""
     with pytest.raises(ValueError, match=r"received 2.0 and 1.0"):

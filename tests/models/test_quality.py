@@ -193,6 +193,18 @@ def test_op_still():
     assert "OP moved over 0.5 % only" in first.reason
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "says"), [(0.0, 1.0, "0 to 1,"), (4.0, 20.0, "4 to 20 mA,")]
+)
+def test_an_op_that_may_be_stored_in_another_range_is_told_so(low, high, says):
+    """A fraction or milliamperes that are read as percent hardly move: the sentence says what it
+    would be, and the remedy which range to give."""
+    op = low + 0.01 * (high - low) * (45.0 + 0.18 * (OP - OP.mean()))
+    first = the_obstacle(recorded(op=op), "op_still")
+    assert f"it stays within {says} and if it is stored so it moved over " in first.reason
+    assert f"low = {low:g}, high = {high:g}" in first.remedy
+
+
 def test_manual():
     """In manual with OP still the sentence says that the loop was in manual."""
     op = 50.0 + 0.1 * rng.standard_normal(N)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -12,11 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from stemwatch.models.estimate import Estimate
+from stemwatch.models.mismatch.findings import Finding, Stiction
 from stemwatch.models.narx.example import NarxExample
 from stemwatch.models.narx.network import NarxNetwork
 from stemwatch.models.narx.training import train
 from stemwatch.models.recording import Provenance, Recording, Role, Signal
-from stemwatch.models.screening import Case, Options, failed, screen
+from stemwatch.models.screening import Case, Options, _lag_is_doubtful, failed, screen
 from stemwatch.models.screening_result import Screening
 from stemwatch.models.studies.simulator import Actuator, PlantLoop, SimulatedValve, simulate_loop
 from stemwatch.models.studies.simulator.loop import Load, LoadKind
@@ -289,3 +292,35 @@ def test_the_scans_of_both_tags_stand_among_the_decisions():
     sentences = [decision for decision in scanned.provenance.decisions if "scan" in decision]
     assert sentences == ["OP changes every 1 s, the position every 3 s: each has its own scan."]
     assert not any("scan" in decision for decision in plain.provenance.decisions)
+
+
+def test_a_dead_band_on_ramps_of_one_speed_is_no_lag():
+    """On ramps of one speed a lag of some seconds can stand for most of a dead band."""
+    seconds = np.arange(1800.0)
+    op = 50.0 + 15.25 * 2.0 / np.pi * np.arcsin(np.sin(2.0 * np.pi * seconds / 183.4))
+    stem, pressure, position = np.empty(op.size), op[0], op[0]
+    for k, command in enumerate(np.concatenate((op[:1], op[:-1]))):  # a sample late
+        pressure += (command - pressure) * (1.0 - np.exp(-1.0 / 0.4))
+        position = min(max(position, pressure - 2.0), pressure + 2.0)
+        stem[k] = position
+    (valve,) = quick(recorded(op, stem + 0.04 * np.random.default_rng(4).standard_normal(op.size)))
+    assert valve.verdict is Verdict.STICKY
+    assert valve.S.low <= 4.0 <= valve.S.high
+
+
+@pytest.mark.parametrize("breakaways", [None, object()])
+def test_a_lag_that_the_whole_record_does_not_need_is_doubted(breakaways):
+    """S of a fit with a lag contradicts that of the explained record: the lag is doubted, also
+    where S was read from breakaways with it."""
+    near, far = (
+        Stiction(
+            S=Estimate(value=S, low=S - 0.4, high=S + 0.4, unit="%"),
+            J=Estimate(value=0.5, low=0.0, high=1.0, unit="%"),
+        )
+        for S in (1.5, 4.0)
+    )
+    fit = SimpleNamespace(hypothesis="both", breakaways=breakaways)
+    for restated, doubted in ((near, False), (far, True)):
+        explained = SimpleNamespace(finding=Finding.NONE, restated=restated)
+        valve = SimpleNamespace(archive=None)
+        assert _lag_is_doubtful(valve, fit, explained, near.S, near.J) is doubted

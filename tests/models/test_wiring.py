@@ -186,6 +186,14 @@ def test_a_limit_switch_is_no_position(recording):
     assert "position_switch" in told(switch)
 
 
+def test_a_switch_about_the_middle_of_op_is_no_copy_of_it(recording):
+    """A switch at 50 % of a healthy valve is OP rounded to whole strokes, and no copy of OP."""
+    op = values(recording, Role.OP)
+    op = 50.0 + op - np.median(op)
+    switch = wired(recording, op=op, mv=np.where(op > 50.0, 100.0, 0.0))
+    assert told(switch) == ["position_switch"]
+
+
 def test_steps_of_five_percent_are_too_coarse(recording):
     """A position in steps wider than the sticking that matters gets no verdict."""
     coarse = wired(recording, mv=5.0 * np.round(values(recording, Role.MV) / 5.0))

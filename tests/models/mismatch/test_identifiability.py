@@ -102,6 +102,14 @@ def test_slow_sampling_refuses_the_quick_effects():
     assert "span_error" not in refused
 
 
+@pytest.mark.parametrize(("held", "refused"), [(40, False), (3, True)])
+def test_the_corners_of_steps_that_are_held_hide_no_turn(held, refused):
+    """A stroke test in steps shows a lag, a delay and ringing; steps that follow one another at
+    every third sample may have turned between samples."""
+    steps = 50.0 + 10.0 * np.array([0, 1, 2, 1, 0, -1, -2, -1])
+    assert ("actuator_lag" in refused_in(np.tile(np.repeat(steps, held), 6))) == refused
+
+
 def test_a_stop_that_was_reached_is_testable():
     """Where MV stands still at its end while OP goes on, a stop may be named."""
     stopped = np.minimum(run(busy()), float(np.percentile(run(busy()), 80.0)))

@@ -28,6 +28,7 @@ from stemwatch.service.maintenance.pdf import work_list_pdf
 from stemwatch.service.maintenance.stored import report_of_store
 from stemwatch.service.maintenance.work_orders import orders_csv
 from stemwatch.service.presenter import oscillation_words
+from stemwatch.service.presenter.finding import NAMED_BY_CHANCE, present
 from stemwatch.service.presenter.suspicion_words import suspected_sentence, worth_a_test_sentence
 from stemwatch.service.presenter.work_decision import ne107_word
 from stemwatch.service.report import write_report
@@ -278,6 +279,18 @@ def test_what_chance_may_have_named_is_held_back_everywhere(run: Outputs) -> Non
     assert remark not in run.pages["FIC-4"]
     assert remark in run.maintenance
     assert remark in run.paper
+
+
+def test_an_effect_in_the_reason_that_is_held_back_is_said_to_be(run: Outputs) -> None:
+    """S and J were restated with it, so the reason has it; terminal, tables and JSON then say that
+    chance alone may have named it, and say so of nothing that stands."""
+    (valve,) = [one for one in run.ranking if one.screening.valve == "FIC-4"]
+    screening, mismatch = valve.screening, valve.screening.mismatch
+    assert mismatch is not None
+    named = replace(screening, reason=f"{screening.reason} {mismatch.effects[0].sentence}")
+    assert NAMED_BY_CHANCE in present(named, stands=False).reason
+    assert NAMED_BY_CHANCE not in present(named, stands=True).reason
+    assert NAMED_BY_CHANCE not in present(replace(screening, reason="."), stands=False).reason
 
 
 def test_what_is_foreseen_is_the_same_everywhere(run: Outputs) -> None:
