@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from stemwatch.connectors.connector import RANGE_HIGH, RANGE_LOW, TagInfo
+from stemwatch.connectors.historian.tags.perhaps_position import may_be_position
 from stemwatch.connectors.toml_value import toml_value
 from stemwatch.models.recording import PERCENT, Role
 
@@ -224,7 +225,11 @@ def _within_percent(tag: ProposedTag) -> bool:
 
 
 def _ask_position(tags: Sequence[ProposedTag], valve: str) -> list[str]:
-    maybe = [t.tag for t in tags if t.valve == valve and not t.role and t.remark]
+    maybe = [
+        t.tag
+        for t in tags
+        if t.valve == valve and not t.role and may_be_position(t.tag, t.description)
+    ]
     hint = f" (perhaps {', '.join(maybe[:3])})" if maybe else ""
     return [
         f"# which tag is the measured position (MV) of {valve}?{hint}".replace("\n", " "),
