@@ -239,9 +239,11 @@ def _ask_position(tags: Sequence[ProposedTag], valve: str) -> list[str]:
 
 
 def questions_toml(tags: Sequence[ProposedTag]) -> list[str]:
-    """Loops without a certain OP, listed so that a person sees what is missing."""
+    """Loops without a certain OP, listed so that a person sees what is missing; what only measures
+    lacks none."""
     certain = set(valves_of(tags))
-    open_tags = [t for t in tags if t.valve and t.valve not in certain]
+    loops = {t.valve for t in tags if t.role != Role.PV} - certain
+    open_tags = [t for t in tags if t.valve and t.valve in loops]
     if not open_tags:
         return []
     lines = ["", "# Not proposed, because the controller output (OP) is not certain:"]

@@ -202,6 +202,17 @@ def test_a_copy_of_the_output_is_not_offered_as_the_position(open_text) -> None:
     assert "# which tag is the measured position (MV) of FIC-400B?\n" in proposal
 
 
+def test_a_mere_measurement_is_no_loop_without_an_output(open_text) -> None:
+    """A transmitter that belongs to no controller lacks no OP, and is not listed among the loops
+    whose OP is not certain; a loop with a set point and no output is."""
+    rows = "".join(f"2026-01-05T06:00:{k:02d}Z,{40 + k % 9},{20 + k % 5},7\n" for k in range(60))
+    head = "Timestamp,FIC1.OP,TE-9/AI1/OUT.CV °C,PIC3.SP\n"
+    seen = open_text(head + rows, "rig.csv").inspect()
+    proposal = plant_toml([ProposedSource("rig", seen.source, (seen,))])
+    assert "TE-9" not in proposal
+    assert "#   PIC3.SP (PIC3): by its name 'SP'" in proposal
+
+
 @pytest.mark.parametrize(
     ("tag", "description", "may_be"),
     [
