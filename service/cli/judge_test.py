@@ -70,8 +70,8 @@ def judge_test(
         name, question = valve, _of_store(valve, request, db, recording.start)
     if len(question.models) < 2:
         raise ValueError(
-            f"{name}: no effects were left to be told apart before the test; what its recording "
-            "shows say `stemwatch screen` (the verdict, after a bump test) and `stemwatch explain`"
+            f"{name}: no effects were left to be told apart before the test; `stemwatch screen` "
+            "(the verdict, after a bump test) and `stemwatch explain` say what its recording shows"
         )
     test_result = result_of(judge_test(question, recording), name, (recording.start, recording.end))
     views.out.print(_on_terminal(test_result), highlight=False)
